@@ -1,0 +1,37 @@
+# Two commands, each doing its own set-up:  make demo   make test
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test lock clean
+
+demo: .venv/ready llvm
+	$(BIN)/vbaa-bench run scenes/quickstart.yaml
+
+test: .venv/ready llvm
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pytest
+
+# uv comes from PyPI at a pinned hash; --target also works where Debian protects its own site-packages.
+.tools/bin/uv: requirements-uv.lock
+	$(PYTHON) -m pip install --quiet --require-hashes --upgrade --target .tools -r requirements-uv.lock
+	touch $@
+
+.venv/ready: .tools/bin/uv requirements.lock pyproject.toml
+	.tools/bin/uv venv --quiet --allow-existing --no-python-downloads --python $(PYTHON) .venv
+	.tools/bin/uv pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	.tools/bin/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	touch $@
+
+# Dr.Jit compiles with libLLVM >= 16. Debian calls it libllvm19; without it everything runs on scalar_rgb, slower.
+.PHONY: llvm
+llvm: .venv/ready
+	@$(BIN)/vbaa-bench doctor --install-llvm --quiet
+
+lock: .tools/bin/uv
+	.tools/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header --no-annotate \
+		--python-version 3.11 --extra dev pyproject.toml -o requirements.lock
+
+clean:
+	rm -rf .venv .tools runs build *.egg-info

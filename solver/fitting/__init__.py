@@ -1,0 +1,1 @@
+"""Least squares: residual terms, priors and one Gauss-Newton."""

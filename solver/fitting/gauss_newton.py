@@ -1,0 +1,89 @@
+"""Gauss-Newton with step halving, for residuals already divided by their sigmas."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+
+Linearised = tuple[Floats, Floats]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Minimum found: parameters (p,), covariance (p, p) = (J^T J)^-1, chi^2, iterations.
+
+    `rank_deficient` says that the data leave a direction of the parameters open; the
+    covariance is then meaningless.
+    """
+
+    parameters: Floats
+    covariance: Floats
+    chi2: float
+    iterations: int
+    converged: bool
+    rank_deficient: bool
+
+
+def gauss_newton(
+    residuals: Callable[[Floats], Linearised | None],
+    start: Floats,
+    *,
+    step_tolerance: float = 1e-3,
+    most_iterations: int = 30,
+) -> Fit:
+    """Minimise the sum of squared residuals from `start`.
+
+    `residuals(p)` gives (residuals (m,), Jacobian (m, p)), or None outside the model's domain;
+    `start` lies inside. A step is done when it is shorter than `step_tolerance` sigmas: the
+    noise, not the arithmetic, says when to stop. Raises ValueError if `start` is outside.
+    """
+    here = residuals(start)
+    if here is None:
+        raise ValueError("the start lies outside the model's domain")
+    parameters = start
+    converged = False
+    iteration = 0
+    while iteration < most_iterations and not converged:
+        iteration += 1
+        residual, jacobian = here
+        inverse, _ = _inverse_normal(jacobian)
+        step = -inverse @ (jacobian.T @ residual)
+        # Length of the step in sigmas, the natural unit of the problem.
+        length = float(np.linalg.norm(jacobian @ step))
+        moved = _halved_until_downhill(residuals, parameters, step, residual)
+        if moved is None:
+            converged = length < 1.0  # no descent left: rounding, if the step was short anyway
+            break
+        parameters, here = moved
+        converged = length < step_tolerance
+    residual, jacobian = here
+    covariance, deficient = _inverse_normal(jacobian)
+    return Fit(parameters, covariance, float(residual @ residual), iteration, converged, deficient)
+
+
+def _halved_until_downhill(
+    residuals: Callable[[Floats], Linearised | None],
+    parameters: Floats,
+    step: Floats,
+    residual: Floats,
+) -> tuple[Floats, Linearised] | None:
+    chi2 = residual @ residual
+    for halving in range(12):
+        trial = parameters + step / 2**halving
+        there = residuals(trial)
+        if there is not None and there[0] @ there[0] <= chi2 * (1 + 1e-12):
+            return trial, there
+    return None
+
+
+def _inverse_normal(jacobian: Floats) -> tuple[Floats, bool]:
+    """(J^T J)^-1 with columns scaled to one, so that units do not decide the rank."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)
+    deficient = bool(singular[-1] < 1e-9 * singular[0])
+    kept = np.where(singular > 1e-12 * singular[0], singular, np.inf)
+    root = right.T / kept
+    return (root @ root.T) / np.outer(scale, scale), deficient

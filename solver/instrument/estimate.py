@@ -1,0 +1,76 @@
+"""What a method answers: an outcome, named values and their joint covariance."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from solver.instrument.arrays import Floats, frozen_floats
+
+
+class Outcome(StrEnum):
+    """How an estimation ended; `sentence` says it to a person."""
+
+    CONTACT = "contact"
+    WEAK_CONTACT = "weak contact"
+    TIP_CONTACT = "tip contact"
+    NO_CONTACT = "no contact"
+    NOT_IDENTIFIABLE = "not identifiable"
+    INVALID = "invalid"
+    NOT_CONVERGED = "not converged"
+    CRASHED = "crashed"
+
+    @property
+    def sentence(self) -> str:
+        return _SENTENCES[self]
+
+    @property
+    def has_values(self) -> bool:
+        """Whether an estimate with this outcome carries numbers."""
+        return self in (Outcome.CONTACT, Outcome.WEAK_CONTACT, Outcome.TIP_CONTACT)
+
+
+_SENTENCES = {
+    Outcome.CONTACT: "The beam touches an object at the stated place.",
+    Outcome.WEAK_CONTACT: "The beam is bent, but so little that the place is only an interval.",
+    Outcome.TIP_CONTACT: "The contact lies within two sigma of the beam's tip.",
+    Outcome.NO_CONTACT: "The beam is straight within the noise.",
+    Outcome.NOT_IDENTIFIABLE: "What is visible does not determine the contact.",
+    Outcome.INVALID: "The measured shape is not one that a point contact can make.",
+    Outcome.NOT_CONVERGED: "The iteration stopped before it reached a minimum.",
+    Outcome.CRASHED: "The method raised an error or gave no answer.",
+}
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One frame's answer.
+
+    `values` maps names with SI units (x_c_m, y_c_m, s_c_m, force_n, theta_c_rad) to numbers;
+    what a method does not estimate is absent. `covariance` (n, n) follows the order of
+    `values`. `chi2` is the weighted sum of squared residuals on `dof` degrees of freedom.
+    Raises ValueError if a value is not finite or the covariance does not fit.
+    """
+
+    outcome: Outcome
+    message: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    chi2: float | None = None
+    dof: int | None = None
+    iterations: int | None = None
+
+    def __post_init__(self) -> None:
+        if bool(self.values) != self.outcome.has_values:
+            raise ValueError(f"outcome '{self.outcome}' with values {dict(self.values)}")
+        if not all(math.isfinite(value) for value in self.values.values()):
+            raise ValueError(f"an estimate holds a value that is not finite: {dict(self.values)}")
+        n = len(self.values)
+        object.__setattr__(self, "covariance", frozen_floats("covariance", self.covariance, (n, n)))
+
+    def sigma(self, name: str) -> float:
+        """Standard deviation of a value, in the value's own unit."""
+        index = list(self.values).index(name)
+        return math.sqrt(max(float(self.covariance[index, index]), 0.0))

@@ -1,0 +1,34 @@
+"""Grey images from PNG files."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
+
+
+def read_grey(path: Path) -> Grey:
+    """The 8-bit gray image (height, width) of a file. Raises InputError if it is none."""
+    try:
+        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    if image is None:
+        raise InputError(f"{path}: is not an image that can be decoded")
+    if image.ndim != 2 or image.dtype != np.uint8:
+        raise InputError(
+            f"{path}: has shape {image.shape} and type {image.dtype}, "
+            "allowed is one channel of 8 bits"
+        )
+    return np.asarray(image, dtype=np.uint8)
+
+
+def png_bytes(image: Grey) -> bytes:
+    """A gray image (height, width) as PNG; the same image gives the same bytes."""
+    ok, data = cv2.imencode(".png", image)
+    if not ok:
+        raise ValueError(f"an image of shape {image.shape} cannot be encoded as PNG")
+    return bytes(data)

@@ -1,0 +1,193 @@
+"""The nominal rig: what a laboratory knows of its antenna, and how well.
+
+Every quantity carries a one-sigma tolerance; methods use them as priors. On disk it is
+`rig.json`, with units in the keys; inside everything is SI.
+"""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.beam import Beam
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import rigid, rotation_vector
+from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
+
+
+@dataclass(frozen=True)
+class Chessboard:
+    """A chessboard of `columns` x `rows` inner corners, `square` [m] apart."""
+
+    columns: int
+    rows: int
+    square: float
+
+    def corners(self) -> Floats:
+        """Inner corners (rows * columns, 3) [m] in the board's frame, row by row.
+
+        The origin is the middle of the pattern, x runs along the rows, z towards the viewer.
+        """
+        y, x = np.mgrid[0 : self.rows, 0 : self.columns].astype(float)
+        x -= (self.columns - 1) / 2
+        y = (self.rows - 1) / 2 - y
+        return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) * self.square
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """One-sigma tolerances: lengths [m], angles [rad], flexural rigidity [N m^2]."""
+
+    beam_length: float
+    flexural_rigidity: float
+    base_position: float
+    board_translation: float
+    board_rotation: float
+    encoder: float
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Nominal beam, clamp position (3,) [m] in Sigma_a, board of view 0, its pose, tolerances.
+
+    `deflects_towards` is +1 or -1: the side of Sigma_a's y axis to which contact bends the beam.
+    """
+
+    beam: Beam
+    base_position: Floats
+    board: Chessboard
+    antenna_from_board: Floats
+    deflects_towards: int
+    tolerances: Tolerances
+
+    def __post_init__(self) -> None:
+        base = frozen_floats("base_position", self.base_position, (3,))
+        pose = frozen_floats("antenna_from_board", self.antenna_from_board, (4, 4))
+        object.__setattr__(self, "base_position", base)
+        object.__setattr__(self, "antenna_from_board", pose)
+
+
+def rig_to_json(rig: Rig) -> str:
+    """The text of rig.json; the same rig gives the same bytes."""
+    mm, tol = MILLIMETRE, rig.tolerances
+    document = {
+        "beam": {
+            "length_mm": rig.beam.length / mm,
+            "length_sigma_mm": tol.beam_length / mm,
+            "diameter_mm": rig.beam.diameter / mm,
+            "flexural_rigidity_n_mm2": rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE,
+            "flexural_rigidity_sigma_n_mm2": tol.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE,
+            "deflects_towards": rig.deflects_towards,
+        },
+        "base": {
+            "position_mm": [v / mm for v in rig.base_position],
+            "position_sigma_mm": tol.base_position / mm,
+        },
+        "board": {
+            "columns": rig.board.columns,
+            "rows": rig.board.rows,
+            "square_mm": rig.board.square / mm,
+            "antenna_from_board_translation_mm": [v / mm for v in rig.antenna_from_board[:3, 3]],
+            "antenna_from_board_rotation_vector_deg": [
+                float(v) / DEGREE for v in rotation_vector(rig.antenna_from_board)
+            ],
+            "translation_sigma_mm": tol.board_translation / mm,
+            "rotation_sigma_deg": tol.board_rotation / DEGREE,
+        },
+        "encoder": {"sigma_deg": tol.encoder / DEGREE},
+    }
+    # Twelve digits: a nanometre on a kilometre, without the noise of unit conversion.
+    return json.dumps(_rounded(document), indent=2) + "\n"
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_rounded(item) for item in value]
+    return float(f"{value:.12g}") + 0.0 if isinstance(value, float) else value
+
+
+def read_rig(path: Path) -> Rig:
+    """The rig of a `rig.json`. Raises InputError naming file, key, value and what is allowed."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON ({error})") from error
+    key = _Keys(path, document)
+    mm = MILLIMETRE
+    side = key.number("beam.deflects_towards", low=-1)
+    if side not in (-1, 1):
+        raise InputError(f"{path}: beam.deflects_towards is {side:g}, allowed is 1 or -1")
+    return Rig(
+        beam=Beam(
+            length=key.positive("beam.length_mm") * mm,
+            diameter=key.positive("beam.diameter_mm") * mm,
+            flexural_rigidity=key.positive("beam.flexural_rigidity_n_mm2")
+            * NEWTON_SQUARE_MILLIMETRE,
+        ),
+        base_position=key.triple("base.position_mm") * mm,
+        board=Chessboard(
+            columns=int(key.number("board.columns", low=3)),
+            rows=int(key.number("board.rows", low=3)),
+            square=key.positive("board.square_mm") * mm,
+        ),
+        antenna_from_board=rigid(
+            key.triple("board.antenna_from_board_rotation_vector_deg") * DEGREE,
+            key.triple("board.antenna_from_board_translation_mm") * mm,
+        ),
+        deflects_towards=int(side),
+        tolerances=Tolerances(
+            beam_length=key.number("beam.length_sigma_mm", low=0) * mm,
+            flexural_rigidity=key.number("beam.flexural_rigidity_sigma_n_mm2", low=0)
+            * NEWTON_SQUARE_MILLIMETRE,
+            base_position=key.number("base.position_sigma_mm", low=0) * mm,
+            board_translation=key.number("board.translation_sigma_mm", low=0) * mm,
+            board_rotation=key.number("board.rotation_sigma_deg", low=0) * DEGREE,
+            encoder=key.number("encoder.sigma_deg", low=0) * DEGREE,
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class _Keys:
+    """Looks dotted keys up in a JSON document and says clearly what is wrong with one."""
+
+    path: Path
+    document: Any
+
+    def _value(self, key: str) -> Any:
+        value = self.document
+        for part in key.split("."):
+            if not isinstance(value, dict) or part not in value:
+                raise InputError(f"{self.path}: the key {key} is missing")
+            value = value[part]
+        return value
+
+    def number(self, key: str, low: float) -> float:
+        value = self._value(key)
+        if not _is_finite_number(value) or value < low:
+            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number >= {low:g}")
+        return float(value)
+
+    def positive(self, key: str) -> float:
+        value = self._value(key)
+        if not _is_finite_number(value) or value <= 0:
+            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number > 0")
+        return float(value)
+
+    def triple(self, key: str) -> Floats:
+        value = self._value(key)
+        if not (isinstance(value, list) and len(value) == 3 and all(map(_is_finite_number, value))):
+            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a list of three numbers")
+        return np.array(value, dtype=np.float64)
+
+
+def _is_finite_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

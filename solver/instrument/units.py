@@ -1,0 +1,8 @@
+"""Units at the borders: multiply to come in to SI, divide to go out."""
+
+import math
+
+MILLIMETRE = 1e-3
+DEGREE = math.pi / 180
+PERCENT = 1e-2
+NEWTON_SQUARE_MILLIMETRE = 1e-6  # flexural rigidity, N mm^2 -> N m^2

@@ -1,0 +1,26 @@
+"""Pixels -> metric points on the calibration plane C (z = 0 of Sigma_a)."""
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+
+
+def homography(camera: Camera) -> Floats:
+    """plane_from_pixel (3, 3): homogeneous pixels to homogeneous (x, y) on C [m]."""
+    pose = camera.camera_from_antenna
+    pixel_from_plane = camera.matrix @ np.column_stack([pose[:3, 0], pose[:3, 1], pose[:3, 3]])
+    return np.linalg.inv(pixel_from_plane)
+
+
+def on_plane(camera: Camera, pixels: Floats, sigma_v: Floats) -> tuple[Floats, Floats]:
+    """Points (n, 2) on C [m] seen at `pixels` (n, 2), and their one-sigma vectors (n, 2) [m].
+
+    `sigma_v` (n,) [px] is the error along the image column; its vector is that error carried
+    through the perspective: d(point)/dv sigma_v.
+    """
+    h = homography(camera)
+    x, y, w = h @ np.column_stack([pixels, np.ones(len(pixels))]).T
+    points = np.column_stack([x / w, y / w])
+    slope = (h[:2, 1] - points * h[2, 1]) / w[:, None]
+    return points, slope * sigma_v[:, None]

@@ -1,0 +1,1 @@
+"""The world the antenna is put into, and the judge."""

@@ -1,0 +1,48 @@
+"""Where things lie in a dataset folder.
+
+    DATASET/
+      observations/   see solver/instrument/observation.py
+      truth/
+        scene.yaml                       the scene, byte for byte
+        shard_00000/truth.parquet        one row a frame
+        shard_00000/<frame_id>.exr       radiance and truth layers
+        manifest.json                    seed, true rig, versions, hashes; written last
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The paths of the dataset at `root`."""
+
+    root: Path
+
+    @property
+    def observations(self) -> Path:
+        return self.root / "observations"
+
+    @property
+    def truth(self) -> Path:
+        return self.root / "truth"
+
+    @property
+    def hashes(self) -> Path:
+        return self.observations / "hashes.json"
+
+    @property
+    def manifest(self) -> Path:
+        return self.truth / "manifest.json"
+
+    @property
+    def scene(self) -> Path:
+        return self.truth / "scene.yaml"
+
+    def shard(self, tree: Path, number: int) -> Path:
+        """Folder of one shard in either tree."""
+        return tree / f"shard_{number:05d}"
+
+    def aside(self, number: int) -> Path:
+        """Where a shard is made before it is moved into place."""
+        return self.root / f".shard_{number:05d}.part"

@@ -1,0 +1,255 @@
+"""A dataset, from scene to files: spec -> mechanics -> geometry -> render -> sensor -> dataset."""
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_bytes, write_text
+from solver.instrument.images import png_bytes
+from solver.instrument.rig import rig_to_json
+from solver.instrument.transforms import apply, turn_about_z
+from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.manifest import seal
+from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.mechanics.planar import Equilibrium
+from vbaa_bench.plan import Plan, plan
+from vbaa_bench.render.layers import layers
+from vbaa_bench.render.picture import even_picture, picture
+from vbaa_bench.render.variant import activate
+from vbaa_bench.render.world import World
+from vbaa_bench.sensor.sensor import Sensor, exposure_for
+from vbaa_bench.spec.load import SceneFile
+from vbaa_bench.spec.rigs import TrueRig, nominal_rig
+from vbaa_bench.spec.scene import Scene
+from vbaa_bench.spec.trials import Trial, random_generator, render_seed
+from vbaa_bench.studio import Studio
+from vbaa_bench.workers import Pool
+
+BOARD_SAMPLES = 64
+Progress = Callable[[int, int], None]
+
+
+def generate(
+    file: SceneFile, root: Path, variant: str, workers: int, progress: Progress
+) -> Layout:
+    """Make the dataset of a scene at `root`, or finish one that was interrupted.
+
+    `progress(done, total)` is called as images are made. A complete dataset of the same scene
+    and seed is left as it is. Raises InputError where the scene is impossible or `root` is
+    not writable or holds something else.
+    """
+    scene, layout = file.scene, Layout(root)
+    work = plan(file)
+    if _claim(layout, file):
+        return layout
+    nominal = nominal_rig(scene)
+    write_text(layout.observations / "rig.json", rig_to_json(nominal))
+    total = work.frames + scene.calibration.views + scene.sensor.rest_images
+    threads = max((os.cpu_count() or 1) // workers, 1)
+    with Pool(workers, Bench, (scene, work, layout, variant, threads)) as pool:
+        exposure = pool.call("measure_exposure")
+        jobs: list[tuple[str, tuple[Any, ...]]] = [
+            ("board_view", (view, exposure)) for view in range(scene.calibration.views)
+        ]
+        jobs += [("rest_image", (i, exposure)) for i in range(scene.sensor.rest_images)]
+        finished = 0
+        for number, shard in enumerate(work.shards):
+            if layout.shard(layout.observations, number).is_dir():
+                finished += len(shard)
+            else:
+                jobs.append(("shard", (number, exposure)))
+        pool.run(jobs, lambda done: progress(finished + done, total))
+    seal(layout, _facts(scene, work.rig, exposure, variant))
+    return layout
+
+
+def _claim(layout: Layout, file: SceneFile) -> bool:
+    """Take `root` for this scene; True if its dataset is already complete."""
+    identity = f"{json.dumps(file.scene.model_dump(mode='json'))}\n"
+    marker = layout.truth / "identity.json"
+    try:
+        if layout.root.exists() and not marker.is_file() and any(layout.root.iterdir()):
+            raise InputError(f"{layout.root}: holds something else; choose an empty folder")
+        if marker.is_file() and marker.read_text(encoding="utf-8") != identity:
+            raise InputError(
+                f"{layout.root}: holds the dataset of another scene or seed; "
+                "choose another folder, or remove it"
+            )
+        for folder in ("calibration", "rest"):
+            (layout.observations / folder).mkdir(parents=True, exist_ok=True)
+        layout.truth.mkdir(exist_ok=True)
+        write_text(marker, identity)
+        write_text(layout.scene, file.text)
+    except OSError as error:
+        raise InputError(f"{layout.root}: cannot be written ({error.strerror})") from error
+    return layout.hashes.is_file() and layout.manifest.is_file()
+
+
+@dataclass
+class Bench:
+    """One worker's bench: a renderer whose scene is loaded once. Its methods are the jobs."""
+
+    scene: Scene
+    work: Plan
+    layout: Layout
+    variant: str
+    threads: int
+
+    def __post_init__(self) -> None:
+        activate(self.variant, self.threads)
+        self.studio = Studio(self.scene, self.work.rig)
+
+    @cached_property
+    def rest_world(self) -> World:
+        return self.studio.bench(None)
+
+    @cached_property
+    def push_world(self) -> World:
+        return self.studio.bench(next(iter(self.work.equilibria.values())))
+
+    def measure_exposure(self, tick: Callable[[], None]) -> float:
+        """Exposure that puts the brightest hundredth of the resting beam where the scene says."""
+        spec = self.scene.sensor
+        radiance, found = self._look(self.rest_world, render_seed(self.scene, "exposure"))
+        peak = float(np.quantile(radiance[found["beam_mask"] > 0], 0.99))
+        return exposure_for(peak, spec.full_well_e, spec.beam_peak_pct * PERCENT)
+
+    def board_view(self, tick: Callable[[], None], view: int, exposure: float) -> None:
+        world = self.studio.card(view)
+        seed = render_seed(self.scene, "board view", view)
+        radiance = even_picture(world, BOARD_SAMPLES, seed)
+        self._save(f"calibration/view_{view:02d}.png", radiance, exposure, "board sensor", view)
+        tick()
+
+    def rest_image(self, tick: Callable[[], None], number: int, exposure: float) -> None:
+        seed = render_seed(self.scene, "rest", number)
+        radiance, _ = self._look(self.rest_world, seed)
+        self._save(f"rest/rest_{number:02d}.png", radiance, exposure, "rest sensor", number)
+        tick()
+
+    def shard(self, tick: Callable[[], None], number: int, exposure: float) -> None:
+        with ShardWriter(self.layout, number) as writer:
+            for trial in self.work.shards[number]:
+                self._frame(writer, trial, exposure)
+                tick()
+
+    def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
+        equilibrium = self.work.equilibria[trial.push]
+        self.studio.repose(self.push_world, equilibrium)
+        seed = render_seed(self.scene, "frame", trial.index)
+        radiance, found = self._look(self.push_world, seed)
+        noise = random_generator(self.scene, "sensor", trial.index)
+        image = self._sensor(exposure).expose(radiance, noise)
+        motor_angle = self._motor_angle(equilibrium)
+        encoder = motor_angle
+        if self.scene.tolerances.true_rig == "drawn":
+            reading = random_generator(self.scene, "encoder", trial.index)
+            encoder += reading.normal(0.0, self.scene.tolerances.encoder_deg * DEGREE)
+        truth = self._truth(trial, equilibrium, motor_angle)
+        kept = {layer: found[layer] for layer in self.scene.layers}
+        writer.add(trial.frame_id, image, encoder, truth, kept)
+
+    def _look(self, world: World, seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Radiance of a world and its truth layers."""
+        seen, spec = layers(world), self.scene.render
+        radiance = picture(
+            world,
+            seen.beam_mask,
+            spec.near_beam_px,
+            spec.samples_near_beam,
+            spec.samples_elsewhere,
+            seed,
+        )
+        return radiance, {
+            "radiance": radiance,
+            "beam_mask": seen.beam_mask,
+            "arc_length": seen.arc_length_mm,
+            "depth": seen.depth_mm,
+            "object_index": seen.object_index,
+        }
+
+    def _sensor(self, exposure: float) -> Sensor:
+        spec = self.scene.sensor
+        return Sensor(exposure, spec.full_well_e, spec.read_noise_e)
+
+    def _save(
+        self, name: str, radiance: np.ndarray, exposure: float, stage: str, number: int
+    ) -> None:
+        noise = random_generator(self.scene, stage, number)
+        image = self._sensor(exposure).expose(radiance, noise)
+        write_bytes(self.layout.observations / name, png_bytes(image))
+
+    def _motor_angle(self, equilibrium: Equilibrium) -> float:
+        """The motor turns clockwise (seen from the camera), so contact bends the beam towards +y."""
+        at_contact = self.scene.pushes.motor_angle_at_contact_deg * DEGREE
+        return at_contact - equilibrium.pushing_angle
+
+    def _truth(self, trial: Trial, e: Equilibrium, motor_angle: float) -> dict[str, Any]:
+        """The truth row of a frame: lengths in mm, angles in degrees, stress in MPa."""
+        scene, mm = self.scene, MILLIMETRE
+        base = self.work.rig.base_position
+        contact_a = np.array([e.x_c, e.y_c, 0.0]) + base
+        world_from_antenna = turn_about_z(motor_angle)  # eq. (1) with the origin at the motor
+        contact_o = apply(world_from_antenna, contact_a[None])[0]
+        stress = e.largest_stress(scene.beam.youngs_modulus_gpa * 1e9) / 1e6
+        return {
+            "model": "exact, planar, frictionless edge fixed in the world",
+            "trial": trial.index,
+            "repeat": trial.repeat,
+            "contact_distance_at_rest_mm": e.contact_distance / mm,
+            "deflection_pct": float(e.tip[1]) / e.beam.length / PERCENT,
+            "pushing_angle_deg": e.pushing_angle / DEGREE,
+            "motor_angle_deg": motor_angle / DEGREE,
+            "x_c_mm": e.x_c / mm,
+            "y_c_mm": e.y_c / mm,
+            "s_c_mm": e.s_c / mm,
+            "theta_c_deg": e.theta_c / DEGREE,
+            "psi_deg": 0.0,
+            "force_n": e.force,
+            "force_antenna_n": [-e.force * np.sin(e.theta_c), e.force * np.cos(e.theta_c), 0.0],
+            "contact_antenna_mm": (contact_a / mm).tolist(),
+            "contact_world_mm": (contact_o / mm).tolist(),
+            "tip_mm": (e.tip / mm).tolist(),
+            "base_moment_n_mm": e.moment / mm,
+            "largest_stress_mpa": stress,
+            "above_yield": stress > scene.beam.yield_stress_mpa,
+            "residual": e.residual,
+            "contact_row": e.contact_row,
+            "centreline_s_mm": (e.centreline[:, 0] / mm).tolist(),
+            "centreline_x_mm": (e.centreline[:, 1] / mm).tolist(),
+            "centreline_y_mm": (e.centreline[:, 2] / mm).tolist(),
+        }
+
+
+def _facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> dict[str, Any]:
+    camera, mm = rig.camera, MILLIMETRE
+    return {
+        "scene": scene.model_dump(mode="json"),
+        "seed": scene.seed,
+        "variant": variant,
+        "exposure_e_per_radiance": exposure,
+        "true_rig": {
+            "beam_length_mm": rig.beam.length / mm,
+            "beam_diameter_mm": rig.beam.diameter / mm,
+            "flexural_rigidity_n_mm2": rig.beam.flexural_rigidity * 1e6,
+            "base_position_mm": (rig.base_position / mm).tolist(),
+            "antenna_from_board": rig.antenna_from_board.tolist(),
+            "camera": {
+                "width_px": camera.width,
+                "height_px": camera.height,
+                "fx_px": camera.fx,
+                "fy_px": camera.fy,
+                "cx_px": camera.cx,
+                "cy_px": camera.cy,
+                "camera_from_antenna": camera.camera_from_antenna.tolist(),
+            },
+        },
+    }

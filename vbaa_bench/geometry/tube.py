@@ -1,0 +1,63 @@
+"""The beam's surface: a watertight tube swept along its centreline."""
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+
+
+def tube(centreline: Floats, radius: float, facets: int) -> trimesh.Trimesh:
+    """A closed tube about `centreline` (n, 3) [m], of the given radius [m] and facets round.
+
+    Rings stand across the curve in a parallel-transported frame (no twist: Bishop 1975),
+    starting at +y, so that with a planar curve and an even number of facets one line of vertices
+    runs exactly on each side of the bend. Vertices: n rings of `facets`, then the two caps'
+    middles. Winding is outward.
+    """
+    tangents = _tangents(centreline)
+    first = np.array([0.0, 1.0, 0.0])
+    normals = np.empty_like(centreline)
+    normal = first - (first @ tangents[0]) * tangents[0]
+    for i, tangent in enumerate(tangents):
+        normal = normal - (normal @ tangent) * tangent
+        normal /= np.linalg.norm(normal)
+        normals[i] = normal
+    binormals = np.cross(tangents, normals)
+    angle = 2 * np.pi * np.arange(facets) / facets
+    around = np.cos(angle)[:, None] * normals[:, None, :] + (
+        np.sin(angle)[:, None] * binormals[:, None, :]
+    )
+    rings = centreline[:, None, :] + radius * around
+    vertices = np.vstack([rings.reshape(-1, 3), centreline[0], centreline[-1]])
+    mesh = trimesh.Trimesh(vertices, tube_faces(len(centreline), facets), process=False)
+    return mesh
+
+
+def tube_faces(rings: int, facets: int) -> np.ndarray:
+    """Triangles of a tube of `rings` rings; they do not depend on its shape."""
+    ring = np.arange(rings - 1)[:, None] * facets
+    here = np.arange(facets)[None, :]
+    after = (here + 1) % facets
+    a, b, c, d = ring + here, ring + after, ring + facets + here, ring + facets + after
+    side = np.stack([np.stack([a, b, c], -1), np.stack([b, d, c], -1)], axis=2).reshape(-1, 3)
+    turn, turned = here[0], after[0]
+    start, end = rings * facets, rings * facets + 1
+    first = np.column_stack([np.full(facets, start), turned, turn])
+    last_ring = (rings - 1) * facets
+    last = np.column_stack([np.full(facets, end), last_ring + turn, last_ring + turned])
+    return np.vstack([side, first, last])
+
+
+def arc_length_of_vertices(s: Floats, facets: int) -> Floats:
+    """Arc length [m] of every vertex of `tube`, from that of its rings, `s` (n,)."""
+    return np.concatenate([np.repeat(s, facets), [s[0], s[-1]]])
+
+
+def _tangents(points: Floats) -> Floats:
+    """Unit tangents (n, 3): of the circle through three neighbours, chords at the ends."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    chords = steps / lengths
+    inner = (chords[:-1] * lengths[1:] + chords[1:] * lengths[:-1]) / (lengths[:-1] + lengths[1:])
+    tangents = np.vstack([chords[:1], inner, chords[-1:]])
+    return np.asarray(tangents / np.linalg.norm(tangents, axis=1, keepdims=True))

@@ -1,0 +1,107 @@
+"""Scene -> what will be made: every trial with its equilibrium, and nothing impossible."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from solver.instrument.errors import InputError
+from solver.instrument.units import MILLIMETRE
+from vbaa_bench.mechanics.planar import Equilibrium, EquilibriumError, push
+from vbaa_bench.spec.load import SceneFile
+from vbaa_bench.spec.rigs import TrueRig, true_rig
+from vbaa_bench.spec.trials import Push, Trial, trials
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The true rig, the trials in shards, and one equilibrium per distinct push."""
+
+    rig: TrueRig
+    shards: tuple[tuple[Trial, ...], ...]
+    equilibria: dict[Push, Equilibrium]
+
+    @property
+    def frames(self) -> int:
+        return sum(len(shard) for shard in self.shards)
+
+
+def plan(file: SceneFile) -> Plan:
+    """Solve every push of a scene. Raises InputError listing all that cannot physically be."""
+    scene, rig = file.scene, true_rig(file.scene)
+    made = trials(scene)
+    equilibria: dict[Push, Equilibrium] = {}
+    mistakes: list[str] = []
+    for wanted in dict.fromkeys(trial.push for trial in made):
+        try:
+            equilibria[wanted] = _push(wanted, rig, scene.beam.pieces)
+        except _Impossible as error:
+            distances = scene.pushes.contact_distance_mm
+            index = distances.index(wanted.contact_distance / MILLIMETRE)
+            key = ("pushes", "contact_distance_mm", index)
+            mistakes.append(file.complaint(key, str(error)))
+    mistakes += _overstressed(file, equilibria.values())
+    mistakes += _out_of_view(file, rig, equilibria.values())
+    if mistakes:
+        raise InputError("\n".join(dict.fromkeys(mistakes)))
+    size = scene.frames_per_shard
+    shards = tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
+    return Plan(rig, shards, equilibria)
+
+
+class _Impossible(Exception):
+    pass
+
+
+def _push(wanted: Push, rig: TrueRig, pieces: int) -> Equilibrium:
+    length = rig.beam.length
+    if wanted.contact_distance >= length:
+        raise _Impossible(
+            f"is {wanted.contact_distance / MILLIMETRE:g}, allowed is > 0 and before the tip "
+            f"at {length / MILLIMETRE:g} mm"
+        )
+    try:
+        return push(
+            rig.beam,
+            wanted.contact_distance,
+            deflection=wanted.deflection,
+            pushing_angle=wanted.pushing_angle,
+            intervals=pieces,
+        )
+    except EquilibriumError as error:
+        raise _Impossible(
+            f"is {wanted.contact_distance / MILLIMETRE:g}, which has no equilibrium: {error}"
+        ) from error
+
+
+def _overstressed(file: SceneFile, equilibria: Iterable[Equilibrium]) -> list[str]:
+    beam = file.scene.beam
+    stress = [e.largest_stress(beam.youngs_modulus_gpa * 1e9) / 1e6 for e in equilibria]
+    worst = max(stress, default=0.0)
+    if beam.allow_above_yield or worst <= beam.yield_stress_mpa:
+        return []
+    return [
+        file.complaint(
+            ("beam", "yield_stress_mpa"),
+            f"is {beam.yield_stress_mpa:g}, but the pushes stress the beam up to {worst:.0f} MPa; "
+            "push less, or set allow_above_yield: true",
+        )
+    ]
+
+
+def _out_of_view(file: SceneFile, rig: TrueRig, equilibria: Iterable[Equilibrium]) -> list[str]:
+    camera = rig.camera
+    rest = np.array([[0.0, 0.0], [rig.beam.length, 0.0]])
+    lines = [rest, *(e.centreline[:, 1:3] for e in equilibria)]
+    planar = np.vstack(lines)
+    u, v = camera.project(np.column_stack([planar, np.zeros(len(planar))]) + rig.base_position).T
+    last = camera.width - 0.5, camera.height - 0.5
+    if u.min() >= -0.5 and v.min() >= -0.5 and u.max() <= last[0] and v.max() <= last[1]:
+        return []
+    return [
+        file.complaint(
+            ("camera",),
+            f"does not see the whole beam: it spans u {u.min():.0f}..{u.max():.0f} px and "
+            f"v {v.min():.0f}..{v.max():.0f} px, the image is {camera.width} x {camera.height} px",
+        )
+    ]

@@ -1,0 +1,1 @@
+"""Meshes, light and camera -> radiance and truth layers. The only room that imports Mitsuba."""

@@ -1,0 +1,89 @@
+"""Which of Mitsuba's variants runs on this machine.
+
+A libLLVM that Dr.Jit cannot use may abort the whole process, which no `except` catches, so
+every variant is tried in a child process first.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from solver.instrument.errors import InputError
+
+FAST: Final = "llvm_ad_mono"
+CUDA: Final = "cuda_ad_mono"
+PLAIN: Final = "scalar_rgb"
+VARIANTS: Final = (CUDA, FAST, PLAIN)
+
+LLVM_ADVICE: Final = (
+    "Dr.Jit needs libLLVM 16 or newer: on Debian and Ubuntu, apt-get install libllvm19; "
+    "elsewhere, set DRJIT_LIBLLVM_PATH to a libLLVM.so of version 16 or newer"
+)
+
+_PROBE = """
+import json, sys
+import mitsuba as mi
+mi.set_variant(sys.argv[1])
+scene = mi.load_dict({"type": "scene", "light": {"type": "constant"}, "ball": {"type": "sphere"},
+    "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 8, "height": 8}},
+    "integrator": {"type": "direct"}})
+image = mi.render(scene, spp=1).numpy()
+print(json.dumps({"mitsuba": mi.__version__, "finite": bool((image >= 0).all())}))
+"""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Whether a variant rendered in its child process, and if not, the last line it said."""
+
+    variant: str
+    works: bool
+    said: str
+
+
+def probe(variant: str) -> Probe:
+    """Render a tiny image with `variant` in a child process."""
+    try:
+        child = subprocess.run(
+            [sys.executable, "-c", _PROBE, variant],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return Probe(variant, False, "gave no answer in 120 s")
+    lines = (child.stderr.strip() or child.stdout.strip()).splitlines()
+    said = lines[-1].strip() if lines else ""
+    if child.returncode != 0:
+        return Probe(variant, False, f"{said} (exit status {child.returncode})")
+    answer = json.loads(child.stdout.strip().splitlines()[-1])
+    return Probe(variant, bool(answer["finite"]), f"mitsuba {answer['mitsuba']}")
+
+
+def activate(variant: str, threads: int) -> None:
+    """Set Mitsuba's variant for this process, and how many threads its kernels use."""
+    import drjit  # imported late: choosing a variant must not load the renderer
+    import mitsuba
+
+    mitsuba.set_variant(variant)
+    drjit.set_thread_count(threads)
+
+
+def choose(asked: str | None = None, candidates: Sequence[str] = (FAST, PLAIN)) -> Probe:
+    """The variant to render with: the one asked for, else the first candidate that works.
+
+    Raises InputError if the one asked for, or none at all, works here.
+    """
+    if asked is not None and asked not in VARIANTS:
+        raise InputError(f"variant '{asked}' is unknown, allowed is one of {', '.join(VARIANTS)}")
+    tried = []
+    for variant in [asked] if asked else candidates:
+        found = probe(variant)
+        if found.works:
+            return found
+        tried.append(f"{variant} does not work here: {found.said}")
+    raise InputError(". ".join([*tried, LLVM_ADVICE]))

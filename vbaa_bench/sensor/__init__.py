@@ -1,0 +1,1 @@
+"""Radiance -> exposure -> electrons -> gray values."""

@@ -1,0 +1,80 @@
+"""The rig as the laboratory states it, and as it truly is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.beam import Beam, circular_rigidity
+from solver.instrument.camera import Camera
+from solver.instrument.rig import Chessboard, Rig, Tolerances
+from solver.instrument.transforms import camera_looking_at, rigid
+from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
+from vbaa_bench.spec.scene import Scene
+from vbaa_bench.spec.trials import random_generator
+
+
+@dataclass(frozen=True)
+class TrueRig:
+    """What no solver is told: beam, clamp and hub position (3,) [m], camera, board of view 0."""
+
+    beam: Beam
+    base_position: Floats
+    camera: Camera
+    antenna_from_board: Floats
+
+
+def nominal_rig(scene: Scene) -> Rig:
+    """The datasheet of a scene's rig, with the tolerances it claims."""
+    beam, claimed, card = scene.beam, scene.tolerances, scene.calibration
+    diameter = beam.diameter_mm * MILLIMETRE
+    rigidity = circular_rigidity(beam.youngs_modulus_gpa * 1e9, diameter)
+    return Rig(
+        beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
+        base_position=np.zeros(3),
+        board=Chessboard(card.columns, card.rows, card.square_mm * MILLIMETRE),
+        antenna_from_board=rigid(
+            np.zeros(3), np.array([*card.center_mm, 0.0]) * MILLIMETRE
+        ),
+        deflects_towards=1,
+        tolerances=Tolerances(
+            beam_length=claimed.beam_length_mm * MILLIMETRE,
+            flexural_rigidity=claimed.flexural_rigidity_pct * PERCENT * rigidity,
+            base_position=claimed.base_mm * MILLIMETRE,
+            board_translation=claimed.board_mm * MILLIMETRE,
+            board_rotation=claimed.board_deg * DEGREE,
+            encoder=claimed.encoder_deg * DEGREE,
+        ),
+    )
+
+
+def true_rig(scene: Scene) -> TrueRig:
+    """The rig as it stands: on its nominal values, or off them by draws from the tolerances."""
+    rig, spec = nominal_rig(scene), scene.camera
+    camera = Camera(
+        width=spec.width_px,
+        height=spec.height_px,
+        fx=spec.focal_length_px,
+        fy=spec.focal_length_px,
+        cx=(spec.width_px - 1) / 2 + spec.principal_point_offset_px[0],
+        cy=(spec.height_px - 1) / 2 + spec.principal_point_offset_px[1],
+        camera_from_antenna=camera_looking_at(
+            np.array(spec.position_mm) * MILLIMETRE,
+            np.array(spec.look_at_mm) * MILLIMETRE,
+            spec.roll_deg * DEGREE,
+        ),
+    )
+    if scene.tolerances.true_rig == "nominal":
+        return TrueRig(rig.beam, rig.base_position, camera, rig.antenna_from_board)
+    draw = random_generator(scene, "true rig").standard_normal
+    sigma = rig.tolerances
+    beam = Beam(
+        rig.beam.length + sigma.beam_length * draw(),
+        rig.beam.diameter,
+        rig.beam.flexural_rigidity + sigma.flexural_rigidity * draw(),
+    )
+    moved = rigid(sigma.board_rotation * draw(3), sigma.board_translation * draw(3))
+    board = rig.antenna_from_board.copy()
+    board[:3, 3] += moved[:3, 3]
+    board[:3, :3] = moved[:3, :3] @ board[:3, :3]
+    return TrueRig(beam, rig.base_position + sigma.base_position * draw(3), camera, board)
