@@ -9,6 +9,7 @@ import numpy as np
 from solver.calibrate import Calibration, calibrate
 from solver.centreline import Centreline
 from solver.centreline.area_weighted import area_weighted
+from solver.fitting.correlation import correlation_length
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
@@ -120,20 +121,5 @@ def _rest_line(lines: Iterable[Centreline], calibration: Calibration, rig: Rig) 
     covariance = np.linalg.inv(design.T @ design)
     at_clamp, slope = covariance @ (design.T @ (y / sigma))
     residual = (y - at_clamp - slope * x) / sigma
-    covariance *= float(np.mean(residual**2)) * _correlation_length(residual)
+    covariance *= float(np.mean(residual**2)) * correlation_length(residual)
     return Rest(float(at_clamp - slope * clamp_x), float(slope), covariance)
-
-
-def _correlation_length(residual: Floats) -> float:
-    """How many neighbouring columns err together: integrated autocorrelation, at least 1.
-
-    The centre's error follows the pixel grid, and a nearly row-aligned line crosses it slowly.
-    """
-    n = len(residual)
-    power = np.abs(np.fft.rfft(residual - residual.mean(), 2 * n)) ** 2
-    correlation = np.fft.irfft(power)[:n]
-    if correlation[0] <= 0:
-        return 1.0
-    rho = correlation / correlation[0]
-    until = int(np.argmax(rho < 0)) or n  # the first lobe
-    return max(1.0, float(1 + 2 * rho[1:until].sum()))

@@ -38,16 +38,12 @@ class Studio:
         world.move(moving, surfaces["beam"].arc_length)
 
     def card(self, view: int) -> World:
-        """The calibration board before the background: in plane C in view 0, tilted in the others."""
+        """The calibration board alone: in plane C in view 0, tilted in the others."""
         antenna_from_board = self.rig.antenna_from_board @ self._tilt(view)
         white, black = board(nominal_rig(self.scene).board)
         for cells in (white, black):
             cells.vertices = apply(antenna_from_board, np.asarray(cells.vertices))
-        surfaces = {
-            "white": Surface(white, WHITE),
-            "black": Surface(black, BLACK),
-            "background": self._background(),
-        }
+        surfaces = {"white": Surface(white, WHITE), "black": Surface(black, BLACK)}
         return World(self.rig.camera, self._lamp(), surfaces, self._unit())
 
     def _tilt(self, view: int) -> Floats:

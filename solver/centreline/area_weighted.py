@@ -21,7 +21,7 @@ THRESHOLD = 0.25
 LEAST_CONTRAST = 0.5
 LEAST_SIGNIFICANCE = 8.0
 # Root mean square of the S-curve for a line 1.6 px wide, cut at THRESHOLD [px].
-S_CURVE_RMS_PX = 0.02
+S_CURVE_RMS_PX = 0.05
 WIDEST_PX = 12
 
 
@@ -32,8 +32,10 @@ def area_weighted(image: Grey) -> Centreline:
     """
     gray = image.astype(np.float64)
     columns = np.arange(gray.shape[1])
-    background = np.median(gray, axis=0)
-    noise = 1.4826 * np.median(np.abs(gray - background), axis=0) + 0.3  # 0.3: 8-bit rounding
+    # Every fourth row tells a column's background as well as all of them, and sooner.
+    some = gray[::4]
+    background = np.median(some, axis=0)
+    noise = 1.4826 * np.median(np.abs(some - background), axis=0) + 0.3  # 0.3: 8-bit rounding
     contrast = gray.max(axis=0) - background
     overall = np.quantile(contrast, 0.9)
     seen = (contrast > LEAST_CONTRAST * overall) & (contrast > LEAST_SIGNIFICANCE * noise)

@@ -24,8 +24,10 @@ def points_on_exact_beam(
     sine, cosine = np.sin(tilt), np.cos(tilt)
     far_x, far_y = measurement.points[:, 0] - dx, measurement.points[:, 1] - dy
     x, y = cosine * far_x + sine * far_y, cosine * far_y - sine * far_x
-    # A point behind the clamp sees the beam's own straight continuation.
-    if (q * (lever - x) ** 2 / 2).max() >= 0.999:
+    # The curve reaches back to where it has turned by a right angle; no point may lie behind.
+    theta_c = np.arcsin(q * lever**2 / 2)
+    behind = lever - (x * np.cos(theta_c) + y * np.sin(theta_c))
+    if q * max(behind.max(), 0.0) ** 2 / 2 >= 0.999:
         return None
     value, by_point, by_shape = exact.misfit(x, y, q, lever)
     by_base = np.column_stack(

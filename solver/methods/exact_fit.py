@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from solver.beam_models import exact, linear
+from solver.fitting.correlation import correlation_length
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
 from solver.fitting.terms import points_on_exact_beam, prior
 from solver.instrument.arrays import Floats
@@ -54,7 +55,11 @@ def exact_fit(measurement: Measurement) -> Estimate:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
     if not fit.converged:
         return Estimate(Outcome.NOT_CONVERGED, iterations=fit.iterations)
-    return _answer(fit, dof, snr, measurement, rig.beam.length)
+    on_beam = points_on_exact_beam(measurement, fit.parameters[:2], fit.parameters[2:])
+    assert on_beam is not None
+    # Residuals larger than the stated sigmas widen the answer, smaller ones do not narrow it.
+    widening = max(fit.chi2 / dof, 1.0) * correlation_length(on_beam[0])
+    return _answer(fit, dof, snr, measurement, widening)
 
 
 def signal_to_noise(measurement: Measurement) -> float:
@@ -78,15 +83,15 @@ def _linear_start(measurement: Measurement) -> Floats | None:
         return None
     lever = float(distances[best])
     # A start inside the model's domain, however steep the linear shape is.
-    q = min(6 * float(amplitude[best]), 1.6 / lever**2, 1.6 / max(lever - x.min(), lever) ** 2)
+    q = min(6 * float(amplitude[best]), 1.6 / max(lever - x.min(), lever) ** 2)
     return np.array([q, lever, 0.0, 0.0, 0.0])
 
 
 def _answer(
-    fit: Fit, dof: int, snr: float, measurement: Measurement, beam_length: float
+    fit: Fit, dof: int, snr: float, measurement: Measurement, widening: float
 ) -> Estimate:
     q, lever = (float(v) for v in fit.parameters[:2])
-    rigidity = measurement.rig.beam.flexural_rigidity
+    beam_length, rigidity = measurement.rig.beam.length, measurement.rig.beam.flexural_rigidity
     tolerances = measurement.rig.tolerances
     at = exact.contact(q, lever)
     values = {
@@ -97,8 +102,6 @@ def _answer(
         "theta_c_rad": at.theta_c,
     }
     jacobian = np.vstack([at.d_x_c, at.d_y_c, at.d_s_c, [rigidity, 0.0], at.d_theta_c])
-    # Residuals larger than the stated sigmas widen the answer, smaller ones do not narrow it.
-    widening = max(fit.chi2 / dof, 1.0)
     covariance = jacobian @ (fit.covariance[:2, :2] * widening) @ jacobian.T
     # What the rig itself does not know. By similarity a relative error e of all lengths changes
     # lengths by e, force by -2 e and no angle; the force is proportional to EI.
