@@ -16,7 +16,6 @@ from solver.instrument.errors import InputError
 from solver.instrument.rig import Chessboard, Rig
 from solver.instrument.transforms import invert, rigid
 
-
 BLUR_PX = 1.5
 
 

@@ -47,7 +47,7 @@ class Antenna:
 
 
 def set_up(observations: Observations, extract: Extractor = area_weighted) -> Antenna:
-    """Calibrate the camera and learn the rest pose. Raises InputError where the images forbid it."""
+    """Calibrate the camera and learn the rest pose. Raises InputError if the images forbid it."""
     rig = observations.rig
     calibration = calibrate([read_grey(path) for path in observations.board_views], rig)
     rest = _rest_line(
@@ -100,10 +100,10 @@ def estimate(antenna: Antenna, image: Grey, motor_angle: float, method: Method) 
     except (InputError, ValueError) as error:
         return Estimate(Outcome.INVALID, str(error))
     try:
-        answer = method(measurement)
+        answer: object = method(measurement)
     except Exception as error:  # noqa: BLE001 - any failure of a method is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
-    if not isinstance(answer, Estimate):
+    if not isinstance(answer, Estimate):  # a method of someone else's may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(answer).__name__}, not an Estimate")
     return answer
 
@@ -118,7 +118,7 @@ def _rest_line(lines: Iterable[Centreline], calibration: Calibration, rig: Rig) 
     clamp_x = float(rig.base_position[0])
     x, y = points[:, 0] - clamp_x, points[:, 1]
     design = np.column_stack([np.ones_like(x), x]) / sigma[:, None]
-    covariance = np.linalg.inv(design.T @ design)
+    covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
     at_clamp, slope = covariance @ (design.T @ (y / sigma))
     residual = (y - at_clamp - slope * x) / sigma
     covariance *= float(np.mean(residual**2)) * correlation_length(residual)

@@ -10,7 +10,7 @@ def homography(camera: Camera) -> Floats:
     """plane_from_pixel (3, 3): homogeneous pixels to homogeneous (x, y) on C [m]."""
     pose = camera.camera_from_antenna
     pixel_from_plane = camera.matrix @ np.column_stack([pose[:3, 0], pose[:3, 1], pose[:3, 3]])
-    return np.linalg.inv(pixel_from_plane)
+    return np.asarray(np.linalg.inv(pixel_from_plane), dtype=np.float64)
 
 
 def on_plane(camera: Camera, pixels: Floats, sigma_v: Floats) -> tuple[Floats, Floats]:

@@ -22,7 +22,7 @@ from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.mechanics.planar import Equilibrium
 from vbaa_bench.plan import Plan, plan
 from vbaa_bench.render.layers import layers
-from vbaa_bench.render.picture import even_picture, picture
+from vbaa_bench.render.picture import Sampling, even_picture, picture
 from vbaa_bench.render.variant import activate
 from vbaa_bench.render.world import World
 from vbaa_bench.sensor.sensor import Sensor, exposure_for
@@ -37,9 +37,7 @@ BOARD_SAMPLES = 64
 Progress = Callable[[int, int], None]
 
 
-def generate(
-    file: SceneFile, root: Path, variant: str, workers: int, progress: Progress
-) -> Layout:
+def generate(file: SceneFile, root: Path, variant: str, workers: int, progress: Progress) -> Layout:
     """Make the dataset of a scene at `root`, or finish one that was interrupted.
 
     `progress(done, total)` is called as images are made. A complete dataset of the same scene
@@ -52,7 +50,7 @@ def generate(
         return layout
     nominal = nominal_rig(scene)
     write_text(layout.observations / "rig.json", rig_to_json(nominal))
-    total = work.frames + scene.calibration.views + scene.sensor.rest_images
+    total = work.frames + scene.calibration.views + scene.sensor.rest_images + 1  # the exposure
     threads = max((os.cpu_count() or 1) // workers, 1)
     with Pool(workers, Bench, (scene, work, layout, variant, threads)) as pool:
         exposure = pool.call("measure_exposure")
@@ -109,10 +107,12 @@ class Bench:
 
     @cached_property
     def rest_world(self) -> World:
+        """The beam before contact."""
         return self.studio.bench(None)
 
     @cached_property
     def push_world(self) -> World:
+        """The pushed beam; every frame reposes it."""
         return self.studio.bench(next(iter(self.work.equilibria.values())))
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
@@ -120,9 +120,11 @@ class Bench:
         spec = self.scene.sensor
         radiance, found = self._look(self.rest_world, render_seed(self.scene, "exposure"))
         peak = float(np.quantile(radiance[found["beam_mask"] > 0], 0.99))
+        tick()
         return exposure_for(peak, spec.full_well_e, spec.beam_peak_pct * PERCENT)
 
     def board_view(self, tick: Callable[[], None], view: int, exposure: float) -> None:
+        """Save one calibration image."""
         world = self.studio.card(view)
         seed = render_seed(self.scene, "board view", view)
         radiance = even_picture(world, BOARD_SAMPLES, seed)
@@ -130,12 +132,14 @@ class Bench:
         tick()
 
     def rest_image(self, tick: Callable[[], None], number: int, exposure: float) -> None:
+        """Save one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
         radiance, _ = self._look(self.rest_world, seed)
         self._save(f"rest/rest_{number:02d}.png", radiance, exposure, "rest sensor", number)
         tick()
 
     def shard(self, tick: Callable[[], None], number: int, exposure: float) -> None:
+        """Make and save the frames of one shard."""
         with ShardWriter(self.layout, number) as writer:
             for trial in self.work.shards[number]:
                 self._frame(writer, trial, exposure)
@@ -154,20 +158,14 @@ class Bench:
             reading = random_generator(self.scene, "encoder", trial.index)
             encoder += reading.normal(0.0, self.scene.tolerances.encoder_deg * DEGREE)
         truth = self._truth(trial, equilibrium, motor_angle)
-        kept = {layer: found[layer] for layer in self.scene.layers}
+        kept = {str(layer): found[layer] for layer in self.scene.layers}
         writer.add(trial.frame_id, image, encoder, truth, kept)
 
     def _look(self, world: World, seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Radiance of a world and its truth layers."""
         seen, spec = layers(world), self.scene.render
-        radiance = picture(
-            world,
-            seen.beam_mask,
-            spec.near_beam_px,
-            spec.samples_near_beam,
-            spec.samples_elsewhere,
-            seed,
-        )
+        sampling = Sampling(spec.near_beam_px, spec.samples_near_beam, spec.samples_elsewhere)
+        radiance = picture(world, seen.beam_mask, sampling, seed)
         return radiance, {
             "radiance": radiance,
             "beam_mask": seen.beam_mask,
@@ -188,7 +186,7 @@ class Bench:
         write_bytes(self.layout.observations / name, png_bytes(image))
 
     def _motor_angle(self, equilibrium: Equilibrium) -> float:
-        """The motor turns clockwise (seen from the camera), so contact bends the beam towards +y."""
+        """Seen from the camera the motor turns clockwise, so contact bends the beam towards +y."""
         at_contact = self.scene.pushes.motor_angle_at_contact_deg * DEGREE
         return at_contact - equilibrium.pushing_angle
 

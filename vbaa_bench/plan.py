@@ -23,6 +23,7 @@ class Plan:
 
     @property
     def frames(self) -> int:
+        """How many there are in all shards."""
         return sum(len(shard) for shard in self.shards)
 
 
@@ -35,7 +36,7 @@ def plan(file: SceneFile) -> Plan:
     for wanted in dict.fromkeys(trial.push for trial in made):
         try:
             equilibria[wanted] = _push(wanted, rig, scene.beam.pieces)
-        except _Impossible as error:
+        except _ImpossibleError as error:
             distances = scene.pushes.contact_distance_mm
             index = distances.index(wanted.contact_distance / MILLIMETRE)
             key = ("pushes", "contact_distance_mm", index)
@@ -49,14 +50,14 @@ def plan(file: SceneFile) -> Plan:
     return Plan(rig, shards, equilibria)
 
 
-class _Impossible(Exception):
-    pass
+class _ImpossibleError(Exception):
+    """A push that cannot be, said without its place in the file."""
 
 
 def _push(wanted: Push, rig: TrueRig, pieces: int) -> Equilibrium:
     length = rig.beam.length
     if wanted.contact_distance >= length:
-        raise _Impossible(
+        raise _ImpossibleError(
             f"is {wanted.contact_distance / MILLIMETRE:g}, allowed is > 0 and before the tip "
             f"at {length / MILLIMETRE:g} mm"
         )
@@ -69,7 +70,7 @@ def _push(wanted: Push, rig: TrueRig, pieces: int) -> Equilibrium:
             intervals=pieces,
         )
     except EquilibriumError as error:
-        raise _Impossible(
+        raise _ImpossibleError(
             f"is {wanted.contact_distance / MILLIMETRE:g}, which has no equilibrium: {error}"
         ) from error
 

@@ -22,7 +22,7 @@ WHITE, BLACK = 0.7, 0.04
 
 @dataclass(frozen=True)
 class Studio:
-    """Builds worlds of one scene's true rig, in Sigma_a: camera, lamp and background stand still."""
+    """Builds worlds of one scene's true rig in Sigma_a, where camera, lamp and background stand."""
 
     scene: Scene
     rig: TrueRig
@@ -53,7 +53,8 @@ class Studio:
         random = random_generator(self.scene, "board view", view)
         most = self.scene.calibration.tilt_deg * DEGREE
         # Tilts spread evenly round the compass and away from flat, as a careful person holds it.
-        compass = 2 * np.pi * (view + random.uniform(-0.2, 0.2)) / (self.scene.calibration.views - 1)
+        share = (view + random.uniform(-0.2, 0.2)) / (self.scene.calibration.views - 1)
+        compass = 2 * np.pi * share
         lean = most * random.uniform(0.7, 1.0)
         axis = np.array([np.cos(compass), np.sin(compass), 0.0])
         # Tilting brings one side nearer to the camera; lower the card so that it stays in view.

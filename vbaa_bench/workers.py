@@ -44,7 +44,7 @@ class Pool:
         return self._submit(method, arguments).result()
 
     def run(self, jobs: Sequence[tuple[str, tuple[Any, ...]]], done: Callable[[int], None]) -> None:
-        """All jobs; `done(pieces)` is told the number of pieces finished. Raises the first error."""
+        """All jobs; `done(pieces)` is told how many pieces are finished. Raises the first error."""
         pending = {self._submit(method, arguments) for method, arguments in jobs}
         pieces = 0
         done(pieces)
@@ -71,7 +71,7 @@ class Pool:
 
 
 def _settle(build: Callable[..., Any], arguments: tuple[Any, ...], ticks: Any) -> None:
-    global _resident, _ticks  # noqa: PLW0603 - a process of a pool can keep state nowhere else
+    global _resident, _ticks
     _resident, _ticks = build(*arguments), ticks
 
 

@@ -62,9 +62,10 @@ def _largest_band(above: np.ndarray) -> np.ndarray:
     """The connected region that spans the most columns: the beam, not a glint beside it."""
     labels, count = ndimage.label(above, structure=np.ones((3, 3)))
     if count <= 1:
-        return labels > 0
+        return np.asarray(labels > 0)
     spans = [where[1].stop - where[1].start for where in ndimage.find_objects(labels)]
-    return np.asarray(labels == 1 + int(np.argmax(spans)))
+    band: np.ndarray = labels == 1 + int(np.argmax(spans))
+    return band
 
 
 def _noise_of(gray: Floats, background: Floats, noise: Floats) -> Floats:

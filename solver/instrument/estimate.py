@@ -24,6 +24,7 @@ class Outcome(StrEnum):
 
     @property
     def sentence(self) -> str:
+        """What this outcome means."""
         return _SENTENCES[self]
 
     @property

@@ -1,13 +1,13 @@
 """The observations tree: all that a solver ever sees.
 
-    observations/
-      rig.json                      nominal rig with tolerances
-      calibration/view_00.png ...   board views; view 0 lies in plane C
-      rest/rest_00.png ...          the beam before contact
-      shard_00000/metadata.csv      file_name, frame_id, motor_angle_deg
-      shard_00000/<frame_id>.png    one image a frame
-      hashes.json                   sha256 of every file; written last, so its presence
-                                    says that the tree is complete
+observations/
+  rig.json                      nominal rig with tolerances
+  calibration/view_00.png ...   board views; view 0 lies in plane C
+  rest/rest_00.png ...          the beam before contact
+  shard_00000/metadata.csv      file_name, frame_id, motor_angle_deg
+  shard_00000/<frame_id>.png    one image a frame
+  hashes.json                   sha256 of every file; written last, so its presence
+                                says that the tree is complete
 """
 
 import csv

@@ -7,12 +7,13 @@ the motor's axis towards the camera); Sigma_d deformation (x shared with Sigma_a
 import math
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from solver.instrument.arrays import Floats
 
 
-def rigid(rotation_vector: Floats, translation: Floats) -> Floats:
+def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike) -> Floats:
     """Matrix (4, 4) from a rotation vector [rad] and a translation [m], each of shape (3,)."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_rotvec(np.asarray(rotation_vector, dtype=float)).as_matrix()

@@ -27,7 +27,7 @@ LEAST_POINTS = 8
 
 def exact_fit(measurement: Measurement) -> Estimate:
     """Contact distance, contact arc length, force and contact angle, with their covariance."""
-    points, rig = measurement.points, measurement.rig
+    points = measurement.points
     if len(points) < LEAST_POINTS:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"{len(points)} visible points, needed are {LEAST_POINTS}"
@@ -87,9 +87,7 @@ def _linear_start(measurement: Measurement) -> Floats | None:
     return np.array([q, lever, 0.0, 0.0, 0.0])
 
 
-def _answer(
-    fit: Fit, dof: int, snr: float, measurement: Measurement, widening: float
-) -> Estimate:
+def _answer(fit: Fit, dof: int, snr: float, measurement: Measurement, widening: float) -> Estimate:
     q, lever = (float(v) for v in fit.parameters[:2])
     beam_length, rigidity = measurement.rig.beam.length, measurement.rig.beam.flexural_rigidity
     tolerances = measurement.rig.tolerances

@@ -4,8 +4,8 @@ Linear theory. For two points x1 < x2 the ratio rho = y2 / y1 determines x_c: it
 from x2/x1 (contact at the clamp) to (x2/x1)^2 (contact at infinity), so a pair has one solution
 or none, and the paper's three cases are three stretches of one function.
 
-    both on the curved part (15)   x_c = (x1 + (x2 - x1) q1 / (q1 - q2)) / 3,  q = y / x^2
-    both on the linear part (19)   x_c = 3 (x1 - y1 / m),                      m = (y2 - y1) / (x2 - x1)
+    both on the curved part (15)   x_c = (x1 + (x2 - x1) q1 / (q1 - q2)) / 3 with q = y / x^2
+    both on the linear part (19)   x_c = 3 (x1 - y1 / m) with m = (y2 - y1) / (x2 - x1)
     one on each (20)               the root of the cubic in [x1, x2]
 
 The force follows from (9) or (10) at the first point; on the linear part that equals (18) with
@@ -123,9 +123,7 @@ def _mixed_case(x1: Floats, x2: Floats, rho: Floats) -> Floats:
     return c
 
 
-def _gradient(
-    x1: Floats, y1: Floats, x2: Floats, y2: Floats, x_c: Floats
-) -> tuple[Floats, Floats]:
+def _gradient(x1: Floats, y1: Floats, x2: Floats, y2: Floats, x_c: Floats) -> tuple[Floats, Floats]:
     """d x_c / d y1 and d x_c / d y2 [1] by the implicit function rho(x_c) = y2 / y1."""
     step = 1e-6 * x_c
 

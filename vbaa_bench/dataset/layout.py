@@ -1,12 +1,12 @@
 """Where things lie in a dataset folder.
 
-    DATASET/
-      observations/   see solver/instrument/observation.py
-      truth/
-        scene.yaml                       the scene, byte for byte
-        shard_00000/truth.parquet        one row a frame
-        shard_00000/<frame_id>.exr       radiance and truth layers
-        manifest.json                    seed, true rig, versions, hashes; written last
+DATASET/
+  observations/   see solver/instrument/observation.py
+  truth/
+    scene.yaml                       the scene, byte for byte
+    shard_00000/truth.parquet        one row a frame
+    shard_00000/<frame_id>.exr       radiance and truth layers
+    manifest.json                    seed, true rig, versions, hashes; written last
 """
 
 from dataclasses import dataclass
@@ -21,22 +21,27 @@ class Layout:
 
     @property
     def observations(self) -> Path:
+        """The tree a solver may see."""
         return self.root / "observations"
 
     @property
     def truth(self) -> Path:
+        """The tree it may not."""
         return self.root / "truth"
 
     @property
     def hashes(self) -> Path:
+        """Marks complete observations."""
         return self.observations / "hashes.json"
 
     @property
     def manifest(self) -> Path:
+        """Marks a complete truth."""
         return self.truth / "manifest.json"
 
     @property
     def scene(self) -> Path:
+        """The scene, byte for byte."""
         return self.truth / "scene.yaml"
 
     def shard(self, tree: Path, number: int) -> Path:

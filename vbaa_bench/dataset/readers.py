@@ -38,7 +38,7 @@ class Truth:
 
 
 def open_truth(root: Path) -> Truth:
-    """Open the truth tree at `root`. Raises InputError where it is missing, broken or incomplete."""
+    """Open the truth tree at `root`. Raises InputError if it is missing, broken or incomplete."""
     try:
         manifest = json.loads((root / "manifest.json").read_text(encoding="utf-8"))
     except OSError as error:

@@ -4,6 +4,7 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
 
 
 def block(edge: Floats, heading: float, side: float, bottom: float, top: float) -> trimesh.Trimesh:
@@ -12,17 +13,19 @@ def block(edge: Floats, heading: float, side: float, bottom: float, top: float) 
     Seen from above, the block's diagonal runs from the edge along `heading` [rad] from +x, away
     from the beam; it reaches from z = `bottom` to `top` [m].
     """
-    mesh = trimesh.creation.box(extents=(side, side, top - bottom))
+    mesh: trimesh.Trimesh = trimesh.creation.box(extents=(side, side, top - bottom))
     mesh.apply_translation((side / 2, side / 2, (top + bottom) / 2))
-    turn = trimesh.transformations.rotation_matrix(heading - np.pi / 4, (0, 0, 1))
-    turn[:2, 3] = edge
-    mesh.apply_transform(turn)
+    placed = turn_about_z(heading - np.pi / 4)
+    placed[:2, 3] = edge
+    mesh.apply_transform(placed)
     return mesh
 
 
 def hub(radius: float, bottom: float, top: float) -> trimesh.Trimesh:
     """The motor's hub: an upright cylinder about the z axis [m]."""
-    mesh = trimesh.creation.cylinder(radius=radius, height=top - bottom, sections=64)
+    mesh: trimesh.Trimesh = trimesh.creation.cylinder(
+        radius=radius, height=top - bottom, sections=64
+    )
     mesh.apply_translation((0.0, 0.0, (top + bottom) / 2))
     return mesh
 

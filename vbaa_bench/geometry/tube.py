@@ -29,8 +29,7 @@ def tube(centreline: Floats, radius: float, facets: int) -> trimesh.Trimesh:
     )
     rings = centreline[:, None, :] + radius * around
     vertices = np.vstack([rings.reshape(-1, 3), centreline[0], centreline[-1]])
-    mesh = trimesh.Trimesh(vertices, tube_faces(len(centreline), facets), process=False)
-    return mesh
+    return trimesh.Trimesh(vertices, tube_faces(len(centreline), facets), process=False)
 
 
 def tube_faces(rings: int, facets: int) -> np.ndarray:

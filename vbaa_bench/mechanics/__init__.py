@@ -1,1 +1,1 @@
-"""Beam + object + motion -> equilibrium: the world's own beam, integrated, never solved in closed form."""
+"""Beam + object + motion -> equilibrium: the world's own beam, by integration alone."""

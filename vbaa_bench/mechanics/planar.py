@@ -95,9 +95,8 @@ def push(
         if deflection is None:
             last = angle - float(pushing_angle or 0.0)
         else:
-            theta_c = state[0]
-            x_c, y_c = _contact(state)
-            last = y_c + (1 - s_c) * np.sin(theta_c) - deflection
+            _, y_c = _contact(state)
+            last = y_c + (1 - s_c) * np.sin(state[0]) - deflection
         return np.array([x_gap, y_gap, last])
 
     # Linear theory starts the search: y_tip / y_c = (3 L - x_c) / (2 x_c), F = 3 EI y_c / x_c^3.
@@ -141,9 +140,7 @@ def push(
     )
 
 
-def integrate(
-    force: float, s_c: float, at: Floats | None = None, *, lean: float = 0.0
-) -> Floats:
+def integrate(force: float, s_c: float, at: Floats | None = None, *, lean: float = 0.0) -> Floats:
     """(phi, phi', along, across) integrated from the contact back over arc length s_c, (4,).
 
     `along` and `across` are the distances walked in the contact tangent's frame. With `at`

@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
+from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 
@@ -29,7 +30,7 @@ def layers(world: World) -> Layers:
     width, height = world.camera.width, world.camera.height
     rows, columns = np.mgrid[0:height, 0:width]
     film_x, film_y = (columns.ravel() + 0.5) / width, (rows.ravel() + 0.5) / height
-    if "scalar" in mi.variant():
+    if is_scalar():
         hits = [_hit(world, x, y) for x, y in zip(film_x, film_y, strict=True)]
         index, distance, arc = (np.array(values) for values in zip(*hits, strict=True))
     else:

@@ -5,6 +5,7 @@ import mitsuba as mi
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 # Rays in flight at once; bounds the memory of a call.
@@ -17,8 +18,9 @@ def radiance(world: World, pixels: np.ndarray, samples: int, seed: int) -> Float
     `samples` rays a pixel from a multi-jittered sampler: pixel position and light are stratified
     over the pixel's own samples. A pixel's value depends on `seed` and its place in `pixels`.
     """
-    if "scalar" in mi.variant():
-        return _whole_film(world, samples, seed)[pixels[:, 1], pixels[:, 0]]
+    if is_scalar():
+        film = _whole_film(world, samples, seed)
+        return np.asarray(film[pixels[:, 1], pixels[:, 0]])
     batch = max(LARGEST_WAVEFRONT // samples, 1)
     parts = [
         _wavefront(world, pixels[first : first + batch], samples, seed + number)
@@ -47,5 +49,5 @@ def _wavefront(world: World, pixels: np.ndarray, samples: int, seed: int) -> Flo
 
 def _whole_film(world: World, samples: int, seed: int) -> Floats:
     """Without wavefronts single rays are slow from Python: render everything, in Mitsuba."""
-    image = mi.render(world.scene, sensor=world.sensor, spp=samples, seed=seed % 2**32)
+    image = mi.render(world.scene, sensor=world.sensor, spp=samples, seed=mi.UInt32(seed % 2**32))
     return np.asarray(image, dtype=np.float64)[:, :, 0]

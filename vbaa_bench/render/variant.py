@@ -31,7 +31,8 @@ scene = mi.load_dict({"type": "scene", "light": {"type": "constant"}, "ball": {"
     "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 8, "height": 8}},
     "integrator": {"type": "direct"}})
 image = mi.render(scene, spp=1).numpy()
-print(json.dumps({"mitsuba": mi.__version__, "finite": bool((image >= 0).all())}))
+print()  # a progress bar may stand on this line
+print("probe", json.dumps({"mitsuba": mi.__version__, "finite": bool((image >= 0).all())}))
 """
 
 
@@ -58,9 +59,10 @@ def probe(variant: str) -> Probe:
         return Probe(variant, False, "gave no answer in 120 s")
     lines = (child.stderr.strip() or child.stdout.strip()).splitlines()
     said = lines[-1].strip() if lines else ""
-    if child.returncode != 0:
+    answers = [line for line in child.stdout.splitlines() if line.startswith("probe ")]
+    if child.returncode != 0 or not answers:
         return Probe(variant, False, f"{said} (exit status {child.returncode})")
-    answer = json.loads(child.stdout.strip().splitlines()[-1])
+    answer = json.loads(answers[-1].removeprefix("probe "))
     return Probe(variant, bool(answer["finite"]), f"mitsuba {answer['mitsuba']}")
 
 
@@ -70,7 +72,15 @@ def activate(variant: str, threads: int) -> None:
     import mitsuba
 
     mitsuba.set_variant(variant)
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)  # or its progress bars cross ours
     drjit.set_thread_count(threads)
+
+
+def is_scalar() -> bool:
+    """Whether the active variant traces one ray at a time."""
+    import mitsuba  # imported late, as above
+
+    return str(mitsuba.variant()).startswith("scalar")
 
 
 def choose(asked: str | None = None, candidates: Sequence[str] = (FAST, PLAIN)) -> Probe:

@@ -53,6 +53,7 @@ class RenderUnit:
         return matrix
 
     def __call__(self, vertices: Floats) -> Floats:
+        """Vertices (n, 3) [m] in render coordinates."""
         return np.asarray((vertices - self.origin) / self.unit)
 
 
@@ -113,9 +114,7 @@ def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
     properties["face_normals"] = True
     vertices, faces = surface.mesh.vertices, surface.mesh.faces
     textured = surface.arc_length is not None
-    mesh = mi.Mesh(
-        name, len(vertices), len(faces), props=properties, has_vertex_texcoords=textured
-    )
+    mesh = mi.Mesh(name, len(vertices), len(faces), props=properties, has_vertex_texcoords=textured)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = _flat(unit(np.asarray(vertices)))
     parameters["faces"] = np.ascontiguousarray(faces, dtype=np.uint32).ravel()

@@ -33,7 +33,7 @@ class SceneFile:
 
 
 def load_scene(path: Path, seed: int | None = None) -> SceneFile:
-    """Read and check a scene; `seed` replaces the file's. Raises InputError listing every mistake."""
+    """Read and check a scene; `seed` replaces the file's. Raises InputError with all mistakes."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:

@@ -33,9 +33,7 @@ def nominal_rig(scene: Scene) -> Rig:
         beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
         base_position=np.zeros(3),
         board=Chessboard(card.columns, card.rows, card.square_mm * MILLIMETRE),
-        antenna_from_board=rigid(
-            np.zeros(3), np.array([*card.center_mm, 0.0]) * MILLIMETRE
-        ),
+        antenna_from_board=rigid(np.zeros(3), np.array([*card.center_mm, 0.0]) * MILLIMETRE),
         deflects_towards=1,
         tolerances=Tolerances(
             beam_length=claimed.beam_length_mm * MILLIMETRE,

@@ -21,6 +21,8 @@ class Part(BaseModel):
 
 
 class BeamSpec(Part):
+    """The beam and its paint; section VI's by default."""
+
     length_mm: Positive = 240
     diameter_mm: Positive = 0.8
     youngs_modulus_gpa: Positive = 200
@@ -86,6 +88,8 @@ class LightSpec(Part):
 
 
 class BackgroundSpec(Part):
+    """A matt sheet below plane C, wider than the camera sees."""
+
     distance_mm: Positive = 30
     reflectance: Share = 0.05
 
@@ -110,6 +114,8 @@ class HubSpec(Part):
 
 
 class SensorSpec(Part):
+    """The image sensor, exposed so that the resting beam peaks at `beam_peak_pct` of full scale."""
+
     bits: Literal[8] = 8
     full_well_e: Annotated[float, Field(ge=10)] = 10_000
     read_noise_e: Annotated[float, Field(ge=0)] = 10

@@ -1,0 +1,69 @@
+"""What this machine can render with, and what to install."""
+
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from typing import Any, Final
+
+from vbaa_bench.dataset.manifest import versions
+from vbaa_bench.render.variant import CUDA, FAST, LLVM_ADVICE, VARIANTS, Probe, probe
+
+PACKAGE: Final = "libllvm19"
+INSTALL: Final = ("apt-get", "install", "--yes", "--no-install-recommends", PACKAGE)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The probed variants and what follows from them."""
+
+    probes: tuple[Probe, ...]
+
+    @property
+    def healthy(self) -> bool:
+        """Whether anything renders."""
+        return any(found.works for found in self.probes)
+
+    @property
+    def fast(self) -> bool:
+        """Whether a vectorised variant works."""
+        return any(found.works for found in self.probes if found.variant in (FAST, CUDA))
+
+    @property
+    def advice(self) -> str:
+        """What to do next, in a sentence."""
+        if not self.healthy:
+            return f"Nothing renders here. {LLVM_ADVICE}."
+        if not self.fast:
+            return f"Everything runs, but about ten times slower than it could. {LLVM_ADVICE}."
+        return "All is well. CUDA is used when asked for: --variant cuda_ad_mono."
+
+    def record(self) -> dict[str, Any]:
+        """For scripts."""
+        return {
+            "variants": {p.variant: {"works": p.works, "said": p.said} for p in self.probes},
+            "healthy": self.healthy,
+            "advice": self.advice,
+            "versions": versions(),
+        }
+
+
+def diagnose() -> Diagnosis:
+    """Probe every variant, each in its own child process."""
+    return Diagnosis(tuple(probe(variant) for variant in VARIANTS))
+
+
+def install_llvm() -> str:
+    """Install libLLVM by apt where that is missing and allowed; what was done, in one sentence."""
+    if probe(FAST).works:
+        return f"{FAST} works; nothing to install."
+    if shutil.which("apt-get") is None or os.geteuid() != 0:
+        return f"{LLVM_ADVICE}. Until then everything runs on scalar_rgb, slower."
+    steps = (("apt-get", "update", "--quiet"), INSTALL)
+    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    for step in steps:
+        done = subprocess.run(step, env=quiet, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            reason = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]
+            return f"'{' '.join(step)}' failed ({' '.join(reason)}). {LLVM_ADVICE}."
+    return f"Installed {PACKAGE}; {FAST} {'works' if probe(FAST).works else 'still fails'}."

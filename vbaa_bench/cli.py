@@ -1,0 +1,239 @@
+"""`vbaa-bench`: run | generate | solve | score | report | doctor; run is the others in order."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from solver.instrument.errors import InputError
+from solver.methods import METHODS
+from vbaa_bench.checks import doctor as checks
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generate import generate as generate_dataset
+from vbaa_bench.render.variant import LLVM_ADVICE, PLAIN, choose
+from vbaa_bench.report.report import report as write_report
+from vbaa_bench.score.child import solve as solve_apart
+from vbaa_bench.score.layout import Results
+from vbaa_bench.score.score import found_predictions
+from vbaa_bench.score.score import score as score_predictions
+from vbaa_bench.spec.load import load_scene
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Render a vision-based active antenna, solve it, and see speed against error.",
+)
+console = Console(stderr=True, highlight=False)
+
+ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
+DatasetPath = Annotated[Path, typer.Argument(help="a folder made by generate or run")]
+Out = Annotated[Path | None, typer.Option(help="folder to write [default: runs/<scene>]")]
+Seed = Annotated[int | None, typer.Option(min=0, help="replaces the scene's seed")]
+Workers = Annotated[
+    int | None, typer.Option(min=1, max=256, help="processes [default: one a core]")
+]
+Variant = Annotated[
+    str | None, typer.Option(help="Mitsuba variant [default: llvm_ad_mono, else scalar_rgb]")
+]
+Method = Annotated[
+    list[str] | None,
+    typer.Option(
+        help=f"{', '.join(METHODS)} or package.module:function; repeatable [default: all]"
+    ),
+]
+Repeats = Annotated[int, typer.Option(min=1, help="times each frame is solved; median time counts")]
+Predictions = Annotated[
+    list[Path] | None,
+    typer.Option(help="CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object, nothing else")]
+
+
+@app.command()
+def run(
+    scene: ScenePath,
+    out: Out = None,
+    method: Method = None,
+    seed: Seed = None,
+    workers: Workers = None,
+    variant: Variant = None,
+    repeats: Repeats = 3,
+    as_json: AsJson = False,
+) -> None:
+    """Generate, solve, score and report a scene."""
+    results = Results(_generate(scene, out, seed, workers, variant))
+    _solve(results, method, repeats)
+    summary = score_predictions(results, found_predictions(results))
+    page = write_report(results)
+    _show(summary, {"report": str(page), **summary}, as_json)
+    if not as_json:
+        Console(soft_wrap=True).print(f"report: {page}", highlight=False)
+
+
+@app.command()
+def generate(
+    scene: ScenePath,
+    out: Out = None,
+    seed: Seed = None,
+    workers: Workers = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render a scene into a dataset. Interrupted, the same command finishes it."""
+    root = _generate(scene, out, seed, workers, variant)
+    frames = len(list(root.glob("observations/shard_*/*.png")))
+    _say({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
+
+
+@app.command()
+def solve(
+    dataset: DatasetPath, method: Method = None, repeats: Repeats = 3, as_json: AsJson = False
+) -> None:
+    """Run methods on a dataset's observations, each in a process that never sees the truth."""
+    results = Results(dataset)
+    written = _solve(results, method, repeats)
+    record = {"predictions": {name: str(path) for name, path in written.items()}}
+    _say(record, "\n".join(record["predictions"].values()), as_json)
+
+
+@app.command()
+def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson = False) -> None:
+    """Score all solved methods, and predictions files of one's own beside them."""
+    results = Results(dataset)
+    files = found_predictions(results)
+    for path in predictions or []:
+        if path.stem in files:
+            raise InputError(f"{path}: a method {path.stem} is scored already; rename the file")
+        files[path.stem] = path
+    summary = score_predictions(results, files)
+    _show(summary, summary, as_json)
+
+
+@app.command()
+def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
+    """Write the HTML report of a scored dataset."""
+    page = write_report(Results(dataset))
+    _say({"report": str(page)}, str(page), as_json)
+
+
+@app.command()
+def doctor(
+    install_llvm: Annotated[
+        bool, typer.Option("--install-llvm", help="install libLLVM by apt if it is missing")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="one line")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say what this machine can render with, and what to install."""
+    if install_llvm:
+        console.print(checks.install_llvm())
+        if quiet:
+            return
+    found = checks.diagnose()
+    table = Table("variant", "works", "said")
+    for probe in found.probes:
+        table.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
+    if as_json:
+        _say(found.record(), "", True)
+    else:
+        if not quiet:
+            Console().print(table)
+        console.print(found.advice)
+    if not found.healthy:
+        raise typer.Exit(1)
+
+
+def _generate(
+    scene: Path, out: Path | None, seed: int | None, workers: int | None, variant: str | None
+) -> Path:
+    file = load_scene(scene, seed)
+    chosen = choose(variant).variant
+    if chosen == PLAIN and variant is None:
+        console.print(f"rendering with scalar_rgb, about ten times slower: {LLVM_ADVICE}")
+    root = out or Path("runs") / scene.stem
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
+    count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("rendering", total=None)
+        generate_dataset(
+            file,
+            root,
+            chosen,
+            count,
+            lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    return root
+
+
+def _solve(results: Results, methods: list[str] | None, repeats: int) -> dict[str, Path]:
+    observations = Layout(results.root).observations
+    written = {}
+    for method in methods or list(METHODS):
+        name = method.replace(":", ".")
+        target = results.predictions / f"{name}.csv"
+        with console.status(f"solving with {method}"):
+            solve_apart(observations, method, target, repeats)
+        written[name] = target
+    return written
+
+
+def _show(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
+    """The small table of scores, or the record as JSON."""
+    if as_json:
+        _say(record, "", True)
+        return
+    table = Table(title="scores", title_justify="left")
+    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
+    for head in (*heads, "failures, %", "ms / frame", "n"):
+        table.add_column(head, justify="left" if head == "method" else "right")
+    for name, found in summary["methods"].items():
+        numbers = (
+            found["x_c_median_abs_pct_L"],
+            found["x_c_rmse_pct_L"],
+            found["force_rmse_pct"],
+            100 * found["failure_rate"],
+            found["ms_per_frame_median"],
+        )
+        shown = ("–" if value is None else f"{value:.3g}" for value in numbers)
+        table.add_row(name, *shown, str(found["n"]))
+    Console().print(table)
+
+
+def _say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(record))
+    else:
+        Console(soft_wrap=True).print(sentence, highlight=False, markup=False)
+
+
+def main() -> None:
+    """Run; a mistake in the input is a clear sentence and exit status 2."""
+    try:
+        app()
+    except InputError as error:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        console.print("interrupted; the same command goes on from here")
+        sys.exit(130)

@@ -1,0 +1,148 @@
+"""The report's charts."""
+
+from typing import Any
+
+import altair as alt
+import numpy as np
+import polars as pl
+
+Summary = dict[str, Any]
+Chart = alt.LayerChart | alt.FacetChart
+
+_DEFLECTION = alt.Color("deflection:N", title="deflection", sort=None).legend(orient="bottom")
+_WIDTH = 430
+
+
+def speed_against_error(summary: Summary) -> Chart:
+    """Milliseconds per frame against the median error of x_c, with 95 % bootstrap intervals."""
+    rows = []
+    for name, found in summary["methods"].items():
+        time, error = found["ms_per_frame_median"], found["x_c_median_abs_pct_L"]
+        if not time or not error:  # a predictions file states no time; an exact one has no error
+            continue
+        times = found["ms_per_frame_median_95"] or [time, time]
+        errors = found["x_c_median_abs_pct_L_95"] or [error, error]
+        label = f"{name}: {error:.2g} % in {time:.2g} ms"
+        rows.append(
+            {
+                "method": name,
+                "label": label,
+                "ms": time,
+                "ms_low": times[0],
+                "ms_high": times[1],
+                "error": error,
+                "error_low": errors[0],
+                "error_high": errors[1],
+            }
+        )
+    texts, numbers = ("method", "label"), ("ms", "ms_low", "ms_high")
+    schema: dict[str, Any] = dict.fromkeys(texts, pl.String)
+    schema |= dict.fromkeys((*numbers, "error", "error_low", "error_high"), pl.Float64)
+    base = alt.Chart(pl.DataFrame(rows, schema=schema))
+    span_x = _decades([r["ms"] for r in rows], 10)
+    span_y = _decades([r["error"] for r in rows], 3)
+    x = alt.X("ms:Q", title="time per frame, image to estimate [ms]").scale(
+        type="log", domain=span_x, nice=False
+    )
+    y = alt.Y("error:Q", title="median |error| of contact distance [% of L]").scale(
+        type="log", domain=span_y, nice=False
+    )
+    colour = alt.Color("method:N", legend=None)
+    return alt.layer(
+        base.mark_rule(strokeWidth=2).encode(x=x, y="error_low:Q", y2="error_high:Q", color=colour),
+        base.mark_rule(strokeWidth=2).encode(x="ms_low:Q", x2="ms_high:Q", y=y, color=colour),
+        base.mark_circle(size=120, opacity=1).encode(x=x, y=y, color=colour),
+        base.mark_text(align="left", dx=10, dy=-8, fontSize=12).encode(
+            x=x, y=y, text="label:N", color=colour
+        ),
+    ).properties(width=_WIDTH, height=300, title="Speed against error")
+
+
+def fig8_contact_distance(scores: pl.DataFrame, method: str) -> Chart:
+    """Fig. 8 (a): estimated against true contact distance; the line is the truth."""
+    rows = _answered(scores, method)
+    line = alt.Chart(rows).mark_line(color="black", strokeWidth=1)
+    dots = alt.Chart(rows).mark_point(size=22)
+    x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
+    return alt.layer(
+        line.encode(x=x, y=alt.Y("true_x_c_mm:Q", title="estimated contact distance [mm]")),
+        dots.encode(x=x, y="x_c_mm:Q", color=_DEFLECTION),
+    ).properties(width=_WIDTH, height=300, title=f"Fig. 8 (a), {method}")
+
+
+def fig8_force(scores: pl.DataFrame, method: str, length_mm: float, rigidity_n_mm2: float) -> Chart:
+    """Fig. 8 (b): contact force; lines are theory, exact (full) and linear (dashed)."""
+    rows = _answered(scores, method)
+    x_c = np.linspace(50, 0.97 * length_mm, 200)
+    theory = pl.concat(
+        [
+            pl.DataFrame(
+                {
+                    "true_x_c_mm": x_c,
+                    # (10) at the tip: y_tip = f x_c^2 (3 L - x_c) / (6 EI)
+                    "force_n": 6
+                    * rigidity_n_mm2
+                    * (percent / 100 * length_mm)
+                    / (x_c**2 * (3 * length_mm - x_c)),
+                    "deflection": [f"{percent:.0f} %"] * len(x_c),
+                }
+            )
+            for percent in sorted(set(scores["deflection_pct"].round(1)))
+        ]
+    )
+    x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
+    y = alt.Y("force_n:Q", title="contact force [N]").scale(type="log", nice=False)
+    exact = rows.sort("true_x_c_mm").unique(["deflection", "true_x_c_mm"], maintain_order=True)
+    return alt.layer(
+        alt.Chart(theory)
+        .mark_line(strokeDash=[4, 3], strokeWidth=1, opacity=0.8)
+        .encode(x=x, y=y, color=_DEFLECTION),
+        alt.Chart(exact)
+        .mark_line(strokeWidth=1.2)
+        .encode(x=x, y=alt.Y("true_force_n:Q"), color=_DEFLECTION),
+        alt.Chart(rows.filter(pl.col("force_n") > 0))
+        .mark_point(size=22)
+        .encode(x=x, y="force_n:Q", color=_DEFLECTION),
+    ).properties(width=_WIDTH, height=300, title=f"Fig. 8 (b), {method}")
+
+
+def error_against_distance(scores: pl.DataFrame, method: str) -> Chart:
+    """Signed error of the contact distance: every frame a dot, the mean a line."""
+    rows = _answered(scores, method).with_columns(place=(pl.col("true_x_c_mm") / 10).round())
+    x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
+    error = "x_c_error_pct_L"
+    mean = rows.group_by("deflection", "place").agg(
+        pl.col("true_x_c_mm").mean(), pl.col(error).mean()
+    )
+    return alt.layer(
+        alt.Chart(pl.DataFrame({"zero": [0.0]})).mark_rule(color="gray").encode(y="zero:Q"),
+        alt.Chart(rows)
+        .mark_circle(size=18, opacity=0.5)
+        .encode(
+            x=x,
+            y=alt.Y(f"{error}:Q", title="error of contact distance [% of L]"),
+            color=_DEFLECTION,
+        ),
+        alt.Chart(mean.sort("deflection", "place"))
+        .mark_line()
+        .encode(x=x, y=f"{error}:Q", color=_DEFLECTION),
+    ).properties(width=_WIDTH, height=240, title=method)
+
+
+def _answered(scores: pl.DataFrame, method: str) -> pl.DataFrame:
+    columns = ["deflection_pct", "true_x_c_mm", "x_c_mm", "x_c_error_pct_L"]
+    return (
+        scores.filter((pl.col("method") == method) & ~pl.col("failed"))
+        .select(*columns, "true_force_n", "force_n")
+        .sort("deflection_pct")
+        .with_columns(
+            deflection=pl.col("deflection_pct").round(0).cast(pl.Int64).cast(pl.String) + " %"
+        )
+    )
+
+
+def _decades(values: list[float], room: float) -> list[float]:
+    """A logarithmic axis that leaves room, a factor, for labels after the values."""
+    if not values:
+        return [0.1, 10.0]
+    return [min(values) / 3, max(values) * room]

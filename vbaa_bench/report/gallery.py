@@ -1,0 +1,107 @@
+"""Frames with the truth and the estimates drawn on them."""
+
+import base64
+from typing import Final
+
+import cv2
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.score.overlay import Overlay
+
+# BGR. Truth is green, extracted points yellow; methods take the others in order.
+TRUTH: Final = (90, 200, 60)
+POINTS: Final = (40, 220, 255)
+METHODS: Final = ((60, 60, 255), (255, 150, 60), (255, 80, 220), (200, 200, 60))
+_FRACTION_BITS = 4
+
+
+def strip(overlay: Overlay, scale: int = 2, margin_px: int = 14) -> np.ndarray:
+    """The beam's part of the frame, enlarged: truth, and a ring for each method's contact."""
+    _, low = overlay.centreline.min(axis=0)
+    _, high = overlay.centreline.max(axis=0)
+    top = max(int(low) - margin_px, 0)
+    bottom = min(int(high) + margin_px, overlay.image.shape[0] - 1)
+    view = _View(overlay.image, (0, top), (overlay.image.shape[1], bottom - top + 1), scale)
+    view.line(overlay.centreline, TRUTH, offset_px=3)
+    view.line(overlay.centreline, TRUTH, offset_px=-3)
+    _contacts(view, overlay, radius_px=4)
+    return view.canvas
+
+
+def close_up(overlay: Overlay, scale: int = 10, half_px: int = 24) -> np.ndarray:
+    """The surroundings of the contact, much enlarged, with the extracted points."""
+    u, v = np.rint(overlay.contact).astype(int)
+    left = int(np.clip(u - half_px, 0, overlay.image.shape[1] - 2 * half_px - 1))
+    top = int(np.clip(v - half_px, 0, overlay.image.shape[0] - 2 * half_px - 1))
+    size = 2 * half_px + 1
+    view = _View(overlay.image, (left, top), (size, size), scale)
+    view.line(overlay.centreline, TRUTH)
+    for point in overlay.points:
+        view.dot(point, POINTS)
+    _contacts(view, overlay, radius_px=1.6)
+    return view.canvas
+
+
+def webp_uri(canvas: np.ndarray) -> str:
+    """An image (height, width, 3) as a data URI."""
+    _, data = cv2.imencode(".webp", canvas, [cv2.IMWRITE_WEBP_QUALITY, 80])
+    return "data:image/webp;base64," + base64.b64encode(bytes(data)).decode("ascii")
+
+
+def colour_name(colour: tuple[int, int, int]) -> str:
+    """A BGR colour as CSS writes it."""
+    blue, green, red = colour
+    return f"rgb({red},{green},{blue})"
+
+
+def _contacts(view: "_View", overlay: Overlay, radius_px: float) -> None:
+    view.cross(overlay.contact, TRUTH, radius_px)
+    for colour, at in zip(METHODS, overlay.estimates.values(), strict=False):
+        view.ring(at, colour, radius_px)
+
+
+class _View:
+    """A part of an image enlarged by a whole factor; draws in the image's own pixels."""
+
+    def __init__(
+        self, image: np.ndarray, corner: tuple[int, int], size: tuple[int, int], scale: int
+    ) -> None:
+        (left, top), (width, height) = corner, size
+        part = image[top : top + height, left : left + width]
+        # A display's gamma: linear sensor values look too dark on a screen.
+        shown = np.rint(255 * (part / 255.0) ** (1 / 2.2)).astype(np.uint8)
+        large = cv2.resize(shown, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+        self.canvas = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
+        self._corner, self._scale = np.array(corner), scale
+
+    def _place(self, pixels: Floats) -> np.ndarray:
+        """Enlarged pixels: a pixel's centre stays the centre of its enlarged square."""
+        large = (np.asarray(pixels) - self._corner + 0.5) * self._scale - 0.5
+        return np.asarray(np.rint(large * 2**_FRACTION_BITS), dtype=np.int32)
+
+    def line(self, pixels: Floats, colour: tuple[int, int, int], offset_px: float = 0.0) -> None:
+        shifted = pixels + np.array([0.0, offset_px])
+        path = [self._place(shifted)]
+        cv2.polylines(self.canvas, path, False, colour, 1, cv2.LINE_AA, _FRACTION_BITS)
+
+    def dot(self, pixel: Floats, colour: tuple[int, int, int]) -> None:
+        self._circle(pixel, 0.12 * self._scale, colour, -1)
+
+    def ring(self, pixel: Floats, colour: tuple[int, int, int], radius_px: float) -> None:
+        self._circle(pixel, radius_px * self._scale, colour, 2)
+
+    def cross(self, pixel: Floats, colour: tuple[int, int, int], radius_px: float) -> None:
+        for arm in ((1, 1), (1, -1)):
+            ends = np.array([pixel - radius_px * np.array(arm), pixel + radius_px * np.array(arm)])
+            path = [self._place(ends)]
+            cv2.polylines(self.canvas, path, False, colour, 1, cv2.LINE_AA, _FRACTION_BITS)
+
+    def _circle(
+        self, pixel: Floats, radius: float, colour: tuple[int, int, int], thickness: int
+    ) -> None:
+        u, v = (int(c) for c in self._place(pixel))
+        large_radius = round(radius * 2**_FRACTION_BITS)
+        cv2.circle(
+            self.canvas, (u, v), large_radius, colour, thickness, cv2.LINE_AA, _FRACTION_BITS
+        )

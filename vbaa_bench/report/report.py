@@ -1,0 +1,129 @@
+"""Scores -> report.html and the figures of the README."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import jinja2
+import numpy as np
+import polars as pl
+import vl_convert as vlc
+
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_bytes, write_text
+from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.report import figures, gallery
+from vbaa_bench.score.layout import Results
+from vbaa_bench.score.overlay import overlay
+
+MOST_FAILURES = 100
+GALLERY_FRAMES = 6
+
+
+def report(results: Results) -> Path:
+    """Write the report of a scored dataset; the path of the page. Raises InputError."""
+    truth = open_truth(results.dataset.truth)
+    try:
+        scores = pl.read_parquet(results.scores / "scores.parquet")
+        summary = json.loads((results.scores / "summary.json").read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{results.scores}: holds no scores; score the dataset first") from error
+    methods = list(summary["methods"])
+    rig = truth.manifest["true_rig"]
+    length, rigidity = rig["beam_length_mm"], rig["flexural_rigidity_n_mm2"]
+    overlays = [overlay(results, truth, scores, name) for name in _chosen_frames(truth)]
+    speed = figures.speed_against_error(summary)
+    page = _template().render(
+        title=truth.manifest["scene"]["title"],
+        frames=truth.frames.height,
+        seed=truth.manifest["seed"],
+        variant=truth.manifest["variant"],
+        length_mm=f"{length:g}",
+        diameter_mm=f"{rig['beam_diameter_mm']:g}",
+        rigidity=rigidity,
+        methods=summary["methods"],
+        speed=_svg(speed),
+        fig8=[
+            (
+                _svg(figures.fig8_contact_distance(scores, name)),
+                _svg(figures.fig8_force(scores, name, length, rigidity)),
+            )
+            for name in methods
+        ],
+        errors=[_svg(figures.error_against_distance(scores, name)) for name in methods],
+        truth_colour=gallery.colour_name(gallery.TRUTH),
+        legend=[
+            (name, gallery.colour_name(colour))
+            for name, colour in zip(overlays[0].estimates, gallery.METHODS, strict=False)
+        ],
+        gallery=[
+            {
+                "title": seen.title,
+                "frame_id": seen.frame_id,
+                "strip": gallery.webp_uri(gallery.strip(seen)),
+                "close_up": gallery.webp_uri(gallery.close_up(seen)),
+            }
+            for seen in overlays
+        ],
+        **_failures(scores),
+        environment={**summary["machine"], **summary["versions"]},
+    )
+    target = results.report / "report.html"
+    try:
+        results.report.mkdir(parents=True, exist_ok=True)
+        write_text(target, page)
+        write_bytes(results.report / "speed_against_error.png", _png(speed))
+        _, picture = cv2.imencode(".png", _picture(overlays[-1]))
+        write_bytes(results.report / "overlay.png", bytes(picture))
+    except OSError as error:
+        raise InputError(f"{results.report}: cannot be written ({error.strerror})") from error
+    return target
+
+
+def _chosen_frames(truth: Truth) -> list[str]:
+    """Frames spread over deflection and contact distance, the most bent one last."""
+    ordered = truth.frames.sort(pl.col("deflection_pct").round(1), "x_c_mm")["frame_id"]
+    places = np.linspace(0, len(ordered) - 1, min(GALLERY_FRAMES, len(ordered)) + 1)[1:]
+    spread = dict.fromkeys(int(place) for place in np.linspace(0, len(ordered) - 1, len(places)))
+    return [ordered[place] for place in spread]
+
+
+def _failures(scores: pl.DataFrame) -> dict[str, Any]:
+    failed = scores.filter("failed").sort("method", "frame_id")
+    columns = ["method", "frame_id", "true_x_c_mm", "deflection_pct", "outcome", "message"]
+    rows = failed.select(columns).head(MOST_FAILURES).to_dicts()
+    return {"failures": rows, "more_failures": max(failed.height - MOST_FAILURES, 0)}
+
+
+def _picture(seen: Any) -> np.ndarray:
+    """The frame and its contact enlarged, side by side, for the README."""
+    wide, near = gallery.strip(seen), gallery.close_up(seen, scale=6)
+    height = max(len(wide), len(near))
+    canvases = []
+    for canvas in (wide, near):
+        padded = np.full((height, canvas.shape[1], 3), 255, np.uint8)
+        padded[: len(canvas)] = canvas
+        canvases.append(padded)
+    return np.hstack([canvases[0], np.full((height, 8, 3), 255, np.uint8), canvases[1]])
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vbaa_bench.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters["g"] = lambda value: "–" if value is None else f"{value:.3g}"
+    environment.filters["span"] = lambda pair: (
+        "–" if pair is None else f"{pair[0]:.3g} … {pair[1]:.3g}"
+    )
+    return environment.get_template("page.html.jinja")
+
+
+def _svg(chart: figures.Chart) -> str:
+    return str(vlc.vegalite_to_svg(chart.to_json()))
+
+
+def _png(chart: figures.Chart) -> bytes:
+    return bytes(vlc.vegalite_to_png(chart.to_json(), scale=2))

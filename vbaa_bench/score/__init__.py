@@ -1,0 +1,1 @@
+"""Running methods behind the truth wall, and judging what they answer."""

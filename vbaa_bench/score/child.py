@@ -1,0 +1,61 @@
+"""A method runs in a child process that is given a copy of the observations and nothing else."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.files import write_text
+from solver.instrument.observation import open_observations
+from solver.table import csv_text, row
+
+# A method that takes longer than this for a frame, repeats included, has given no answer [s].
+LONGEST_FRAME_S = 60
+
+
+def solve(observations: Path, method: str, out: Path, repeats: int) -> None:
+    """Write `out`, the CSV of a method's estimates for every frame of an observations tree.
+
+    A method that brings its process down, or never ends, gives a table in which every frame is
+    crashed. Raises InputError for a method that cannot be found, for observations that cannot
+    be opened, and for an unwritable `out`.
+    """
+    frames = open_observations(observations).frames
+    # One thread: times are of one core, whatever the machine.
+    alone = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+    python_path = os.pathsep.join([str(Path.cwd()), os.environ.get("PYTHONPATH", "")])
+    with tempfile.TemporaryDirectory(prefix="vbaa-solve-") as folder:
+        copy, answer = Path(folder) / "observations", Path(folder) / "answer.csv"
+        shutil.copytree(observations, copy)
+        command = [sys.executable, "-m", "solver", str(copy), "--method", method, "--quiet"]
+        command += ["--repeats", str(repeats), "--out", str(answer)]
+        try:
+            child = subprocess.run(
+                command,
+                cwd=folder,
+                env={**os.environ, **alone, "PYTHONPATH": python_path},
+                capture_output=True,
+                text=True,
+                timeout=LONGEST_FRAME_S * len(frames),
+                check=False,
+            )
+            status, said = child.returncode, child.stderr.strip()
+        except subprocess.TimeoutExpired:
+            status, said = None, "no answer in time"
+        if status == 2:
+            raise InputError(said.removeprefix("error: ").replace(folder + os.sep, ""))
+        if status == 0 and answer.is_file():
+            text = answer.read_text(encoding="utf-8")
+        else:
+            last = said.splitlines()[-1] if said else f"exit status {status}"
+            crashed = Estimate(Outcome.CRASHED, f"the method's process died: {last}")
+            text = csv_text([row(frame.frame_id, crashed, None) for frame in frames])
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_text(out, text)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror})") from error

@@ -1,0 +1,39 @@
+"""Where answers and judgements lie beside a dataset.
+
+DATASET/
+  predictions/<method>.csv      one row a frame, as solver/table.py says
+  scores/scores.parquet, scores.csv, summary.json
+  report/report.html and the figures of the README
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from vbaa_bench.dataset.layout import Layout
+
+
+@dataclass(frozen=True)
+class Results:
+    """Paths of a dataset's results."""
+
+    root: Path
+
+    @property
+    def dataset(self) -> Layout:
+        """The dataset itself."""
+        return Layout(self.root)
+
+    @property
+    def predictions(self) -> Path:
+        """What methods answered."""
+        return self.root / "predictions"
+
+    @property
+    def scores(self) -> Path:
+        """How they were judged."""
+        return self.root / "scores"
+
+    @property
+    def report(self) -> Path:
+        """The page and its figures."""
+        return self.root / "report"

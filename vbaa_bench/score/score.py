@@ -1,0 +1,49 @@
+"""Judge every predictions file of a dataset."""
+
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_bytes, write_text
+from vbaa_bench.dataset.readers import open_truth, verify
+from vbaa_bench.score.layout import Results
+from vbaa_bench.score.metrics import read_predictions, score_frames
+from vbaa_bench.score.summary import summarise
+
+
+def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
+    """Write scores.parquet, scores.csv and summary.json for named prediction files; the summary.
+
+    The dataset is checked against its hashes first. Raises InputError.
+    """
+    truth = open_truth(results.dataset.truth)
+    verify(results.dataset)
+    if not predictions:
+        raise InputError(f"{results.predictions}: holds no predictions; solve or name a file")
+    scores = pl.concat(
+        [
+            score_frames(truth, read_predictions(path), name, str(path))
+            for name, path in predictions.items()
+        ]
+    )
+    summary = summarise(scores)
+    parquet = io.BytesIO()
+    scores.write_parquet(parquet)
+    try:
+        results.scores.mkdir(parents=True, exist_ok=True)
+        write_bytes(results.scores / "scores.parquet", parquet.getvalue())
+        write_text(results.scores / "scores.csv", scores.write_csv())
+        write_text(results.scores / "summary.json", json.dumps(summary, indent=2) + "\n")
+    except OSError as error:
+        raise InputError(f"{results.scores}: cannot be written ({error.strerror})") from error
+    return summary
+
+
+def found_predictions(results: Results) -> dict[str, Path]:
+    """The prediction files that `solve` left beside the dataset, by method."""
+    return {path.stem: path for path in sorted(results.predictions.glob("*.csv"))}
