@@ -5,7 +5,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 
 
-def unit_deflection(x: Floats, x_c: Floats | float) -> Floats:
+def unit_deflection(x: Floats | float, x_c: Floats | float) -> Floats:
     """6 EI y / f [m^3] at distance x of a beam pushed at x_c [m]; both broadcast.
 
     Curved part (9): (3 x_c - x) x^2 up to the contact; linear part (10): (3 x - x_c) x_c^2.

@@ -3,12 +3,12 @@
 In a column, the pixels brighter than a threshold belong to the beam, and their mean row,
 weighted by how much of each the beam covers, is its centre. Cover is read off the gray
 value: (gray - background) / (beam - background). Cutting the faint flanks off makes the
-centre follow the pixel grid a little (an S-curve of period one pixel); that error is part
-of the method, and its size is added to each point's sigma.
+centre follow the pixel grid a little (an S-curve of period one pixel). That error is part of
+the method; its size is seen from what the flanks would have added, and goes into each sigma.
 """
 
+import cv2
 import numpy as np
-from scipy import ndimage
 
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats, Grey
@@ -20,8 +20,7 @@ THRESHOLD = 0.25
 # contrast and by this many sigmas of its background.
 LEAST_CONTRAST = 0.5
 LEAST_SIGNIFICANCE = 8.0
-# Root mean square of the S-curve for a line 1.6 px wide, cut at THRESHOLD [px].
-S_CURVE_RMS_PX = 0.05
+# A wider band is something else; the window about its middle holds it and its flanks.
 WIDEST_PX = 12
 
 
@@ -30,44 +29,58 @@ def area_weighted(image: Grey) -> Centreline:
 
     Columns in which no beam stands out are absent. Empty if there is none at all.
     """
-    gray = image.astype(np.float64)
-    columns = np.arange(gray.shape[1])
     # Every fourth row tells a column's background as well as all of them, and sooner.
-    some = gray[::4]
+    some = image[::4].astype(np.float64)
     background = np.median(some, axis=0)
     noise = 1.4826 * np.median(np.abs(some - background), axis=0) + 0.3  # 0.3: 8-bit rounding
-    contrast = gray.max(axis=0) - background
-    overall = np.quantile(contrast, 0.9)
-    seen = (contrast > LEAST_CONTRAST * overall) & (contrast > LEAST_SIGNIFICANCE * noise)
+    contrast = image.max(axis=0) - background
+    seen = contrast > np.maximum(
+        LEAST_CONTRAST * np.quantile(contrast, 0.9), LEAST_SIGNIFICANCE * noise
+    )
     if not seen.any():
         return Centreline(np.empty((0, 2)), np.empty(0))
+    band = _longest_band((image > background + THRESHOLD * contrast) & seen)
+    height = np.count_nonzero(band, axis=0)
+    columns = np.flatnonzero(seen & (height > 0) & (height <= WIDEST_PX))
+    rows = _window(np.argmax(band[:, columns], axis=0), image.shape[0])
+    inside = np.take_along_axis(band[:, columns], rows, axis=0)
+    gray = np.take_along_axis(image[:, columns], rows, axis=0).astype(np.float64)
+    cover = gray - background[columns]
 
-    above = (gray - background > THRESHOLD * contrast) & seen
-    beam = _largest_band(above)
-    cover = np.where(beam, gray - background, 0.0)
-    area = cover.sum(axis=0)
-    width = beam.sum(axis=0)
-    good = seen & (width > 0) & (width <= WIDEST_PX)
-    rows = np.arange(gray.shape[0], dtype=np.float64)[:, None]
-    safe = np.where(good, area, 1.0)
-    centre = (rows * cover).sum(axis=0) / safe
-    # d centre / d gray = (row - centre) / area; shot noise grows with the gray value.
-    lever = np.where(beam, rows - centre, 0.0)
-    variance = ((lever * _noise_of(gray, background, noise)) ** 2).sum(axis=0) / safe**2
-    sigma = np.sqrt(variance + S_CURVE_RMS_PX**2)
-    return Centreline(np.column_stack([columns, centre])[good], sigma[good])
+    centre, area = _mean_row(rows, np.where(inside, cover, 0.0))
+    flanks = cv2.dilate(inside.astype(np.uint8), np.ones((3, 1), np.uint8)) > 0
+    whole, _ = _mean_row(rows, np.where(flanks, cover, 0.0))
+    s_curve = _typical(whole - centre)
+    # d centre / d gray = (row - centre) / area; the variance of gray grows as that of shots does.
+    shots = np.maximum(gray, 1.0) / np.maximum(background[columns], 1.0)
+    lever = np.where(inside, rows - centre, 0.0) / area
+    variance = (lever**2 * shots).sum(axis=0) * noise[columns] ** 2
+    return Centreline(np.column_stack([columns, centre]), np.sqrt(variance + s_curve**2))
 
 
-def _largest_band(above: np.ndarray) -> np.ndarray:
+def _longest_band(above: np.ndarray) -> np.ndarray:
     """The connected region that spans the most columns: the beam, not a glint beside it."""
-    labels, count = ndimage.label(above, structure=np.ones((3, 3)))
+    count, labels, found, _ = cv2.connectedComponentsWithStats(above.astype(np.uint8))
     if count <= 1:
-        return np.asarray(labels > 0)
-    spans = [where[1].stop - where[1].start for where in ndimage.find_objects(labels)]
-    band: np.ndarray = labels == 1 + int(np.argmax(spans))
-    return band
+        return above
+    return np.asarray(labels == 1 + int(np.argmax(found[1:, cv2.CC_STAT_WIDTH])))
 
 
-def _noise_of(gray: Floats, background: Floats, noise: Floats) -> Floats:
-    """Gray-value sigma per pixel: variance proportional to gray, as shot noise is."""
-    return np.asarray(noise * np.sqrt(np.maximum(gray, 1.0) / np.maximum(background, 1.0)))
+def _window(first: np.ndarray, height: int) -> np.ndarray:
+    """Rows (n, columns) of a window that starts two pixels above a band's first row."""
+    size = min(WIDEST_PX + 4, height)
+    top = np.clip(first - 2, 0, height - size)
+    return np.asarray(top + np.arange(size)[:, None])
+
+
+def _typical(shift: Floats) -> float:
+    """Root mean square of shifts (n,); the largest twentieth, cut, may be an object's."""
+    if not len(shift):
+        return 0.0
+    size = np.abs(shift)
+    return float(np.sqrt(np.mean(np.minimum(size, np.quantile(size, 0.95)) ** 2)))
+
+
+def _mean_row(rows: np.ndarray, weight: Floats) -> tuple[Floats, Floats]:
+    area = weight.sum(axis=0)
+    return (rows * weight).sum(axis=0) / area, area

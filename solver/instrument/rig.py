@@ -134,8 +134,8 @@ def read_rig(path: Path) -> Rig:
         ),
         base_position=key.triple("base.position_mm") * mm,
         board=Chessboard(
-            columns=int(key.number("board.columns", low=3)),
-            rows=int(key.number("board.rows", low=3)),
+            columns=key.count("board.columns", low=3),
+            rows=key.count("board.rows", low=3),
             square=key.positive("board.square_mm") * mm,
         ),
         antenna_from_board=rigid(
@@ -175,6 +175,12 @@ class _Keys:
         if not _is_finite_number(value) or value < low:
             raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number >= {low:g}")
         return float(value)
+
+    def count(self, key: str, low: int) -> int:
+        value = self._value(key)
+        if not isinstance(value, int) or isinstance(value, bool) or value < low:
+            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a whole number >= {low}")
+        return value
 
     def positive(self, key: str) -> float:
         value = self._value(key)

@@ -7,6 +7,7 @@ the contact nor the tip to be visible.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,10 +19,10 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
-# Signal-to-noise ratio y_end sqrt(N) / sigma under which there is no contact, and under which
-# its place is only an interval (sigma of x_c above about a seventh of the length).
-NO_CONTACT_SNR = 5.0
-WEAK_CONTACT_SNR = 60.0
+# A bend is believed from this many of its own sigmas on.
+LEAST_SIGNIFICANCE = 5.0
+# A place known worse than this share of the beam's length is only an interval.
+WEAK_SIGMA = 1 / 7
 LEAST_POINTS = 8
 
 
@@ -32,14 +33,15 @@ def exact_fit(measurement: Measurement) -> Estimate:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"{len(points)} visible points, needed are {LEAST_POINTS}"
         )
-    snr = signal_to_noise(measurement)
-    if abs(snr) < NO_CONTACT_SNR:
-        return Estimate(Outcome.NO_CONTACT, f"deflection is {abs(snr):.1f} sigmas")
-    if snr < 0:
+    bend = _best_linear_bend(measurement)
+    if abs(bend.significance) < LEAST_SIGNIFICANCE:
+        return Estimate(Outcome.NO_CONTACT, f"a bend of {abs(bend.significance):.1f} sigmas")
+    if bend.significance < 0:
         return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")
-    start = _linear_start(measurement)
-    if start is None:
-        return Estimate(Outcome.INVALID, "no shape of a beam pushed at one point comes near")
+    # A start inside the model's domain, however steep the linear shape is.
+    lever = bend.x_c
+    q = min(6 * bend.amplitude, 1.6 / max(lever - points[:, 0].min(), lever) ** 2)
+    start = np.array([q, lever, 0.0, 0.0, 0.0])
 
     def residuals(p: Floats) -> Linearised | None:
         on_beam = points_on_exact_beam(measurement, p[:2], p[2:])
@@ -59,35 +61,37 @@ def exact_fit(measurement: Measurement) -> Estimate:
     assert on_beam is not None
     # Residuals larger than the stated sigmas widen the answer, smaller ones do not narrow it.
     widening = max(fit.chi2 / dof, 1.0) * correlation_length(on_beam[0])
-    return _answer(fit, dof, snr, measurement, widening)
+    return _answer(fit, dof, measurement, widening)
 
 
-def signal_to_noise(measurement: Measurement) -> float:
-    """Deflection at the far end of the visible beam over the sigma of its mean, signed."""
-    order = np.argsort(measurement.points[:, 0])
-    end = order[-max(len(order) // 20, 1) :]
-    sigma = float(np.median(np.linalg.norm(measurement.sigma_vectors, axis=1)))
-    return float(np.median(measurement.points[end, 1])) * math.sqrt(len(order)) / sigma
+@dataclass(frozen=True)
+class _Bend:
+    """The nearest linear beam: x_c [m], f / (6 EI) [1/m^2], and the latter over its sigma."""
+
+    x_c: float
+    amplitude: float
+    significance: float
 
 
-def _linear_start(measurement: Measurement) -> Floats | None:
-    """(q, lever, 0, 0, 0) of the best linear beam over a grid of contact distances."""
+def _best_linear_bend(measurement: Measurement) -> _Bend:
+    """Over a grid of contact distances, the amplitude by least squares, of either sign."""
     x, y = measurement.points.T
     distances = measurement.rig.beam.length * np.linspace(0.02, 1.0, 50)
     shapes = linear.unit_deflection(x[:, None], distances)
-    amplitude = (shapes * y[:, None]).sum(axis=0) / (shapes**2).sum(axis=0)
+    norm = (shapes**2).sum(axis=0)
+    amplitude = (shapes * y[:, None]).sum(axis=0) / norm
     misfit = ((y[:, None] - amplitude * shapes) ** 2).sum(axis=0)
-    misfit[amplitude <= 0] = np.inf
     best = int(np.argmin(misfit))
-    if not np.isfinite(misfit[best]):
-        return None
-    lever = float(distances[best])
-    # A start inside the model's domain, however steep the linear shape is.
-    q = min(6 * float(amplitude[best]), 1.6 / max(lever - x.min(), lever) ** 2)
-    return np.array([q, lever, 0.0, 0.0, 0.0])
+    # The points' own errors, and the clamp's offset and tilt, which move all points together.
+    weights = shapes[:, best] / norm[best]
+    sigma = np.linalg.norm(measurement.sigma_vectors, axis=1)
+    by_base = np.array([weights.sum(), weights @ x])
+    variance = (weights**2) @ sigma**2 + by_base @ measurement.base_covariance[1:, 1:] @ by_base
+    significance = float(amplitude[best] / np.sqrt(variance))
+    return _Bend(float(distances[best]), float(amplitude[best]), significance)
 
 
-def _answer(fit: Fit, dof: int, snr: float, measurement: Measurement, widening: float) -> Estimate:
+def _answer(fit: Fit, dof: int, measurement: Measurement, widening: float) -> Estimate:
     q, lever = (float(v) for v in fit.parameters[:2])
     beam_length, rigidity = measurement.rig.beam.length, measurement.rig.beam.flexural_rigidity
     tolerances = measurement.rig.tolerances
@@ -119,7 +123,7 @@ def _answer(fit: Fit, dof: int, snr: float, measurement: Measurement, widening: 
     if math.sqrt(covariance[0, 0]) > beam_length:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
     outcome = Outcome.CONTACT
-    if snr < WEAK_CONTACT_SNR:
+    if math.sqrt(covariance[0, 0]) > WEAK_SIGMA * beam_length:
         outcome = Outcome.WEAK_CONTACT
     elif at.s_c > beam_length - 2 * s_sigma:
         outcome = Outcome.TIP_CONTACT

@@ -67,7 +67,7 @@ def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
         kind, value = mistake["type"], mistake["input"]
         if kind == "extra_forbidden":
             known = _known_keys(key[:-1])
-            near = difflib.get_close_matches(str(key[-1]), known, n=1, cutoff=0.5)
+            near = difflib.get_close_matches(str(key[-1]), known, n=1, cutoff=0.7)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
             sentence = f"is an unknown key; {hint}"
         elif kind == "missing":
@@ -97,7 +97,7 @@ def _allowed(key: Sequence[Key]) -> str | None:
         values = node.get("enum", [node.get("const")])
         return f"allowed is one of {', '.join(map(str, values))}"
     bounds = [
-        f"{sign} {node[name]:g}"
+        f"{sign} {node[name]}"
         for name, sign in (
             ("exclusiveMinimum", ">"),
             ("minimum", ">="),
@@ -106,6 +106,8 @@ def _allowed(key: Sequence[Key]) -> str | None:
         )
         if name in node
     ]
+    if least := node.get("minLength", node.get("minItems")):
+        bounds.append(f"of at least {least}")
     words = {"integer": "a whole number", "number": "a number", "string": "a text"}
     words |= {"boolean": "true or false", "array": "a list", "object": "a mapping"}
     return f"allowed is {' '.join([words.get(node.get('type', ''), 'a value'), *bounds])}"

@@ -1,0 +1,29 @@
+"""World and antenna compute the beam by different roads; here they meet."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from solver.beam_models import exact
+from tests.simulated import BEAM
+from vbaa_bench.mechanics.planar import EquilibriumError, push
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.01, 0.235), st.floats(0.005, 0.45))
+def test_integrated_beam_lies_on_the_closed_form(distance: float, deflection: float) -> None:
+    try:
+        state = push(BEAM, distance, deflection=deflection)
+    except EquilibriumError:
+        assert distance > 0.2  # near the tip a large deflection slips off
+        return
+    q = state.force / BEAM.flexural_rigidity
+    at = exact.contact(q, state.moment / state.force)
+    assert at.x_c == pytest.approx(state.x_c, rel=1e-9)
+    assert at.y_c == pytest.approx(state.y_c, rel=1e-9)
+    assert at.s_c == pytest.approx(state.s_c, rel=1e-9)
+    assert at.theta_c == pytest.approx(state.theta_c, rel=1e-9)
+    x, y = state.centreline[:, 1], state.centreline[:, 2]
+    misfit, _, _ = exact.misfit(x, y, q, state.moment / state.force)
+    assert np.abs(misfit).max() < 1e-10 * BEAM.length

@@ -1,0 +1,174 @@
+"""The dataset: same seed, same bytes; whole or resumable; and it calibrates to its true camera."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from solver.estimate import estimate, set_up
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Outcome
+from solver.instrument.observation import open_observations
+from solver.methods import METHODS
+from solver.plane import on_plane
+from tests.conftest import SMALL_SCENE
+from vbaa_bench.dataset.exr import read_exr
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.readers import open_truth, verify
+from vbaa_bench.generate import generate
+from vbaa_bench.spec.load import load_scene
+
+
+def digests(root: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(root.rglob("*"))
+        if path.is_file()
+    }
+
+
+def quiet(_done: int, _total: int) -> None:
+    pass
+
+
+def test_two_workers_make_the_same_bytes_as_one(
+    dataset: Path, small_scene: Path, variant: str, tmp_path: Path
+) -> None:
+    generate(load_scene(small_scene), tmp_path / "two", variant, 2, quiet)
+    assert digests(tmp_path / "two") == digests(dataset)
+
+
+def test_an_interrupted_dataset_is_finished_to_the_same_bytes(
+    dataset: Path, small_scene: Path, variant: str, tmp_path: Path
+) -> None:
+    root = tmp_path / "half"
+    shutil.copytree(dataset, root)
+    layout = Layout(root)
+    layout.hashes.unlink()
+    layout.manifest.unlink()
+    shutil.rmtree(layout.shard(layout.observations, 1))  # its truth is there, its images are not
+    (root / ".shard_00001.part").mkdir()
+    kept = layout.shard(layout.observations, 0) / "metadata.csv"
+    written = kept.stat().st_mtime_ns
+    with pytest.raises(InputError, match="incomplete"):
+        open_observations(layout.observations)
+    with pytest.raises(InputError, match=r"manifest\.json"):
+        open_truth(layout.truth)
+    generate(load_scene(small_scene), root, variant, 1, quiet)
+    assert digests(root) == digests(dataset)
+    assert kept.stat().st_mtime_ns == written
+
+
+def test_a_complete_dataset_is_left_alone_and_another_scene_refused(
+    dataset: Path, small_scene: Path, variant: str
+) -> None:
+    before = digests(dataset)
+    generate(load_scene(small_scene), dataset, variant, 1, quiet)
+    with pytest.raises(InputError, match="another scene or seed"):
+        generate(load_scene(small_scene, seed=12), dataset, variant, 1, quiet)
+    with pytest.raises(InputError, match="something else"):
+        generate(load_scene(small_scene), small_scene.parent, variant, 1, quiet)
+    with pytest.raises(InputError, match="cannot be written"):
+        generate(load_scene(small_scene), small_scene / "below_a_file", variant, 1, quiet)
+    assert digests(dataset) == before
+
+
+def test_the_truth_is_complete(dataset: Path) -> None:
+    layout = Layout(dataset)
+    verify(layout)
+    truth = open_truth(layout.truth)
+    assert truth.frames.height == 4
+    assert truth.frames["residual"].max() < 1e-8  # type: ignore[operator]
+    assert not truth.frames["above_yield"].any()
+    names = {frame.frame_id for frame in open_observations(layout.observations)}
+    assert names == set(truth.frames["frame_id"])
+    assert truth.manifest["seed"] == 11
+    assert set(truth.manifest["versions"]) >= {"mitsuba", "numpy", "vbaa-bench"}
+    for row in truth.frames.iter_rows(named=True):
+        images = list(layout.truth.glob(f"shard_*/{row['frame_id']}.exr"))
+        found = read_exr(images[0])
+        assert found["radiance"].shape == (176, 512)
+        # Frictionless: the force is normal to the beam; its size is that of the vector.
+        assert np.linalg.norm(row["force_antenna_n"]) == pytest.approx(row["force_n"])
+        # In the world the object has not moved: the contact stays within a beam's radius and
+        # what the beam slides over it.
+        x, y, _ = row["contact_world_mm"]
+        rest = row["contact_distance_at_rest_mm"]
+        assert np.hypot(x - rest, y) < 0.4 * (1 + 1e-6) + 0.4 * np.radians(20)
+
+
+def test_calibration_returns_the_true_camera(dataset: Path) -> None:
+    layout = Layout(dataset)
+    antenna = set_up(open_observations(layout.observations))
+    true = open_truth(layout.truth).camera
+    found = antenna.calibration
+    assert found.camera.fx == pytest.approx(true.fx, rel=1e-3)
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(0.0, 0.24, 9), np.linspace(0, 0.05, 3)))
+    points = np.column_stack([x, y, np.zeros_like(x)])
+    back, _ = on_plane(found.camera, true.project(points), np.ones(len(x)))
+    assert np.abs(back - points[:, :2]).max() < 2.5e-5
+    assert abs(antenna.rest.slope) < 4 * np.sqrt(antenna.rest.covariance[1, 1])
+    assert abs(antenna.rest.offset) < 4 * np.sqrt(antenna.rest.covariance[0, 0]) + 1e-5
+
+
+def test_the_extracted_points_lie_on_the_true_centreline(dataset: Path) -> None:
+    layout = Layout(dataset)
+    observations, truth = open_observations(layout.observations), open_truth(layout.truth)
+    antenna = set_up(observations)
+    for frame in observations:
+        row = truth.frames.row(by_predicate=pl.col("frame_id") == frame.frame_id, named=True)
+        x, y = np.array(row["centreline_x_mm"]) / 1e3, np.array(row["centreline_y_mm"]) / 1e3
+        line: Floats = truth.camera.project(np.column_stack([x, y, np.zeros_like(x)]))
+        found = antenna.extract(frame.image())
+        error = found.points[:, 1] - np.interp(found.points[:, 0], line[:, 0], line[:, 1])
+        assert np.sqrt(np.mean(error**2)) < 0.08  # px
+        assert np.abs(error).max() < 0.4
+        assert len(error) > 440
+
+
+@pytest.mark.parametrize("method", sorted(METHODS))
+def test_estimates_agree_with_the_truth(dataset: Path, method: str) -> None:
+    layout = Layout(dataset)
+    observations, truth = open_observations(layout.observations), open_truth(layout.truth)
+    antenna = set_up(observations)
+    worst = {"two_point": 0.1, "exact_fit": 0.003}[method] * 0.24
+    for frame in observations:
+        row = truth.frames.row(by_predicate=pl.col("frame_id") == frame.frame_id, named=True)
+        answer = estimate(antenna, frame.image(), frame.motor_angle, METHODS[method])
+        assert answer.outcome is Outcome.CONTACT
+        error = answer.values["x_c_m"] - row["x_c_mm"] / 1e3
+        assert abs(error) < worst
+        if method == "exact_fit":
+            assert abs(error) < 5 * answer.sigma("x_c_m")
+            assert answer.values["force_n"] == pytest.approx(row["force_n"], rel=0.02)
+
+
+def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
+    variant: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "drawn.yaml"
+    text = SMALL_SCENE.replace("[100, 200]", "[150]").replace("[10, 20]", "[20]")
+    text += "tolerances: {true_rig: drawn, base_mm: 0.2, flexural_rigidity_pct: 3}\nlayers: []\n"
+    path.write_text(text, encoding="utf-8")
+    layout = generate(load_scene(path), tmp_path / "drawn", variant, 1, quiet)
+    truth = open_truth(layout.truth)
+    observations = open_observations(layout.observations)
+    rig = json.loads((layout.observations / "rig.json").read_text())
+    assert rig["base"] == {"position_mm": [0, 0, 0], "position_sigma_mm": 0.2}
+    true_base = np.array(truth.manifest["true_rig"]["base_position_mm"])
+    assert 0.01 < np.linalg.norm(true_base) < 1
+    assert not list(layout.truth.rglob("*.exr"))  # layers can be left out
+    encoder = observations.frames[0].motor_angle - np.radians(truth.frames["motor_angle_deg"][0])
+    assert 0 < abs(encoder) < np.radians(0.05)
+    answer = estimate(
+        set_up(observations), observations.frames[0].image(), 0.0, METHODS["exact_fit"]
+    )
+    row = truth.frames.row(0, named=True)
+    assert abs(answer.values["x_c_m"] - row["x_c_mm"] / 1e3) < 3 * answer.sigma("x_c_m")
+    assert abs(answer.values["force_n"] - row["force_n"]) < 3 * answer.sigma("force_n")
+    assert answer.sigma("force_n") > 0.03 * answer.values["force_n"]

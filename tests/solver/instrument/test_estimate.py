@@ -1,0 +1,30 @@
+import numpy as np
+import pytest
+
+from solver.instrument.estimate import Estimate, Outcome
+
+
+def test_values_and_outcome_must_agree() -> None:
+    with pytest.raises(ValueError, match="no contact"):
+        Estimate(Outcome.NO_CONTACT, values={"x_c_m": 0.1}, covariance=np.eye(1))
+    with pytest.raises(ValueError, match="contact"):
+        Estimate(Outcome.CONTACT)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_never_nan(bad: float) -> None:
+    with pytest.raises(ValueError, match="finite"):
+        Estimate(Outcome.CONTACT, values={"x_c_m": bad}, covariance=np.eye(1))
+    with pytest.raises(ValueError, match="finite"):
+        Estimate(Outcome.CONTACT, values={"x_c_m": 0.1}, covariance=np.full((1, 1), bad))
+
+
+def test_an_estimate_cannot_be_written_to() -> None:
+    estimate = Estimate(Outcome.CONTACT, values={"x_c_m": 0.1}, covariance=np.eye(1))
+    with pytest.raises(ValueError, match="read-only"):
+        estimate.covariance[0, 0] = 2.0
+    assert estimate.sigma("x_c_m") == 1.0
+
+
+def test_every_outcome_has_a_sentence() -> None:
+    assert all(outcome.sentence.endswith(".") for outcome in Outcome)

@@ -1,0 +1,58 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.instrument.errors import InputError
+from solver.instrument.rig import read_rig, rig_to_json
+from tests.simulated import rig
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    path.write_text(rig_to_json(rig(beam_length=1e-4, encoder=1e-3)))
+    found = read_rig(path)
+    assert rig_to_json(found) == path.read_text()
+    assert found.beam.length == rig().beam.length
+    assert found.beam.flexural_rigidity == pytest.approx(rig().beam.flexural_rigidity, rel=1e-11)
+    assert found.tolerances.encoder == pytest.approx(1e-3, rel=1e-11)
+    assert found.antenna_from_board == pytest.approx(np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "allowed"),
+    [
+        ("beam.length_mm", 0, "> 0"),
+        ("beam.length_mm", "240", "> 0"),
+        ("beam.deflects_towards", 0.5, "1 or -1"),
+        ("beam.diameter_mm", None, "> 0"),
+        ("base.position_mm", [0, 0], "three numbers"),
+        ("base.position_mm", [0, 0, float("nan")], "three numbers"),
+        ("encoder.sigma_deg", -1, ">= 0"),
+        ("board.columns", True, ">= 3"),
+        ("board.columns", 12.5, "whole"),
+    ],
+)
+def test_a_mistake_is_named(tmp_path: Path, key: str, value: object, allowed: str) -> None:
+    document = json.loads(rig_to_json(rig()))
+    section, name = key.split(".")
+    document[section][name] = value
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError) as caught:
+        read_rig(path)
+    for part in (str(path), key, allowed):
+        assert part in str(caught.value)
+
+
+def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        read_rig(tmp_path / "none.json")
+    path = tmp_path / "rig.json"
+    path.write_text("{")
+    with pytest.raises(InputError, match="not JSON"):
+        read_rig(path)
+    path.write_text("{}")
+    with pytest.raises(InputError, match="missing"):
+        read_rig(path)

@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solver.beam_models.linear import unit_deflection
+from solver.instrument.estimate import Estimate, Outcome
+from solver.methods.two_point import contact_distance, two_point
+from tests.simulated import BEAM, measurement
+
+EI = BEAM.flexural_rigidity
+PLACES = st.floats(0.004, 0.24)
+
+
+def one(x1: float, y1: float, x2: float, y2: float) -> float:
+    return float(contact_distance(*(np.array([v]) for v in (x1, y1, x2, y2)))[0])
+
+
+@given(PLACES, PLACES, PLACES, st.floats(1e-3, 10.0))
+def test_every_pair_on_a_linear_beam_gives_its_contact(
+    x1: float, x2: float, x_c: float, force: float
+) -> None:
+    x1, x2 = sorted((x1, x2))
+    if x2 < 1.05 * x1:
+        return
+    y1, y2 = (float(force / (6 * EI) * unit_deflection(x, x_c)) for x in (x1, x2))
+    # rho is flat where both points lie far beyond the contact: rounding grows by 1 / rho'.
+    step = 1e-5 * x_c
+
+    def rho(c: float) -> float:
+        return float(unit_deflection(x2, c) / unit_deflection(x1, c))
+
+    slope = (rho(x_c + step) - rho(x_c - step)) / (2 * step)
+    assert one(x1, y1, x2, y2) == pytest.approx(x_c, abs=1e-14 * rho(x_c) / slope + 1e-12)
+
+
+def test_equals_the_printed_equations() -> None:
+    f, x_c = 0.05, 0.12
+
+    def y(x: float) -> float:
+        return float(f / (6 * EI) * unit_deflection(x, x_c))
+
+    x1, x2 = 0.05, 0.10  # both curved: (15), and (14) for the force
+    y1, y2 = y(x1), y(x2)
+    printed = (x1**3 * y2 - x2**3 * y1) / (3 * (x1**2 * y2 - x2**2 * y1))
+    assert one(x1, y1, x2, y2) == pytest.approx(printed, rel=1e-12)
+    force = 6 * EI * (x2**2 * y1 - x1**2 * y2) / (x1**2 * x2**2 * (x2 - x1))
+    assert force == pytest.approx(f, rel=1e-12)
+    x1, x2 = 0.15, 0.23  # both straight: (19), and (18) with its last factor squared
+    y1, y2 = y(x1), y(x2)
+    printed = 3 * (x1 * y2 - x2 * y1) / (y2 - y1)
+    assert one(x1, y1, x2, y2) == pytest.approx(printed, rel=1e-12)
+    force = 2 * EI * (y2 - y1) ** 3 / (9 * (x2 - x1) * (x1 * y2 - x2 * y1) ** 2)
+    assert force == pytest.approx(f, rel=1e-12)
+    x1, x2 = 0.06, 0.20  # one each: the root of (20)
+    y1, y2 = y(x1), y(x2)
+    c = one(x1, y1, x2, y2)
+    cubic = y1 * c**3 - 3 * x2 * y1 * c**2 + 3 * x1**2 * y2 * c - x1**3 * y2
+    assert c == pytest.approx(x_c, rel=1e-12)
+    assert abs(cubic) < 1e-12 * y1 * c**3
+
+
+@given(PLACES, PLACES, st.floats(0.01, 40.0))
+def test_a_pair_without_a_solution_gives_none(x1: float, x2: float, rho: float) -> None:
+    x1, x2 = sorted((x1, x2))
+    if x2 < 1.05 * x1:
+        return
+    r = x2 / x1
+    x_c = one(x1, 1e-3, x2, 1e-3 * rho)
+    assert np.isnan(x_c) == (not r < rho < r**2)
+
+
+def linear_measurement(x_c: float, force: float, noise: float, seed: int = 0) -> Estimate:
+    x = np.arange(0.003, 0.24, 0.51e-3)
+    y = force / (6 * EI) * unit_deflection(x, x_c)
+    y = y + noise * np.random.default_rng(seed).standard_normal(len(x))
+    return two_point(measurement(np.column_stack([x, y]), max(noise, 1e-9)))
+
+
+@pytest.mark.parametrize("x_c", [0.06, 0.12, 0.21])
+def test_is_exact_on_a_noise_free_linear_beam(x_c: float) -> None:
+    answer = linear_measurement(x_c, 0.05, noise=0.0)
+    assert answer.values["x_c_m"] == pytest.approx(x_c, rel=1e-9)
+    assert answer.values["force_n"] == pytest.approx(0.05, rel=1e-9)
+
+
+def test_its_covariance_is_that_of_the_noise() -> None:
+    # Noise small enough that every pair keeps its solution: the mean is then linear in it.
+    found = np.array(
+        [list(linear_measurement(0.12, 0.05, 2e-8, seed).values.values()) for seed in range(60)]
+    )
+    answer = linear_measurement(0.12, 0.05, 2e-8)
+    stated = [answer.sigma(name) for name in ("x_c_m", "force_n")]
+    assert found.std(axis=0, ddof=1) == pytest.approx(stated, rel=0.3)  # 60 trials: +-9 % per sigma
+
+
+def test_too_few_pairs_are_invalid() -> None:
+    points = np.column_stack([np.linspace(0.01, 0.2, 20), np.linspace(0.2, 0.01, 20)])
+    assert two_point(measurement(points, 1e-5)).outcome is Outcome.INVALID
+    assert two_point(measurement(np.empty((0, 2)), 1e-5)).outcome is Outcome.INVALID

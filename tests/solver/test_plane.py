@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from solver.instrument.camera import Camera
+from solver.instrument.transforms import apply, camera_looking_at, invert, rigid, turn_about_z
+from solver.plane import on_plane
+
+
+def camera() -> Camera:
+    pose = camera_looking_at(np.array([0.12, 0.02, 0.36]), np.array([0.125, 0.01, 0.0]), 0.02)
+    return Camera(512, 400, 700, 700, 250.0, 205.0, pose)
+
+
+def test_points_on_the_plane_come_back() -> None:
+    random = np.random.default_rng(0)
+    points = np.column_stack([random.uniform(0, 0.24, 50), random.uniform(-0.05, 0.05, 50)])
+    pixels = camera().project(np.column_stack([points, np.zeros(50)]))
+    found, _ = on_plane(camera(), pixels, np.ones(50))
+    assert found == pytest.approx(points, abs=1e-15)
+
+
+def test_sigma_vectors_are_the_derivative_by_the_image_row() -> None:
+    pixels, step = np.array([[30.0, 200.0], [400.0, 90.0]]), 1e-4
+    _, vectors = on_plane(camera(), pixels, np.array([1.0, 2.0]))
+    down = np.array([0.0, step])
+    ahead, _ = on_plane(camera(), pixels + down, np.ones(2))
+    behind, _ = on_plane(camera(), pixels - down, np.ones(2))
+    slope = (ahead - behind) / (2 * step)
+    assert vectors == pytest.approx(slope * [[1.0], [2.0]], rel=1e-7)
+
+
+def test_the_camera_sees_x_to_the_right_and_y_up() -> None:
+    origin, right, up = camera().project(np.array([[0.1, 0, 0], [0.11, 0, 0], [0.1, 0.01, 0]]))
+    assert right[0] > origin[0] + 10
+    assert up[1] < origin[1] - 10
+
+
+def test_transforms_invert_and_turn() -> None:
+    pose = rigid(np.array([0.3, -0.2, 0.5]), np.array([1.0, 2.0, 3.0]))
+    points = np.random.default_rng(1).standard_normal((5, 3))
+    assert apply(invert(pose), apply(pose, points)) == pytest.approx(points)
+    quarter = apply(turn_about_z(np.pi / 2), np.array([[1.0, 0.0, 5.0]]))
+    assert quarter == pytest.approx(np.array([[0.0, 1.0, 5.0]]))
+    with pytest.raises(ValueError, match="along the beam"):
+        camera_looking_at(np.zeros(3), np.array([1.0, 0, 0]), 0.0)

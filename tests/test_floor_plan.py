@@ -1,0 +1,115 @@
+"""The house as design says it: who may import whom."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+# Top floor first; rooms that share a floor do not know each other, but for those of one name.
+FLOORS: list[set[str]] = [
+    {"cli"},
+    {"report"},
+    {"score", "checks"},
+    {"generate"},
+    {"plan", "studio", "workers"},
+    {"dataset", "render", "sensor"},
+    {"geometry"},
+    {"spec", "mechanics"},
+]
+# Only these may use the solver beyond its words.
+CALLERS_OF_THE_SOLVER = {"score", "checks", "cli"}
+HEAVY = {"mitsuba", "drjit", "trimesh", "OpenEXR", "polars", "altair", "pydantic", "ruamel"}
+
+
+def modules(package: str) -> list[Path]:
+    found = sorted((ROOT / package).rglob("*.py"))
+    assert found
+    return found
+
+
+def imports(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} imports relatively"
+            names.add(str(node.module))
+    return names
+
+
+def room(module: str) -> str:
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else ""
+
+
+def floor(name: str) -> int:
+    return next(i for i, rooms in enumerate(FLOORS) if name in rooms)
+
+
+@pytest.mark.parametrize("path", modules("solver"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_the_antenna_knows_neither_the_world_nor_its_tools(path: Path) -> None:
+    tops = {name.split(".")[0] for name in imports(path)}
+    assert not tops & (HEAVY | {"vbaa_bench"})
+    assert "vbaa_bench" not in path.read_text(encoding="utf-8")
+    if "instrument" in path.parts:
+        own = {name for name in imports(path) if name.startswith("solver")}
+        assert all(name.startswith("solver.instrument") for name in own)
+
+
+@pytest.mark.parametrize("path", modules("vbaa_bench"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_modules_import_only_downward(path: Path) -> None:
+    here = path.relative_to(ROOT / "vbaa_bench").parts[0].removesuffix(".py")
+    for name in imports(path):
+        if name.startswith("vbaa_bench") and here != "__init__" and room(name) != here:
+            assert floor(room(name)) > floor(here), f"{here} imports {name}"
+        if name.startswith("solver") and here not in CALLERS_OF_THE_SOLVER:
+            assert name.startswith("solver.instrument"), f"{here} imports {name}"
+        if name.split(".")[0] in {"mitsuba", "drjit"}:
+            assert here == "render", f"{here} imports {name}"
+        assert not name.startswith("solver.beam_models"), "world and antenna share no physics"
+
+
+def test_each_tree_is_opened_in_one_place() -> None:
+    def definers(function: str) -> list[str]:
+        found = []
+        for package in ("solver", "vbaa_bench"):
+            for path in modules(package):
+                tree = ast.parse(path.read_text(encoding="utf-8"))
+                if any(isinstance(n, ast.FunctionDef) and n.name == function for n in tree.body):
+                    found.append(str(path.relative_to(ROOT)))
+        return found
+
+    assert definers("open_observations") == ["solver/instrument/observation.py"]
+    assert definers("open_truth") == ["vbaa_bench/dataset/readers.py"]
+    for path in modules("solver"):
+        assert "open_truth" not in path.read_text(encoding="utf-8")
+
+
+_WITHOUT = """
+import sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {names!r}:
+            raise ModuleNotFoundError(name + " is not installed here", name=name)
+
+sys.meta_path.insert(0, Absent())
+from solver.__main__ import main
+main()
+"""
+
+
+def test_the_solver_runs_without_the_world(dataset: Path, tmp_path: Path) -> None:
+    # typer itself brings pydantic.
+    code = _WITHOUT.format(names=(HEAVY - {"pydantic"}) | {"vbaa_bench"})
+    out = tmp_path / "estimates.csv"
+    command = [sys.executable, "-c", code, str(dataset / "observations"), "--out", str(out)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "exact_fit" in done.stdout
+    assert len(out.read_text(encoding="utf-8").splitlines()) == 5

@@ -1,0 +1,44 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.instrument.errors import InputError
+from vbaa_bench.dataset.exr import CHANNELS, read_exr, write_exr
+
+
+def test_layers_come_back_also_from_strided_arrays(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    # Transposed, flipped and sliced: OpenEXR itself would write these wrong without a word.
+    layers: dict[str, np.ndarray] = {
+        "radiance": random.random((40, 30)).astype(np.float16).T,
+        "arc_length": random.random((60, 40)).astype(np.float32)[::2, ::-1],
+        "depth": random.random((30, 80)).astype(np.float32)[:, ::2],
+        "object_index": random.integers(0, 2**32, (30, 40), dtype=np.uint32)[::-1],
+        "beam_mask": np.asfortranarray(random.integers(0, 2, (30, 40)).astype(np.float16)),
+    }
+    assert not layers["depth"].flags.c_contiguous
+    path = tmp_path / "layers.exr"
+    write_exr(path, layers)
+    found = read_exr(path)
+    assert set(found) == set(CHANNELS)
+    for name, values in layers.items():
+        assert found[name].dtype == CHANNELS[name][1]
+        assert (found[name] == values).all(), name
+
+
+def test_the_same_layers_give_the_same_bytes(tmp_path: Path) -> None:
+    layers = {"depth": np.arange(12, dtype=np.float32).reshape(3, 4)}
+    for name in ("a.exr", "b.exr"):
+        write_exr(tmp_path / name, layers)
+    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
+
+
+def test_broken_files_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "layers.exr"
+    write_exr(path, {"depth": np.random.default_rng(0).random((64, 64)).astype(np.float32)})
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(InputError, match=r"layers\.exr"):
+        read_exr(path)
+    with pytest.raises(InputError, match=r"none\.exr"):
+        read_exr(tmp_path / "none.exr")

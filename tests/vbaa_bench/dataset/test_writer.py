@@ -1,0 +1,62 @@
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from solver.instrument.files import write_bytes
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.writer import ShardWriter
+
+
+def everything_below(root: Path) -> list[str]:
+    return sorted(str(path.relative_to(root)) for path in root.rglob("*"))
+
+
+def test_a_shard_appears_whole_in_both_trees(tmp_path: Path) -> None:
+    layout = Layout(tmp_path)
+    for tree in (layout.observations, layout.truth):
+        tree.mkdir()
+    with ShardWriter(layout, 3) as writer:
+        image = np.full((4, 5), 7, np.uint8)
+        writer.add("abc", image, 0.5, {"x_c_mm": 1.25}, {"depth": np.ones((4, 5))})
+        assert everything_below(layout.observations) == []
+    assert everything_below(tmp_path) == [
+        "observations",
+        "observations/shard_00003",
+        "observations/shard_00003/abc.png",
+        "observations/shard_00003/metadata.csv",
+        "truth",
+        "truth/shard_00003",
+        "truth/shard_00003/abc.exr",
+        "truth/shard_00003/truth.parquet",
+    ]
+    row = pl.read_parquet(tmp_path / "truth/shard_00003/truth.parquet").row(0, named=True)
+    assert row == {"frame_id": "abc", "x_c_mm": 1.25}
+
+
+def test_an_interrupted_shard_leaves_nothing(tmp_path: Path) -> None:
+    layout = Layout(tmp_path)
+
+    def interrupted() -> None:
+        with ShardWriter(layout, 0) as writer:
+            writer.add("abc", np.zeros((4, 5), np.uint8), 0.5, {"x_c_mm": 1.25}, {})
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert everything_below(tmp_path) == []
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "file"
+    write_bytes(path, b"old")
+
+    def full_disk(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full_disk)
+    with pytest.raises(OSError, match="No space"):
+        write_bytes(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert everything_below(tmp_path) == ["file"]

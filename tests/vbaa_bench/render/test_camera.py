@@ -1,0 +1,103 @@
+"""The first render test: Mitsuba's picture of a point lies where OpenCV projects it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+from solver.instrument.transforms import camera_looking_at
+from vbaa_bench.geometry.objects import sheet
+from vbaa_bench.render.picture import even_picture
+from vbaa_bench.render.variant import activate
+from vbaa_bench.render.world import Lamp, RenderUnit, Surface, World
+
+POINTS = np.array(
+    [
+        [0.02, -0.03, 0.0],
+        [0.12, 0.02, 0.0],
+        [0.23, 0.05, 0.0],
+        [0.05, 0.06, 0.02],
+        [0.2, -0.05, -0.03],
+    ]
+)
+
+
+def skewed_camera() -> Camera:
+    pose = camera_looking_at(np.array([0.1, 0.05, 0.36]), np.array([0.13, 0.0, 0.0]), 0.3)
+    # Not square, and its principal point well off the middle, each way by another amount.
+    return Camera(320, 256, 400.0, 400.0, 170.3, 115.8, pose)
+
+
+def picture_of_points(camera: Camera, scale: float = 1.0) -> Floats:
+    """White squares about POINTS, facing an even light on the camera's side, all lengths scaled."""
+    squares = [sheet(point * scale, 0.003 * scale, 1) for point in POINTS]
+    marks = trimesh.Trimesh(
+        np.vstack([square.vertices for square in squares]),
+        np.vstack([square.faces + 4 * i for i, square in enumerate(squares)]),
+        process=False,
+    )
+    pose = camera.camera_from_antenna.copy()
+    pose[:3, 3] *= scale
+    scaled = Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose)
+    lamp = Lamp(sheet(np.array([0.12, 0.0, 0.6]) * scale, 2.0 * scale, -1))
+    unit = RenderUnit(0.4e-3 * scale, np.array([0.12, 0.0, 0.0]) * scale)
+    world = World(scaled, lamp, {"marks": Surface(marks, 0.9)}, unit)
+    return even_picture(world, 256, 1)
+
+
+def centroids(image: Floats, expected: Floats) -> Floats:
+    found = []
+    for u, v in np.rint(expected).astype(int):
+        part = image[v - 9 : v + 10, u - 9 : u + 10]
+        rows, columns = np.mgrid[v - 9 : v + 10, u - 9 : u + 10]
+        found.append([(columns * part).sum() / part.sum(), (rows * part).sum() / part.sum()])
+    return np.array(found)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _renderer(variant: str) -> None:
+    activate(variant, 2)
+
+
+def test_mitsuba_sees_what_opencv_projects() -> None:
+    camera = skewed_camera()
+    rotation, _ = cv2.Rodrigues(camera.camera_from_antenna[:3, :3])
+    expected, _ = cv2.projectPoints(
+        POINTS, rotation, camera.camera_from_antenna[:3, 3], camera.matrix, np.zeros(5)
+    )
+    pixels = np.asarray(expected, dtype=np.float64).reshape(-1, 2)
+    assert camera.project(POINTS) == pytest.approx(pixels, abs=1e-9)
+    # Half a pixel, a mirrored axis or a wrong sign would show as 0.5 px and more; perspective
+    # within a square, and the light's gradient over it, as a few thousandths.
+    error = centroids(picture_of_points(camera), pixels) - pixels
+    assert np.abs(error).max() < 0.01
+
+
+def test_the_unit_of_length_does_not_matter() -> None:
+    camera = skewed_camera()
+    one, small = picture_of_points(camera), picture_of_points(camera, scale=1e-4)
+    # The same rays up to rounding: a few edge samples may fall to the other side.
+    assert np.abs(small - one).max() < 0.05 * one.max()
+    assert np.abs(small - one).mean() < 1e-5 * one.max()
+
+
+def test_an_unusable_llvm_is_survived(tmp_path: Path) -> None:
+    """A library that is no LLVM: the probe says so, and the plain variant is chosen."""
+    code = (
+        "from vbaa_bench.render.variant import choose, probe, FAST\n"
+        "print(probe(FAST).works, choose().variant)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={"PATH": "/usr/bin:/bin", "DRJIT_LIBLLVM_PATH": str(tmp_path / "none.so")},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["False", "scalar_rgb"]

@@ -1,0 +1,217 @@
+"""The judge: truth scores zero, failures count, nothing of the truth reaches a method."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from solver.instrument.errors import InputError
+from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.score.child import solve
+from vbaa_bench.score.layout import Results
+from vbaa_bench.score.metrics import read_predictions
+from vbaa_bench.score.score import score
+from vbaa_bench.score.summary import median_interval
+
+
+@pytest.fixture
+def results(dataset: Path, tmp_path: Path) -> Results:
+    shutil.copytree(dataset, tmp_path / "small")
+    return Results(tmp_path / "small")
+
+
+def truth_table(results: Results) -> pl.DataFrame:
+    frames = open_truth(results.dataset.truth).frames
+    return frames.select("frame_id", "x_c_mm", "s_c_mm", "force_n")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_the_truth_scores_zero(results: Results, suffix: str) -> None:
+    path = results.root / f"oracle{suffix}"
+    table = truth_table(results).sample(fraction=1, shuffle=True, seed=1)  # joined by id, not order
+    if suffix == ".csv":
+        table.write_csv(path)
+    else:
+        table.write_parquet(path)
+    found = score(results, {"oracle": path})["methods"]["oracle"]
+    assert found["n"] == 4
+    assert found["failure_rate"] == 0
+    for name in ("x_c_rmse_pct_L", "x_c_median_abs_pct_L", "x_c_p95_abs_pct_L", "s_c_rmse_pct_L"):
+        assert found[name] == 0
+    assert found["force_rmse_pct"] == 0
+    assert found["ms_per_frame_median"] is None
+
+
+def test_errors_are_what_they_say(results: Results) -> None:
+    off = truth_table(results).with_columns(pl.col("x_c_mm") + 2.4, pl.col("force_n") * 0.9)
+    path = results.root / "off.csv"
+    off.write_csv(path)
+    found = score(results, {"off": path})["methods"]["off"]
+    assert found["x_c_rmse_pct_L"] == pytest.approx(1.0)
+    assert found["x_c_median_abs_pct_L"] == pytest.approx(1.0)
+    assert found["force_rmse_pct"] == pytest.approx(10.0)
+
+
+def test_missing_and_unusable_answers_are_failures(results: Results) -> None:
+    table = truth_table(results).with_columns(outcome=pl.lit("contact"))
+    ids = table["frame_id"]
+    holey = table.filter(pl.col("frame_id") != ids[0]).with_columns(
+        x_c_mm=pl.when(pl.col("frame_id") == ids[1]).then(float("nan")).otherwise("x_c_mm"),
+        force_n=pl.when(pl.col("frame_id") == ids[1]).then(float("inf")).otherwise("force_n"),
+        outcome=pl.when(pl.col("frame_id") == ids[2])
+        .then(pl.lit("no contact"))
+        .otherwise("outcome"),
+    )
+    path = results.root / "holey.csv"
+    holey.write_csv(path)
+    found = score(results, {"holey": path})["methods"]["holey"]
+    assert (found["n"], found["failure_rate"], found["x_c_rmse_pct_L"]) == (4, 0.75, 0.0)
+    scores = pl.read_parquet(results.scores / "scores.parquet")
+    assert scores.height == 4
+    missing = scores.row(by_predicate=pl.col("frame_id") == ids[0], named=True)
+    assert missing["outcome"] == "crashed"
+    assert missing["message"] == "no prediction for this frame"
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (pl.DataFrame({"x_c_mm": [1.0]}), "frame_id is missing"),
+        (pl.DataFrame({"frame_id": ["a"], "y": [1.0]}), "x_c_mm and force_n are both missing"),
+        (pl.DataFrame({"frame_id": ["a"], "x_c_mm": ["near"]}), "not hold numbers"),
+        (pl.DataFrame({"frame_id": ["a", "a"], "x_c_mm": [1.0, 1.0]}), "more than once"),
+        (pl.DataFrame({"frame_id": ["a"], "x_c_mm": [1.0]}), "not of this dataset"),
+        (
+            pl.DataFrame({"frame_id": "OWN", "x_c_mm": [1.0], "outcome": ["won"]}),
+            "'won' is unknown",
+        ),
+    ],
+)
+def test_unusable_predictions_are_refused(results: Results, table: pl.DataFrame, said: str) -> None:
+    own = truth_table(results)["frame_id"][0]
+    path = results.root / "bad.csv"
+    table.with_columns(pl.col(pl.String).replace("OWN", own)).write_csv(path)
+    with pytest.raises(InputError, match=r"bad\.csv") as caught:
+        score(results, {"bad": path})
+    assert said in str(caught.value)
+    assert not results.scores.exists()
+    with pytest.raises(InputError, match="not a CSV"):
+        read_predictions(results.root / "none.csv")
+
+
+BAD_METHODS = """
+import os
+from solver.methods import METHODS
+
+def raises(measurement):
+    raise RuntimeError("no idea")
+
+def returns_nothing(measurement):
+    return None
+
+def dies(measurement):
+    os._exit(9)
+
+def sometimes(measurement, count=[0]):
+    count[0] += 1
+    if count[0] % 2:
+        raise ZeroDivisionError("every second time")
+    return METHODS["exact_fit"](measurement)
+
+def looks_for_truth(measurement):
+    import pathlib, sys
+    here = pathlib.Path(sys.argv[1])
+    names = sorted(p.name for p in here.parent.rglob("*") if "truth" in p.name or "scene" in p.name)
+    raise LookupError(f"found {names}")
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "failed", "said"),
+    [
+        ("raises", 4, "RuntimeError: no idea"),
+        ("returns_nothing", 4, "returned NoneType"),
+        ("dies", 4, "process died"),
+        ("sometimes", 2, "ZeroDivisionError"),
+        ("looks_for_truth", 4, "found []"),
+    ],
+)
+def test_a_method_that_fails_is_rows_with_an_outcome(
+    results: Results, monkeypatch: pytest.MonkeyPatch, method: str, failed: int, said: str
+) -> None:
+    (results.root.parent / "bad_methods.py").write_text(BAD_METHODS, encoding="utf-8")
+    monkeypatch.chdir(results.root.parent)
+    out = results.predictions / "mine.csv"
+    solve(results.dataset.observations, f"bad_methods:{method}", out, 1)
+    found = score(results, {"mine": out})["methods"]["mine"]
+    assert found["n"] == 4
+    assert found["failure_rate"] == failed / 4
+    scores = pl.read_csv(results.scores / "scores.csv")
+    assert scores.filter("failed")["outcome"].unique().to_list() == ["crashed"]
+    assert all(said in message for message in scores.filter("failed")["message"])
+
+
+def test_canary_a_changed_truth_changes_no_estimate(results: Results) -> None:
+    before, after = results.root / "before.csv", results.root / "after.csv"
+
+    def estimates(path: Path) -> pl.DataFrame:
+        solve(results.dataset.observations, "exact_fit", path, 1)
+        return pl.read_csv(path).drop("image_ms")  # the clock is no estimate
+
+    first = estimates(before)
+    for path in results.dataset.truth.rglob("*"):
+        if path.suffix == ".parquet":
+            table = pl.read_parquet(path)
+            table.with_columns(pl.col("x_c_mm") * 2, pl.col("force_n") * 3).write_parquet(path)
+        elif path.is_file():
+            path.write_bytes(b"canary")
+    assert estimates(after).equals(first)
+    shutil.rmtree(results.dataset.truth)
+    assert estimates(after).equals(first)
+
+
+def test_the_observations_hold_nothing_of_the_truth(results: Results) -> None:
+    names = {
+        p.relative_to(results.dataset.observations).parts[-1]
+        for p in results.dataset.observations.rglob("*")
+        if p.is_file()
+    }
+    kinds = {name.split("_")[0] if "_" in name else Path(name).suffix or name for name in names}
+    assert kinds == {".png", "view", "rest", "rig.json", "hashes.json", "metadata.csv"} - {
+        "rig.json",
+        "hashes.json",
+        "metadata.csv",
+    } | {".json", ".csv"}
+    for path in results.dataset.observations.rglob("*.png"):
+        chunks = path.read_bytes()
+        assert all(kind not in chunks for kind in (b"tEXt", b"iTXt", b"zTXt", b"tIME", b"eXIf"))
+    rig = json.loads((results.dataset.observations / "rig.json").read_text())
+    assert set(rig) == {"beam", "base", "board", "encoder"}
+    for path in results.dataset.observations.rglob("metadata.csv"):
+        assert path.read_text().splitlines()[0] == "file_name,frame_id,motor_angle_deg"
+
+
+def test_a_changed_file_is_noticed(results: Results) -> None:
+    path = results.root / "oracle.csv"
+    truth_table(results).write_csv(path)
+    victim = next(results.dataset.observations.glob("shard_*/*.png"))
+    data = bytearray(victim.read_bytes())
+    data[len(data) // 2] ^= 1
+    victim.write_bytes(bytes(data))
+    with pytest.raises(InputError, match=victim.name):
+        score(results, {"oracle": path})
+
+
+def test_intervals_of_the_median() -> None:
+    values = np.random.default_rng(0).normal(5, 1, 400)
+    found = median_interval(values)
+    assert found is not None
+    low, high = found
+    assert low < np.median(values) < high
+    # The median's standard error for a normal sample: 1.253 sigma / sqrt(n).
+    assert high - low == pytest.approx(2 * 1.96 * 1.253 / 20, rel=0.35)
+    assert median_interval(np.array([1.0])) is None
+    assert median_interval(np.full(5, 2.0)) == [2.0, 2.0]

@@ -1,0 +1,115 @@
+from pathlib import Path
+
+import pytest
+
+from solver.instrument.errors import InputError
+from tests.conftest import SMALL_SCENE
+from vbaa_bench.plan import plan
+from vbaa_bench.spec.load import load_scene
+
+SCENES = sorted((Path(__file__).parents[3] / "scenes").rglob("*.yaml"))
+
+
+def complaints(tmp_path: Path, text: str) -> list[str]:
+    path = tmp_path / "scene.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        plan(load_scene(path))
+    return str(caught.value).replace(str(tmp_path) + "/", "").splitlines()
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_every_scene_is_possible(path: Path) -> None:
+    work = plan(load_scene(path))
+    assert work.frames >= 27
+    assert all(state.residual < 1e-8 for state in work.equilibria.values())
+
+
+def test_fig8_is_the_papers_experiment() -> None:
+    path = next(path for path in SCENES if path.stem == "fig8_rigid")
+    work = plan(load_scene(path))
+    assert work.frames == 270
+    angles = [state.pushing_angle for state in work.equilibria.values()]
+    assert 0.03 < min(angles) < max(angles) < 0.2  # about 2 to 11 degrees
+    for push, state in work.equilibria.items():
+        assert state.tip[1] / state.beam.length == pytest.approx(push.deflection, rel=1e-12)
+
+
+def test_every_mistake_is_listed_at_its_place(tmp_path: Path) -> None:
+    text = """title: ''
+seed: -1
+beam:
+  lenght_mm: 240
+  diameter_mm: 0
+camera: {roll_deg: abc}
+sensor:
+  bits: 9
+pushes:
+  contact_distance_mm: [60, -1]
+  deflection_pct: [10]
+layers: [dept]
+extra: 1
+"""
+    found = complaints(tmp_path, text)
+    assert found == [
+        "scene.yaml:1:1: title is '', allowed is a text of at least 1",
+        "scene.yaml:2:1: seed is -1, allowed is a whole number >= 0 < 9223372036854775808",
+        "scene.yaml:10:29: pushes.contact_distance_mm[1] is -1, allowed is a number > 0",
+        "scene.yaml:5:3: beam.diameter_mm is 0, allowed is a number > 0",
+        "scene.yaml:4:3: beam.lenght_mm is an unknown key; did you mean length_mm?",
+        "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number >= -180 <= 180",
+        "scene.yaml:8:3: sensor.bits is 9, allowed is one of 8",
+        "scene.yaml:12:10: layers[0] is 'dept', allowed is one of radiance, beam_mask, "
+        "arc_length, depth, object_index",
+        "scene.yaml:13:1: extra is an unknown key; known are title, seed, pushes, beam, "
+        "tolerances, camera, calibration, light, background, object, hub, sensor, render, layers, "
+        "frames_per_shard",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[100, 200]", "[100, 240]", "contact_distance_mm[1] is 240, allowed is > 0 and before"),
+        ("[100, 200]", "[100, 239.9]", "slips off"),
+        ("height_px: 176", "height_px: 60", "does not see the whole beam"),
+        ("[10, 20]", "[10, 59]", "MPa; push less, or set allow_above_yield: true"),
+        ("rows: 5", "rows: 6", "one must be even and one odd"),
+        ("deflection_pct: [10, 20]", "repeats: 2", "exactly one of deflection_pct and"),
+        ("deflection_pct: [10, 20]", "deflection_pct: []", "is empty"),
+        ("title: Four pushes for the tests\n", "", "title is missing"),
+        ("seed: 11", "seed: 11\nseed: 12", "is not YAML"),
+        ("pushes:", "pushes: [", "is not YAML"),
+        ("seed: 11", "seed: .nan", "seed is nan"),
+        ("seed: 11", "seed: yes", "seed is 'yes'"),  # YAML 1.2: yes is a text
+    ],
+)
+def test_impossible_scenes_are_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
+    text = SMALL_SCENE
+    if "push less" in said:  # the whole beam in view, and a contact near the clamp
+        text = text.replace("[100, 200]", "[20, 100]").replace("height_px: 176", "height_px: 500")
+    found = complaints(tmp_path, text.replace(old, new))
+    assert any(said in line for line in found), found
+    assert all(line.startswith("scene.yaml:") for line in found)
+
+
+def test_above_yield_is_allowed_when_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    text = SMALL_SCENE.replace("[100, 200]", "[20]").replace("[10, 20]", "[40]")
+    text = text.replace("height_px: 176", "height_px: 400")
+    path.write_text(text + "beam: {allow_above_yield: true}\n", encoding="utf-8")
+    assert plan(load_scene(path)).frames == 1
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        load_scene(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_scene(tmp_path)
+    path = tmp_path / "scene.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8"):
+        load_scene(path)
+    path.write_text("- a list\n", encoding="utf-8")
+    with pytest.raises(InputError, match="allowed is a mapping"):
+        load_scene(path)
