@@ -4,7 +4,8 @@ Zhang (2000), as OpenCV does it. View 0 shows the board lying in plane C at the 
 rig states; the other views tilt it, which is what makes the focal length observable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import cv2
@@ -36,6 +37,23 @@ def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
     sizes = {view.shape for view in board_views}
     if len(sizes) != 1:
         raise InputError(f"the calibration views differ in size: {sorted(sizes)}, allowed is one")
+    with _one_thread():
+        return _calibrate(board_views, rig)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """OpenCV adds up the normal equations in the order in which its threads finish; one thread
+    gives the same bits every time."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
     found = [_corners(view, rig.board) for view in board_views]
     if found[0] is None:
         raise InputError("calibration view 0, which defines plane C, does not show the whole board")

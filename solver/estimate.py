@@ -23,6 +23,8 @@ from solver.plane import on_plane
 
 Extractor = Callable[[Grey], Centreline]
 
+LEAST_REST_COLUMNS = 10
+
 
 @dataclass(frozen=True)
 class Rest:
@@ -50,9 +52,8 @@ def set_up(observations: Observations, extract: Extractor = area_weighted) -> An
     """Calibrate the camera and learn the rest pose. Raises InputError if the images forbid it."""
     rig = observations.rig
     calibration = calibrate([read_grey(path) for path in observations.board_views], rig)
-    rest = _rest_line(
-        (extract(read_grey(path)) for path in observations.rest_images), calibration, rig
-    )
+    rest_lines = (extract(read_grey(path)) for path in observations.rest_images)
+    rest = _rest_line(rest_lines, calibration, rig)
     return Antenna(rig, calibration, rest, extract)
 
 
@@ -81,8 +82,12 @@ def measure(antenna: Antenna, image: Grey, motor_angle: float) -> Measurement:
     base_covariance[1:, 1:] = rest.covariance
     # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
     base_covariance += np.diag([1e-18, 1e-18, 1e-18])
+    # A clamp off plane C, or a board that did not lie in it, is nearer to the camera or farther
+    # from it than believed: all lengths err by the same share. A board tilted about its middle
+    # is off by its angle times half the beam.
     height = float(invert(camera.camera_from_antenna)[2, 3])
-    off_plane = math.hypot(tolerance.base_position, tolerance.board_translation)
+    tilted = tolerance.board_rotation * rig.beam.length / 2
+    off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted)
     return Measurement(
         points=(points - clamp) @ axes,
         sigma_vectors=sigma_vectors @ axes,
@@ -101,7 +106,7 @@ def estimate(antenna: Antenna, image: Grey, motor_angle: float, method: Method) 
         return Estimate(Outcome.INVALID, str(error))
     try:
         answer: object = method(measurement)
-    except Exception as error:  # noqa: BLE001 - any failure of a method is a row in the table
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
     if not isinstance(answer, Estimate):  # a method of someone else's may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(answer).__name__}, not an Estimate")
@@ -109,12 +114,23 @@ def estimate(antenna: Antenna, image: Grey, motor_angle: float, method: Method) 
 
 
 def _rest_line(lines: Iterable[Centreline], calibration: Calibration, rig: Rig) -> Rest:
-    """Weighted line through all rest images' points; its covariance from their own scatter."""
-    on_c = [on_plane(calibration.camera, line.points, line.sigma) for line in lines]
-    points = np.vstack([points for points, _ in on_c])
-    sigma = np.abs(np.vstack([vectors for _, vectors in on_c])[:, 1])
-    if len(points) < 10:
-        raise InputError(f"the rest images show {len(points)} columns of the beam, needed are 10")
+    """Line through the mean of the rest images; its covariance from the points' own scatter.
+
+    The images are averaged column by column first: the centre's error on the pixel grid is the
+    same in all of them, so four images do not know the line twice as well as one.
+    """
+    seen = list(lines)
+    pixels = np.vstack([line.points for line in seen])
+    columns, place, count = np.unique(pixels[:, 0], return_inverse=True, return_counts=True)
+    if len(columns) < LEAST_REST_COLUMNS:
+        raise InputError(
+            f"the rest images show {len(columns)} columns of the beam, "
+            f"needed are {LEAST_REST_COLUMNS}"
+        )
+    centre = np.bincount(place, pixels[:, 1]) / count
+    sigma_v = np.bincount(place, np.concatenate([line.sigma for line in seen])) / count
+    points, vectors = on_plane(calibration.camera, np.column_stack([columns, centre]), sigma_v)
+    sigma = np.abs(vectors[:, 1])
     clamp_x = float(rig.base_position[0])
     x, y = points[:, 0] - clamp_x, points[:, 1]
     design = np.column_stack([np.ones_like(x), x]) / sigma[:, None]

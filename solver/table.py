@@ -8,7 +8,7 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.units import DEGREE, MILLIMETRE
 
 # value in an Estimate -> (column, what one of the column's units is in SI)
-QUANTITIES: Final = {
+COLUMN_OF: Final = {
     "x_c_m": ("x_c_mm", MILLIMETRE),
     "y_c_m": ("y_c_mm", MILLIMETRE),
     "s_c_m": ("s_c_mm", MILLIMETRE),
@@ -26,7 +26,7 @@ COLUMNS: Final = (
     "frame_id",
     "outcome",
     "message",
-    *(name for column, _ in QUANTITIES.values() for name in (column, _sigma_column(column))),
+    *(name for column, _ in COLUMN_OF.values() for name in (column, _sigma_column(column))),
     "chi2",
     "dof",
     "iterations",
@@ -49,7 +49,7 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
         image_ms=image_ms,
     )
     for name, value in estimate.values.items():
-        column, unit = QUANTITIES[name]
+        column, unit = COLUMN_OF[name]
         cells[column] = value / unit
         cells[_sigma_column(column)] = estimate.sigma(name) / unit
     return cells

@@ -21,15 +21,13 @@ from rich.table import Table
 from solver.instrument.errors import InputError
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generate import generate as generate_dataset
 from vbaa_bench.render.variant import LLVM_ADVICE, PLAIN, choose
-from vbaa_bench.report.report import report as write_report
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
 from vbaa_bench.spec.load import load_scene
+from vbaa_bench.workers import WorkerDiedError
 
 app = typer.Typer(
     add_completion=False,
@@ -76,9 +74,8 @@ def run(
 ) -> None:
     """Generate, solve, score and report a scene."""
     results = Results(_generate(scene, out, seed, workers, variant))
-    _solve(results, method, repeats)
-    summary = score_predictions(results, found_predictions(results))
-    page = write_report(results)
+    summary = score_predictions(results, _solve(results, method, repeats))
+    page = _report(results)
     _show(summary, {"report": str(page), **summary}, as_json)
     if not as_json:
         Console(soft_wrap=True).print(f"report: {page}", highlight=False)
@@ -126,7 +123,7 @@ def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson
 @app.command()
 def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
     """Write the HTML report of a scored dataset."""
-    page = write_report(Results(dataset))
+    page = _report(Results(dataset))
     _say({"report": str(page)}, str(page), as_json)
 
 
@@ -160,6 +157,9 @@ def doctor(
 def _generate(
     scene: Path, out: Path | None, seed: int | None, workers: int | None, variant: str | None
 ) -> Path:
+    # Imported late: doctor must run where the renderer cannot even be loaded.
+    from vbaa_bench.generate import generate as generate_dataset
+
     file = load_scene(scene, seed)
     chosen = choose(variant).variant
     if chosen == PLAIN and variant is None:
@@ -186,14 +186,20 @@ def _generate(
     return root
 
 
+def _report(results: Results) -> Path:
+    # Imported late: the plotting libraries take a second that no other command needs.
+    from vbaa_bench.report.report import report as write_report
+
+    return write_report(results)
+
+
 def _solve(results: Results, methods: list[str] | None, repeats: int) -> dict[str, Path]:
-    observations = Layout(results.root).observations
     written = {}
     for method in methods or list(METHODS):
         name = method.replace(":", ".")
         target = results.predictions / f"{name}.csv"
         with console.status(f"solving with {method}"):
-            solve_apart(observations, method, target, repeats)
+            solve_apart(results.dataset, method, target, repeats)
         written[name] = target
     return written
 
@@ -234,6 +240,9 @@ def main() -> None:
     except InputError as error:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
         sys.exit(2)
+    except WorkerDiedError as error:
+        console.print(f"error: {error}", markup=False)
+        sys.exit(1)
     except KeyboardInterrupt:
         console.print("interrupted; the same command goes on from here")
         sys.exit(130)

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,7 @@ from solver.instrument.rig import rig_to_json
 from solver.instrument.transforms import apply, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import seal
+from vbaa_bench.dataset.manifest import read_json, seal, versions
 from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.mechanics.planar import Equilibrium
 from vbaa_bench.plan import Plan, plan
@@ -46,14 +46,27 @@ def generate(file: SceneFile, root: Path, variant: str, workers: int, progress: 
     """
     scene, layout = file.scene, Layout(root)
     work = plan(file)
-    if _claim(layout, file):
-        return layout
-    nominal = nominal_rig(scene)
-    write_text(layout.observations / "rig.json", rig_to_json(nominal))
-    total = work.frames + scene.calibration.views + scene.sensor.rest_images + 1  # the exposure
+    try:
+        if _claim(layout, scene, variant):
+            return layout
+        write_text(layout.observations / "rig.json", rig_to_json(nominal_rig(scene)))
+        exposure = _make(scene, work, layout, (variant, workers), progress)
+        seal(layout, _facts(scene, work.rig, exposure, variant))
+    except OSError as error:
+        raise InputError(f"{layout.root}: cannot be written ({error.strerror})") from error
+    return layout
+
+
+def _make(
+    scene: Scene, work: Plan, layout: Layout, machine: tuple[str, int], progress: Progress
+) -> float:
+    """All images and shards that are not there yet; the exposure they were made with."""
+    variant, workers = machine
     threads = max((os.cpu_count() or 1) // workers, 1)
-    with Pool(workers, Bench, (scene, work, layout, variant, threads)) as pool:
-        exposure = pool.call("measure_exposure")
+    # One more than there are images: the exposure is measured from one that is not kept.
+    total = work.frames + scene.calibration.views + scene.sensor.rest_images + 1
+    with Pool(workers, Bench, (scene, work.rig, layout, variant, threads)) as pool:
+        exposure = float(pool.call("measure_exposure"))
         jobs: list[tuple[str, tuple[Any, ...]]] = [
             ("board_view", (view, exposure)) for view in range(scene.calibration.views)
         ]
@@ -63,32 +76,41 @@ def generate(file: SceneFile, root: Path, variant: str, workers: int, progress: 
             if layout.shard(layout.observations, number).is_dir():
                 finished += len(shard)
             else:
-                jobs.append(("shard", (number, exposure)))
+                states = [work.equilibria[trial.push] for trial in shard]
+                jobs.append(("shard", (number, shard, states, exposure)))
         pool.run(jobs, lambda done: progress(finished + done, total))
-    seal(layout, _facts(scene, work.rig, exposure, variant))
-    return layout
+    return exposure
 
 
-def _claim(layout: Layout, file: SceneFile) -> bool:
-    """Take `root` for this scene; True if its dataset is already complete."""
-    identity = f"{json.dumps(file.scene.model_dump(mode='json'))}\n"
+def _claim(layout: Layout, scene: Scene, variant: str) -> bool:
+    """Take `root` for this scene; True if its dataset is already complete. Raises InputError."""
     marker = layout.truth / "identity.json"
-    try:
-        if layout.root.exists() and not marker.is_file() and any(layout.root.iterdir()):
+    identity = {
+        "scene": scene.model_dump(mode="json"),
+        "made_with": {"variant": variant, **versions()},
+    }
+    if not marker.is_file():
+        if layout.root.exists() and any(layout.root.iterdir()):
             raise InputError(f"{layout.root}: holds something else; choose an empty folder")
-        if marker.is_file() and marker.read_text(encoding="utf-8") != identity:
-            raise InputError(
-                f"{layout.root}: holds the dataset of another scene or seed; "
-                "choose another folder, or remove it"
-            )
-        for folder in ("calibration", "rest"):
-            (layout.observations / folder).mkdir(parents=True, exist_ok=True)
-        layout.truth.mkdir(exist_ok=True)
-        write_text(marker, identity)
-        write_text(layout.scene, file.text)
-    except OSError as error:
-        raise InputError(f"{layout.root}: cannot be written ({error.strerror})") from error
-    return layout.hashes.is_file() and layout.manifest.is_file()
+        layout.truth.mkdir(parents=True)
+        write_text(marker, json.dumps(identity) + "\n")
+    found = read_json(marker)
+    if found.get("scene") != identity["scene"]:
+        raise InputError(
+            f"{layout.root}: holds the dataset of another scene or seed; "
+            "choose another folder, or remove it"
+        )
+    if layout.hashes.is_file() and layout.manifest.is_file():
+        return True
+    if found.get("made_with") != identity["made_with"]:
+        raise InputError(
+            f"{layout.root}: was begun with {found.get('made_with')}, here is "
+            f"{identity['made_with']}; a dataset is of one kind, so remove the folder or finish "
+            "it where it was begun"
+        )
+    for folder in ("calibration", "rest"):
+        (layout.observations / folder).mkdir(parents=True, exist_ok=True)
+    return False
 
 
 @dataclass
@@ -96,24 +118,27 @@ class Bench:
     """One worker's bench: a renderer whose scene is loaded once. Its methods are the jobs."""
 
     scene: Scene
-    work: Plan
+    rig: TrueRig
     layout: Layout
     variant: str
     threads: int
+    _pushed: World | None = None
 
     def __post_init__(self) -> None:
         activate(self.variant, self.threads)
-        self.studio = Studio(self.scene, self.work.rig)
+        self.studio = Studio(self.scene, self.rig)
 
     @cached_property
     def rest_world(self) -> World:
         """The beam before contact."""
         return self.studio.bench(None)
 
-    @cached_property
-    def push_world(self) -> World:
-        """The pushed beam; every frame reposes it."""
-        return self.studio.bench(next(iter(self.work.equilibria.values())))
+    def pushed_world(self, equilibrium: Equilibrium) -> World:
+        """The beam pushed into `equilibrium`: put up once, reposed for every frame."""
+        if self._pushed is None:
+            self._pushed = self.studio.bench(equilibrium)
+        self.studio.repose(self._pushed, equilibrium)
+        return self._pushed
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
         """Exposure that puts the brightest hundredth of the resting beam where the scene says."""
@@ -138,28 +163,33 @@ class Bench:
         self._save(f"rest/rest_{number:02d}.png", radiance, exposure, "rest sensor", number)
         tick()
 
-    def shard(self, tick: Callable[[], None], number: int, exposure: float) -> None:
+    def shard(
+        self,
+        tick: Callable[[], None],
+        number: int,
+        trials: Sequence[Trial],
+        states: Sequence[Equilibrium],
+        exposure: float,
+    ) -> None:
         """Make and save the frames of one shard."""
         with ShardWriter(self.layout, number) as writer:
-            for trial in self.work.shards[number]:
-                self._frame(writer, trial, exposure)
+            for trial, equilibrium in zip(trials, states, strict=True):
+                self._frame(writer, trial, equilibrium, exposure)
                 tick()
 
-    def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
-        equilibrium = self.work.equilibria[trial.push]
-        self.studio.repose(self.push_world, equilibrium)
+    def _frame(
+        self, writer: ShardWriter, trial: Trial, equilibrium: Equilibrium, exposure: float
+    ) -> None:
         seed = render_seed(self.scene, "frame", trial.index)
-        radiance, found = self._look(self.push_world, seed)
+        radiance, found = self._look(self.pushed_world(equilibrium), seed)
         noise = random_generator(self.scene, "sensor", trial.index)
         image = self._sensor(exposure).expose(radiance, noise)
         motor_angle = self._motor_angle(equilibrium)
-        encoder = motor_angle
-        if self.scene.tolerances.true_rig == "drawn":
-            reading = random_generator(self.scene, "encoder", trial.index)
-            encoder += reading.normal(0.0, self.scene.tolerances.encoder_deg * DEGREE)
+        encoder = random_generator(self.scene, "encoder", trial.index)
+        reading = encoder.normal(motor_angle, self.scene.tolerances.encoder_deg * DEGREE)
         truth = self._truth(trial, equilibrium, motor_angle)
         kept = {str(layer): found[layer] for layer in self.scene.layers}
-        writer.add(trial.frame_id, image, encoder, truth, kept)
+        writer.add(trial.frame_id, image, reading, truth, kept)
 
     def _look(self, world: World, seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Radiance of a world and its truth layers."""
@@ -193,15 +223,17 @@ class Bench:
     def _truth(self, trial: Trial, e: Equilibrium, motor_angle: float) -> dict[str, Any]:
         """The truth row of a frame: lengths in mm, angles in degrees, stress in MPa."""
         scene, mm = self.scene, MILLIMETRE
-        base = self.work.rig.base_position
-        contact_a = np.array([e.x_c, e.y_c, 0.0]) + base
-        world_from_antenna = turn_about_z(motor_angle)  # eq. (1) with the origin at the motor
-        contact_o = apply(world_from_antenna, contact_a[None])[0]
+        base = self.rig.base_position
+        contact_d = np.array([e.x_c, e.y_c, 0.0])
+        contact_a = contact_d + base
+        # Eq. (1). The motor turns clamp and beam about the clamp, wherever that truly stands.
+        contact_o = apply(turn_about_z(motor_angle), contact_d[None])[0] + base
         stress = e.largest_stress(scene.beam.youngs_modulus_gpa * 1e9) / 1e6
         return {
             "model": "exact, planar, frictionless edge fixed in the world",
             "trial": trial.index,
             "repeat": trial.repeat,
+            "push": str(trial.push),
             "contact_distance_at_rest_mm": e.contact_distance / mm,
             "deflection_pct": float(e.tip[1]) / e.beam.length / PERCENT,
             "pushing_angle_deg": e.pushing_angle / DEGREE,

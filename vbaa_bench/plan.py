@@ -6,11 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.instrument.errors import InputError
+from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.mechanics.planar import Equilibrium, EquilibriumError, push
 from vbaa_bench.spec.load import SceneFile
 from vbaa_bench.spec.rigs import TrueRig, true_rig
 from vbaa_bench.spec.trials import Push, Trial, trials
+
+# Thinner, and pixels' centres miss the beam for long stretches.
+THINNEST_PX = 0.25
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,11 @@ class Plan:
 
 def plan(file: SceneFile) -> Plan:
     """Solve every push of a scene. Raises InputError listing all that cannot physically be."""
-    scene, rig = file.scene, true_rig(file.scene)
+    scene = file.scene
+    try:
+        rig = true_rig(scene)
+    except ValueError as error:
+        raise InputError(file.complaint(("camera", "look_at_mm"), str(error))) from error
     made = trials(scene)
     equilibria: dict[Push, Equilibrium] = {}
     mistakes: list[str] = []
@@ -37,8 +45,9 @@ def plan(file: SceneFile) -> Plan:
         try:
             equilibria[wanted] = _push(wanted, rig, scene.beam.pieces)
         except _ImpossibleError as error:
-            distances = scene.pushes.contact_distance_mm
-            index = distances.index(wanted.contact_distance / MILLIMETRE)
+            wanted_mm = wanted.contact_distance / MILLIMETRE
+            distances = np.array(scene.pushes.contact_distance_mm)
+            index = int(np.argmin(np.abs(distances - wanted_mm)))
             key = ("pushes", "contact_distance_mm", index)
             mistakes.append(file.complaint(key, str(error)))
     mistakes += _overstressed(file, equilibria.values())
@@ -93,9 +102,20 @@ def _overstressed(file: SceneFile, equilibria: Iterable[Equilibrium]) -> list[st
 def _out_of_view(file: SceneFile, rig: TrueRig, equilibria: Iterable[Equilibrium]) -> list[str]:
     camera = rig.camera
     rest = np.array([[0.0, 0.0], [rig.beam.length, 0.0]])
-    lines = [rest, *(e.centreline[:, 1:3] for e in equilibria)]
-    planar = np.vstack(lines)
-    u, v = camera.project(np.column_stack([planar, np.zeros(len(planar))]) + rig.base_position).T
+    planar = np.vstack([rest, *(e.centreline[:, 1:3] for e in equilibria)])
+    points = np.column_stack([planar, np.zeros(len(planar))]) + rig.base_position
+    depth = apply(camera.camera_from_antenna, points)[:, 2]
+    if depth.min() <= 0:
+        return [file.complaint(("camera", "look_at_mm"), "lets the camera look away from the beam")]
+    width_px = camera.fx * rig.beam.diameter / depth.max()
+    if width_px < THINNEST_PX:
+        return [
+            file.complaint(
+                ("camera",),
+                f"sees the beam {width_px:.2g} px wide, allowed is >= {THINNEST_PX:g} px",
+            )
+        ]
+    u, v = camera.project(points).T
     last = camera.width - 0.5, camera.height - 0.5
     if u.min() >= -0.5 and v.min() >= -0.5 and u.max() <= last[0] and v.max() <= last[1]:
         return []

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import queue
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -12,8 +13,18 @@ _resident: Any = None
 _ticks: Any = None
 
 
+class WorkerDiedError(Exception):
+    """A worker process ended by itself or was killed, out of memory perhaps."""
+
+    def __str__(self) -> str:
+        return "a worker process died; the same command goes on from what is finished"
+
+
 class Pool:
     """`count` processes, each holding `build(*arguments)`; a job names a method and its arguments.
+
+    Keep `arguments` to a few kilobytes: they are written to a starting process through a pipe,
+    and if it dies before it has read them, a longer write never ends.
 
     Every method gets first a function to call when one more piece is done. Processes are
     spawned, not forked: a renderer's threads do not survive a fork.
@@ -40,26 +51,29 @@ class Pool:
         self._ticks.close()
 
     def call(self, method: str, *arguments: Any) -> Any:
-        """One job, awaited. Raises what the method raises."""
-        return self._submit(method, arguments).result()
+        """One job, awaited. Raises what the method raises, or WorkerDiedError."""
+        try:
+            return self._submit(method, arguments).result()
+        except BrokenProcessPool as error:
+            raise WorkerDiedError from error
 
     def run(self, jobs: Sequence[tuple[str, tuple[Any, ...]]], done: Callable[[int], None]) -> None:
-        """All jobs; `done(pieces)` is told how many pieces are finished. Raises the first error."""
-        pending = {self._submit(method, arguments) for method, arguments in jobs}
+        """All jobs; `done(pieces)` is told how many pieces are finished. Raises as `call` does."""
         pieces = 0
-        done(pieces)
-        while pending:
-            finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-            for future in finished:
-                future.result()
-            pieces += self._drained()
+        try:
+            pending = {self._submit(method, arguments) for method, arguments in jobs}
             done(pieces)
+            while pending:
+                finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    future.result()
+                pieces += self._drained()
+                done(pieces)
+        except BrokenProcessPool as error:
+            raise WorkerDiedError from error
 
     def _submit(self, method: str, arguments: tuple[Any, ...]) -> Future[Any]:
-        try:
-            return self._executor.submit(_work, method, arguments)
-        except BrokenProcessPool as error:
-            raise RuntimeError("a worker process died; run the same command to resume") from error
+        return self._executor.submit(_work, method, arguments)
 
     def _drained(self) -> int:
         count = 0
@@ -72,6 +86,7 @@ class Pool:
 
 def _settle(build: Callable[..., Any], arguments: tuple[Any, ...], ticks: Any) -> None:
     global _resident, _ticks
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     _resident, _ticks = build(*arguments), ticks
 
 

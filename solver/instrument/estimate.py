@@ -33,6 +33,9 @@ class Outcome(StrEnum):
         return self in (Outcome.CONTACT, Outcome.WEAK_CONTACT, Outcome.TIP_CONTACT)
 
 
+# What an estimate may hold, by name with its SI unit.
+QUANTITIES = ("x_c_m", "y_c_m", "s_c_m", "force_n", "theta_c_rad")
+
 _SENTENCES = {
     Outcome.CONTACT: "The beam touches an object at the stated place.",
     Outcome.WEAK_CONTACT: "The beam is bent, but so little that the place is only an interval.",
@@ -49,10 +52,10 @@ _SENTENCES = {
 class Estimate:
     """One frame's answer.
 
-    `values` maps names with SI units (x_c_m, y_c_m, s_c_m, force_n, theta_c_rad) to numbers;
+    `values` maps some of QUANTITIES to numbers;
     what a method does not estimate is absent. `covariance` (n, n) follows the order of
     `values`. `chi2` is the weighted sum of squared residuals on `dof` degrees of freedom.
-    Raises ValueError if a value is not finite or the covariance does not fit.
+    Raises ValueError if a name is unknown, a value not finite, or the covariance does not fit.
     """
 
     outcome: Outcome
@@ -66,6 +69,9 @@ class Estimate:
     def __post_init__(self) -> None:
         if bool(self.values) != self.outcome.has_values:
             raise ValueError(f"outcome '{self.outcome}' with values {dict(self.values)}")
+        unknown = [name for name in self.values if name not in QUANTITIES]
+        if unknown:
+            raise ValueError(f"an estimate holds {unknown}, allowed are {', '.join(QUANTITIES)}")
         if not all(math.isfinite(value) for value in self.values.values()):
             raise ValueError(f"an estimate holds a value that is not finite: {dict(self.values)}")
         n = len(self.values)

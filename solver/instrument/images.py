@@ -1,5 +1,6 @@
 """Grey images from PNG files."""
 
+import struct
 from pathlib import Path
 
 import cv2
@@ -32,3 +33,16 @@ def png_bytes(image: Grey) -> bytes:
     if not ok:
         raise ValueError(f"an image of shape {image.shape} cannot be encoded as PNG")
     return bytes(data)
+
+
+def png_size(path: Path) -> tuple[int, int]:
+    """Width and height of a PNG file, from its first bytes alone. Raises InputError."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(24)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if len(head) < 24 or not head.startswith(b"\x89PNG\r\n\x1a\n"):
+        raise InputError(f"{path}: is not a PNG image")
+    width, height = struct.unpack(">II", head[16:24])
+    return width, height

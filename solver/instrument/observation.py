@@ -11,6 +11,7 @@ observations/
 """
 
 import csv
+import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from pathlib import Path
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.images import read_grey
+from solver.instrument.images import png_size, read_grey
 from solver.instrument.rig import Rig, read_rig
 from solver.instrument.units import DEGREE
 
@@ -70,21 +71,32 @@ def open_observations(root: Path) -> Observations:
     )
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv)")
+    expected = png_size(board_views[0])
+    for path in (*board_views, *rest_images, *(frame.path for frame in frames)):
+        size = png_size(path)
+        if size != expected:
+            raise InputError(
+                f"{path}: has {size[0]} x {size[1]} px, allowed is the size of "
+                f"{board_views[0].name}, {expected[0]} x {expected[1]} px"
+            )
     return Observations(root, rig, board_views, rest_images, frames)
 
 
 def _frames(table: Path) -> Iterator[Frame]:
-    with table.open(newline="", encoding="utf-8") as stream:
-        for line, row in enumerate(csv.DictReader(stream), start=2):
-            try:
-                path = table.parent / row["file_name"]
-                frame_id, angle = row["frame_id"], float(row["motor_angle_deg"])
-            except (KeyError, TypeError, ValueError) as error:
-                raise InputError(
-                    f"{table}:{line}: needs file_name, frame_id and a number motor_angle_deg"
-                ) from error
-            if not math.isfinite(angle):
-                raise InputError(f"{table}:{line}: motor_angle_deg is {angle}, allowed is finite")
-            if not path.is_file():
-                raise InputError(f"{table}:{line}: the image {path.name} is missing")
-            yield Frame(frame_id, path, angle * DEGREE)
+    try:
+        text = table.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{table}: cannot be read as UTF-8 text ({error})") from error
+    for line, row in enumerate(csv.DictReader(io.StringIO(text, newline="")), start=2):
+        try:
+            path = table.parent / row["file_name"]
+            frame_id, angle = row["frame_id"], float(row["motor_angle_deg"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{table}:{line}: needs file_name, frame_id and a number motor_angle_deg"
+            ) from error
+        if not math.isfinite(angle):
+            raise InputError(f"{table}:{line}: motor_angle_deg is {angle}, allowed is finite")
+        if not path.is_file():
+            raise InputError(f"{table}:{line}: the image {path.name} is missing")
+        yield Frame(frame_id, path, angle * DEGREE)

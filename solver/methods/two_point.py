@@ -66,8 +66,11 @@ def two_point(measurement: Measurement) -> Estimate:
     by_point /= pairs
     sigma = measurement.sigma_vectors[ahead][:, 1]
     covariance = (by_point * sigma**2) @ by_point.T
-    by_base = np.vstack([np.zeros(2), -by_point.sum(axis=1), -(by_point @ x)]).T
-    by_base[:, 0] = [1.0, 0.0]  # a clamp displaced along the beam displaces the contact with it
+    # A clamp displaced by dx along the beam shows each point where the beam is lower by y' dx.
+    load = mean_force / (6 * ei)
+    here, there = unit_deflection(x, mean_x_c), unit_deflection(x + 1e-6, mean_x_c)
+    slope = load * (there - here) / 1e-6
+    by_base = -np.column_stack([by_point @ slope, by_point.sum(axis=1), by_point @ x])
     covariance += by_base @ measurement.base_covariance @ by_base.T
     by_scale = np.array([mean_x_c, -2 * mean_force])
     covariance += np.outer(by_scale, by_scale) * measurement.scale_sigma**2

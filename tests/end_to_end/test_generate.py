@@ -2,7 +2,9 @@
 
 import hashlib
 import json
+import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +21,12 @@ from solver.plane import on_plane
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.readers import open_truth, verify
+from vbaa_bench.dataset.manifest import verify_observations, verify_truth
+from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generate import generate
+from vbaa_bench.render.variant import FAST, PLAIN
 from vbaa_bench.spec.load import load_scene
+from vbaa_bench.workers import Pool, WorkerDiedError
 
 
 def digests(root: Path) -> dict[str, str]:
@@ -64,6 +69,37 @@ def test_an_interrupted_dataset_is_finished_to_the_same_bytes(
     assert kept.stat().st_mtime_ns == written
 
 
+def test_a_dead_worker_is_an_error_and_no_hang() -> None:
+    pool = Pool(1, Mortal, ())
+    with pytest.raises(WorkerDiedError, match="goes on from what is finished"), pool:
+        pool.call("die")
+    with Pool(1, Mortal, ()) as pool:
+        pieces: list[int] = []
+        pool.run([("live", (i,)) for i in range(3)], pieces.append)
+        assert pieces[-1] == 3
+
+
+class Mortal:
+    """A resident of a worker process."""
+
+    def die(self, _tick: object) -> None:
+        os._exit(9)
+
+    def live(self, tick: Callable[[], None], _number: int) -> None:
+        tick()
+
+
+def test_a_dataset_is_finished_with_what_it_was_begun(
+    dataset: Path, small_scene: Path, variant: str, tmp_path: Path
+) -> None:
+    root = tmp_path / "half"
+    shutil.copytree(dataset, root)
+    (root / "observations" / "hashes.json").unlink()
+    other = PLAIN if variant != PLAIN else FAST
+    with pytest.raises(InputError, match=f"begun with .*{variant}"):
+        generate(load_scene(small_scene), root, other, 1, quiet)
+
+
 def test_a_complete_dataset_is_left_alone_and_another_scene_refused(
     dataset: Path, small_scene: Path, variant: str
 ) -> None:
@@ -80,7 +116,8 @@ def test_a_complete_dataset_is_left_alone_and_another_scene_refused(
 
 def test_the_truth_is_complete(dataset: Path) -> None:
     layout = Layout(dataset)
-    verify(layout)
+    verify_observations(layout)
+    verify_truth(layout)
     truth = open_truth(layout.truth)
     assert truth.frames.height == 4
     assert truth.frames["residual"].max() < 1e-8  # type: ignore[operator]
@@ -100,6 +137,11 @@ def test_the_truth_is_complete(dataset: Path) -> None:
         x, y, _ = row["contact_world_mm"]
         rest = row["contact_distance_at_rest_mm"]
         assert np.hypot(x - rest, y) < 0.4 * (1 + 1e-6) + 0.4 * np.radians(20)
+        # The encoder's readings err, so that equal pushes do not show themselves by them.
+        reading = next(
+            f for f in open_observations(layout.observations) if f.frame_id == row["frame_id"]
+        ).motor_angle
+        assert 0 < abs(np.degrees(reading) - row["motor_angle_deg"]) < 0.05
 
 
 def test_calibration_returns_the_true_camera(dataset: Path) -> None:

@@ -6,7 +6,7 @@ DATASET/
     scene.yaml                       the scene, byte for byte
     shard_00000/truth.parquet        one row a frame
     shard_00000/<frame_id>.exr       radiance and truth layers
-    manifest.json                    seed, true rig, versions, hashes; written last
+    manifest.json                    scene, seed, true rig, versions, hashes; written last
 """
 
 from dataclasses import dataclass
@@ -38,11 +38,6 @@ class Layout:
     def manifest(self) -> Path:
         """Marks a complete truth."""
         return self.truth / "manifest.json"
-
-    @property
-    def scene(self) -> Path:
-        """The scene, byte for byte."""
-        return self.truth / "scene.yaml"
 
     def shard(self, tree: Path, number: int) -> Path:
         """Folder of one shard in either tree."""

@@ -6,6 +6,7 @@ import platform
 from pathlib import Path
 from typing import Any
 
+from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_text
 from vbaa_bench.dataset.layout import Layout
 
@@ -35,9 +36,46 @@ def seal(layout: Layout, facts: dict[str, Any]) -> None:
     write_text(layout.hashes, json.dumps(hashes(layout.observations), indent=2) + "\n")
 
 
-def hashes(tree: Path) -> dict[str, str | None]:
+def hashes(tree: Path) -> dict[str, str]:
     """sha256 of every file below `tree`, but for the manifest and the hashes themselves."""
     names = sorted(path.relative_to(tree).as_posix() for path in tree.rglob("*") if path.is_file())
     return {
         name: sha256(tree / name) for name in names if name not in ("manifest.json", "hashes.json")
     }
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a JSON file. Raises InputError if there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as JSON ({error})") from error
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: holds {type(found).__name__}, allowed is a JSON object")
+    return found
+
+
+def verify(tree: Path, recorded: dict[str, Any]) -> None:
+    """Compare the files of a tree with their recorded hashes. Raises InputError at the first."""
+    found = hashes(tree)
+    for name in sorted(recorded.keys() | found.keys()):
+        if found.get(name) != recorded.get(name):
+            state = "is not what was generated"
+            if name not in found:
+                state = "is missing"
+            elif name not in recorded:
+                state = "was not generated"
+            raise InputError(f"{tree / name}: {state}; remove the dataset and generate it again")
+
+
+def verify_observations(layout: Layout) -> None:
+    """Raises InputError unless the observations are what was generated."""
+    verify(layout.observations, read_json(layout.hashes))
+
+
+def verify_truth(layout: Layout) -> None:
+    """Raises InputError unless the truth is what was generated."""
+    recorded = read_json(layout.manifest).get("hashes")
+    if not isinstance(recorded, dict):
+        raise InputError(f"{layout.manifest}: the key hashes is missing")
+    verify(layout.truth, recorded)

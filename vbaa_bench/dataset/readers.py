@@ -1,6 +1,5 @@
-"""Opening the truth, and checking that a dataset is what it was."""
+"""Opening the truth."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,7 @@ import polars as pl
 
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import hashes
+from vbaa_bench.dataset.manifest import read_json
 
 
 @dataclass(frozen=True)
@@ -39,14 +37,9 @@ class Truth:
 
 def open_truth(root: Path) -> Truth:
     """Open the truth tree at `root`. Raises InputError if it is missing, broken or incomplete."""
-    try:
-        manifest = json.loads((root / "manifest.json").read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{root}: has no readable manifest.json, so it is no complete truth tree"
-        ) from error
-    except ValueError as error:
-        raise InputError(f"{root / 'manifest.json'}: is not JSON ({error})") from error
+    if not (root / "manifest.json").is_file():
+        raise InputError(f"{root}: has no manifest.json, so it is no complete truth tree")
+    manifest = read_json(root / "manifest.json")
     tables = sorted(root.glob("shard_*/truth.parquet"))
     if not tables:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
@@ -55,17 +48,3 @@ def open_truth(root: Path) -> Truth:
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
     return Truth(root, manifest, frames)
-
-
-def verify(layout: Layout) -> None:
-    """Compare every file with its hash. Raises InputError naming the first that differs."""
-    recorded = {
-        layout.observations: json.loads(layout.hashes.read_text(encoding="utf-8")),
-        layout.truth: json.loads(layout.manifest.read_text(encoding="utf-8"))["hashes"],
-    }
-    for tree, expected in recorded.items():
-        found = hashes(tree)
-        for name, digest in expected.items():
-            if found.get(name) != digest:
-                state = "missing" if name not in found else "not what was generated"
-                raise InputError(f"{tree / name}: is {state}; generate the dataset again")

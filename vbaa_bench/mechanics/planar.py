@@ -115,7 +115,7 @@ def push(
             f"no equilibrium at contact distance {contact_distance:.6g} m "
             f"(residual {residual:.1e}, allowed is {WORST_RESIDUAL:.0e})"
         )
-    if s_c > 1:
+    if s_c >= 1:
         raise EquilibriumError(
             f"the beam slips off: contact arc length {s_c * beam.length:.6g} m, "
             f"allowed is up to the tip at {beam.length:.6g} m"

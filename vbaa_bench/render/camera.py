@@ -40,6 +40,7 @@ def sensor_dict(camera: Camera, render_from_antenna: Floats) -> dict[str, Any]:
         "near_clip": 1e-4 * farthest,
         "far_clip": farthest,
         "to_world": pose,
+        "sampler": {"type": "multijitter"},
         "film": {
             "type": "hdrfilm",
             "width": camera.width,

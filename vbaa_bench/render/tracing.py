@@ -17,6 +17,7 @@ def radiance(world: World, pixels: np.ndarray, samples: int, seed: int) -> Float
 
     `samples` rays a pixel from a multi-jittered sampler: pixel position and light are stratified
     over the pixel's own samples. A pixel's value depends on `seed` and its place in `pixels`.
+    On a scalar variant the whole film is rendered for them.
     """
     if is_scalar():
         film = _whole_film(world, samples, seed)

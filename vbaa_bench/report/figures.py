@@ -9,7 +9,7 @@ import polars as pl
 Summary = dict[str, Any]
 Chart = alt.LayerChart | alt.FacetChart
 
-_DEFLECTION = alt.Color("deflection:N", title="deflection", sort=None).legend(orient="bottom")
+_PUSH = alt.Color("push:N", title="pushed to", sort=None).legend(orient="bottom")
 _WIDTH = 430
 
 
@@ -66,44 +66,55 @@ def fig8_contact_distance(scores: pl.DataFrame, method: str) -> Chart:
     x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
     return alt.layer(
         line.encode(x=x, y=alt.Y("true_x_c_mm:Q", title="estimated contact distance [mm]")),
-        dots.encode(x=x, y="x_c_mm:Q", color=_DEFLECTION),
+        dots.encode(x=x, y="x_c_mm:Q", color=_PUSH),
     ).properties(width=_WIDTH, height=300, title=f"Fig. 8 (a), {method}")
 
 
 def fig8_force(scores: pl.DataFrame, method: str, length_mm: float, rigidity_n_mm2: float) -> Chart:
     """Fig. 8 (b): contact force; lines are theory, exact (full) and linear (dashed)."""
     rows = _answered(scores, method)
-    x_c = np.linspace(50, 0.97 * length_mm, 200)
+    pushes = scores.sort("deflection_pct").group_by("push", maintain_order=True)
     theory = pl.concat(
-        [
-            pl.DataFrame(
-                {
-                    "true_x_c_mm": x_c,
-                    # (10) at the tip: y_tip = f x_c^2 (3 L - x_c) / (6 EI)
-                    "force_n": 6
-                    * rigidity_n_mm2
-                    * (percent / 100 * length_mm)
-                    / (x_c**2 * (3 * length_mm - x_c)),
-                    "deflection": [f"{percent:.0f} %"] * len(x_c),
-                }
-            )
-            for percent in sorted(set(scores["deflection_pct"].round(1)))
-        ]
+        _linear_theory(*push, length_mm=length_mm, rigidity_n_mm2=rigidity_n_mm2)
+        for push in pushes.agg(pl.col("deflection_pct", "pushing_angle_deg").first()).iter_rows()
     )
+    force = theory["force_n"].to_numpy()
+    span = [float(force.min()) / 2, float(force.max()) * 2]
     x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
-    y = alt.Y("force_n:Q", title="contact force [N]").scale(type="log", nice=False)
-    exact = rows.sort("true_x_c_mm").unique(["deflection", "true_x_c_mm"], maintain_order=True)
+    y = alt.Y("force_n:Q", title="contact force [N]").scale(
+        type="log", nice=False, domain=span, clamp=False
+    )
+    exact = rows.sort("true_x_c_mm").unique(["push", "true_x_c_mm"], maintain_order=True)
     return alt.layer(
         alt.Chart(theory)
         .mark_line(strokeDash=[4, 3], strokeWidth=1, opacity=0.8)
-        .encode(x=x, y=y, color=_DEFLECTION),
+        .encode(x=x, y=y, color=_PUSH),
         alt.Chart(exact)
         .mark_line(strokeWidth=1.2)
-        .encode(x=x, y=alt.Y("true_force_n:Q"), color=_DEFLECTION),
+        .encode(x=x, y=alt.Y("true_force_n:Q"), color=_PUSH),
+        # Estimates beyond the axis, which a mean of pairs can give, are cut off.
         alt.Chart(rows.filter(pl.col("force_n") > 0))
-        .mark_point(size=22)
-        .encode(x=x, y="force_n:Q", color=_DEFLECTION),
+        .mark_point(size=22, clip=True)
+        .encode(x=x, y="force_n:Q", color=_PUSH),
     ).properties(width=_WIDTH, height=300, title=f"Fig. 8 (b), {method}")
+
+
+def _linear_theory(
+    push: str,
+    deflection_pct: float,
+    pushing_angle_deg: float,
+    *,
+    length_mm: float,
+    rigidity_n_mm2: float,
+) -> pl.DataFrame:
+    """Force against contact distance by (9) and (10), for a tip deflection or a pushing angle."""
+    x_c = np.linspace(0.2, 0.97, 200) * length_mm
+    if push.endswith("%"):  # (10) at the tip: y_tip = f x_c^2 (3 L - x_c) / (6 EI)
+        tip = deflection_pct / 100 * length_mm
+        force = 6 * rigidity_n_mm2 * tip / (x_c**2 * (3 * length_mm - x_c))
+    else:  # (9) at the contact, y_c = x_c tan(dtheta)
+        force = 3 * rigidity_n_mm2 * np.tan(np.radians(pushing_angle_deg)) / x_c**2
+    return pl.DataFrame({"true_x_c_mm": x_c, "force_n": force, "push": [push] * len(x_c)})
 
 
 def error_against_distance(scores: pl.DataFrame, method: str) -> Chart:
@@ -111,9 +122,7 @@ def error_against_distance(scores: pl.DataFrame, method: str) -> Chart:
     rows = _answered(scores, method).with_columns(place=(pl.col("true_x_c_mm") / 10).round())
     x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
     error = "x_c_error_pct_L"
-    mean = rows.group_by("deflection", "place").agg(
-        pl.col("true_x_c_mm").mean(), pl.col(error).mean()
-    )
+    mean = rows.group_by("push", "place").agg(pl.col("true_x_c_mm").mean(), pl.col(error).mean())
     return alt.layer(
         alt.Chart(pl.DataFrame({"zero": [0.0]})).mark_rule(color="gray").encode(y="zero:Q"),
         alt.Chart(rows)
@@ -121,23 +130,18 @@ def error_against_distance(scores: pl.DataFrame, method: str) -> Chart:
         .encode(
             x=x,
             y=alt.Y(f"{error}:Q", title="error of contact distance [% of L]"),
-            color=_DEFLECTION,
+            color=_PUSH,
         ),
-        alt.Chart(mean.sort("deflection", "place"))
-        .mark_line()
-        .encode(x=x, y=f"{error}:Q", color=_DEFLECTION),
+        alt.Chart(mean.sort("push", "place")).mark_line().encode(x=x, y=f"{error}:Q", color=_PUSH),
     ).properties(width=_WIDTH, height=240, title=method)
 
 
 def _answered(scores: pl.DataFrame, method: str) -> pl.DataFrame:
-    columns = ["deflection_pct", "true_x_c_mm", "x_c_mm", "x_c_error_pct_L"]
+    columns = ["push", "deflection_pct", "pushing_angle_deg", "true_x_c_mm", "true_force_n"]
     return (
         scores.filter((pl.col("method") == method) & ~pl.col("failed"))
-        .select(*columns, "true_force_n", "force_n")
-        .sort("deflection_pct")
-        .with_columns(
-            deflection=pl.col("deflection_pct").round(0).cast(pl.Int64).cast(pl.String) + " %"
-        )
+        .select(*columns, "x_c_mm", "x_c_error_pct_L", "force_n")
+        .sort("pushing_angle_deg" if scores["push"].str.ends_with("°").all() else "deflection_pct")
     )
 
 

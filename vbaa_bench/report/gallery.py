@@ -1,6 +1,7 @@
 """Frames with the truth and the estimates drawn on them."""
 
 import base64
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import cv2
@@ -16,7 +17,15 @@ METHODS: Final = ((60, 60, 255), (255, 150, 60), (255, 80, 220), (200, 200, 60))
 _FRACTION_BITS = 4
 
 
-def strip(overlay: Overlay, scale: int = 2, margin_px: int = 14) -> np.ndarray:
+Colours = Mapping[str, tuple[int, int, int]]
+
+
+def colours_of(methods: Sequence[str]) -> dict[str, tuple[int, int, int]]:
+    """One colour a method, the same in every picture; they repeat after the fourth."""
+    return {name: METHODS[i % len(METHODS)] for i, name in enumerate(methods)}
+
+
+def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 14) -> np.ndarray:
     """The beam's part of the frame, enlarged: truth, and a ring for each method's contact."""
     _, low = overlay.centreline.min(axis=0)
     _, high = overlay.centreline.max(axis=0)
@@ -25,12 +34,13 @@ def strip(overlay: Overlay, scale: int = 2, margin_px: int = 14) -> np.ndarray:
     view = _View(overlay.image, (0, top), (overlay.image.shape[1], bottom - top + 1), scale)
     view.line(overlay.centreline, TRUTH, offset_px=3)
     view.line(overlay.centreline, TRUTH, offset_px=-3)
-    _contacts(view, overlay, radius_px=4)
+    _contacts(view, overlay, colours, radius_px=4)
     return view.canvas
 
 
-def close_up(overlay: Overlay, scale: int = 10, half_px: int = 24) -> np.ndarray:
+def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int = 24) -> np.ndarray:
     """The surroundings of the contact, much enlarged, with the extracted points."""
+    half_px = min(half_px, (min(overlay.image.shape) - 1) // 2)
     u, v = np.rint(overlay.contact).astype(int)
     left = int(np.clip(u - half_px, 0, overlay.image.shape[1] - 2 * half_px - 1))
     top = int(np.clip(v - half_px, 0, overlay.image.shape[0] - 2 * half_px - 1))
@@ -39,7 +49,7 @@ def close_up(overlay: Overlay, scale: int = 10, half_px: int = 24) -> np.ndarray
     view.line(overlay.centreline, TRUTH)
     for point in overlay.points:
         view.dot(point, POINTS)
-    _contacts(view, overlay, radius_px=1.6)
+    _contacts(view, overlay, colours, radius_px=1.6)
     return view.canvas
 
 
@@ -55,10 +65,10 @@ def colour_name(colour: tuple[int, int, int]) -> str:
     return f"rgb({red},{green},{blue})"
 
 
-def _contacts(view: "_View", overlay: Overlay, radius_px: float) -> None:
+def _contacts(view: "_View", overlay: Overlay, colours: Colours, radius_px: float) -> None:
     view.cross(overlay.contact, TRUTH, radius_px)
-    for colour, at in zip(METHODS, overlay.estimates.values(), strict=False):
-        view.ring(at, colour, radius_px)
+    for name, at in overlay.estimates.items():
+        view.ring(at, colours[name], radius_px)
 
 
 class _View:

@@ -1,6 +1,5 @@
 """Scores -> report.html and the figures of the README."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,11 @@ import vl_convert as vlc
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
+from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report import figures, gallery
 from vbaa_bench.score.layout import Results
-from vbaa_bench.score.overlay import overlay
+from vbaa_bench.score.overlay import Overlay, overlay
 
 MOST_FAILURES = 100
 GALLERY_FRAMES = 6
@@ -24,12 +24,15 @@ GALLERY_FRAMES = 6
 def report(results: Results) -> Path:
     """Write the report of a scored dataset; the path of the page. Raises InputError."""
     truth = open_truth(results.dataset.truth)
+    if not (results.scores / "summary.json").is_file():
+        raise InputError(f"{results.scores}: holds no scores; score the dataset first")
+    summary = read_json(results.scores / "summary.json")
     try:
         scores = pl.read_parquet(results.scores / "scores.parquet")
-        summary = json.loads((results.scores / "summary.json").read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{results.scores}: holds no scores; score the dataset first") from error
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise InputError(f"{results.scores / 'scores.parquet'}: cannot be read") from error
     methods = list(summary["methods"])
+    colours = gallery.colours_of(methods)
     rig = truth.manifest["true_rig"]
     length, rigidity = rig["beam_length_mm"], rig["flexural_rigidity_n_mm2"]
     overlays = [overlay(results, truth, scores, name) for name in _chosen_frames(truth)]
@@ -53,16 +56,13 @@ def report(results: Results) -> Path:
         ],
         errors=[_svg(figures.error_against_distance(scores, name)) for name in methods],
         truth_colour=gallery.colour_name(gallery.TRUTH),
-        legend=[
-            (name, gallery.colour_name(colour))
-            for name, colour in zip(overlays[0].estimates, gallery.METHODS, strict=False)
-        ],
+        legend=[(name, gallery.colour_name(colour)) for name, colour in colours.items()],
         gallery=[
             {
                 "title": seen.title,
                 "frame_id": seen.frame_id,
-                "strip": gallery.webp_uri(gallery.strip(seen)),
-                "close_up": gallery.webp_uri(gallery.close_up(seen)),
+                "strip": gallery.webp_uri(gallery.strip(seen, colours)),
+                "close_up": gallery.webp_uri(gallery.close_up(seen, colours)),
             }
             for seen in overlays
         ],
@@ -74,7 +74,7 @@ def report(results: Results) -> Path:
         results.report.mkdir(parents=True, exist_ok=True)
         write_text(target, page)
         write_bytes(results.report / "speed_against_error.png", _png(speed))
-        _, picture = cv2.imencode(".png", _picture(overlays[-1]))
+        _, picture = cv2.imencode(".png", _picture(overlays[-1], colours))
         write_bytes(results.report / "overlay.png", bytes(picture))
     except OSError as error:
         raise InputError(f"{results.report}: cannot be written ({error.strerror})") from error
@@ -84,9 +84,8 @@ def report(results: Results) -> Path:
 def _chosen_frames(truth: Truth) -> list[str]:
     """Frames spread over deflection and contact distance, the most bent one last."""
     ordered = truth.frames.sort(pl.col("deflection_pct").round(1), "x_c_mm")["frame_id"]
-    places = np.linspace(0, len(ordered) - 1, min(GALLERY_FRAMES, len(ordered)) + 1)[1:]
-    spread = dict.fromkeys(int(place) for place in np.linspace(0, len(ordered) - 1, len(places)))
-    return [ordered[place] for place in spread]
+    count = min(GALLERY_FRAMES, len(ordered))
+    return [ordered[int(place)] for place in np.linspace(0, len(ordered) - 1, count)]
 
 
 def _failures(scores: pl.DataFrame) -> dict[str, Any]:
@@ -96,9 +95,9 @@ def _failures(scores: pl.DataFrame) -> dict[str, Any]:
     return {"failures": rows, "more_failures": max(failed.height - MOST_FAILURES, 0)}
 
 
-def _picture(seen: Any) -> np.ndarray:
+def _picture(seen: Overlay, colours: gallery.Colours) -> np.ndarray:
     """The frame and its contact enlarged, side by side, for the README."""
-    wide, near = gallery.strip(seen), gallery.close_up(seen, scale=6)
+    wide, near = gallery.strip(seen, colours), gallery.close_up(seen, colours, scale=6)
     height = max(len(wide), len(near))
     canvases = []
     for canvas in (wide, near):

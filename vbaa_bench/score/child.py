@@ -12,32 +12,32 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.files import write_text
 from solver.instrument.observation import open_observations
 from solver.table import csv_text, row
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.manifest import verify_observations
 
 # A method that takes longer than this for a frame, repeats included, has given no answer [s].
 LONGEST_FRAME_S = 60
 
 
-def solve(observations: Path, method: str, out: Path, repeats: int) -> None:
-    """Write `out`, the CSV of a method's estimates for every frame of an observations tree.
+def solve(layout: Layout, method: str, out: Path, repeats: int) -> None:
+    """Write `out`, the CSV of a method's estimates for every frame of a dataset's observations.
 
     A method that brings its process down, or never ends, gives a table in which every frame is
-    crashed. Raises InputError for a method that cannot be found, for observations that cannot
-    be opened, and for an unwritable `out`.
+    crashed. Raises InputError for a method that cannot be found, for observations that are not
+    what was generated, and for an unwritable `out`.
     """
-    frames = open_observations(observations).frames
-    # One thread: times are of one core, whatever the machine.
-    alone = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
-    python_path = os.pathsep.join([str(Path.cwd()), os.environ.get("PYTHONPATH", "")])
+    frames = open_observations(layout.observations).frames
+    verify_observations(layout)
     with tempfile.TemporaryDirectory(prefix="vbaa-solve-") as folder:
         copy, answer = Path(folder) / "observations", Path(folder) / "answer.csv"
-        shutil.copytree(observations, copy)
+        shutil.copytree(layout.observations, copy)
         command = [sys.executable, "-m", "solver", str(copy), "--method", method, "--quiet"]
         command += ["--repeats", str(repeats), "--out", str(answer)]
         try:
             child = subprocess.run(
                 command,
                 cwd=folder,
-                env={**os.environ, **alone, "PYTHONPATH": python_path},
+                env=_environment(method),
                 capture_output=True,
                 text=True,
                 timeout=LONGEST_FRAME_S * len(frames),
@@ -46,7 +46,7 @@ def solve(observations: Path, method: str, out: Path, repeats: int) -> None:
             status, said = child.returncode, child.stderr.strip()
         except subprocess.TimeoutExpired:
             status, said = None, "no answer in time"
-        if status == 2:
+        if status == 2 and said.startswith("error: "):
             raise InputError(said.removeprefix("error: ").replace(folder + os.sep, ""))
         if status == 0 and answer.is_file():
             text = answer.read_text(encoding="utf-8")
@@ -59,3 +59,15 @@ def solve(observations: Path, method: str, out: Path, repeats: int) -> None:
         write_text(out, text)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+
+
+def _environment(method: str) -> dict[str, str]:
+    """No more than a process needs: nothing that says where it was started from."""
+    kept = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
+    environment = {name: os.environ[name] for name in kept if name in os.environ}
+    # One thread: times are of one core, whatever the machine.
+    environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+    environment["OPENCV_FOR_THREADS_NUM"] = "1"
+    if ":" in method:  # somebody's own: found where Python finds it here
+        environment["PYTHONPATH"] = os.pathsep.join([str(Path.cwd()), *filter(None, sys.path)])
+    return environment

@@ -10,6 +10,7 @@ from vbaa_bench.dataset.readers import Truth
 
 _NUMBERS = ("x_c_mm", "x_c_sigma_mm", "s_c_mm", "force_n", "force_sigma_n", "image_ms")
 _TEXTS = ("outcome", "message")
+_LARGEST = 1e12
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
 
 
@@ -20,9 +21,9 @@ def read_predictions(path: Path) -> pl.DataFrame:
     """
     try:
         if path.suffix == ".parquet":
-            table = pl.read_parquet(path)
+            table = pl.read_parquet(path, glob=False)
         else:
-            table = pl.read_csv(path, infer_schema=False)
+            table = pl.read_csv(path, infer_schema=False, glob=False)
     except (OSError, pl.exceptions.PolarsError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is not a CSV or Parquet table ({reason})") from error
@@ -32,6 +33,9 @@ def read_predictions(path: Path) -> pl.DataFrame:
     if len(absent) == 2:
         raise InputError(f"{path}: the columns x_c_mm and force_n are both missing, needed is one")
     known = [name for name in (*_NUMBERS, *_TEXTS) if name in table.columns]
+    for name in _NUMBERS:
+        if name in known and not (table[name].dtype.is_numeric() or table[name].dtype == pl.String):
+            raise InputError(f"{path}: {name} holds {table[name].dtype}, allowed are numbers")
     try:
         table = table.select(
             pl.col("frame_id").cast(pl.String),
@@ -46,9 +50,9 @@ def read_predictions(path: Path) -> pl.DataFrame:
         if n not in known
     ]
     table = table.with_columns(missing)
-    # inf and NaN are no answers.
+    # inf, NaN and numbers beyond all sense are no answers.
     table = table.with_columns(
-        pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in _NUMBERS
+        pl.when(pl.col(name).abs() < _LARGEST).then(pl.col(name)).alias(name) for name in _NUMBERS
     )
     given = pl.col("x_c_mm").is_not_null() | pl.col("force_n").is_not_null()
     stated = pl.col("outcome")
@@ -80,6 +84,7 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
         )
     true = truth.frames.select(
         "frame_id",
+        "push",
         "deflection_pct",
         "pushing_angle_deg",
         pl.col("x_c_mm").alias("true_x_c_mm"),

@@ -10,7 +10,8 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
-from vbaa_bench.dataset.readers import open_truth, verify
+from vbaa_bench.dataset.manifest import verify_observations, verify_truth
+from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.metrics import read_predictions, score_frames
 from vbaa_bench.score.summary import summarise
@@ -22,7 +23,8 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     The dataset is checked against its hashes first. Raises InputError.
     """
     truth = open_truth(results.dataset.truth)
-    verify(results.dataset)
+    verify_observations(results.dataset)
+    verify_truth(results.dataset)
     if not predictions:
         raise InputError(f"{results.predictions}: holds no predictions; solve or name a file")
     scores = pl.concat(

@@ -75,7 +75,8 @@ def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
         elif kind == "value_error":
             sentence = str(mistake["ctx"]["error"])
         else:
-            sentence = f"is {value!r}, {_allowed(key) or mistake['msg']}"
+            shown = list(value) if isinstance(value, tuple) else value
+            sentence = f"is {shown!r}, {_allowed(key) or mistake['msg']}"
         lines.append(_complaint(path, document, key, sentence))
     return lines
 
@@ -86,8 +87,10 @@ def _allowed(key: Sequence[Key]) -> str | None:
     node: dict[str, Any] = schema
     for part in key:
         node = _resolved(schema, node)
-        if isinstance(part, int):
-            node = node["items"] if "items" in node else node["prefixItems"][part]
+        if isinstance(part, int) and "items" in node:
+            node = node["items"]
+        elif isinstance(part, int) and part < len(node.get("prefixItems", [])):
+            node = node["prefixItems"][part]
         elif part in node.get("properties", {}):
             node = node["properties"][part]
         else:
@@ -97,7 +100,7 @@ def _allowed(key: Sequence[Key]) -> str | None:
         values = node.get("enum", [node.get("const")])
         return f"allowed is one of {', '.join(map(str, values))}"
     bounds = [
-        f"{sign} {node[name]}"
+        f"{sign} {node[name]:g}" if isinstance(node[name], float) else f"{sign} {node[name]}"
         for name, sign in (
             ("exclusiveMinimum", ">"),
             ("minimum", ">="),
@@ -107,7 +110,9 @@ def _allowed(key: Sequence[Key]) -> str | None:
         if name in node
     ]
     if least := node.get("minLength", node.get("minItems")):
-        bounds.append(f"of at least {least}")
+        bounds.append(f"of {'at least ' if least != node.get('maxItems') else ''}{least}")
+    if factor := node.get("multipleOf"):
+        bounds.append(f"a multiple of {factor}")
     words = {"integer": "a whole number", "number": "a number", "string": "a text"}
     words |= {"boolean": "true or false", "array": "a list", "object": "a mapping"}
     return f"allowed is {' '.join([words.get(node.get('type', ''), 'a value'), *bounds])}"

@@ -7,9 +7,12 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-Positive = Annotated[float, Field(gt=0)]
+# Generous, but finite: a nanometre to a kilometre in mm; nothing overflows later.
+Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Triple = tuple[float, float, float]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Triple = tuple[Coordinate, Coordinate, Coordinate]
+Tolerance = Annotated[float, Field(ge=0, le=1e3)]
 
 
 class Part(BaseModel):
@@ -36,14 +39,17 @@ class BeamSpec(Part):
 
 
 class ToleranceSpec(Part):
-    """What the laboratory believes of its rig's accuracy: one sigma, written to rig.json."""
+    """What the laboratory believes of its rig's accuracy: one sigma, written to rig.json.
 
-    beam_length_mm: Annotated[float, Field(ge=0)] = 0.1
-    flexural_rigidity_pct: Annotated[float, Field(ge=0)] = 1.0
-    base_mm: Annotated[float, Field(ge=0)] = 0.01
-    board_mm: Annotated[float, Field(ge=0)] = 0.01
-    board_deg: Annotated[float, Field(ge=0)] = 0.01
-    encoder_deg: Annotated[float, Field(ge=0)] = 0.01
+    The encoder's readings always err by its sigma.
+    """
+
+    beam_length_mm: Tolerance = 0.1
+    flexural_rigidity_pct: Annotated[float, Field(ge=0, le=20)] = 1.0
+    base_mm: Tolerance = 0.01
+    board_mm: Tolerance = 0.01
+    board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
+    encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.
     true_rig: Literal["nominal", "drawn"] = "nominal"
 
@@ -57,7 +63,8 @@ class CameraSpec(Part):
     principal_point_offset_px: tuple[float, float] = (0.0, 0.0)
     position_mm: Triple = (120.0, 18.0, 360.0)
     look_at_mm: Triple = (120.6, 20.0, 0.0)
-    roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.6
+    # A board is read the right way up within this range.
+    roll_deg: Annotated[float, Field(ge=-45, le=45)] = 0.6
 
 
 class CalibrationSpec(Part):
@@ -117,8 +124,8 @@ class SensorSpec(Part):
     """The image sensor, exposed so that the resting beam peaks at `beam_peak_pct` of full scale."""
 
     bits: Literal[8] = 8
-    full_well_e: Annotated[float, Field(ge=10)] = 10_000
-    read_noise_e: Annotated[float, Field(ge=0)] = 10
+    full_well_e: Annotated[float, Field(ge=10, le=1e7)] = 10_000
+    read_noise_e: Annotated[float, Field(ge=0, le=1e6)] = 10
     beam_peak_pct: Annotated[float, Field(gt=0, le=100)] = 70
     rest_images: Annotated[int, Field(ge=1, le=1000)] = 4
 
@@ -141,9 +148,7 @@ class PushSpec(Part):
     """
 
     contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)]
-    deflection_pct: Annotated[tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None, Field()] = (
-        None
-    )
+    deflection_pct: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = None
     pushing_angle_deg: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = None
     repeats: Annotated[int, Field(ge=1)] = 1
     motor_angle_at_contact_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
@@ -175,3 +180,13 @@ class Scene(Part):
     render: RenderSpec = RenderSpec()
     layers: tuple[Layer, ...] = ("radiance", "beam_mask", "arc_length", "depth", "object_index")
     frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
+
+    @model_validator(mode="after")
+    def _lamp_behind_camera(self) -> "Scene":
+        camera, lamp = self.camera.position_mm[2], self.light.height_mm
+        if not 0 < camera < lamp:
+            raise ValueError(
+                f"camera.position_mm has height {camera:g} and light.height_mm is {lamp:g}; "
+                "allowed is 0 < camera < light, so that the lamp shines from behind the camera"
+            )
+        return self

@@ -19,6 +19,12 @@ class Push:
     deflection: float | None
     pushing_angle: float | None
 
+    def __str__(self) -> str:
+        """How far it is pushed, as a plot's legend says it."""
+        if self.deflection is not None:
+            return f"{self.deflection / PERCENT:.6g} %"
+        return f"{(self.pushing_angle or 0.0) / DEGREE:.6g}°"
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -38,8 +44,9 @@ def trials(scene: Scene) -> list[Trial]:
     ]
     ends += [(None, degrees * DEGREE) for degrees in pushes.pushing_angle_deg or ()]
     grid = itertools.product(pushes.contact_distance_mm, ends, range(pushes.repeats))
+    identity = scene.model_dump_json()
     made = [
-        Trial(i, _frame_id(scene.seed, i), repeat, Push(distance * MILLIMETRE, *end))
+        Trial(i, _frame_id(identity, i), repeat, Push(distance * MILLIMETRE, *end))
         for i, (distance, end, repeat) in enumerate(grid)
     ]
     return sorted(made, key=lambda trial: trial.frame_id)
@@ -55,8 +62,8 @@ def render_seed(scene: Scene, stage: str, trial: int = 0) -> int:
     return int(random_generator(scene, stage, trial).integers(2**32))
 
 
-def _frame_id(seed: int, index: int) -> str:
-    return _digest(f"frame {seed} {index}")[:8].hex()
+def _frame_id(identity: str, index: int) -> str:
+    return _digest(f"frame {identity} {index}")[:8].hex()
 
 
 def _digest(text: str) -> bytes:

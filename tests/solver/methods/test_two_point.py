@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -98,3 +100,25 @@ def test_too_few_pairs_are_invalid() -> None:
     points = np.column_stack([np.linspace(0.01, 0.2, 20), np.linspace(0.2, 0.01, 20)])
     assert two_point(measurement(points, 1e-5)).outcome is Outcome.INVALID
     assert two_point(measurement(np.empty((0, 2)), 1e-5)).outcome is Outcome.INVALID
+
+
+def test_a_displaced_clamp_enters_the_covariance() -> None:
+    force, x_c, sigma = 0.05, 0.12, 1e-4
+    x = np.arange(0.003, 0.235, 0.51e-3)
+
+    def answer(displaced: float, base_sigma: float = 0.0) -> Estimate:
+        y = force / (6 * EI) * unit_deflection(x - displaced, x_c)
+        return two_point(measurement(np.column_stack([x, y]), 1e-9, base_sigma))
+
+    step = 1e-7
+    ahead, behind = answer(step).values, answer(-step).values
+    by_x = {name: (ahead[name] - behind[name]) / (2 * step) for name in ahead}
+    # Known exactly but for its place along the beam, the clamp adds just these.
+    stated = answer(0.0)
+    rig_only = measurement(np.column_stack([x, np.zeros_like(x)]), 1e-9).base_covariance.copy()
+    rig_only[0, 0] = sigma**2
+    points = np.column_stack([x, force / (6 * EI) * unit_deflection(x, x_c)])
+    vague = two_point(dataclasses.replace(measurement(points, 1e-9), base_covariance=rig_only))
+    for name in ("x_c_m", "force_n"):
+        added = np.sqrt(vague.sigma(name) ** 2 - stated.sigma(name) ** 2)
+        assert added == pytest.approx(abs(by_x[name]) * sigma, rel=0.1)

@@ -100,6 +100,10 @@ def test_unusable_predictions_are_refused(results: Results, table: pl.DataFrame,
     assert not results.scores.exists()
     with pytest.raises(InputError, match="not a CSV"):
         read_predictions(results.root / "none.csv")
+    yes = results.root / "yes.parquet"
+    pl.DataFrame({"frame_id": [own], "x_c_mm": [True]}).write_parquet(yes)
+    with pytest.raises(InputError, match="x_c_mm holds Boolean"):
+        read_predictions(yes)
 
 
 BAD_METHODS = """
@@ -121,10 +125,14 @@ def sometimes(measurement, count=[0]):
         raise ZeroDivisionError("every second time")
     return METHODS["exact_fit"](measurement)
 
+def leaves(measurement):
+    raise SystemExit(2)
+
 def looks_for_truth(measurement):
     import pathlib, sys
     here = pathlib.Path(sys.argv[1])
     names = sorted(p.name for p in here.parent.rglob("*") if "truth" in p.name or "scene" in p.name)
+    names += [name for name in ("PWD", "OLDPWD") if name in os.environ]
     raise LookupError(f"found {names}")
 """
 
@@ -135,6 +143,7 @@ def looks_for_truth(measurement):
         ("raises", 4, "RuntimeError: no idea"),
         ("returns_nothing", 4, "returned NoneType"),
         ("dies", 4, "process died"),
+        ("leaves", 4, "SystemExit: 2"),
         ("sometimes", 2, "ZeroDivisionError"),
         ("looks_for_truth", 4, "found []"),
     ],
@@ -145,7 +154,7 @@ def test_a_method_that_fails_is_rows_with_an_outcome(
     (results.root.parent / "bad_methods.py").write_text(BAD_METHODS, encoding="utf-8")
     monkeypatch.chdir(results.root.parent)
     out = results.predictions / "mine.csv"
-    solve(results.dataset.observations, f"bad_methods:{method}", out, 1)
+    solve(results.dataset, f"bad_methods:{method}", out, 1)
     found = score(results, {"mine": out})["methods"]["mine"]
     assert found["n"] == 4
     assert found["failure_rate"] == failed / 4
@@ -158,7 +167,7 @@ def test_canary_a_changed_truth_changes_no_estimate(results: Results) -> None:
     before, after = results.root / "before.csv", results.root / "after.csv"
 
     def estimates(path: Path) -> pl.DataFrame:
-        solve(results.dataset.observations, "exact_fit", path, 1)
+        solve(results.dataset, "exact_fit", path, 1)
         return pl.read_csv(path).drop("image_ms")  # the clock is no estimate
 
     first = estimates(before)

@@ -54,10 +54,11 @@ extra: 1
     assert found == [
         "scene.yaml:1:1: title is '', allowed is a text of at least 1",
         "scene.yaml:2:1: seed is -1, allowed is a whole number >= 0 < 9223372036854775808",
-        "scene.yaml:10:29: pushes.contact_distance_mm[1] is -1, allowed is a number > 0",
-        "scene.yaml:5:3: beam.diameter_mm is 0, allowed is a number > 0",
+        "scene.yaml:10:29: pushes.contact_distance_mm[1] is -1, "
+        "allowed is a number >= 1e-06 <= 1e+06",
+        "scene.yaml:5:3: beam.diameter_mm is 0, allowed is a number >= 1e-06 <= 1e+06",
         "scene.yaml:4:3: beam.lenght_mm is an unknown key; did you mean length_mm?",
-        "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number >= -180 <= 180",
+        "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number >= -45 <= 45",
         "scene.yaml:8:3: sensor.bits is 9, allowed is one of 8",
         "scene.yaml:12:10: layers[0] is 'dept', allowed is one of radiance, beam_mask, "
         "arc_length, depth, object_index",
@@ -82,6 +83,19 @@ extra: 1
         ("pushes:", "pushes: [", "is not YAML"),
         ("seed: 11", "seed: .nan", "seed is nan"),
         ("seed: 11", "seed: yes", "seed is 'yes'"),  # YAML 1.2: yes is a text
+        ("seed: 11", "seed: 11\n1: 2", "Keys should be strings"),
+        ("[100, 200]", "[100, 250.2]", "contact_distance_mm[1] is 250.2, allowed is > 0 and"),
+        ("look_at_mm: [120.6, 22.0, 0.0]", "look_at_mm: [0, 22.0, 360.0]", "beam's own direction"),
+        ("look_at_mm: [120.6, 22.0, 0.0]", "look_at_mm: [120, 22, 720]", "look away from the beam"),
+        ("position_mm: [120.0, 22.0, 360.0]", "position_mm: [120, 22, 500]", "0 < camera < light"),
+        (
+            "position_mm: [120.0, 22.0, 360.0]",
+            "position_mm: [120, 22]",
+            "camera.position_mm[2] is missing",
+        ),
+        ("width_px: 512", "width_px: 512\n  focal_length_px: 60", "px wide, allowed is >= 0.25"),
+        ("seed: 11", "seed: 11\nbeam: {facets: 50}", "a multiple of 4"),
+        ("seed: 11", "seed: 11\nbeam: {youngs_modulus_gpa: 1e300}", "<= 1e+06"),
     ],
 )
 def test_impossible_scenes_are_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
