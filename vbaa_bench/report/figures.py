@@ -1,5 +1,6 @@
 """The report's charts."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import altair as alt
@@ -13,8 +14,11 @@ _PUSH = alt.Color("push:N", title="pushed to", sort=None).legend(orient="bottom"
 _WIDTH = 430
 
 
-def speed_against_error(summary: Summary) -> Chart:
-    """Milliseconds per frame against the median error of x_c, with 95 % bootstrap intervals."""
+def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
+    """Milliseconds per frame against the median error of x_c, with 95 % bootstrap intervals.
+
+    `colours` gives each method's, as CSS writes it.
+    """
     rows = []
     for name, found in summary["methods"].items():
         time, error = found["ms_per_frame_median"], found["x_c_median_abs_pct_L"]
@@ -47,7 +51,9 @@ def speed_against_error(summary: Summary) -> Chart:
     y = alt.Y("error:Q", title="median |error| of contact distance [% of L]").scale(
         type="log", domain=span_y, nice=False
     )
-    colour = alt.Color("method:N", legend=None)
+    colour = alt.Color("method:N", legend=None).scale(
+        domain=list(colours), range=list(colours.values())
+    )
     return alt.layer(
         base.mark_rule(strokeWidth=2).encode(x=x, y="error_low:Q", y2="error_high:Q", color=colour),
         base.mark_rule(strokeWidth=2).encode(x="ms_low:Q", x2="ms_high:Q", y=y, color=colour),

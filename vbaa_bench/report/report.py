@@ -36,7 +36,8 @@ def report(results: Results) -> Path:
     rig = truth.manifest["true_rig"]
     length, rigidity = rig["beam_length_mm"], rig["flexural_rigidity_n_mm2"]
     overlays = [overlay(results, truth, scores, name) for name in _chosen_frames(truth)]
-    speed = figures.speed_against_error(summary)
+    css = {name: gallery.colour_name(colour) for name, colour in colours.items()}
+    speed = figures.speed_against_error(summary, css)
     page = _template().render(
         title=truth.manifest["scene"]["title"],
         frames=truth.frames.height,
@@ -56,7 +57,7 @@ def report(results: Results) -> Path:
         ],
         errors=[_svg(figures.error_against_distance(scores, name)) for name in methods],
         truth_colour=gallery.colour_name(gallery.TRUTH),
-        legend=[(name, gallery.colour_name(colour)) for name, colour in colours.items()],
+        legend=css.items(),
         gallery=[
             {
                 "title": seen.title,
