@@ -2,12 +2,12 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lock clean
+.PHONY: demo test libraries lock clean
 
-demo: .venv/ready llvm
+demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
 
-test: .venv/ready llvm
+test: libraries
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -24,10 +24,9 @@ test: .venv/ready llvm
 	.tools/bin/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
 	touch $@
 
-# Dr.Jit compiles with libLLVM >= 16. Debian calls it libllvm19; without it everything runs on scalar_rgb, slower.
-.PHONY: llvm
-llvm: .venv/ready
-	@$(BIN)/vbaa-bench doctor --install-llvm --quiet
+# The renderer needs libatomic, and libLLVM >= 16 to be fast: installed where apt and root allow it.
+libraries: .venv/ready
+	@$(BIN)/vbaa-bench doctor --install --quiet
 
 lock: .tools/bin/uv
 	.tools/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header --no-annotate \

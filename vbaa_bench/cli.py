@@ -21,7 +21,7 @@ from rich.table import Table
 from solver.instrument.errors import InputError
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
-from vbaa_bench.render.variant import LLVM_ADVICE, PLAIN, choose
+from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.score import found_predictions
@@ -129,15 +129,15 @@ def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
 
 @app.command()
 def doctor(
-    install_llvm: Annotated[
-        bool, typer.Option("--install-llvm", help="install libLLVM by apt if it is missing")
+    install: Annotated[
+        bool, typer.Option("--install", help="install missing libraries by apt, as root")
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="one line")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Say what this machine can render with, and what to install."""
-    if install_llvm:
-        console.print(checks.install_llvm())
+    if install:
+        console.print(checks.install_libraries())
         if quiet:
             return
     found = checks.diagnose()
@@ -163,7 +163,7 @@ def _generate(
     file = load_scene(scene, seed)
     chosen = choose(variant).variant
     if chosen == PLAIN and variant is None:
-        console.print(f"rendering with scalar_rgb, about ten times slower: {LLVM_ADVICE}")
+        console.print(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
     root = out or Path("runs") / scene.stem
     columns = (
         TextColumn("{task.description}"),

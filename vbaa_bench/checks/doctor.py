@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vbaa_bench.dataset.manifest import versions
-from vbaa_bench.render.variant import CUDA, FAST, LLVM_ADVICE, VARIANTS, Probe, probe
+from vbaa_bench.render.variant import ADVICE, CUDA, FAST, PLAIN, VARIANTS, Probe, probe
 
-PACKAGE: Final = "libllvm19"
-INSTALL: Final = ("apt-get", "install", "--yes", "--no-install-recommends", PACKAGE)
+PACKAGES: Final = ("libatomic1", "libllvm19")
+INSTALL: Final = ("apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES)
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Diagnosis:
     def advice(self) -> str:
         """What to do next, in a sentence."""
         if not self.healthy:
-            return f"Nothing renders here. {LLVM_ADVICE}."
+            return f"Nothing renders here. {ADVICE}."
         if not self.fast:
-            return f"Everything runs, but about ten times slower than it could. {LLVM_ADVICE}."
+            return f"Everything runs, but about ten times slower than it could. {ADVICE}."
         return "All is well. CUDA is used when asked for: --variant cuda_ad_mono."
 
     def record(self) -> dict[str, Any]:
@@ -53,17 +53,18 @@ def diagnose() -> Diagnosis:
     return Diagnosis(tuple(probe(variant) for variant in VARIANTS))
 
 
-def install_llvm() -> str:
-    """Install libLLVM by apt where that is missing and allowed; what was done, in one sentence."""
+def install_libraries() -> str:
+    """Install by apt what the fast variant misses, where allowed; what was done, in a sentence."""
     if probe(FAST).works:
         return f"{FAST} works; nothing to install."
     if shutil.which("apt-get") is None or os.geteuid() != 0:
-        return f"{LLVM_ADVICE}. Until then everything runs on scalar_rgb, slower."
+        until = "until then everything runs on scalar_rgb, slower"
+        return f"{ADVICE}; {until if probe(PLAIN).works else 'until then nothing renders'}."
     steps = (("apt-get", "update", "--quiet"), INSTALL)
     quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     for step in steps:
         done = subprocess.run(step, env=quiet, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             reason = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]
-            return f"'{' '.join(step)}' failed ({' '.join(reason)}). {LLVM_ADVICE}."
-    return f"Installed {PACKAGE}; {FAST} {'works' if probe(FAST).works else 'still fails'}."
+            return f"'{' '.join(step)}' failed ({' '.join(reason)}). {ADVICE}."
+    return f"Installed {' and '.join(PACKAGES)}; {FAST} {'works' if probe(FAST).works else 'still fails'}."

@@ -18,9 +18,9 @@ CUDA: Final = "cuda_ad_mono"
 PLAIN: Final = "scalar_rgb"
 VARIANTS: Final = (CUDA, FAST, PLAIN)
 
-LLVM_ADVICE: Final = (
-    "Dr.Jit needs libLLVM 16 or newer: on Debian and Ubuntu, apt-get install libllvm19; "
-    "elsewhere, set DRJIT_LIBLLVM_PATH to a libLLVM.so of version 16 or newer"
+ADVICE: Final = (
+    "Dr.Jit needs libatomic, and for its fast variant libLLVM 16 or newer: on Debian and Ubuntu, "
+    "apt-get install libatomic1 libllvm19; elsewhere, set DRJIT_LIBLLVM_PATH to such a libLLVM.so"
 )
 
 _PROBE = """
@@ -58,7 +58,9 @@ def probe(variant: str) -> Probe:
     except subprocess.TimeoutExpired:
         return Probe(variant, False, "gave no answer in 120 s")
     lines = (child.stderr.strip() or child.stdout.strip()).splitlines()
-    said = lines[-1].strip() if lines else ""
+    # A missing library is the cause of all that is said after it.
+    missing = [line for line in lines if "cannot open shared object file" in line]
+    said = (missing or lines[-1:] or [""])[0].strip()
     answers = [line for line in child.stdout.splitlines() if line.startswith("probe ")]
     if child.returncode != 0 or not answers:
         return Probe(variant, False, f"{said} (exit status {child.returncode})")
@@ -96,4 +98,4 @@ def choose(asked: str | None = None, candidates: Sequence[str] = (FAST, PLAIN)) 
         if found.works:
             return found
         tried.append(f"{variant} does not work here: {found.said}")
-    raise InputError(". ".join([*tried, LLVM_ADVICE]))
+    raise InputError(". ".join([*tried, ADVICE]))
