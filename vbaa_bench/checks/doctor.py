@@ -67,4 +67,5 @@ def install_libraries() -> str:
         if done.returncode != 0:
             reason = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]
             return f"'{' '.join(step)}' failed ({' '.join(reason)}). {ADVICE}."
-    return f"Installed {' and '.join(PACKAGES)}; {FAST} {'works' if probe(FAST).works else 'still fails'}."
+    state = "works" if probe(FAST).works else "still fails"
+    return f"Installed {' and '.join(PACKAGES)}; {FAST} {state}."
