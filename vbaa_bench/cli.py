@@ -176,13 +176,17 @@ def _generate(
     count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("rendering", total=None)
-        generate_dataset(
-            file,
-            root,
-            chosen,
-            count,
-            lambda done, total: progress.update(task, completed=done, total=total),
-        )
+        try:
+            generate_dataset(
+                file,
+                root,
+                chosen,
+                count,
+                lambda done, total: progress.update(task, completed=done, total=total),
+            )
+        except KeyboardInterrupt:
+            console.print("interrupted; the same command goes on from what is finished")
+            raise
     return root
 
 
@@ -243,6 +247,3 @@ def main() -> None:
     except WorkerDiedError as error:
         console.print(f"error: {error}", markup=False)
         sys.exit(1)
-    except KeyboardInterrupt:
-        console.print("interrupted; the same command goes on from here")
-        sys.exit(130)
