@@ -25,7 +25,7 @@ def command(*arguments: str | Path, module: str = "vbaa_bench.cli") -> Finished:
     )
 
 
-def refused(done: Finished, said: str) -> None:
+def check_refused(done: Finished, said: str) -> None:
     """One clear sentence on stderr, exit status 2, no traceback."""
     assert done.returncode == 2, done.stderr
     assert said in done.stderr
@@ -97,35 +97,35 @@ def test_failures_are_listed_in_the_report(finished: Path, tmp_path: Path) -> No
 
 
 def test_bad_scenes_are_refused(tmp_path: Path) -> None:
-    refused(command("run", tmp_path / "none.yaml"), "none.yaml: cannot be read")
+    check_refused(command("run", tmp_path / "none.yaml"), "none.yaml: cannot be read")
     scene = tmp_path / "scene.yaml"
     scene.write_text("title: x\nseed: one\n", encoding="utf-8")
     done = command("generate", scene, "--out", tmp_path / "out")
-    refused(done, "scene.yaml:2:1: seed is 'one', allowed is a whole number")
+    check_refused(done, "scene.yaml:2:1: seed is 'one', allowed is a whole number")
     assert "pushes is missing" in done.stderr
     assert not (tmp_path / "out").exists()
     scene.write_text(SMALL_SCENE, encoding="utf-8")
-    refused(command("generate", scene, "--out", scene / "out"), "cannot be written")
-    refused(command("generate", scene, "--variant", "fast"), "variant 'fast' is unknown")
+    check_refused(command("generate", scene, "--out", scene / "out"), "cannot be written")
+    check_refused(command("generate", scene, "--variant", "fast"), "variant 'fast' is unknown")
 
 
 def test_bad_datasets_are_refused(finished: Path, tmp_path: Path) -> None:
     for verb in ("solve", "score", "report"):
-        refused(command(verb, tmp_path / "none"), "none")
-    refused(command("solve", finished, "--method", "magic"), "method 'magic' is unknown")
-    refused(command("solve", finished, "--method", "no.such:thing"), "cannot be imported")
+        check_refused(command(verb, tmp_path / "none"), "none")
+    check_refused(command("solve", finished, "--method", "magic"), "method 'magic' is unknown")
+    check_refused(command("solve", finished, "--method", "no.such:thing"), "cannot be imported")
     table = finished / "predictions" / "exact_fit.csv"
-    refused(command("score", finished, "--predictions", table), "scored already")
-    refused(command("score", finished, "--predictions", tmp_path / "none.csv"), "none.csv")
+    check_refused(command("score", finished, "--predictions", table), "scored already")
+    check_refused(command("score", finished, "--predictions", tmp_path / "none.csv"), "none.csv")
     root = tmp_path / "copy"
     shutil.copytree(finished, root)
     rig = root / "observations" / "rig.json"
     rig.write_text(rig.read_text().replace("240", "250"))
-    refused(command("solve", root), "rig.json: is not what was generated")
+    check_refused(command("solve", root), "rig.json: is not what was generated")
     (root / "observations" / "hashes.json").write_text("[]")
-    refused(command("solve", root), "hashes.json: holds list")
+    check_refused(command("solve", root), "hashes.json: holds list")
     (root / "scores" / "summary.json").write_text("{")
-    refused(command("report", root), "summary.json: cannot be read as JSON")
+    check_refused(command("report", root), "summary.json: cannot be read as JSON")
 
 
 def test_bad_images_are_refused(finished: Path, tmp_path: Path) -> None:
@@ -139,19 +139,19 @@ def test_bad_images_are_refused(finished: Path, tmp_path: Path) -> None:
         return command(tree, "--quiet", "--out", out, *more, module="solver.__main__")
 
     image.write_bytes(png_bytes(read_grey(image)[:100, :200]))
-    refused(solver(), f"{image.name}: has 200 x 100 px, allowed is the size of view_00.png")
+    check_refused(solver(), f"{image.name}: has 200 x 100 px, allowed is the size of view_00.png")
     original = (finished / "observations" / image.relative_to(tree)).read_bytes()
     image.write_bytes(original[:1000])
-    refused(solver(), f"{image.name}: is not an image that can be decoded")
+    check_refused(solver(), f"{image.name}: is not an image that can be decoded")
     image.write_bytes(b"not an image")
-    refused(solver(), f"{image.name}: is not a PNG image")
+    check_refused(solver(), f"{image.name}: is not a PNG image")
     image.unlink()
-    refused(solver(), f"the image {image.name} is missing")
+    check_refused(solver(), f"the image {image.name} is missing")
     image.write_bytes(original)
     shutil.copy(view, tmp_path)
     view.write_bytes(image.read_bytes())
-    refused(solver(), "view 0")
+    check_refused(solver(), "view 0")
     shutil.copy(tmp_path / "view_00.png", view)
-    refused(solver("--out", str(view / "x.csv")), "cannot be written")
+    check_refused(solver("--out", str(view / "x.csv")), "cannot be written")
     (tree / "rig.json").unlink()
-    refused(solver(), "rig.json: cannot be read")
+    check_refused(solver(), "rig.json: cannot be read")
