@@ -4,6 +4,7 @@ import importlib
 import statistics
 import sys
 import time
+import traceback
 from pathlib import Path
 from typing import Annotated
 
@@ -61,13 +62,23 @@ def find_method(name: str) -> Method:
     if name in METHODS:
         return METHODS[name]
     module, colon, function = name.partition(":")
-    if not colon:
-        raise InputError(f"method '{name}' is unknown, allowed is one of {', '.join(METHODS)}")
+    if not (module and colon and function):
+        raise InputError(
+            f"method '{name}' is unknown, allowed is one of {', '.join(METHODS)}, "
+            "or package.module:function"
+        )
     try:
-        found: Method = getattr(importlib.import_module(module), function)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"method '{name}' cannot be imported ({error})") from error
-    return found
+        found = getattr(importlib.import_module(module), function)
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(last.filename).name}:{last.lineno}"
+        raise InputError(
+            f"method '{name}' cannot be imported: {type(error).__name__} at {where}: {error}"
+        ) from error
+    if not callable(found):
+        raise InputError(f"method '{name}' is a {type(found).__name__}, allowed is a function")
+    method: Method = found
+    return method
 
 
 def _solve_frame(antenna: Antenna, frame: Frame, method: Method, repeats: int) -> Row:

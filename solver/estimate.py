@@ -24,6 +24,7 @@ from solver.plane import on_plane
 Extractor = Callable[[Grey], Centreline]
 
 LEAST_REST_COLUMNS = 10
+WORST_REPROJECTION_PX = 0.5
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,12 @@ def set_up(observations: Observations, extract: Extractor = area_weighted) -> An
     """Calibrate the camera and learn the rest pose. Raises InputError if the images forbid it."""
     rig = observations.rig
     calibration = calibrate([read_grey(path) for path in observations.board_views], rig)
+    if calibration.reprojection_px > WORST_REPROJECTION_PX:
+        raise InputError(
+            f"the calibration leaves {calibration.reprojection_px:.2f} px, allowed is "
+            f"{WORST_REPROJECTION_PX:g} px: is the rig's board the one in the views, and the lens "
+            "free of distortion, which is not modelled yet?"
+        )
     rest_lines = (extract(read_grey(path)) for path in observations.rest_images)
     rest = _rest_line(rest_lines, calibration, rig)
     return Antenna(rig, calibration, rest, extract)
@@ -84,7 +91,8 @@ def measure(antenna: Antenna, image: Grey, motor_angle: float) -> Measurement:
     base_covariance += np.diag([1e-18, 1e-18, 1e-18])
     # A clamp off plane C, or a board that did not lie in it, is nearer to the camera or farther
     # from it than believed: all lengths err by the same share. A board tilted about its middle
-    # is off by its angle times half the beam.
+    # is off by its angle times half the beam. The calibration's own scale error, a hundredth of
+    # a per cent for a board that fills the view, is neglected.
     height = float(invert(camera.camera_from_antenna)[2, 3])
     tilted = tolerance.board_rotation * rig.beam.length / 2
     off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted)

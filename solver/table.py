@@ -51,7 +51,8 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
     for name, value in estimate.values.items():
         column, unit = COLUMN_OF[name]
         cells[column] = value / unit
-        cells[_sigma_column(column)] = estimate.sigma(name) / unit
+        if estimate.covariance is not None:
+            cells[_sigma_column(column)] = estimate.sigma(name) / unit
     return cells
 
 

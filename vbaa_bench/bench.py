@@ -64,7 +64,7 @@ class Bench:
     def board_view(self, tick: Callable[[], None], view: int, exposure: float) -> None:
         """Save one calibration image."""
         world = self.studio.card(view)
-        seed = render_seed(self.scene, "board view", view)
+        seed = render_seed(self.scene, "board render", view)
         radiance = even_picture(world, BOARD_SAMPLES, seed)
         self._save(f"calibration/view_{view:02d}.png", radiance, exposure, "board sensor", view)
         tick()

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
+import polars as pl
 import typer
 from rich.console import Console
 from rich.progress import (
@@ -19,11 +20,13 @@ from rich.progress import (
 from rich.table import Table
 
 from solver.instrument.errors import InputError
+from solver.instrument.estimate import Outcome
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import Results
+from vbaa_bench.score.metrics import read_predictions
 from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
 from vbaa_bench.spec.load import load_scene
@@ -104,7 +107,8 @@ def solve(
     results = Results(dataset)
     written = _solve(results, method, repeats)
     record = {"predictions": {name: str(path) for name, path in written.items()}}
-    _say(record, "\n".join(record["predictions"].values()), as_json)
+    lines = [f"{path}: {_outcomes(path)}" for path in written.values()]
+    _say(record, "\n".join(lines), as_json)
 
 
 @app.command()
@@ -206,6 +210,16 @@ def _solve(results: Results, methods: list[str] | None, repeats: int) -> dict[st
             solve_apart(results.dataset, method, target, repeats)
         written[name] = target
     return written
+
+
+def _outcomes(table: Path) -> str:
+    """How often a predictions file says what, and the first reason for each failure."""
+    rows = read_predictions(table).group_by("outcome").agg(pl.len(), pl.col("message").first())
+    said = [
+        f"{count} {outcome}" + ("" if outcome == Outcome.CONTACT else f" ({message})")
+        for outcome, count, message in rows.sort("len", descending=True).iter_rows()
+    ]
+    return ", ".join(said)
 
 
 def _show(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_text
+from solver.instrument.observation import INCOMPLETE
 from solver.instrument.rig import rig_to_json
 from vbaa_bench.bench import Bench
 from vbaa_bench.dataset.layout import Layout
@@ -95,4 +96,5 @@ def _claim(layout: Layout, scene: Scene, variant: str) -> bool:
         )
     for folder in ("calibration", "rest"):
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
+    write_text(layout.observations / INCOMPLETE, "")
     return False

@@ -1,16 +1,18 @@
 """Scene -> what will be made: every trial with its equilibrium, and nothing impossible."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.mechanics.planar import Equilibrium, EquilibriumError, push
 from vbaa_bench.spec.load import SceneFile
-from vbaa_bench.spec.rigs import TrueRig, true_rig
+from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.spec.trials import Push, Trial, trials
 
 # Thinner, and pixels' centres miss the beam for long stretches.
@@ -50,7 +52,9 @@ def plan(file: SceneFile) -> Plan:
             index = int(np.argmin(np.abs(distances - wanted_mm)))
             key = ("pushes", "contact_distance_mm", index)
             mistakes.append(file.complaint(key, str(error)))
-    mistakes += _overstressed(file, equilibria.values())
+    mistakes += _overstressed(file, equilibria)
+    mistakes += _inside_hub(file)
+    mistakes += _board_out_of_view(file, rig)
     mistakes += _out_of_view(file, rig, equilibria.values())
     if mistakes:
         raise InputError("\n".join(dict.fromkeys(mistakes)))
@@ -80,21 +84,60 @@ def _push(wanted: Push, rig: TrueRig, pieces: int) -> Equilibrium:
         )
     except EquilibriumError as error:
         raise _ImpossibleError(
-            f"is {wanted.contact_distance / MILLIMETRE:g}, which has no equilibrium: {error}"
+            f"is {wanted.contact_distance / MILLIMETRE:g}, which has no equilibrium when pushed to "
+            f"{wanted}: {error}"
         ) from error
 
 
-def _overstressed(file: SceneFile, equilibria: Iterable[Equilibrium]) -> list[str]:
+def _inside_hub(file: SceneFile) -> list[str]:
+    hub = file.scene.hub.radius_mm
+    return [
+        file.complaint(
+            ("pushes", "contact_distance_mm", index),
+            f"is {distance:g}, allowed is beyond the hub's radius of {hub:g} mm",
+        )
+        for index, distance in enumerate(file.scene.pushes.contact_distance_mm)
+        if distance <= hub
+    ]
+
+
+def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:
+    board = nominal_rig(file.scene).board
+    # With the half of the outer squares that the corners' detection needs around them.
+    corners = board.corners() * (1 + 1 / (min(board.columns, board.rows) - 1))
+    if _in_view(rig.camera, apply(rig.antenna_from_board, corners)):
+        return []
+    return [file.complaint(("calibration",), "the camera does not see the whole board in view 0")]
+
+
+def _in_view(camera: Camera, points: Floats) -> bool:
+    """Whether points (n, 3) [m] in Sigma_a lie before the camera and in its image."""
+    if apply(camera.camera_from_antenna, points)[:, 2].min() <= 0:
+        return False
+    u, v = camera.project(points).T
+    return bool(
+        u.min() >= -0.5
+        and v.min() >= -0.5
+        and u.max() <= camera.width - 0.5
+        and v.max() <= camera.height - 0.5
+    )
+
+
+def _overstressed(file: SceneFile, equilibria: Mapping[Push, Equilibrium]) -> list[str]:
     beam = file.scene.beam
-    stress = [e.largest_stress(beam.youngs_modulus_gpa * 1e9) / 1e6 for e in equilibria]
-    worst = max(stress, default=0.0)
-    if beam.allow_above_yield or worst <= beam.yield_stress_mpa:
+    if beam.allow_above_yield or not equilibria:
+        return []
+    modulus = beam.youngs_modulus_gpa * 1e9
+    worst = max(equilibria, key=lambda push: equilibria[push].largest_stress(modulus))
+    stress = equilibria[worst].largest_stress(modulus) / 1e6
+    if stress <= beam.yield_stress_mpa:
         return []
     return [
         file.complaint(
             ("beam", "yield_stress_mpa"),
-            f"is {beam.yield_stress_mpa:g}, but the pushes stress the beam up to {worst:.0f} MPa; "
-            "push less, or set allow_above_yield: true",
+            f"is {beam.yield_stress_mpa:g}, but contact at "
+            f"{worst.contact_distance / MILLIMETRE:g} mm pushed to {worst} stresses the beam to "
+            f"{stress:.0f} MPa; push less, or set allow_above_yield: true",
         )
     ]
 
@@ -116,8 +159,7 @@ def _out_of_view(file: SceneFile, rig: TrueRig, equilibria: Iterable[Equilibrium
             )
         ]
     u, v = camera.project(points).T
-    last = camera.width - 0.5, camera.height - 0.5
-    if u.min() >= -0.5 and v.min() >= -0.5 and u.max() <= last[0] and v.max() <= last[1]:
+    if _in_view(camera, points):
         return []
     return [
         file.complaint(

@@ -37,11 +37,14 @@ def area_weighted(image: Grey) -> Centreline:
     seen = contrast > np.maximum(
         LEAST_CONTRAST * np.quantile(contrast, 0.9), LEAST_SIGNIFICANCE * noise
     )
+    nothing = Centreline(np.empty((0, 2)), np.empty(0))
     if not seen.any():
-        return Centreline(np.empty((0, 2)), np.empty(0))
+        return nothing
     band = _longest_band((image > background + THRESHOLD * contrast) & seen)
     height = np.count_nonzero(band, axis=0)
     columns = np.flatnonzero(seen & (height > 0) & (height <= WIDEST_PX))
+    if not len(columns):
+        return nothing
     rows = _window(np.argmax(band[:, columns], axis=0), image.shape[0])
     inside = np.take_along_axis(band[:, columns], rows, axis=0)
     gray = np.take_along_axis(image[:, columns], rows, axis=0).astype(np.float64)
@@ -75,8 +78,6 @@ def _window(first: np.ndarray, height: int) -> np.ndarray:
 
 def _typical(shift: Floats) -> float:
     """Root mean square of shifts (n,); the largest twentieth, cut, may be an object's."""
-    if not len(shift):
-        return 0.0
     size = np.abs(shift)
     return float(np.sqrt(np.mean(np.minimum(size, np.quantile(size, 0.95)) ** 2)))
 

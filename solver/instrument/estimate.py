@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-
 from solver.instrument.arrays import Floats, frozen_floats
 
 
@@ -52,16 +50,16 @@ _SENTENCES = {
 class Estimate:
     """One frame's answer.
 
-    `values` maps some of QUANTITIES to numbers;
-    what a method does not estimate is absent. `covariance` (n, n) follows the order of
-    `values`. `chi2` is the weighted sum of squared residuals on `dof` degrees of freedom.
+    `values` maps some of QUANTITIES to numbers in SI units; what a method does not estimate is
+    absent. `covariance` (n, n) follows the order of `values`; None where a method does not know
+    it. `chi2` is the weighted sum of squared residuals on `dof` degrees of freedom.
     Raises ValueError if a name is unknown, a value not finite, or the covariance does not fit.
     """
 
     outcome: Outcome
     message: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
-    covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    covariance: Floats | None = None
     chi2: float | None = None
     dof: int | None = None
     iterations: int | None = None
@@ -75,9 +73,13 @@ class Estimate:
         if not all(math.isfinite(value) for value in self.values.values()):
             raise ValueError(f"an estimate holds a value that is not finite: {dict(self.values)}")
         n = len(self.values)
-        object.__setattr__(self, "covariance", frozen_floats("covariance", self.covariance, (n, n)))
+        if self.covariance is not None:
+            covariance = frozen_floats("covariance", self.covariance, (n, n))
+            object.__setattr__(self, "covariance", covariance)
 
     def sigma(self, name: str) -> float:
-        """Standard deviation of a value, in the value's own unit."""
+        """Standard deviation of a value, in its own unit. Raises ValueError if it is not known."""
+        if self.covariance is None:
+            raise ValueError("the estimate states no covariance")
         index = list(self.values).index(name)
         return math.sqrt(max(float(self.covariance[index, index]), 0.0))

@@ -14,7 +14,8 @@ class Measurement:
     y towards the side it bends to. `sigma_vectors` (n, 2) [m] are each point's one-sigma
     displacement: a point measured in one image column errs along that column only.
     `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is what is not known of the clamp's
-    pose; `scale_sigma` the relative one-sigma error of all lengths. Raises ValueError.
+    pose; `scale_sigma` the relative one-sigma error of all lengths. `motor_angle` [rad] is the
+    encoder's reading. Raises ValueError.
     """
 
     points: Floats

@@ -6,8 +6,8 @@ observations/
   rest/rest_00.png ...          the beam before contact
   shard_00000/metadata.csv      file_name, frame_id, motor_angle_deg
   shard_00000/<frame_id>.png    one image a frame
-  hashes.json                   sha256 of every file; written last, so its presence
-                                says that the tree is complete
+  hashes.json                   sha256 of every file (of generated trees)
+  INCOMPLETE                    stands there while a tree is being made
 """
 
 import csv
@@ -22,6 +22,8 @@ from solver.instrument.errors import InputError
 from solver.instrument.images import png_size, read_grey
 from solver.instrument.rig import Rig, read_rig
 from solver.instrument.units import DEGREE
+
+INCOMPLETE = "INCOMPLETE"
 
 
 @dataclass(frozen=True)
@@ -55,10 +57,9 @@ def open_observations(root: Path) -> Observations:
     """Open the tree at `root`. Raises InputError where it is missing, broken or incomplete."""
     if not root.is_dir():
         raise InputError(f"{root}: is not a folder of observations")
-    if not (root / "hashes.json").is_file():
+    if (root / INCOMPLETE).exists():
         raise InputError(
-            f"{root}: has no hashes.json, so it is incomplete; "
-            "run the command that was making it again to finish it"
+            f"{root}: is incomplete; run the command that was making it again to finish it"
         )
     rig = read_rig(root / "rig.json")
     board_views = tuple(sorted(root.glob("calibration/view_*.png")))

@@ -7,20 +7,18 @@ the contact nor the tip to be visible.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from solver.beam_models import exact, linear
+from solver.beam_models import exact
 from solver.fitting.correlation import correlation_length
+from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
 from solver.fitting.terms import points_on_exact_beam, prior
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
-# A bend is believed from this many of its own sigmas on.
-LEAST_SIGNIFICANCE = 5.0
 # A place known worse than this share of the beam's length is only an interval.
 WEAK_SIGMA = 1 / 7
 LEAST_POINTS = 8
@@ -33,11 +31,10 @@ def exact_fit(measurement: Measurement) -> Estimate:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"{len(points)} visible points, needed are {LEAST_POINTS}"
         )
-    bend = _best_linear_bend(measurement)
-    if abs(bend.significance) < LEAST_SIGNIFICANCE:
-        return Estimate(Outcome.NO_CONTACT, f"a bend of {abs(bend.significance):.1f} sigmas")
-    if bend.significance < 0:
-        return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")
+    bend = nearest_linear_bend(measurement)
+    refusal = no_contact(bend)
+    if refusal is not None:
+        return refusal
     # A start inside the model's domain, however steep the linear shape is.
     lever = bend.x_c
     q = min(6 * bend.amplitude, 1.6 / max(lever - points[:, 0].min(), lever) ** 2)
@@ -62,33 +59,6 @@ def exact_fit(measurement: Measurement) -> Estimate:
     # Residuals larger than the stated sigmas widen the answer, smaller ones do not narrow it.
     widening = max(fit.chi2 / dof, 1.0) * correlation_length(on_beam[0])
     return _answer(fit, dof, measurement, widening)
-
-
-@dataclass(frozen=True)
-class _Bend:
-    """The nearest linear beam: x_c [m], f / (6 EI) [1/m^2], and the latter over its sigma."""
-
-    x_c: float
-    amplitude: float
-    significance: float
-
-
-def _best_linear_bend(measurement: Measurement) -> _Bend:
-    """Over a grid of contact distances, the amplitude by least squares, of either sign."""
-    x, y = measurement.points.T
-    distances = measurement.rig.beam.length * np.linspace(0.02, 1.0, 50)
-    shapes = linear.unit_deflection(x[:, None], distances)
-    norm = (shapes**2).sum(axis=0)
-    amplitude = (shapes * y[:, None]).sum(axis=0) / norm
-    misfit = ((y[:, None] - amplitude * shapes) ** 2).sum(axis=0)
-    best = int(np.argmin(misfit))
-    # The points' own errors, and the clamp's offset and tilt, which move all points together.
-    weights = shapes[:, best] / norm[best]
-    sigma = np.linalg.norm(measurement.sigma_vectors, axis=1)
-    by_base = np.array([weights.sum(), weights @ x])
-    variance = (weights**2) @ sigma**2 + by_base @ measurement.base_covariance[1:, 1:] @ by_base
-    significance = float(amplitude[best] / np.sqrt(variance))
-    return _Bend(float(distances[best]), float(amplitude[best]), significance)
 
 
 def _answer(fit: Fit, dof: int, measurement: Measurement, widening: float) -> Estimate:

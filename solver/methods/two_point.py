@@ -13,24 +13,35 @@ the last factor of its denominator squared, which the paper's print omits.
 
 The rule, fixed before any scoring: all pairs of image columns with x2 - x1 >= L / 4; pairs
 without a solution, or with one beyond the beam's tip, are invalid; the answer is the plain mean
-of the valid ones (the paper: "more than 500 data"). Biased where the beam leaves linear theory:
-+0.9 to +5 % of L at 20 % deflection.
+of the valid ones (the paper: "more than 500 data"). A beam that is straight within its noise is no
+contact, as the paper detects first contact from the shape before anything else. Biased where the
+beam leaves linear theory: +0.9 to +5 % of L at 20 % deflection.
 """
 
 import numpy as np
 
 from solver.beam_models.linear import unit_deflection
+from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 LEAST_PAIRS = 500
+LEAST_POINTS = 33  # fewer cannot make so many pairs
 LEAST_SEPARATION = 0.25  # of the beam's length
 
 
 def two_point(measurement: Measurement) -> Estimate:
     """Contact distance x_c and force f, with the covariance that the points' noise gives them."""
     beam, tolerances = measurement.rig.beam, measurement.rig.tolerances
+    if len(measurement.points) < LEAST_POINTS:
+        return Estimate(
+            Outcome.INVALID,
+            f"{len(measurement.points)} visible points, needed are {LEAST_POINTS}",
+        )
+    refusal = no_contact(nearest_linear_bend(measurement))
+    if refusal is not None:
+        return refusal
     ahead = measurement.points[:, 0] > 0
     x, y = measurement.points[ahead].T
     first, second = np.nonzero(x[None, :] - x[:, None] >= LEAST_SEPARATION * beam.length)

@@ -56,6 +56,7 @@ def test_an_interrupted_dataset_is_finished_to_the_same_bytes(
     layout = Layout(root)
     layout.hashes.unlink()
     layout.manifest.unlink()
+    (layout.observations / "INCOMPLETE").touch()
     shutil.rmtree(layout.shard(layout.observations, 1))  # its truth is there, its images are not
     (root / ".shard_00001.part").mkdir()
     kept = layout.shard(layout.observations, 0) / "metadata.csv"

@@ -3,7 +3,7 @@
 DATASET/
   observations/   see solver/instrument/observation.py
   truth/
-    scene.yaml                       the scene, byte for byte
+    identity.json                    scene, variant, versions; written first
     shard_00000/truth.parquet        one row a frame
     shard_00000/<frame_id>.exr       radiance and truth layers
     manifest.json                    scene, seed, true rig, versions, hashes; written last
@@ -31,7 +31,7 @@ class Layout:
 
     @property
     def hashes(self) -> Path:
-        """Marks complete observations."""
+        """Marks, with the manifest, a complete dataset."""
         return self.observations / "hashes.json"
 
     @property

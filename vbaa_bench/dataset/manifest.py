@@ -8,6 +8,7 @@ from typing import Any
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_text
+from solver.instrument.observation import INCOMPLETE
 from vbaa_bench.dataset.layout import Layout
 
 _PACKAGES = (
@@ -34,13 +35,16 @@ def seal(layout: Layout, facts: dict[str, Any]) -> None:
     manifest = {**facts, "versions": versions(), "hashes": hashes(layout.truth)}
     write_text(layout.manifest, json.dumps(manifest, indent=2) + "\n")
     write_text(layout.hashes, json.dumps(hashes(layout.observations), indent=2) + "\n")
+    (layout.observations / INCOMPLETE).unlink(missing_ok=True)
 
 
 def hashes(tree: Path) -> dict[str, str]:
-    """sha256 of every file below `tree`, but for the manifest and the hashes themselves."""
+    """sha256 of every file below `tree`, but for those that are about the tree itself."""
     names = sorted(path.relative_to(tree).as_posix() for path in tree.rglob("*") if path.is_file())
     return {
-        name: sha256(tree / name) for name in names if name not in ("manifest.json", "hashes.json")
+        name: sha256(tree / name)
+        for name in names
+        if name not in ("manifest.json", "hashes.json", INCOMPLETE)
     }
 
 

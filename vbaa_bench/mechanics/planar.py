@@ -145,8 +145,8 @@ def integrate(force: float, s_c: float, at: Floats | None = None, *, lean: float
 
     `along` and `across` are the distances walked in the contact tangent's frame. With `at`
     (n,), the states at those distances from the contact, (4, n). `lean` [rad] turns the force
-    counter-clockwise from the beam's normal: phi'' = (F / EI) cos(phi + lean); zero for a
-    frictionless edge.
+    counter-clockwise from the beam's normal, phi'' = (F / EI) cos(phi + lean): zero for a
+    frictionless edge, atan(mu) with friction, minus theta_c for a dead load.
     """
 
     def derivative(_: float, state: Floats) -> list[float]:

@@ -1,13 +1,13 @@
 """Truth layers: what lies exactly at the centre of every pixel."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
+from solver.instrument.transforms import apply
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
@@ -32,7 +32,7 @@ def layers(world: World) -> Layers:
     film_x, film_y = (columns.ravel() + 0.5) / width, (rows.ravel() + 0.5) / height
     if is_scalar():
         hits = [_hit(world, x, y) for x, y in zip(film_x, film_y, strict=True)]
-        index, distance, arc = (np.array(values) for values in zip(*hits, strict=True))
+        index, points, arc = (np.array(values) for values in zip(*hits, strict=True))
     else:
         point = mi.Point2f(mi.Float(film_x.astype(np.float32)), mi.Float(film_y.astype(np.float32)))
         ray, _ = world.sensor.sample_ray(0.0, 0.0, point, mi.Point2f(0.5))
@@ -41,32 +41,30 @@ def layers(world: World) -> Layers:
         for place, name in enumerate(world.names, start=1):
             found = dr.select(si.shape == mi.ShapePtr(world.shape(name)), place, found)
         index = np.asarray(found)
-        distance = np.asarray(_along_axis(world, si.p))
+        points = np.array(si.p).T
         arc = np.asarray(si.uv.x)
     beam = index == world.names.index("beam") + 1 if "beam" in world.names else index < 0
     shape = (height, width)
-    unit_mm = world.unit.unit * 1e3
+    depth_mm = np.where(index > 0, 1e3 * _depth(world, points), 0)
     return Layers(
         object_index=index.astype(np.uint32).reshape(shape),
-        depth_mm=np.where(index > 0, distance * unit_mm, 0).astype(np.float32).reshape(shape),
+        depth_mm=depth_mm.astype(np.float32).reshape(shape),
         arc_length_mm=np.where(beam, arc, 0).astype(np.float32).reshape(shape),
         beam_mask=beam.astype(np.float16).reshape(shape),
     )
 
 
-def _along_axis(world: World, point: Any) -> Any:
-    """Distance along the optical axis, in render units."""
-    pose = world.camera.camera_from_antenna @ np.linalg.inv(world.unit.render_from_antenna)
-    # In render units the camera sees lengths 1 / unit longer.
-    a, b, c, d = (float(v) for v in pose[2] / world.unit.unit)
-    return a * point.x + b * point.y + c * point.z + d
+def _depth(world: World, points: np.ndarray) -> np.ndarray:
+    """Distance along the optical axis [m] of points (n, 3) in render coordinates."""
+    metres = points * world.unit.unit + world.unit.origin
+    return np.asarray(apply(world.camera.camera_from_antenna, metres)[:, 2])
 
 
-def _hit(world: World, x: float, y: float) -> tuple[int, float, float]:
+def _hit(world: World, x: float, y: float) -> tuple[int, tuple[float, ...], float]:
     ray, _ = world.sensor.sample_ray(0.0, 0.0, mi.ScalarPoint2f(x, y), mi.ScalarPoint2f(0.5))
     si = world.scene.ray_intersect(ray)
     if not si.is_valid():
-        return 0, 0.0, 0.0
+        return 0, (0.0, 0.0, 0.0), 0.0
     names = [name for name in world.names if si.shape == world.shape(name)]
     index = 1 + world.names.index(names[0]) if names else 0
-    return index, float(_along_axis(world, si.p)), float(si.uv.x)
+    return index, tuple(si.p), float(si.uv.x)

@@ -37,9 +37,11 @@ def solve(layout: Layout, method: str, out: Path, repeats: int) -> None:
             child = subprocess.run(
                 command,
                 cwd=folder,
-                env=_environment(method),
-                capture_output=True,
+                env=_environment(method, Path(folder)),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
                 text=True,
+                errors="replace",
                 timeout=LONGEST_FRAME_S * len(frames),
                 check=False,
             )
@@ -61,13 +63,30 @@ def solve(layout: Layout, method: str, out: Path, repeats: int) -> None:
         raise InputError(f"{out}: cannot be written ({error.strerror})") from error
 
 
-def _environment(method: str) -> dict[str, str]:
-    """No more than a process needs: nothing that says where it was started from."""
+def _environment(method: str, folder: Path) -> dict[str, str]:
+    """No more than a process needs, and nothing that says where it was started from.
+
+    Somebody's own module, found in the current folder or on PYTHONPATH, is copied into `folder`:
+    the place it came from may have truth beside it. This keeps a method from meeting the truth
+    by accident; it is no jail for one that searches the disk.
+    """
     kept = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
     # One thread: times are of one core, whatever the machine.
     environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
-    if ":" in method:  # somebody's own: found where Python finds it here
-        environment["PYTHONPATH"] = os.pathsep.join([str(Path.cwd()), *filter(None, sys.path)])
+    module, colon, _ = method.partition(":")
+    top = module.partition(".")[0]
+    if colon and top:
+        elsewhere = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        for place in (Path.cwd(), *(Path(name) for name in elsewhere if name)):
+            if (place / top).is_dir():
+                shutil.copytree(place / top, folder / "method" / top)
+            elif (place / f"{top}.py").is_file():
+                (folder / "method").mkdir()
+                shutil.copy(place / f"{top}.py", folder / "method")
+            else:
+                continue
+            environment["PYTHONPATH"] = str(folder / "method")
+            break
     return environment

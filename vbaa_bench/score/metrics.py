@@ -63,13 +63,14 @@ def read_predictions(path: Path) -> pl.DataFrame:
         .when(given)
         .then(contact)
         .otherwise(crashed)
-    )
+    ).select("frame_id", *_NUMBERS, *_TEXTS)
 
 
 def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: str) -> pl.DataFrame:
     """One row per true frame: what was, what was answered, and the errors.
 
-    A frame without a prediction is a crashed one. Errors: x_c and s_c in mm and in % of L, force
+    A frame without a prediction is a crashed one; one that lacks a quantity which the method
+    answers elsewhere has failed too. Errors: x_c and s_c in mm and in % of L, force
     in %. Raises InputError for frames that are not of this dataset, or answered twice.
     """
     ids = predictions["frame_id"]
@@ -85,6 +86,7 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     true = truth.frames.select(
         "frame_id",
         "push",
+        "contact_distance_at_rest_mm",
         "deflection_pct",
         "pushing_angle_deg",
         pl.col("x_c_mm").alias("true_x_c_mm"),
@@ -106,9 +108,10 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
             f"{source}: outcome '{min(unknown_outcomes)}' is unknown, allowed is one of "
             f"{', '.join(str(outcome) for outcome in Outcome)}"
         )
-    failed = pl.col("outcome").is_in(_FAILED) | (
-        pl.col("x_c_mm").is_null() & pl.col("force_n").is_null()
-    )
+    # What a method answers anywhere it must answer everywhere, or it could choose its frames.
+    owed = [name for name in ("x_c_mm", "force_n") if predictions[name].is_not_null().any()]
+    lacking = pl.any_horizontal(pl.lit(not owed), *(pl.col(name).is_null() for name in owed))
+    failed = pl.col("outcome").is_in(_FAILED) | lacking
     return joined.with_columns(
         failed=failed,
         x_c_error_mm=pl.when(~failed).then(pl.col("x_c_mm") - pl.col("true_x_c_mm")),

@@ -7,6 +7,7 @@ import polars as pl
 
 from solver.centreline.area_weighted import area_weighted
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
@@ -30,6 +31,10 @@ class Overlay:
 def overlay(results: Results, truth: Truth, scores: pl.DataFrame, frame_id: str) -> Overlay:
     """The overlay of one frame."""
     paths = list(results.dataset.observations.glob(f"shard_*/{frame_id}.png"))
+    if not paths:
+        raise InputError(
+            f"{results.dataset.observations}: the image of frame {frame_id} is missing"
+        )
     image = read_grey(paths[0])
     row = truth.frames.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
     base = np.array(truth.manifest["true_rig"]["base_position_mm"])

@@ -23,7 +23,6 @@ class SceneFile:
     """A scene with the file it came from, so that later findings can name their line."""
 
     path: Path
-    text: str
     scene: Scene
     _document: Any
 
@@ -57,7 +56,7 @@ def load_scene(path: Path, seed: int | None = None) -> SceneFile:
         scene = Scene.model_validate(plain)
     except ValidationError as error:
         raise InputError("\n".join(_mistakes(path, document, error))) from error
-    return SceneFile(path, text, scene, document)
+    return SceneFile(path, scene, document)
 
 
 def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:

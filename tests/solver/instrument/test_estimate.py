@@ -21,9 +21,18 @@ def test_never_nan(bad: float) -> None:
 
 def test_an_estimate_cannot_be_written_to() -> None:
     estimate = Estimate(Outcome.CONTACT, values={"x_c_m": 0.1}, covariance=np.eye(1))
+    assert estimate.covariance is not None
     with pytest.raises(ValueError, match="read-only"):
         estimate.covariance[0, 0] = 2.0
     assert estimate.sigma("x_c_m") == 1.0
+
+
+def test_an_unknown_covariance_is_allowed_and_an_unknown_name_not() -> None:
+    estimate = Estimate(Outcome.CONTACT, values={"x_c_m": 0.1})
+    with pytest.raises(ValueError, match="no covariance"):
+        estimate.sigma("x_c_m")
+    with pytest.raises(ValueError, match="x_c_mm"):
+        Estimate(Outcome.CONTACT, values={"x_c_mm": 100.0})
 
 
 def test_every_outcome_has_a_sentence() -> None:

@@ -32,6 +32,7 @@ def test_its_covariance_is_honest(base_sigma: float) -> None:
         noisy[:, 1] += SIGMA * random.standard_normal(len(points)) + shift + tilt * points[:, 0]
         answer = exact_fit(measurement(noisy, SIGMA, base_sigma))
         error = np.array([answer.values["x_c_m"] - x_c, answer.values["force_n"] - force])
+        assert answer.covariance is not None
         covariance = answer.covariance[np.ix_([0, 3], [0, 3])]
         squares.append(error @ np.linalg.solve(covariance, error))
         errors.append(error[0])

@@ -1,6 +1,7 @@
 """The judge: truth scores zero, failures count, nothing of the truth reaches a method."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -26,6 +27,28 @@ def results(dataset: Path, tmp_path: Path) -> Results:
 def truth_table(results: Results) -> pl.DataFrame:
     frames = open_truth(results.dataset.truth).frames
     return frames.select("frame_id", "x_c_mm", "s_c_mm", "force_n")
+
+
+def test_a_file_of_ones_own_is_scored_beside_the_methods(results: Results) -> None:
+    solve(results.dataset, "exact_fit", results.predictions / "exact_fit.csv", 1)
+    own = results.root / "own.csv"
+    truth_table(results).with_columns(outcome=pl.lit("contact"), image_ms=1.5).write_csv(own)
+    files = {"exact_fit": results.predictions / "exact_fit.csv", "own": own}
+    found = score(results, files)["methods"]
+    assert found["own"]["x_c_rmse_pct_L"] == 0
+    assert found["own"]["ms_per_frame_median"] == 1.5
+    assert 0 < found["exact_fit"]["x_c_rmse_pct_L"] < 0.3
+
+
+def test_a_method_cannot_choose_its_frames(results: Results) -> None:
+    table = truth_table(results)
+    first = pl.col("frame_id") == table["frame_id"][0]
+    path = results.root / "picky.csv"
+    table.with_columns(x_c_mm=pl.when(first).then("x_c_mm")).write_csv(path)
+    found = score(results, {"picky": path})["methods"]["picky"]
+    assert (found["n"], found["failure_rate"]) == (4, 0.75)
+    table.drop("x_c_mm").write_csv(path)  # a method for forces alone owes no distance
+    assert score(results, {"picky": path})["methods"]["picky"]["failure_rate"] == 0
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
@@ -110,6 +133,8 @@ BAD_METHODS = """
 import os
 from solver.methods import METHODS
 
+good = METHODS["exact_fit"]
+
 def raises(measurement):
     raise RuntimeError("no idea")
 
@@ -117,6 +142,7 @@ def returns_nothing(measurement):
     return None
 
 def dies(measurement):
+    os.write(2, b"\\xff\\xfe")
     os._exit(9)
 
 def sometimes(measurement, count=[0]):
@@ -132,7 +158,11 @@ def looks_for_truth(measurement):
     import pathlib, sys
     here = pathlib.Path(sys.argv[1])
     names = sorted(p.name for p in here.parent.rglob("*") if "truth" in p.name or "scene" in p.name)
-    names += [name for name in ("PWD", "OLDPWD") if name in os.environ]
+    places = [here.parent, *map(pathlib.Path, sys.path)]
+    places += [pathlib.Path(p) for v in os.environ.values() for p in v.split(os.pathsep)]
+    for place in places:
+        if place.is_absolute() and len(place.parts) > 2:
+            names += [str(p) for p in place.glob("*/truth")] + [str(p) for p in place.glob("truth")]
     raise LookupError(f"found {names}")
 """
 
@@ -163,11 +193,16 @@ def test_a_method_that_fails_is_rows_with_an_outcome(
     assert all(said in message for message in scores.filter("failed")["message"])
 
 
-def test_canary_a_changed_truth_changes_no_estimate(results: Results) -> None:
+@pytest.mark.parametrize("method", ["exact_fit", "two_point", "bad_methods:good"])
+def test_canary_a_changed_truth_changes_no_estimate(
+    results: Results, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    (results.root.parent / "bad_methods.py").write_text(BAD_METHODS, encoding="utf-8")
+    monkeypatch.chdir(results.root.parent)
     before, after = results.root / "before.csv", results.root / "after.csv"
 
     def estimates(path: Path) -> pl.DataFrame:
-        solve(results.dataset, "exact_fit", path, 1)
+        solve(results.dataset, method, path, 1)
         return pl.read_csv(path).drop("image_ms")  # the clock is no estimate
 
     first = estimates(before)
@@ -183,17 +218,13 @@ def test_canary_a_changed_truth_changes_no_estimate(results: Results) -> None:
 
 
 def test_the_observations_hold_nothing_of_the_truth(results: Results) -> None:
-    names = {
-        p.relative_to(results.dataset.observations).parts[-1]
-        for p in results.dataset.observations.rglob("*")
-        if p.is_file()
-    }
-    kinds = {name.split("_")[0] if "_" in name else Path(name).suffix or name for name in names}
-    assert kinds == {".png", "view", "rest", "rig.json", "hashes.json", "metadata.csv"} - {
-        "rig.json",
-        "hashes.json",
-        "metadata.csv",
-    } | {".json", ".csv"}
+    patterns = (
+        r"rig\.json|hashes\.json|calibration/view_\d\d\.png|rest/rest_\d\d\.png"
+        r"|shard_\d{5}/metadata\.csv|shard_\d{5}/[0-9a-f]{16}\.png"
+    )
+    for path in results.dataset.observations.rglob("*"):
+        name = path.relative_to(results.dataset.observations).as_posix()
+        assert path.is_dir() or re.fullmatch(patterns, name), name
     for path in results.dataset.observations.rglob("*.png"):
         chunks = path.read_bytes()
         assert all(kind not in chunks for kind in (b"tEXt", b"iTXt", b"zTXt", b"tIME", b"eXIf"))
@@ -216,11 +247,20 @@ def test_a_changed_file_is_noticed(results: Results) -> None:
 
 def test_intervals_of_the_median() -> None:
     values = np.random.default_rng(0).normal(5, 1, 400)
-    found = median_interval(values)
+    found = median_interval([np.array([value]) for value in values])
     assert found is not None
     low, high = found
     assert low < np.median(values) < high
     # The median's standard error for a normal sample: 1.253 sigma / sqrt(n).
     assert high - low == pytest.approx(2 * 1.96 * 1.253 / 20, rel=0.35)
-    assert median_interval(np.array([1.0])) is None
-    assert median_interval(np.full(5, 2.0)) == [2.0, 2.0]
+    assert median_interval([np.array([1.0])]) is None
+    assert median_interval([np.full(5, 2.0), np.full(5, -2.0)]) == [2.0, 2.0]
+
+
+def test_repeats_of_a_push_do_not_narrow_the_interval() -> None:
+    values = np.random.default_rng(1).normal(5, 1, 30)
+    once = median_interval([np.array([value]) for value in values])
+    ten_times = median_interval([np.full(10, value) for value in values])
+    assert once is not None
+    assert ten_times is not None
+    assert ten_times[1] - ten_times[0] == pytest.approx(once[1] - once[0], rel=0.3)

@@ -72,7 +72,9 @@ extra: 1
     ("old", "new", "said"),
     [
         ("[100, 200]", "[100, 240]", "contact_distance_mm[1] is 240, allowed is > 0 and before"),
-        ("[100, 200]", "[100, 239.9]", "slips off"),
+        ("[100, 200]", "[100, 239.9]", "no equilibrium when pushed to 10 %: the beam slips off"),
+        ("[100, 200]", "[2.5, 100]", "is 2.5, allowed is beyond the hub's radius of 3 mm"),
+        ("square_mm: 10", "square_mm: 20", "does not see the whole board in view 0"),
         ("height_px: 176", "height_px: 60", "does not see the whole beam"),
         ("[10, 20]", "[10, 59]", "MPa; push less, or set allow_above_yield: true"),
         ("rows: 5", "rows: 6", "one must be even and one odd"),
