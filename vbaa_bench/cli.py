@@ -230,7 +230,8 @@ def _show(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> Non
     table = Table(title="scores", title_justify="left")
     heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
     for head in (*heads, "failures, %", "ms / frame", "n"):
-        table.add_column(head, justify="left" if head == "method" else "right")
+        first = head == "method"
+        table.add_column(head, justify="left" if first else "right", no_wrap=first)
     for name, found in summary["methods"].items():
         numbers = (
             found["x_c_median_abs_pct_L"],
