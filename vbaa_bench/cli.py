@@ -229,7 +229,7 @@ def _show(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> Non
         return
     table = Table(title="scores", title_justify="left")
     heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
-    for head in (*heads, "failures, %", "ms / frame", "n"):
+    for head in (*heads, "failed, %", "ms / frame", "n"):
         first = head == "method"
         table.add_column(head, justify="left" if first else "right", no_wrap=first)
     for name, found in summary["methods"].items():
