@@ -28,19 +28,6 @@ class Calibration:
     reprojection_px: float
 
 
-def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
-    """Camera from gray images (height, width) of the rig's board.
-
-    Raises InputError if the views differ in size, view 0 does not show the whole board, or
-    fewer than three views do.
-    """
-    sizes = {view.shape for view in board_views}
-    if len(sizes) != 1:
-        raise InputError(f"the calibration views differ in size: {sorted(sizes)}, allowed is one")
-    with _one_thread():
-        return _calibrate(board_views, rig)
-
-
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """OpenCV adds up the normal equations in the order in which its threads finish; one thread
@@ -53,7 +40,16 @@ def _one_thread() -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-def _calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
+@_one_thread()
+def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
+    """Camera from gray images (height, width) of the rig's board.
+
+    Raises InputError if the views differ in size, view 0 does not show the whole board, or
+    fewer than three views do.
+    """
+    sizes = {view.shape for view in board_views}
+    if len(sizes) != 1:
+        raise InputError(f"the calibration views differ in size: {sorted(sizes)}, allowed is one")
     found = [_corners(view, rig.board) for view in board_views]
     if found[0] is None:
         raise InputError("calibration view 0, which defines plane C, does not show the whole board")

@@ -29,12 +29,12 @@ WORST_REPROJECTION_PX = 0.5
 
 @dataclass(frozen=True)
 class Rest:
-    """The beam before contact, a line y = offset + slope x on plane C.
+    """The beam before contact, a line on plane C: its y at the clamp [m], and its slope.
 
-    `covariance` (2, 2) is that of (offset at the clamp [m], slope [rad]).
+    `covariance` (2, 2) is that of (y_at_clamp, slope).
     """
 
-    offset: float
+    y_at_clamp: float
     slope: float
     covariance: Floats
 
@@ -77,8 +77,7 @@ def measure(antenna: Antenna, image: Grey, motor_angle: float) -> Measurement:
         )
     line = antenna.extract(image)
     points, sigma_vectors = on_plane(camera, line.points, line.sigma)
-    clamp_x = float(rig.base_position[0])
-    clamp = np.array([clamp_x, rest.offset + rest.slope * clamp_x])
+    clamp = np.array([rig.base_position[0], rest.y_at_clamp])
     tilt = math.atan(rest.slope)
     along = np.array([math.cos(tilt), math.sin(tilt)])
     across = np.array([-math.sin(tilt), math.cos(tilt)]) * rig.deflects_towards
@@ -139,11 +138,10 @@ def _rest_line(lines: Iterable[Centreline], calibration: Calibration, rig: Rig) 
     sigma_v = np.bincount(place, np.concatenate([line.sigma for line in seen])) / count
     points, vectors = on_plane(calibration.camera, np.column_stack([columns, centre]), sigma_v)
     sigma = np.abs(vectors[:, 1])
-    clamp_x = float(rig.base_position[0])
-    x, y = points[:, 0] - clamp_x, points[:, 1]
+    x, y = points[:, 0] - rig.base_position[0], points[:, 1]
     design = np.column_stack([np.ones_like(x), x]) / sigma[:, None]
     covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
-    at_clamp, slope = covariance @ (design.T @ (y / sigma))
-    residual = (y - at_clamp - slope * x) / sigma
+    y_at_clamp, slope = covariance @ (design.T @ (y / sigma))
+    residual = (y - y_at_clamp - slope * x) / sigma
     covariance *= float(np.mean(residual**2)) * correlation_length(residual)
-    return Rest(float(at_clamp - slope * clamp_x), float(slope), covariance)
+    return Rest(float(y_at_clamp), float(slope), covariance)

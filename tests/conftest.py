@@ -35,7 +35,7 @@ frames_per_shard: 2
 
 @pytest.fixture(scope="session")
 def variant() -> str:
-    return choose().variant
+    return choose()
 
 
 @pytest.fixture(scope="session")

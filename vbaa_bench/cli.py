@@ -165,7 +165,7 @@ def _generate(
     from vbaa_bench.generate import generate as generate_dataset
 
     file = load_scene(scene, seed)
-    chosen = choose(variant).variant
+    chosen = choose(variant)
     if chosen == PLAIN and variant is None:
         console.print(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
     root = out or Path("runs") / scene.stem

@@ -20,7 +20,7 @@ THRESHOLD = 0.25
 # contrast and by this many sigmas of its background.
 LEAST_CONTRAST = 0.5
 LEAST_SIGNIFICANCE = 8.0
-# A wider band is something else; the window about its middle holds it and its flanks.
+# A wider band is something else; a window of this and four rows more holds it and its flanks.
 WIDEST_PX = 12
 
 

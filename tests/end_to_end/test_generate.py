@@ -156,7 +156,7 @@ def test_calibration_returns_the_true_camera(dataset: Path) -> None:
     back, _ = on_plane(found.camera, true.project(points), np.ones(len(x)))
     assert np.abs(back - points[:, :2]).max() < 2.5e-5
     assert abs(antenna.rest.slope) < 4 * np.sqrt(antenna.rest.covariance[1, 1])
-    assert abs(antenna.rest.offset) < 4 * np.sqrt(antenna.rest.covariance[0, 0]) + 1e-5
+    assert abs(antenna.rest.y_at_clamp) < 4 * np.sqrt(antenna.rest.covariance[0, 0]) + 1e-5
 
 
 def test_the_extracted_points_lie_on_the_true_centreline(dataset: Path) -> None:

@@ -7,7 +7,6 @@ every variant is tried in a child process first.
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -85,17 +84,17 @@ def is_scalar() -> bool:
     return str(mitsuba.variant()).startswith("scalar")
 
 
-def choose(asked: str | None = None, candidates: Sequence[str] = (FAST, PLAIN)) -> Probe:
-    """The variant to render with: the one asked for, else the first candidate that works.
+def choose(asked: str | None = None) -> str:
+    """The variant to render with: the one asked for, else the fast one, else the plain one.
 
     Raises InputError if the one asked for, or none at all, works here.
     """
     if asked is not None and asked not in VARIANTS:
         raise InputError(f"variant '{asked}' is unknown, allowed is one of {', '.join(VARIANTS)}")
     tried = []
-    for variant in [asked] if asked else candidates:
+    for variant in [asked] if asked else [FAST, PLAIN]:
         found = probe(variant)
         if found.works:
-            return found
+            return variant
         tried.append(f"{variant} does not work here: {found.said}")
     raise InputError(". ".join([*tried, ADVICE]))
