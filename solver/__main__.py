@@ -88,7 +88,7 @@ def _solve_frame(antenna: Antenna, frame: Frame, method: Method, repeats: int) -
     answer: Estimate | None = None
     for _ in range(repeats):
         began = time.perf_counter()
-        answer = estimate(antenna, image, frame.motor_angle, method)
+        answer = estimate(antenna, image, frame.motor_angle, method, frame.removed)
         times.append(time.perf_counter() - began)
     assert answer is not None
     return row(frame.frame_id, answer, 1e3 * statistics.median(times))

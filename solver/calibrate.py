@@ -1,9 +1,11 @@
 """Board views -> camera: intrinsics, and the pose of the calibration plane C.
 
-Zhang (2000), as OpenCV does it. View 0 shows the board lying in plane C at the pose that the
-rig states; the other views tilt it, which is what makes the focal length observable.
+View 0 shows the board lying in plane C at the pose that the rig states. A pinhole is found as
+Zhang (2000) does, with OpenCV: the other views tilt the board, which is what makes the focal
+length observable. A telecentric camera has no focal length and is found from view 0 alone.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,19 +46,26 @@ def _one_thread() -> Iterator[None]:
 def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
     """Camera from gray images (height, width) of the rig's board.
 
-    Raises InputError if the views differ in size, view 0 does not show the whole board, or
-    fewer than three views do.
+    Raises InputError if the views differ in size, view 0 does not show the whole board, or, for
+    a pinhole, fewer than three views do.
     """
     sizes = {view.shape for view in board_views}
     if len(sizes) != 1:
         raise InputError(f"the calibration views differ in size: {sorted(sizes)}, allowed is one")
-    found = [_corners(view, rig.board) for view in board_views]
-    if found[0] is None:
+    height, width = board_views[0].shape
+    lying = _corners(board_views[0], rig.board)
+    if lying is None:
         raise InputError("calibration view 0, which defines plane C, does not show the whole board")
-    corners = [pixels for pixels in found if pixels is not None]
+    if rig.telecentric:
+        return _telecentric(lying, width, height, rig)
+    tilted = [_corners(view, rig.board) for view in board_views[1:]]
+    return _pinhole([lying, *(seen for seen in tilted if seen is not None)], width, height, rig)
+
+
+def _pinhole(corners: Sequence[Floats], width: int, height: int, rig: Rig) -> Calibration:
+    """Camera from the corners (n, 2) [px] of several views, that of view 0 first."""
     if len(corners) < 3:
         raise InputError(f"{len(corners)} calibration views show the whole board, needed are 3")
-    height, width = board_views[0].shape
     board = rig.board.corners().astype(np.float32)
     # No lens distortion: the rig's camera has none, and free coefficients would trade against
     # the focal length. A common focal length: the pixels are square.
@@ -89,6 +98,45 @@ def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
         camera_from_antenna=camera_from_board @ invert(rig.antenna_from_board),
     )
     return Calibration(camera, float(error))
+
+
+def _telecentric(corners: Floats, width: int, height: int, rig: Rig) -> Calibration:
+    """Camera from the corners (n, 2) [px] of the board lying in plane C.
+
+    The least-squares affine map from board to pixels has six numbers, just those of a scaled
+    orthographic view with square pixels: magnification, rotation and a shift in the image.
+    A tilted plane looks shortened, whichever way it is tilted: of the two cameras that see the
+    same we take the one that leans over the image's lower edge, so that what rises off the
+    plane moves up in the image. Nor does one see how far off the camera is, or where its axis
+    meets the image: it stands off by the width of its field, and its axis meets the middle.
+    None of these three choices matters for points on C.
+    """
+    board = rig.board.corners()
+    design = np.column_stack([board[:, :2], np.ones(len(board))])
+    solution = np.linalg.lstsq(design, corners.astype(np.float64), rcond=None)[0]
+    affine, middle = solution[:2].T, solution[2]
+    # The direction that the tilt does not shorten has the full magnification.
+    axes, (magnification, shortened), _ = np.linalg.svd(affine)
+    sine = math.sqrt(1 - (shortened / magnification) ** 2)
+    out_of_plane = axes[:, 1] * math.copysign(sine, -axes[1, 1])
+    right, down = np.column_stack([affine / magnification, out_of_plane])
+    camera_from_board = np.eye(4)
+    camera_from_board[:3, :3] = [right, down, np.cross(right, down)]
+    cx, cy = (width - 1) / 2, (height - 1) / 2
+    camera_from_board[:2, 3] = (middle - [cx, cy]) / magnification
+    camera_from_board[2, 3] = width / magnification
+    camera = Camera(
+        width=width,
+        height=height,
+        fx=float(magnification),
+        fy=float(magnification),
+        cx=cx,
+        cy=cy,
+        camera_from_antenna=camera_from_board @ invert(rig.antenna_from_board),
+        telecentric=True,
+    )
+    error = corners - design @ solution
+    return Calibration(camera, float(np.sqrt((error**2).sum(axis=1).mean())))
 
 
 def _corners(view: Grey, board: Chessboard) -> Floats | None:

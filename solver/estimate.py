@@ -64,12 +64,23 @@ def set_up(observations: Observations, extract: Extractor = area_weighted) -> An
     return Antenna(rig, calibration, rest, extract)
 
 
-def measure(antenna: Antenna, image: Grey, motor_angle: float) -> Measurement:
+def measure(
+    antenna: Antenna,
+    image: Grey,
+    motor_angle: float | None,
+    removed: tuple[float, float] | None = None,
+) -> Measurement:
     """The visible beam of a gray image (height, width), in the frame of the beam at rest.
 
-    Raises InputError if the image is not of the calibrated camera's size.
+    Points within `removed` [m] along Sigma_a's x axis are left out. Raises InputError if the image
+    is not of the calibrated camera's size, or if the motor's angle is not known.
     """
     camera, rig, rest = antenna.calibration.camera, antenna.rig, antenna.rest
+    if rig.camera_mount == "world" or motor_angle is None:
+        raise InputError(
+            "the motor's angle is not told, and finding it from the image of a camera that stands "
+            "in the world is not built yet"
+        )
     if image.shape != (camera.height, camera.width):
         raise InputError(
             f"the image has {image.shape[1]} x {image.shape[0]} px, "
@@ -77,6 +88,9 @@ def measure(antenna: Antenna, image: Grey, motor_angle: float) -> Measurement:
         )
     line = antenna.extract(image)
     points, sigma_vectors = on_plane(camera, line.points, line.sigma)
+    if removed is not None:
+        kept = (points[:, 0] < removed[0]) | (points[:, 0] > removed[1])
+        points, sigma_vectors = points[kept], sigma_vectors[kept]
     clamp = np.array([rig.base_position[0], rest.y_at_clamp])
     tilt = math.atan(rest.slope)
     along = np.array([math.cos(tilt), math.sin(tilt)])
@@ -95,20 +109,29 @@ def measure(antenna: Antenna, image: Grey, motor_angle: float) -> Measurement:
     height = float(invert(camera.camera_from_antenna)[2, 3])
     tilted = tolerance.board_rotation * rig.beam.length / 2
     off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted)
+    scale_sigma = off_plane / height
+    if camera.telecentric:  # distance does not change its scale, and tilt but to second order
+        scale_sigma = tolerance.board_rotation**2
     return Measurement(
         points=(points - clamp) @ axes,
         sigma_vectors=sigma_vectors @ axes,
         base_covariance=base_covariance,
-        scale_sigma=off_plane / height,
+        scale_sigma=scale_sigma,
         motor_angle=motor_angle,
         rig=rig,
     )
 
 
-def estimate(antenna: Antenna, image: Grey, motor_angle: float, method: Method) -> Estimate:
+def estimate(
+    antenna: Antenna,
+    image: Grey,
+    motor_angle: float | None,
+    method: Method,
+    removed: tuple[float, float] | None = None,
+) -> Estimate:
     """One frame's answer; an error of any kind becomes an outcome, never an exception."""
     try:
-        measurement = measure(antenna, image, motor_angle)
+        measurement = measure(antenna, image, motor_angle, removed)
     except (InputError, ValueError) as error:
         return Estimate(Outcome.INVALID, str(error))
     try:

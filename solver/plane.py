@@ -7,9 +7,13 @@ from solver.instrument.camera import Camera
 
 
 def homography(camera: Camera) -> Floats:
-    """plane_from_pixel (3, 3): homogeneous pixels to homogeneous (x, y) on C [m]."""
-    pose = camera.camera_from_antenna
-    pixel_from_plane = camera.matrix @ np.column_stack([pose[:3, 0], pose[:3, 1], pose[:3, 3]])
+    """plane_from_pixel (3, 3): homogeneous pixels to homogeneous (x, y) on C [m].
+
+    Affine for a telecentric camera: its homogeneous coordinate is 1 where a pinhole's is depth.
+    """
+    x, y, depth, one = camera.camera_from_antenna
+    rows = np.stack([x, y, one if camera.telecentric else depth])
+    pixel_from_plane = camera.matrix @ rows[:, [0, 1, 3]]
     return np.asarray(np.linalg.inv(pixel_from_plane), dtype=np.float64)
 
 
@@ -17,7 +21,7 @@ def on_plane(camera: Camera, pixels: Floats, sigma_v: Floats) -> tuple[Floats, F
     """Points (n, 2) on C [m] seen at `pixels` (n, 2), and their one-sigma vectors (n, 2) [m].
 
     `sigma_v` (n,) [px] is the error along the image column; its vector is that error carried
-    through the perspective: d(point)/dv sigma_v.
+    through the projection: d(point)/dv sigma_v.
     """
     h = homography(camera)
     x, y, w = h @ np.column_stack([pixels, np.ones(len(pixels))]).T

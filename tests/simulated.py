@@ -50,4 +50,5 @@ def pushed_points(contact_distance: float, deflection: float) -> tuple[Floats, f
     """Noise-free columns of the exact beam, its x_c [m] and force [N]."""
     # 20,000 pieces: linear interpolation between them errs by less than a nanometre.
     state = push(BEAM, contact_distance, deflection=deflection, intervals=20_000)
-    return columns(state.centreline), state.x_c, state.force
+    contact = state.contact
+    return columns(state.centreline), float(contact.point[0]), float(np.linalg.norm(contact.force))

@@ -2,16 +2,21 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 
+from solver.instrument.arrays import Grey
 from solver.instrument.files import write_bytes
 from solver.instrument.images import png_bytes
-from solver.instrument.units import DEGREE, PERCENT
+from solver.instrument.units import PERCENT
+from vbaa_bench.cover import hidden_stretch
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
-from vbaa_bench.mechanics.planar import Equilibrium
+from vbaa_bench.experiment import Experiment
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.readings import readings
 from vbaa_bench.render.layers import layers
 from vbaa_bench.render.picture import Sampling, even_picture, picture
 from vbaa_bench.render.variant import activate
@@ -19,11 +24,13 @@ from vbaa_bench.render.world import World
 from vbaa_bench.sensor.sensor import Sensor, exposure_for
 from vbaa_bench.spec.rigs import TrueRig
 from vbaa_bench.spec.scene import Scene
-from vbaa_bench.spec.trials import Trial, random_generator, render_seed
-from vbaa_bench.studio import Studio
-from vbaa_bench.truth import motor_angle, truth_row
+from vbaa_bench.spec.trials import Push, Trial, random_generator, render_seed
+from vbaa_bench.studio import Pose, Studio
+from vbaa_bench.truth import truth_row
 
 BOARD_SAMPLES = 64
+# Of so many pushes a worker remembers the states.
+LAST_PUSHES = 64
 
 
 @dataclass
@@ -32,6 +39,7 @@ class Bench:
 
     scene: Scene
     rig: TrueRig
+    folder: Path
     layout: Layout
     variant: str
     threads: int
@@ -39,18 +47,30 @@ class Bench:
 
     def __post_init__(self) -> None:
         activate(self.variant, self.threads)
-        self.studio = Studio(self.scene, self.rig)
+        self.studio = Studio(self.scene, self.rig, self.folder)
+        # Frames come in the order of their names; those of one push lie apart.
+        self.states = lru_cache(maxsize=LAST_PUSHES)(self._states)
+
+    def _states(self, push: Push) -> tuple[Experiment, list[State]]:
+        experiment = Experiment(self.scene, self.rig, push, self.folder)
+        return experiment, experiment.states()
 
     @cached_property
     def rest_world(self) -> World:
         """The beam before contact."""
-        return self.studio.bench(None)
+        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, ())
+        return self.studio.rest(Experiment(self.scene, self.rig, nothing, self.folder))
 
-    def pushed_world(self, equilibrium: Equilibrium) -> World:
-        """The beam pushed into `equilibrium`: put up once, reposed for every frame."""
+    def pose(self, trial: Trial) -> Pose:
+        """What is to be set up for a frame."""
+        experiment, states = self.states(trial.push)
+        return Pose(experiment, trial, states[trial.step])
+
+    def pushed_world(self, pose: Pose) -> World:
+        """The beam as a pose has it: put up once, reposed for every frame."""
         if self._pushed is None:
-            self._pushed = self.studio.bench(equilibrium)
-        self.studio.repose(self._pushed, equilibrium)
+            self._pushed = self.studio.bench(pose)
+        self.studio.repose(self._pushed, pose)
         return self._pushed
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
@@ -81,28 +101,33 @@ class Bench:
         tick: Callable[[], None],
         number: int,
         trials: Sequence[Trial],
-        states: Sequence[Equilibrium],
         exposure: float,
     ) -> None:
         """Make and save the frames of one shard."""
         with ShardWriter(self.layout, number) as writer:
-            for trial, equilibrium in zip(trials, states, strict=True):
-                self._frame(writer, trial, equilibrium, exposure)
+            for trial in trials:
+                self._frame(writer, trial, exposure)
                 tick()
 
-    def _frame(
-        self, writer: ShardWriter, trial: Trial, equilibrium: Equilibrium, exposure: float
-    ) -> None:
-        seed = render_seed(self.scene, "frame", trial.index)
-        radiance, found = self._look(self.pushed_world(equilibrium), seed)
-        noise = random_generator(self.scene, "sensor", trial.index)
-        image = self._sensor(exposure).expose(radiance, noise)
-        encoder = random_generator(self.scene, "encoder", trial.index)
-        encoder_sigma = self.scene.tolerances.encoder_deg * DEGREE
-        reading = encoder.normal(motor_angle(self.scene, equilibrium), encoder_sigma)
-        truth = truth_row(self.scene, self.rig, trial, equilibrium)
+    def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
+        pose = self.pose(trial)
+        image, found = self._photograph(trial, exposure)
+        hidden = hidden_stretch(trial.cover, pose.state)
+        truth = truth_row(pose.experiment, trial, pose.state, hidden)
         kept = {str(layer): found[layer] for layer in self.scene.layers}
-        writer.add(trial.frame_id, image, reading, truth, kept)
+        told = readings(self.scene, trial, pose.state, hidden)
+        writer.add(trial.frame_id, image, told, truth, kept)
+
+    def photograph(self, trial: Trial, exposure: float) -> Grey:
+        """The image of one frame."""
+        return self._photograph(trial, exposure)[0]
+
+    def _photograph(self, trial: Trial, exposure: float) -> tuple[Grey, dict[str, np.ndarray]]:
+        """The image of one frame, and its truth layers."""
+        seed = render_seed(self.scene, "frame", trial.index)
+        radiance, found = self._look(self.pushed_world(self.pose(trial)), seed)
+        noise = random_generator(self.scene, "sensor", trial.index)
+        return self._sensor(exposure).expose(radiance, noise), found
 
     def _look(self, world: World, seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Radiance of a world and its truth layers."""

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import polars as pl
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -38,6 +39,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Render a vision-based active antenna, solve it, and see speed against error.",
 )
+speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
+app.add_typer(speed_app, name="speed")
 console = Console(stderr=True, highlight=False)
 
 ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
@@ -131,6 +134,25 @@ def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
     _say({"report": str(page)}, str(page), as_json)
 
 
+@app.command("contact-sheet")
+def contact_sheet(
+    scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
+    out: Annotated[Path, typer.Option(help="PNG to write")] = Path("results/scenes.png"),
+    variant: Variant = None,
+) -> None:
+    """Render one frame of every scene in a folder onto one picture."""
+    # Imported late: doctor must run where the renderer cannot even be loaded.
+    from vbaa_bench.report.contact_sheet import contact_sheet as write_sheet
+
+    found = sorted(scenes.rglob("*.yaml"))
+    if not found:
+        raise InputError(f"{scenes}: holds no scene, *.yaml")
+    with _progress() as progress:
+        task = progress.add_task("scenes", total=len(found))
+        write_sheet(found, out, choose(variant), lambda n, _: progress.update(task, completed=n))
+    console.print(out)
+
+
 @app.command()
 def doctor(
     install: Annotated[
@@ -158,6 +180,32 @@ def doctor(
         raise typer.Exit(1)
 
 
+@speed_app.command()
+def mechanics(
+    yardstick_seconds: Annotated[
+        float, typer.Option(min=1, help="wall time PyElastica may take to come to rest")
+    ] = 60,
+    as_json: AsJson = False,
+) -> None:
+    """Beams per second on one core, and how far they err; PyElastica beside them, if installed."""
+    # Imported late: no other command needs the mechanics' compiler here.
+    from vbaa_bench.checks import speed_mechanics
+
+    with console.status("measuring on one core"):
+        record = speed_mechanics.measure_apart(yardstick_seconds)
+    if as_json:
+        _say(record, "", True)
+        return
+    table = Table(title="one core; ratio to the yardstick; worst error", title_justify="left")
+    for head in ("model", "states/s", "ratio", "error"):
+        first = head == "model"
+        table.add_column(head, justify="left" if first else "right", no_wrap=True)
+    table.add_column("remark", overflow="fold")
+    for row in speed_mechanics.rows(record):
+        table.add_row(*map(escape, row))
+    Console().print(table)
+
+
 def _generate(
     scene: Path, out: Path | None, seed: int | None, workers: int | None, variant: str | None
 ) -> Path:
@@ -169,16 +217,9 @@ def _generate(
     if chosen == PLAIN and variant is None:
         console.print(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
     root = out or Path("runs") / scene.stem
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
     # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
     count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
-    with Progress(*columns, console=console) as progress:
+    with _progress() as progress:
         task = progress.add_task("rendering", total=None)
         try:
             generate_dataset(
@@ -192,6 +233,17 @@ def _generate(
             console.print("interrupted; the same command goes on from what is finished")
             raise
     return root
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    )
 
 
 def _report(results: Results) -> Path:

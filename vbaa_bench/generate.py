@@ -36,7 +36,7 @@ def generate(file: SceneFile, root: Path, variant: str, workers: int, progress: 
         if _claim(layout, scene, variant):
             return layout
         write_text(layout.observations / "rig.json", rig_to_json(nominal_rig(scene)))
-        exposure = _make(scene, work, layout, (variant, workers), progress)
+        exposure = _make(file, work, layout, (variant, workers), progress)
         seal(layout, dataset_facts(scene, work.rig, exposure, variant))
     except OSError as error:
         raise InputError(f"{layout.root}: cannot be written ({error.strerror})") from error
@@ -44,14 +44,15 @@ def generate(file: SceneFile, root: Path, variant: str, workers: int, progress: 
 
 
 def _make(
-    scene: Scene, work: Plan, layout: Layout, machine: tuple[str, int], progress: Progress
+    file: SceneFile, work: Plan, layout: Layout, machine: tuple[str, int], progress: Progress
 ) -> float:
     """All images and shards that are not there yet; the exposure they were made with."""
+    scene, folder = file.scene, file.path.parent.resolve()
     variant, workers = machine
     threads = max((os.cpu_count() or 1) // workers, 1)
     # One more than there are images: the exposure is measured from one that is not kept.
     total = work.frames + scene.calibration.views + scene.sensor.rest_images + 1
-    with Pool(workers, Bench, (scene, work.rig, layout, variant, threads)) as pool:
+    with Pool(workers, Bench, (scene, work.rig, folder, layout, variant, threads)) as pool:
         exposure = float(pool.call("measure_exposure"))
         jobs: list[tuple[str, tuple[Any, ...]]] = [
             ("board_view", (view, exposure)) for view in range(scene.calibration.views)
@@ -62,8 +63,7 @@ def _make(
             if layout.shard(layout.observations, number).is_dir():
                 finished += len(shard)
             else:
-                states = [work.equilibria[trial.push] for trial in shard]
-                jobs.append(("shard", (number, shard, states, exposure)))
+                jobs.append(("shard", (number, shard, exposure)))
         pool.run(jobs, lambda done: progress(finished + done, total))
     return exposure
 

@@ -1,6 +1,7 @@
 """Scene -> what will be made: every trial with its equilibrium, and nothing impossible."""
 
-from collections.abc import Iterable, Mapping
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,30 +11,44 @@ from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
-from vbaa_bench.mechanics.planar import Equilibrium, EquilibriumError, push
-from vbaa_bench.spec.load import SceneFile
+from vbaa_bench.experiment import Experiment
+from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.spec.load import Key, SceneFile
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.spec.trials import Push, Trial, trials
 
 # Thinner, and pixels' centres miss the beam for long stretches.
 THINNEST_PX = 0.25
+# The axes, and the diagonals between them.
+_DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=float)
+
+Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The true rig, the trials in shards, and one equilibrium per distinct push."""
+    """The true rig, the trials in shards, and the worst residual of all their equilibria.
+
+    The equilibria themselves are not kept: a training set has millions. Who needs one solves
+    for it again, which gives the same.
+    """
 
     rig: TrueRig
     shards: tuple[tuple[Trial, ...], ...]
-    equilibria: dict[Push, Equilibrium]
+    worst_residual: float
 
     @property
     def frames(self) -> int:
         """How many there are in all shards."""
         return sum(len(shard) for shard in self.shards)
 
+    @property
+    def trials(self) -> Iterator[Trial]:
+        """All trials, shard after shard."""
+        return itertools.chain.from_iterable(self.shards)
 
-def plan(file: SceneFile) -> Plan:
+
+def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Plan:
     """Solve every push of a scene. Raises InputError listing all that cannot physically be."""
     scene = file.scene
     try:
@@ -41,64 +56,134 @@ def plan(file: SceneFile) -> Plan:
     except ValueError as error:
         raise InputError(file.complaint(("camera", "look_at_mm"), str(error))) from error
     made = trials(scene)
-    equilibria: dict[Push, Equilibrium] = {}
-    mistakes: list[str] = []
-    for wanted in dict.fromkeys(trial.push for trial in made):
+    seen = _Seen(file, rig)
+    mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig)
+    pushes = list(dict.fromkeys(trial.push for trial in made))
+    for number, wanted in enumerate([] if mistakes else pushes):
+        experiment = Experiment(scene, rig, wanted, file.path.parent)
         try:
-            equilibria[wanted] = _push(wanted, rig, scene.beam.pieces)
-        except _ImpossibleError as error:
-            wanted_mm = wanted.contact_distance / MILLIMETRE
-            distances = np.array(scene.pushes.contact_distance_mm)
-            index = int(np.argmin(np.abs(distances - wanted_mm)))
-            key = ("pushes", "contact_distance_mm", index)
-            mistakes.append(file.complaint(key, str(error)))
-    mistakes += _overstressed(file, equilibria)
-    mistakes += _inside_hub(file)
-    mistakes += _board_out_of_view(file, rig)
-    mistakes += _out_of_view(file, rig, equilibria.values())
+            seen.add(experiment, experiment.states())
+        except EquilibriumError as error:
+            mistakes.append(file.complaint(_key(file, wanted), f"{_said(wanted)}: {error}"))
+        except InputError as error:
+            mistakes.append(file.complaint(("object",), f"is not possible: {error}"))
+        progress(number + 1, len(pushes))
+    mistakes += seen.mistakes()
     if mistakes:
         raise InputError("\n".join(dict.fromkeys(mistakes)))
     size = scene.frames_per_shard
     shards = tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
-    return Plan(rig, shards, equilibria)
+    return Plan(rig, shards, seen.residual)
 
 
-class _ImpossibleError(Exception):
-    """A push that cannot be, said without its place in the file."""
+class _Seen:
+    """What matters of the states that passed by: the worst strain, the outermost points."""
+
+    def __init__(self, file: SceneFile, rig: TrueRig) -> None:
+        self._file, self._rig = file, rig
+        self._strain, self._strained = 0.0, ""
+        rest = np.array([[0.0, 0.0, 0.0], [rig.beam.length, 0.0, 0.0]]) + rig.base_position
+        self._points = rest
+        self.residual = 0.0
+
+    def add(self, experiment: Experiment, states: list[State]) -> None:
+        """Look at the states of one push."""
+        wanted = experiment.push
+        for goal, state in zip(wanted.goals, states, strict=True):
+            self.residual = max(self.residual, state.residual)
+            if state.largest_strain > self._strain:
+                self._strain, self._strained = state.largest_strain, f"{_where(wanted)}to {goal}"
+            points = apply(experiment.camera_frame_from_clamp(state), state.centreline[:, 1:])
+            points = np.vstack([self._points, points + self._rig.base_position])
+            # The outermost along every axis and diagonal stand for all.
+            reach = points @ _DIRECTIONS.T
+            self._points = points[np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))]
+
+    def mistakes(self) -> list[str]:
+        """What the beam does not bear, and what the camera does not see."""
+        return self._overstressed() + self._out_of_view()
+
+    def _overstressed(self) -> list[str]:
+        beam = self._file.scene.beam
+        stress = self._strain * beam.youngs_modulus_gpa * 1e3
+        if beam.allow_above_yield or stress <= beam.yield_stress_mpa:
+            return []
+        return [
+            self._file.complaint(
+                ("beam", "yield_stress_mpa"),
+                f"is {beam.yield_stress_mpa:g}, but {self._strained} stresses the beam to "
+                f"{stress:.0f} MPa; push less, or set allow_above_yield: true",
+            )
+        ]
+
+    def _out_of_view(self) -> list[str]:
+        camera, points, file = self._rig.camera, self._points, self._file
+        depth = apply(camera.camera_from_antenna, points)[:, 2]
+        if depth.min() <= 0:
+            said = "lets the camera look away from the beam"
+            return [file.complaint(("camera", "look_at_mm"), said)]
+        width_px = float(camera.pixels_per_metre(points).min()) * self._rig.beam.diameter
+        if width_px < THINNEST_PX:
+            said = f"sees the beam {width_px:.2g} px wide, allowed is >= {THINNEST_PX:g} px"
+            return [file.complaint(("camera",), said)]
+        u, v = camera.project(points).T
+        if not file.scene.camera.sees_tip or _in_view(camera, points):
+            return []
+        return [
+            file.complaint(
+                ("camera",),
+                f"does not see the whole beam: it spans u {u.min():.0f}..{u.max():.0f} px and "
+                f"v {v.min():.0f}..{v.max():.0f} px, "
+                f"the image is {camera.width} x {camera.height} px",
+            )
+        ]
 
 
-def _push(wanted: Push, rig: TrueRig, pieces: int) -> Equilibrium:
-    length = rig.beam.length
-    if wanted.contact_distance >= length:
-        raise _ImpossibleError(
-            f"is {wanted.contact_distance / MILLIMETRE:g}, allowed is > 0 and before the tip "
-            f"at {length / MILLIMETRE:g} mm"
-        )
-    try:
-        return push(
-            rig.beam,
-            wanted.contact_distance,
-            deflection=wanted.deflection,
-            pushing_angle=wanted.pushing_angle,
-            intervals=pieces,
-        )
-    except EquilibriumError as error:
-        raise _ImpossibleError(
-            f"is {wanted.contact_distance / MILLIMETRE:g}, which has no equilibrium when pushed to "
-            f"{wanted}: {error}"
-        ) from error
+def _key(file: SceneFile, wanted: Push) -> tuple[Key, ...]:
+    """Where the file asks for a push."""
+    pushes = file.scene.pushes
+    if pushes is None:
+        return ("sampling", "contact_distance_mm")
+    if wanted.contact_distance is None or pushes.contact_distance_mm is None:
+        return ("object", "gap_mm")
+    distances = np.array(pushes.contact_distance_mm) * MILLIMETRE
+    index = int(np.argmin(np.abs(distances - wanted.contact_distance)))
+    return ("pushes", "contact_distance_mm", index)
 
 
-def _inside_hub(file: SceneFile) -> list[str]:
-    hub = file.scene.hub.radius_mm
-    return [
-        file.complaint(
-            ("pushes", "contact_distance_mm", index),
-            f"is {distance:g}, allowed is beyond the hub's radius of {hub:g} mm",
-        )
-        for index, distance in enumerate(file.scene.pushes.contact_distance_mm)
-        if distance <= hub
-    ]
+def _said(wanted: Push) -> str:
+    goals = f"pushed to {', '.join(map(str, wanted.goals))}"
+    if wanted.contact_distance is None:
+        return goals
+    return f"is {wanted.contact_distance / MILLIMETRE:g}, {goals}"
+
+
+def _where(wanted: Push) -> str:
+    if wanted.contact_distance is None:
+        return "contact pushed "
+    return f"contact at {wanted.contact_distance / MILLIMETRE:g} mm pushed "
+
+
+def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
+    scene = file.scene
+    hub, length = scene.hub.radius_mm, rig.beam.length / MILLIMETRE
+    if scene.sampling is not None:
+        key: tuple[Key, ...] = ("sampling", "contact_distance_mm")
+        wanted = enumerate(scene.sampling.contact_distance_mm)
+    else:
+        key = ("pushes", "contact_distance_mm")
+        pushes = scene.pushes
+        wanted = enumerate(pushes.contact_distance_mm or () if pushes else ())
+    mistakes = []
+    for index, distance in wanted:
+        if distance <= hub:
+            mistakes.append(f"is {distance:g}, allowed is beyond the hub's radius of {hub:g} mm")
+        elif distance >= length:
+            mistakes.append(f"is {distance:g}, allowed is before the tip at {length:g} mm")
+        else:
+            continue
+        mistakes[-1] = file.complaint((*key, index), mistakes[-1])
+    return mistakes
 
 
 def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:
@@ -121,50 +206,3 @@ def _in_view(camera: Camera, points: Floats) -> bool:
         and u.max() <= camera.width - 0.5
         and v.max() <= camera.height - 0.5
     )
-
-
-def _overstressed(file: SceneFile, equilibria: Mapping[Push, Equilibrium]) -> list[str]:
-    beam = file.scene.beam
-    if beam.allow_above_yield or not equilibria:
-        return []
-    modulus = beam.youngs_modulus_gpa * 1e9
-    worst = max(equilibria, key=lambda push: equilibria[push].largest_stress(modulus))
-    stress = equilibria[worst].largest_stress(modulus) / 1e6
-    if stress <= beam.yield_stress_mpa:
-        return []
-    return [
-        file.complaint(
-            ("beam", "yield_stress_mpa"),
-            f"is {beam.yield_stress_mpa:g}, but contact at "
-            f"{worst.contact_distance / MILLIMETRE:g} mm pushed to {worst} stresses the beam to "
-            f"{stress:.0f} MPa; push less, or set allow_above_yield: true",
-        )
-    ]
-
-
-def _out_of_view(file: SceneFile, rig: TrueRig, equilibria: Iterable[Equilibrium]) -> list[str]:
-    camera = rig.camera
-    rest = np.array([[0.0, 0.0], [rig.beam.length, 0.0]])
-    planar = np.vstack([rest, *(e.centreline[:, 1:3] for e in equilibria)])
-    points = np.column_stack([planar, np.zeros(len(planar))]) + rig.base_position
-    depth = apply(camera.camera_from_antenna, points)[:, 2]
-    if depth.min() <= 0:
-        return [file.complaint(("camera", "look_at_mm"), "lets the camera look away from the beam")]
-    width_px = camera.fx * rig.beam.diameter / depth.max()
-    if width_px < THINNEST_PX:
-        return [
-            file.complaint(
-                ("camera",),
-                f"sees the beam {width_px:.2g} px wide, allowed is >= {THINNEST_PX:g} px",
-            )
-        ]
-    u, v = camera.project(points).T
-    if _in_view(camera, points):
-        return []
-    return [
-        file.complaint(
-            ("camera",),
-            f"does not see the whole beam: it spans u {u.min():.0f}..{u.max():.0f} px and "
-            f"v {v.min():.0f}..{v.max():.0f} px, the image is {camera.width} x {camera.height} px",
-        )
-    ]

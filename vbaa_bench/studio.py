@@ -1,40 +1,65 @@
 """The set: a scene's meshes, lamp and camera put up as worlds that can be rendered."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE
-from vbaa_bench.geometry.board import board
-from vbaa_bench.geometry.objects import block, hub, sheet
-from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
-from vbaa_bench.mechanics.planar import Equilibrium, at_rest
+from vbaa_bench.bodies import Body
+from vbaa_bench.cover import hidden_stretch, occluder
+from vbaa_bench.experiment import Experiment
+from vbaa_bench.geometry.board import board, squares
+from vbaa_bench.geometry.objects import adaptor, hub, sheet
+from vbaa_bench.geometry.tube import arc_length_of_vertices, strip, tube
+from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.world import Lamp, RenderUnit, Surface, World
+from vbaa_bench.spec.objects import NothingSpec, PegSpec
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig
 from vbaa_bench.spec.scene import Scene
-from vbaa_bench.spec.trials import random_generator
+from vbaa_bench.spec.trials import Trial, random_generator
 
 # Reflectance of the board's card and of the ink on it.
 WHITE, BLACK = 0.7, 0.04
 
 
 @dataclass(frozen=True)
+class Pose:
+    """One frame to be set up: a step of a push, in the state that it has reached."""
+
+    experiment: Experiment
+    trial: Trial
+    state: State
+
+
+@dataclass(frozen=True)
 class Studio:
-    """Builds worlds of one scene's true rig in Sigma_a, where camera, lamp and background stand."""
+    """Builds worlds of one scene's true rig, in the frame in which the camera stands still."""
 
     scene: Scene
     rig: TrueRig
+    folder: Path
 
-    def bench(self, equilibrium: Equilibrium | None) -> World:
-        """The beam pushed against its object, or at rest with no object near."""
-        return World(self.rig.camera, self._lamp(), self._surfaces(equilibrium), self._unit())
+    def rest(self, experiment: Experiment) -> World:
+        """The beam at rest with no object near."""
+        surfaces = dict(self._standing(experiment, experiment.rest))
+        return World(self.rig.camera, self._lamp(), surfaces, self._unit())
 
-    def repose(self, world: World, equilibrium: Equilibrium) -> None:
-        """Bend the beam of a pushed bench anew and put the object where it belongs."""
-        surfaces = self._surfaces(equilibrium)
-        moving = {name: np.asarray(surfaces[name].mesh.vertices) for name in ("beam", "object")}
+    def bench(self, pose: Pose) -> World:
+        """The beam pushed against its object."""
+        surfaces = {**dict(self._things(pose)), **dict(self._standing(pose.experiment, pose.state))}
+        # The beam comes first: its index in the truth layers is 1.
+        surfaces = {"beam": surfaces.pop("beam"), **surfaces}
+        return World(self.rig.camera, self._lamp(), surfaces, self._unit())
+
+    def repose(self, world: World, pose: Pose) -> None:
+        """Bend the beam of a pushed bench anew and put everything where it belongs."""
+        surfaces = {**dict(self._things(pose)), **dict(self._standing(pose.experiment, pose.state))}
+        moving = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(moving, surfaces["beam"].arc_length)
 
     def card(self, view: int) -> World:
@@ -61,43 +86,93 @@ class Studio:
         away = random.uniform(0.12, 0.2) * self.scene.camera.position_mm[2] * MILLIMETRE
         return rigid(lean * axis, np.array([0.0, 0.0, -away]))
 
-    def _surfaces(self, equilibrium: Equilibrium | None) -> dict[str, Surface]:
-        scene, origin = self.scene, self.rig.base_position
-        line = at_rest(self.rig.beam, scene.beam.pieces)
-        if equilibrium is not None:
-            line = equilibrium.centreline
-        s, x, y, _ = line.T
-        path = np.column_stack([x, y, np.zeros_like(x)]) + origin
-        steel = tube(path, self.rig.beam.radius, scene.beam.facets)
-        arc_length = arc_length_of_vertices(s, scene.beam.facets)
-        surfaces = {"beam": Surface(steel, scene.beam.reflectance, "gloss", arc_length)}
-        if equilibrium is not None:
-            thing = scene.object
-            touching = block(
-                edge_of_object(equilibrium),
-                equilibrium.pushing_angle - np.pi / 2,
-                thing.side_mm * MILLIMETRE,
-                thing.bottom_mm * MILLIMETRE,
-                thing.top_mm * MILLIMETRE,
-            )
-            touching.apply_translation(origin)
-            surfaces["object"] = Surface(touching, thing.reflectance)
-        clamp = scene.hub
-        motor = hub(
-            clamp.radius_mm * MILLIMETRE,
-            clamp.bottom_mm * MILLIMETRE,
-            clamp.top_mm * MILLIMETRE,
-        )
-        motor.apply_translation(origin)
-        surfaces["hub"] = Surface(motor, clamp.reflectance)
-        surfaces["background"] = self._background()
-        return surfaces
+    def _standing(self, experiment: Experiment, state: State) -> Iterator[tuple[str, Surface]]:
+        """The antenna and what lies under it."""
+        scene, spec = self.scene, self.scene.beam
+        stage = self._stage(experiment, state)
+        line, director = state.centreline, state.director
+        radius = self.rig.beam.radius
+        if spec.section == "strip":
+            assert director is not None
+            width = spec.aspect * self.rig.beam.diameter
+            steel, facets = strip(line[:, 1:], director, self.rig.beam.diameter, width), 4
+        else:
+            size = radius * (1 + (spec.tip_ratio - 1) * line[:, 0] / self.rig.beam.length)
+            facets = spec.facets
+            thickness = radius if spec.tip_ratio == 1 else size
+            steel = tube(line[:, 1:], thickness, facets, director, spec.aspect)
+        arc_length = arc_length_of_vertices(line[:, 0], facets)
+        yield "beam", Surface(_set(steel, stage), spec.reflectance, "gloss", arc_length)
+        clamp, mm = scene.hub, MILLIMETRE
+        bottom = experiment.ground if clamp.bottom_mm is None else clamp.bottom_mm * mm
+        shaft = hub(clamp.radius_mm * mm, bottom, clamp.top_mm * mm)
+        offset = np.array(scene.adaptor_mm) * mm
+        if offset.any():
+            shaft.apply_translation(-offset)
+            arm = adaptor(offset, clamp.radius_mm * mm / 2)
+            yield "adaptor", Surface(_set(arm, stage), clamp.reflectance)
+        yield "hub", Surface(_set(shaft, stage), clamp.reflectance)
+        yield from self._background(experiment, state)
 
-    def _background(self) -> Surface:
+    def _things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
+        """What the beam is pushed against, and what hides it."""
+        experiment, state, scene = pose.experiment, pose.state, self.scene
+        stage = self._stage(experiment, state)
+        if not isinstance(scene.object, NothingSpec):
+            touched = _set(experiment.touched_mesh(state, pose.trial.step), stage)
+            yield "object", Surface(touched, scene.object.reflectance)
+        second = scene.second_peg
+        if second is not None:
+            spec = PegSpec(
+                kind="peg",
+                radius_mm=second.radius_mm,
+                top_mm=second.top_mm,
+                bottom_mm=second.bottom_mm,
+            )
+            placed = experiment.clamp_from_object(state, pose.trial.step, 1)
+            peg = Body(spec, self.rig.beam.radius, experiment.ground, self.folder).mesh(0.0)
+            yield "second_peg", Surface(_set(peg, stage @ placed), second.reflectance)
+        hiding = scene.occlusion
+        if hiding is not None and hiding.body is not None:
+            cover = pose.trial.cover
+            stretch = None
+            if cover is not None and cover.kind != "removed":
+                stretch = hidden_stretch(cover, state)
+            random = random_generator(scene, "occluder", pose.trial.index)
+            away = np.eye(4)
+            if stretch is None:  # far to the side, where it hides and shades nothing
+                stretch = (0.0, 0.1 * self.rig.beam.length)
+                away[1, 3] = 100 * self.rig.beam.length
+            mesh = occluder(hiding, stretch, state, self.rig.camera, random)
+            yield "occluder", Surface(_set(mesh, away @ stage), hiding.reflectance)
+
+    def _stage(self, experiment: Experiment, state: State) -> Floats:
+        """From the clamp's frame to that of the camera (4, 4)."""
+        stage = experiment.camera_frame_from_clamp(state).copy()
+        stage[:3, 3] += self.rig.base_position
+        return stage
+
+    def _background(self, experiment: Experiment, state: State) -> Iterator[tuple[str, Surface]]:
         """Far enough to the sides that the camera never sees its rim."""
         spec, length = self.scene.background, self.rig.beam.length
         middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
-        return Surface(sheet(middle, 20 * length, 1), spec.reflectance)
+        stage = np.eye(4)
+        turns = self.scene.camera.mount == "antenna" and spec.lies_in == "world"
+        if turns:
+            stage = experiment.motor.clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))
+        if spec.lies_in == "antenna" and self.scene.camera.mount == "world":
+            stage = self._stage(experiment, state)
+        if spec.pattern == "plain":
+            plain = sheet(middle, 20 * length, 1)
+            yield "background", Surface(_set(plain, stage), spec.reflectance)
+            return
+        light, dark = squares(6 * length, spec.square_mm * MILLIMETRE)
+        for name, cells, reflectance in (
+            ("background", light, spec.reflectance),
+            ("background_squares", dark, spec.square_reflectance),
+        ):
+            cells.apply_translation(middle)
+            yield name, Surface(_set(cells, stage), reflectance)
 
     def _lamp(self) -> Lamp:
         spec, camera = self.scene.light, self.scene.camera.position_mm
@@ -109,16 +184,7 @@ class Studio:
         return RenderUnit(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
 
 
-def edge_of_object(equilibrium: Equilibrium) -> Floats:
-    """The touched edge (2,) [m] in the clamp's frame: R(dtheta) (x_0, -r)."""
-    angle, x_0, r = (
-        equilibrium.pushing_angle,
-        equilibrium.contact_distance,
-        equilibrium.beam.radius,
-    )
-    return np.array(
-        [
-            x_0 * np.cos(angle) + r * np.sin(angle),
-            x_0 * np.sin(angle) - r * np.cos(angle),
-        ]
-    )
+def _set(mesh: trimesh.Trimesh, stage: Floats) -> trimesh.Trimesh:
+    """A mesh put in its place on the stage; its vertices keep their order."""
+    mesh.vertices = apply(stage, np.asarray(mesh.vertices))
+    return mesh

@@ -4,56 +4,130 @@ from typing import Any
 
 import numpy as np
 
+from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE, PERCENT
-from vbaa_bench.mechanics.planar import Equilibrium
+from vbaa_bench.experiment import Experiment
+from vbaa_bench.mechanics.state import Contact, State
 from vbaa_bench.spec.rigs import TrueRig
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Trial
 
 
-def motor_angle(scene: Scene, e: Equilibrium) -> float:
+def motor_angle(scene: Scene, state: State) -> float:
     """True motor angle [rad]: seen from the camera it turns clockwise, bending the beam to +y."""
-    return scene.pushes.motor_angle_at_contact_deg * DEGREE - e.pushing_angle
+    pushes = scene.pushes or scene.sampling
+    assert pushes is not None
+    return pushes.motor_angle_at_contact_deg * DEGREE - state.pushing_angle
 
 
-def truth_row(scene: Scene, rig: TrueRig, trial: Trial, e: Equilibrium) -> dict[str, Any]:
-    """The truth of one frame, as a row of `truth.parquet`."""
-    mm, phi = MILLIMETRE, motor_angle(scene, e)
-    base = rig.base_position
-    contact_d = np.array([e.x_c, e.y_c, 0.0])
-    contact_a = contact_d + base
-    # Eq. (1). The motor turns clamp and beam about the clamp, wherever that truly stands.
-    contact_o = apply(turn_about_z(phi), contact_d[None])[0] + base
-    stress = e.largest_stress(scene.beam.youngs_modulus_gpa * 1e9) / 1e6
+def truth_row(
+    experiment: Experiment, trial: Trial, state: State, hidden: tuple[float, float] | None
+) -> dict[str, Any]:
+    """The truth of one frame, as a row of `truth.parquet`.
+
+    `hidden` [m] is the stretch of Sigma_a's x axis that is covered or removed, if any is. What a
+    frame without contact does not have is null.
+    """
+    scene, mm = experiment.scene, MILLIMETRE
+    phi = motor_angle(scene, state)
+    strain = state.largest_strain * scene.beam.youngs_modulus_gpa * 1e3
+    peg = scene.second_peg
+    sag = np.linalg.norm((state.tip - experiment.rest.tip)[1:])
+    cover, wanted = trial.cover, trial.push
+    rigid = wanted.compliance == 0
     return {
-        "model": "exact, planar, frictionless edge fixed in the world",
+        "model": experiment.model,
         "trial": trial.index,
+        "push_id": trial.push_id,
+        "step": trial.step,
         "repeat": trial.repeat,
-        "push": str(trial.push),
-        "contact_distance_at_rest_mm": e.contact_distance / mm,
-        "deflection_pct": float(e.tip[1]) / e.beam.length / PERCENT,
-        "pushing_angle_deg": e.pushing_angle / DEGREE,
+        "push": str(trial.goal),
+        "contact_distance_at_rest_mm": _scaled(wanted.contact_distance, 1 / mm),
+        "normal_deg": wanted.normal / DEGREE,
+        "k_s_n_m": None if rigid else 1 / wanted.compliance,
+        "k_s_over_k_beam": _stiffness_ratio(experiment, state),
+        "deflection_pct": float(sag) / experiment.rig.beam.length / PERCENT,
+        "pushing_angle_deg": state.pushing_angle / DEGREE,
         "motor_angle_deg": phi / DEGREE,
-        "x_c_mm": e.x_c / mm,
-        "y_c_mm": e.y_c / mm,
-        "s_c_mm": e.s_c / mm,
-        "theta_c_deg": e.theta_c / DEGREE,
-        "psi_deg": 0.0,
-        "force_n": e.force,
-        "force_antenna_n": [-e.force * np.sin(e.theta_c), e.force * np.cos(e.theta_c), 0.0],
-        "contact_antenna_mm": (contact_a / mm).tolist(),
-        "contact_world_mm": (contact_o / mm).tolist(),
-        "tip_mm": (e.tip / mm).tolist(),
-        "base_moment_n_mm": e.moment / mm,
-        "largest_stress_mpa": stress,
-        "above_yield": stress > scene.beam.yield_stress_mpa,
-        "residual": e.residual,
-        "contact_row": e.contact_row,
-        "centreline_s_mm": (e.centreline[:, 0] / mm).tolist(),
-        "centreline_x_mm": (e.centreline[:, 1] / mm).tolist(),
-        "centreline_y_mm": (e.centreline[:, 2] / mm).tolist(),
+        **_contact(experiment, state, phi),
+        "second_contact": peg is not None and len(state.contacts) > 1,
+        "tip_mm": (state.tip / mm).tolist(),
+        "base_force_n": state.base_force.tolist(),
+        "base_moment_n_mm": (state.base_moment / mm).tolist(),
+        "largest_stress_mpa": strain,
+        "above_yield": strain > scene.beam.yield_stress_mpa,
+        "hidden_by": None if cover is None else cover.kind,
+        "hidden_place": None if cover is None else cover.place,
+        "availability_ratio": None if cover is None else cover.availability,
+        "hidden_from_mm": None if hidden is None else hidden[0] / mm,
+        "hidden_to_mm": None if hidden is None else hidden[1] / mm,
+        "residual": state.residual,
+        "centreline_s_mm": (state.centreline[:, 0] / mm).tolist(),
+        "centreline_x_mm": (state.centreline[:, 1] / mm).tolist(),
+        "centreline_y_mm": (state.centreline[:, 2] / mm).tolist(),
+        "centreline_z_mm": (state.centreline[:, 3] / mm).tolist(),
     }
+
+
+def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]:
+    """The first contact's columns; all null where nothing is touched."""
+    mm = MILLIMETRE
+    names = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_n", "f_n", "w_s_mm")
+    vectors = (
+        "force_antenna_n",
+        "contact_deformation_mm",
+        "contact_antenna_mm",
+        "contact_world_mm",
+    )
+    if not state.contacts:
+        nothing: dict[str, Any] = dict.fromkeys((*names, *vectors, "contact_row"))
+        return nothing
+    contact: Contact = state.contact
+    base = experiment.rig.base_position
+    in_plane, across = _deformation_frame(contact)
+    # Eq. (1). The motor turns the clamp about its axis, wherever that truly stands.
+    axis = np.array(experiment.motor.point)
+    world = turn_about_z(phi)
+    world[:3, 3] = axis - world[:3, :3] @ axis + base
+    return {
+        "x_c_mm": float(contact.point[0]) / mm,
+        "y_c_mm": float(contact.point @ in_plane) / mm,
+        "s_c_mm": contact.s / mm,
+        "theta_c_deg": contact.theta / DEGREE,
+        "psi_deg": contact.psi / DEGREE,
+        "force_n": float(np.linalg.norm(contact.force)),
+        "f_n": float(contact.force @ in_plane),
+        "w_s_mm": float(np.linalg.norm(contact.object_shift)) / mm,
+        "force_antenna_n": contact.force.tolist(),
+        "contact_deformation_mm": [
+            float(contact.point[0]) / mm,
+            float(contact.point @ in_plane) / mm,
+            float(contact.point @ across) / mm,
+        ],
+        "contact_antenna_mm": ((contact.point + base) / mm).tolist(),
+        "contact_world_mm": (apply(world, contact.point[None])[0] / mm).tolist(),
+        "contact_row": contact.row,
+    }
+
+
+def _deformation_frame(contact: Contact) -> tuple[Floats, Floats]:
+    """The y and z axes (3,) of Sigma_d, in Sigma_a."""
+    sine, cosine = np.sin(contact.psi), np.cos(contact.psi)
+    return np.array([0.0, cosine, sine]), np.array([0.0, -sine, cosine])
+
+
+def _stiffness_ratio(experiment: Experiment, state: State) -> float | None:
+    """The object's stiffness over the beam's, 3 EI / x_c^3; None for a rigid one."""
+    if experiment.push.compliance == 0 or not state.contacts:
+        return None
+    rigidity = experiment.rig.beam.flexural_rigidity
+    k_beam = 3 * rigidity / float(state.contact.point[0]) ** 3
+    return 1 / experiment.push.compliance / k_beam
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
 
 
 def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> dict[str, Any]:
@@ -70,6 +144,7 @@ def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> 
             "flexural_rigidity_n_mm2": rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE,
             "base_position_mm": (rig.base_position / mm).tolist(),
             "antenna_from_board": rig.antenna_from_board.tolist(),
+            # A telecentric camera's fx and fy are in px/m.
             "camera": {
                 "width_px": camera.width,
                 "height_px": camera.height,
@@ -78,6 +153,7 @@ def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> 
                 "cx_px": camera.cx,
                 "cy_px": camera.cy,
                 "camera_from_antenna": camera.camera_from_antenna.tolist(),
+                "telecentric": camera.telecentric,
             },
         },
     }

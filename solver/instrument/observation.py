@@ -4,10 +4,16 @@ observations/
   rig.json                      nominal rig with tolerances
   calibration/view_00.png ...   board views; view 0 lies in plane C
   rest/rest_00.png ...          the beam before contact
-  shard_00000/metadata.csv      file_name, frame_id, motor_angle_deg
+  shard_00000/metadata.csv      one row a frame; columns below
   shard_00000/<frame_id>.png    one image a frame
   hashes.json                   sha256 of every file (of generated trees)
   INCOMPLETE                    stands there while a tree is being made
+
+Columns of metadata.csv: file_name, frame_id, and motor_angle_deg, which is empty where no encoder
+tells it; and where there are such: push_id and step (frames of one push, in order),
+removed_from_mm and removed_to_mm (a stretch of Sigma_a's x axis to be left out),
+moment_y_n_mm (the moment sensor), base_force_{x,y,z}_n and base_moment_{x,y,z}_n_mm (the force
+sensor: what the clamp exerts on the beam, in Sigma_a).
 """
 
 import csv
@@ -21,18 +27,29 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.images import png_size, read_grey
 from solver.instrument.rig import Rig, read_rig
-from solver.instrument.units import DEGREE
+from solver.instrument.units import DEGREE, MILLIMETRE
 
 INCOMPLETE = "INCOMPLETE"
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One image of the pushing beam: where it lies and what the encoder read [rad]."""
+    """One image of the pushing beam: where it lies, and what was read when it was taken.
+
+    `motor_angle` [rad] is None where no encoder tells it. Frames of one push share `push_id` and
+    count its `step`s. `removed` [m] is a stretch of Sigma_a's x axis to be left out.
+    `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] are sensors' readings.
+    """
 
     frame_id: str
     path: Path
-    motor_angle: float
+    motor_angle: float | None
+    push_id: str = ""
+    step: int = 0
+    removed: tuple[float, float] | None = None
+    moment_y: float | None = None
+    base_force: tuple[float, float, float] | None = None
+    base_moment: tuple[float, float, float] | None = None
 
     def image(self) -> Grey:
         """The gray image (height, width). Raises InputError."""
@@ -89,15 +106,55 @@ def _frames(table: Path) -> Iterator[Frame]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{table}: cannot be read as UTF-8 text ({error})") from error
     for line, row in enumerate(csv.DictReader(io.StringIO(text, newline="")), start=2):
-        try:
-            path = table.parent / row["file_name"]
-            frame_id, angle = row["frame_id"], float(row["motor_angle_deg"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                f"{table}:{line}: needs file_name, frame_id and a number motor_angle_deg"
-            ) from error
-        if not math.isfinite(angle):
-            raise InputError(f"{table}:{line}: motor_angle_deg is {angle}, allowed is finite")
+        cells = _Cells(f"{table}:{line}", row)
+        path = table.parent / cells.text("file_name")
         if not path.is_file():
             raise InputError(f"{table}:{line}: the image {path.name} is missing")
-        yield Frame(frame_id, path, angle * DEGREE)
+        removed = cells.numbers("removed_from_mm", "removed_to_mm")
+        force = cells.numbers(*(f"base_force_{axis}_n" for axis in "xyz"))
+        moment = cells.numbers(*(f"base_moment_{axis}_n_mm" for axis in "xyz"))
+        angle = cells.numbers("motor_angle_deg")
+        moment_y = cells.numbers("moment_y_n_mm")
+        yield Frame(
+            frame_id=cells.text("frame_id"),
+            path=path,
+            motor_angle=None if angle is None else angle[0] * DEGREE,
+            push_id=row.get("push_id") or "",
+            step=int((cells.numbers("step") or [0.0])[0]),
+            removed=None if removed is None else (removed[0] * MILLIMETRE, removed[1] * MILLIMETRE),
+            moment_y=None if moment_y is None else moment_y[0] * MILLIMETRE,
+            base_force=None if force is None else (force[0], force[1], force[2]),
+            base_moment=None
+            if moment is None
+            else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
+        )
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """A row of metadata.csv, and where it stands."""
+
+    where: str
+    row: dict[str, str | None]
+
+    def text(self, name: str) -> str:
+        value = self.row.get(name)
+        if not value:
+            raise InputError(f"{self.where}: {name} is missing")
+        return value
+
+    def numbers(self, *names: str) -> list[float] | None:
+        """Finite numbers from columns that belong together; None where all are empty."""
+        texts = [self.row.get(name) or "" for name in names]
+        if not any(texts):
+            return None
+        values = []
+        for name, text in zip(names, texts, strict=True):
+            try:
+                value = float(text)
+            except ValueError:
+                value = math.nan
+            if not math.isfinite(value):
+                raise InputError(f"{self.where}: {name} is {text!r}, allowed is a finite number")
+            values.append(value)
+        return values

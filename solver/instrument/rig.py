@@ -18,6 +18,9 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import rigid, rotation_vector
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 
+PROJECTIONS = ("perspective", "telecentric")
+MOUNTS = ("antenna", "world")
+
 
 @dataclass(frozen=True)
 class Chessboard:
@@ -51,10 +54,26 @@ class Tolerances:
 
 
 @dataclass(frozen=True)
+class Sensors:
+    """One-sigma noise of the sensors at the clamp, None where there is none.
+
+    `moment_y` [N m] of the moment about Sigma_a's y axis (section V-C); `base_force` [N] and
+    `base_moment` [N m] of every component of what the clamp exerts on the beam.
+    """
+
+    moment_y: float | None = None
+    base_force: float | None = None
+    base_moment: float | None = None
+
+
+@dataclass(frozen=True)
 class Rig:
     """Nominal beam, clamp position (3,) [m] in Sigma_a, board of view 0, its pose, tolerances.
 
     `deflects_towards` is +1 or -1: the side of Sigma_a's y axis to which contact bends the beam.
+    `telecentric` says which kind of camera looks on, `camera_mount` whether it rides on the
+    "antenna" or stands in the "world", where Sigma_a is that at first contact. `known_psi` [rad] is
+    the inclination of the only plane in which a flat strip bends; None for a round beam.
     """
 
     beam: Beam
@@ -63,6 +82,10 @@ class Rig:
     antenna_from_board: Floats
     deflects_towards: int
     tolerances: Tolerances
+    telecentric: bool = False
+    camera_mount: str = "antenna"
+    known_psi: float | None = None
+    sensors: Sensors = Sensors()
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
@@ -74,7 +97,7 @@ class Rig:
 def rig_to_json(rig: Rig) -> str:
     """The text of rig.json; the same rig gives the same bytes."""
     mm, tol = MILLIMETRE, rig.tolerances
-    document = {
+    document: dict[str, dict[str, Any]] = {
         "beam": {
             "length_mm": rig.beam.length / mm,
             "length_sigma_mm": tol.beam_length / mm,
@@ -99,7 +122,20 @@ def rig_to_json(rig: Rig) -> str:
             "rotation_sigma_deg": tol.board_rotation / DEGREE,
         },
         "encoder": {"sigma_deg": tol.encoder / DEGREE},
+        "camera": {
+            "projection": "telecentric" if rig.telecentric else "perspective",
+            "mount": rig.camera_mount,
+        },
     }
+    if rig.known_psi is not None:
+        document["beam"]["known_psi_deg"] = rig.known_psi / DEGREE
+    if rig.sensors.moment_y is not None:
+        document["moment_sensor"] = {"sigma_n_mm": rig.sensors.moment_y / mm}
+    if rig.sensors.base_force is not None and rig.sensors.base_moment is not None:
+        document["force_sensor"] = {
+            "force_sigma_n": rig.sensors.base_force,
+            "moment_sigma_n_mm": rig.sensors.base_moment / mm,
+        }
     # Twelve digits: a nanometre on a kilometre, without the noise of unit conversion.
     return json.dumps(_rounded(document), indent=2) + "\n"
 
@@ -152,6 +188,26 @@ def read_rig(path: Path) -> Rig:
             board_rotation=key.number("board.rotation_sigma_deg", low=0) * DEGREE,
             encoder=key.number("encoder.sigma_deg", low=0) * DEGREE,
         ),
+        # A rig.json that says nothing of its camera has a pinhole.
+        telecentric="camera" in document
+        and key.one_of("camera.projection", PROJECTIONS) == "telecentric",
+        camera_mount=key.one_of("camera.mount", MOUNTS) if key.has("camera.mount") else "antenna",
+        known_psi=key.number("beam.known_psi_deg", low=-90) * DEGREE
+        if key.has("beam.known_psi_deg")
+        else None,
+        sensors=_sensors(key),
+    )
+
+
+def _sensors(key: "_Keys") -> Sensors:
+    if key.has("force_sensor"):
+        force = key.positive("force_sensor.force_sigma_n")
+        moment = key.positive("force_sensor.moment_sigma_n_mm") * MILLIMETRE
+    moment_y = key.positive("moment_sensor.sigma_n_mm") if key.has("moment_sensor") else None
+    return Sensors(
+        moment_y=None if moment_y is None else moment_y * MILLIMETRE,
+        base_force=force if key.has("force_sensor") else None,
+        base_moment=moment if key.has("force_sensor") else None,
     )
 
 
@@ -170,6 +226,14 @@ class _Keys:
             value = value[part]
         return value
 
+    def has(self, key: str) -> bool:
+        value = self.document
+        for part in key.split("."):
+            if not isinstance(value, dict) or part not in value:
+                return False
+            value = value[part]
+        return True
+
     def number(self, key: str, low: float) -> float:
         value = self._value(key)
         if not _is_finite_number(value) or value < low:
@@ -187,6 +251,14 @@ class _Keys:
         if not _is_finite_number(value) or value <= 0:
             raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number > 0")
         return float(value)
+
+    def one_of(self, key: str, allowed: tuple[str, ...]) -> str:
+        value = self._value(key)
+        if value not in allowed:
+            raise InputError(
+                f"{self.path}: {key} is {value!r}, allowed is one of {', '.join(allowed)}"
+            )
+        return str(value)
 
     def triple(self, key: str) -> Floats:
         value = self._value(key)

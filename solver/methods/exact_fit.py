@@ -90,10 +90,18 @@ def _answer(fit: Fit, dof: int, measurement: Measurement, widening: float) -> Es
             dof=dof,
             iterations=fit.iterations,
         )
-    if math.sqrt(covariance[0, 0]) > beam_length:
+    x_sigma = math.sqrt(covariance[0, 0])
+    if x_sigma > beam_length:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
+    if at.x_c / 4 < x_sigma <= WEAK_SIGMA * beam_length:
+        # Of a short stretch the noise alone makes such shapes, and no sigma says so.
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE,
+            "the contact would lie within four sigma of the clamp",
+            iterations=fit.iterations,
+        )
     outcome = Outcome.CONTACT
-    if math.sqrt(covariance[0, 0]) > WEAK_SIGMA * beam_length:
+    if x_sigma > WEAK_SIGMA * beam_length:
         outcome = Outcome.WEAK_CONTACT
     elif at.s_c > beam_length - 2 * s_sigma:
         outcome = Outcome.TIP_CONTACT

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from solver.beam_models import exact
 from tests.simulated import BEAM
-from vbaa_bench.mechanics.planar import EquilibriumError, push
+from vbaa_bench.mechanics.planar import push
+from vbaa_bench.mechanics.state import EquilibriumError
 
 
 @settings(max_examples=25, deadline=None)
@@ -18,12 +19,14 @@ def test_integrated_beam_lies_on_the_closed_form(distance: float, deflection: fl
     except EquilibriumError:
         assert distance > 0.2  # near the tip a large deflection slips off
         return
-    q = state.force / BEAM.flexural_rigidity
-    at = exact.contact(q, state.moment / state.force)
-    assert at.x_c == pytest.approx(state.x_c, rel=1e-9)
-    assert at.y_c == pytest.approx(state.y_c, rel=1e-9)
-    assert at.s_c == pytest.approx(state.s_c, rel=1e-9)
-    assert at.theta_c == pytest.approx(state.theta_c, rel=1e-9)
+    contact = state.contact
+    force, moment = np.linalg.norm(contact.force), -state.base_moment[2]
+    q, lever = float(force) / BEAM.flexural_rigidity, float(moment / force)
+    at = exact.contact(q, lever)
+    assert at.x_c == pytest.approx(contact.point[0], rel=1e-9)
+    assert at.y_c == pytest.approx(contact.point[1], rel=1e-9)
+    assert at.s_c == pytest.approx(contact.s, rel=1e-9)
+    assert at.theta_c == pytest.approx(contact.theta, rel=1e-9)
     x, y = state.centreline[:, 1], state.centreline[:, 2]
-    misfit, _, _ = exact.misfit(x, y, q, state.moment / state.force)
+    misfit, _, _ = exact.misfit(x, y, q, lever)
     assert np.abs(misfit).max() < 1e-10 * BEAM.length

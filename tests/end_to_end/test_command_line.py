@@ -102,7 +102,6 @@ def test_bad_scenes_are_refused(tmp_path: Path) -> None:
     scene.write_text("title: x\nseed: one\n", encoding="utf-8")
     done = command("generate", scene, "--out", tmp_path / "out")
     check_refused(done, "scene.yaml:2:1: seed is 'one', allowed is a whole number")
-    assert "pushes is missing" in done.stderr
     assert not (tmp_path / "out").exists()
     scene.write_text(SMALL_SCENE, encoding="utf-8")
     check_refused(command("generate", scene, "--out", scene / "out"), "cannot be written")

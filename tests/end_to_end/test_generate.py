@@ -142,6 +142,7 @@ def test_the_truth_is_complete(dataset: Path) -> None:
         reading = next(
             f for f in open_observations(layout.observations) if f.frame_id == row["frame_id"]
         ).motor_angle
+        assert reading is not None
         assert 0 < abs(np.degrees(reading) - row["motor_angle_deg"]) < 0.05
 
 
@@ -206,7 +207,9 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     true_base = np.array(truth.manifest["true_rig"]["base_position_mm"])
     assert 0.01 < np.linalg.norm(true_base) < 1
     assert not list(layout.truth.rglob("*.exr"))  # layers can be left out
-    encoder = observations.frames[0].motor_angle - np.radians(truth.frames["motor_angle_deg"][0])
+    reading = observations.frames[0].motor_angle
+    assert reading is not None
+    encoder = reading - np.radians(truth.frames["motor_angle_deg"][0])
     assert 0 < abs(encoder) < np.radians(0.05)
     answer = estimate(
         set_up(observations), observations.frames[0].image(), 0.0, METHODS["exact_fit"]

@@ -32,6 +32,7 @@ class Truth:
             cx=found["cx_px"],
             cy=found["cy_px"],
             camera_from_antenna=np.array(found["camera_from_antenna"]),
+            telecentric=found["telecentric"],
         )
 
 

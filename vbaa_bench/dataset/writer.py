@@ -15,7 +15,6 @@ import polars as pl
 from solver.instrument.arrays import Grey
 from solver.instrument.files import write_bytes, write_text
 from solver.instrument.images import png_bytes
-from solver.instrument.units import DEGREE
 from vbaa_bench.dataset.exr import write_exr
 from vbaa_bench.dataset.layout import Layout
 
@@ -27,7 +26,7 @@ class ShardWriter:
         self._layout, self._number = layout, number
         self._aside = layout.aside(number)
         self._rows: list[Mapping[str, Any]] = []
-        self._metadata: list[tuple[str, str, float]] = []
+        self._metadata: list[Mapping[str, str | float | int]] = []
 
     def __enter__(self) -> Self:
         shutil.rmtree(self._aside, ignore_errors=True)
@@ -39,15 +38,16 @@ class ShardWriter:
         self,
         frame_id: str,
         image: Grey,
-        motor_angle: float,
+        readings: Mapping[str, str | float | int],
         truth: Mapping[str, Any],
         layers: Mapping[str, np.ndarray],
     ) -> None:
-        """One frame: gray image, encoder reading [rad], truth row, truth layers (may be none)."""
+        """One frame: gray image, its columns of metadata.csv (the same in all frames), truth row,
+        truth layers (may be none)."""
         write_bytes(self._aside / "observations" / f"{frame_id}.png", png_bytes(image))
         if layers:
             write_exr(self._aside / "truth" / f"{frame_id}.exr", layers)
-        self._metadata.append((f"{frame_id}.png", frame_id, motor_angle / DEGREE))
+        self._metadata.append({"file_name": f"{frame_id}.png", "frame_id": frame_id, **readings})
         self._rows.append({"frame_id": frame_id, **truth})
 
     def __exit__(
@@ -63,11 +63,11 @@ class ShardWriter:
     def _close(self) -> None:
         stream = io.StringIO()
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow(("file_name", "frame_id", "motor_angle_deg"))
-        table.writerows(self._metadata)
+        table.writerow(self._metadata[0])
+        table.writerows(row.values() for row in self._metadata)
         write_text(self._aside / "observations" / "metadata.csv", stream.getvalue())
         parquet = io.BytesIO()
-        pl.DataFrame(self._rows).write_parquet(parquet)
+        pl.DataFrame(self._rows, infer_schema_length=None).write_parquet(parquet)
         write_bytes(self._aside / "truth" / "truth.parquet", parquet.getvalue())
         # The observations go last: a shard is finished when they are in place.
         layout = self._layout

@@ -1,4 +1,4 @@
-"""The beam's surface: a watertight tube swept along its centreline."""
+"""The beam's surface: a watertight skin swept along its centreline."""
 
 import numpy as np
 import trimesh
@@ -6,30 +6,54 @@ import trimesh
 from solver.instrument.arrays import Floats
 
 
-def tube(centreline: Floats, radius: float, facets: int) -> trimesh.Trimesh:
+def tube(
+    centreline: Floats,
+    radius: float | Floats,
+    facets: int,
+    director: Floats | None = None,
+    aspect: float = 1.0,
+) -> trimesh.Trimesh:
     """A closed tube about `centreline` (n, 3) [m], of the given radius [m] and facets round.
 
-    Rings stand across the curve in a parallel-transported frame (no twist: Bishop 1975),
+    The radius may taper, (n,). The section's first axis follows `director` (n, 3), unit vectors
+    across the curve; its second semi-axis is `aspect` times the first, which is the radius.
+    Without a director rings stand in a parallel-transported frame (no twist: Bishop 1975),
     starting at +y, so that with a planar curve and an even number of facets one line of vertices
     runs exactly on each side of the bend. Vertices: n rings of `facets`, then the two caps'
     middles. Winding is outward.
     """
-    tangents = _tangents(centreline)
-    first = np.array([0.0, 1.0, 0.0])
-    normals = np.empty_like(centreline)
-    normal = first - (first @ tangents[0]) * tangents[0]
-    for i, tangent in enumerate(tangents):
-        normal = normal - (normal @ tangent) * tangent
-        normal /= np.linalg.norm(normal)
-        normals[i] = normal
-    binormals = np.cross(tangents, normals)
     angle = 2 * np.pi * np.arange(facets) / facets
-    around = np.cos(angle)[:, None] * normals[:, None, :] + (
-        np.sin(angle)[:, None] * binormals[:, None, :]
-    )
-    rings = centreline[:, None, :] + radius * around
+    outline = np.column_stack([np.cos(angle), aspect * np.sin(angle)])
+    return _swept(centreline, director, outline, radius)
+
+
+def strip(centreline: Floats, director: Floats, thickness: float, width: float) -> trimesh.Trimesh:
+    """A closed strip about `centreline` (n, 3) [m] of rectangular section.
+
+    Its thickness [m] lies along `director` (n, 3), unit vectors across the curve, and its width
+    [m] across both. Vertices are those of a tube of four facets.
+    """
+    corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) / 2
+    return _swept(centreline, director, corners * [thickness, width], 1.0)
+
+
+def _swept(
+    centreline: Floats, director: Floats | None, outline: Floats, scale: float | Floats
+) -> trimesh.Trimesh:
+    """The skin of a section (facets, 2) that is carried along the curve and scaled, () or (n,)."""
+    tangents = _tangents(centreline)
+    if director is None:
+        normals = _transported(tangents)
+    else:
+        # A director across the true curve is not quite across that of the given points.
+        normals = director - (director * tangents).sum(axis=1, keepdims=True) * tangents
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    binormals = np.cross(tangents, normals)
+    around = outline[:, :1] * normals[:, None, :] + outline[:, 1:] * binormals[:, None, :]
+    sizes = np.broadcast_to(scale, len(centreline))
+    rings = centreline[:, None, :] + sizes[:, None, None] * around
     vertices = np.vstack([rings.reshape(-1, 3), centreline[0], centreline[-1]])
-    return trimesh.Trimesh(vertices, tube_faces(len(centreline), facets), process=False)
+    return trimesh.Trimesh(vertices, tube_faces(len(centreline), len(outline)), process=False)
 
 
 def tube_faces(rings: int, facets: int) -> np.ndarray:
@@ -50,6 +74,22 @@ def tube_faces(rings: int, facets: int) -> np.ndarray:
 def arc_length_of_vertices(s: Floats, facets: int) -> Floats:
     """Arc length [m] of every vertex of `tube`, from that of its rings, `s` (n,)."""
     return np.concatenate([np.repeat(s, facets), [s[0], s[-1]]])
+
+
+def _transported(tangents: Floats) -> Floats:
+    """Unit normals (n, 3) that start nearest +y and do not twist about the tangents (n, 3).
+
+    A curve that sets out along y itself has them start nearest +z.
+    """
+    along_y = abs(tangents[0, 1]) > 0.99
+    first = np.array([0.0, 0.0, 1.0]) if along_y else np.array([0.0, 1.0, 0.0])
+    normals = np.empty_like(tangents)
+    normal = first - (first @ tangents[0]) * tangents[0]
+    for i, tangent in enumerate(tangents):
+        normal = normal - (normal @ tangent) * tangent
+        normal /= np.linalg.norm(normal)
+        normals[i] = normal
+    return normals
 
 
 def _tangents(points: Floats) -> Floats:

@@ -1,72 +1,30 @@
-"""Exact large-deflection equilibrium of a beam pushed against a rigid, frictionless edge.
+"""The fast path: a round, weightless beam against a frictionless upright edge, in one plane.
 
-The clamp turns about the origin, the edge stands fixed in the world. In the frame of the
-clamp (Sigma_d) the edge therefore walks along a circle: at pushing angle dtheta its tip is at
-R(dtheta) (x_0, -r), r being the beam's radius, and the centreline passes r above it.
+Between clamp and contact the exact beam obeys EI theta'' = -F cos(theta - theta_c) with
+theta(0) = 0 and theta'(s_c) = 0 (Love 1927, section 262); beyond, it is straight. Walked back
+from the contact in units of lambda = sqrt(EI / F), phi = theta_c - theta obeys
 
-Equilibrium (inextensible, unshearable, circular section; Love 1927, section 262):
-EI theta'' = -F cos(theta - theta_c), theta(0) = 0, theta'(s_c) = 0, straight beyond s_c.
-It is integrated from the contact back to the clamp with phi = theta_c - theta,
+    phi'' = cos(phi),   phi = phi' = 0 at the contact,
 
-    phi'' = (F / EI) cos(phi),  phi = phi' = 0 at the contact,
-
-by an explicit Runge-Kutta method of order 8 (Dormand and Prince; scipy's DOP853), and
-(F, s_c, dtheta) are found by Newton's method so that the centreline touches the edge. Inside
-this module lengths are in units of L and forces in units of EI / L^2.
+whatever beam and force: only how far one walks, tau = s_c / lambda, tells the shapes apart.
+The equation is integrated by its Taylor series. Newton's method then finds (tau, lambda,
+dtheta) so that the beam's surface touches the object, which stands in the world and may give
+way along a spring. Lengths are in units of L and forces in units of EI / L^2.
 """
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import root
+from numba import njit
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
+from vbaa_bench.mechanics.state import WORST_RESIDUAL, Contact, EquilibriumError, State
 
-WORST_RESIDUAL = 1e-8
-_RELATIVE_TOLERANCE = 1e-13
-
-
-class EquilibriumError(Exception):
-    """No equilibrium was found, or not accurately enough to be called truth."""
-
-
-@dataclass(frozen=True)
-class Equilibrium:
-    """A bent beam in Sigma_d; SI and radians.
-
-    `centreline` (n, 4) has columns s, x, y, theta from the clamp to the tip, with one row
-    exactly at the contact (`contact_row`). `moment` is the clamp's. `residual` is the larger of
-    the contact's closure error over L and the relative imbalance of moments about the clamp.
-    """
-
-    beam: Beam
-    contact_distance: float
-    pushing_angle: float
-    x_c: float
-    y_c: float
-    s_c: float
-    theta_c: float
-    force: float
-    moment: float
-    residual: float
-    centreline: Floats
-    contact_row: int
-
-    def __post_init__(self) -> None:
-        line = frozen_floats("centreline", self.centreline, (None, 4))
-        object.__setattr__(self, "centreline", line)
-
-    @property
-    def tip(self) -> Floats:
-        """Tip (x, y) [m]."""
-        return np.asarray(self.centreline[-1, 1:3])
-
-    def largest_stress(self, youngs_modulus: float) -> float:
-        """Largest bending stress [Pa], at the clamp: E kappa d / 2."""
-        curvature = self.moment / self.beam.flexural_rigidity
-        return youngs_modulus * curvature * self.beam.radius
+ORDER = 16
+LONGEST_STEP = 0.125
+# phi reaches a right angle at tau = 1.854: no force turns the beam farther.
+_FARTHEST = 1.8
 
 
 def push(
@@ -75,142 +33,257 @@ def push(
     *,
     deflection: float | None = None,
     pushing_angle: float | None = None,
+    object_radius: float = 0.0,
+    compliance: float = 0.0,
+    spring_heading: float = math.pi / 2,
     intervals: int = 480,
-) -> Equilibrium:
+) -> State:
     """Push until y_tip / L is `deflection`, or until the clamp has turned by `pushing_angle`.
 
-    `contact_distance` [m] is where the undeformed beam first touches the edge; the centreline
-    has `intervals` + 1 rows. Raises EquilibriumError if no state is found, if its
-    residual is above 1e-8, or if the contact would slip off the tip.
+    `contact_distance` [m] is where the undeformed beam first touches the object, an upright
+    edge, or a cylinder of `object_radius` [m]. It gives way by `compliance` [m/N] along
+    `spring_heading` [rad], counted in the world from the resting beam's direction. The
+    centreline has `intervals` + 1 rows, one of them exactly at the contact. Raises
+    EquilibriumError if no state is found, or if the contact would slip off the tip.
     """
     if (deflection is None) == (pushing_angle is None):
         raise ValueError("give one of deflection and pushing_angle")
-    x_0 = contact_distance / beam.length
-    radius = beam.radius / beam.length
-
-    def mismatch(unknown: Floats) -> Floats:
-        force, s_c, angle = unknown
-        state = integrate(force, s_c)
-        x_gap, y_gap = _gap(state, x_0, radius, angle)
-        if deflection is None:
-            last = angle - float(pushing_angle or 0.0)
-        else:
-            _, y_c = _contact(state)
-            last = y_c + (1 - s_c) * np.sin(state[0]) - deflection
-        return np.array([x_gap, y_gap, last])
-
-    # Linear theory starts the search: y_tip / y_c = (3 L - x_c) / (2 x_c), F = 3 EI y_c / x_c^3.
-    y_c = deflection * 2 * x_0 / (3 - x_0) if deflection else x_0 * np.tan(pushing_angle or 0.0)
-    start = np.array([3 * y_c / x_0**3, x_0, np.arctan(y_c / x_0)])
-    found = root(
-        lambda scaled: mismatch(scaled * start), np.ones(3), method="hybr", options={"xtol": 1e-14}
+    if not (deflection or pushing_angle or 0.0) > 0:
+        raise ValueError("deflection or pushing_angle is not positive: the beam touches nothing")
+    length, rigidity = beam.length, beam.flexural_rigidity
+    force_unit = rigidity / length**2
+    offset = beam.radius / length
+    tau, scale, angle, residual = _solve(
+        contact_distance / length,
+        offset + object_radius / length,
+        compliance * force_unit / length,
+        spring_heading,
+        -1.0 if deflection is None else deflection,
+        pushing_angle or 0.0,
     )
-    force, s_c, angle = found.x * start
-    state = integrate(force, s_c)
-    lever, bend = state[2], state[1]
-    closure = max(abs(v) for v in mismatch(np.array([force, s_c, angle])))
-    residual = float(max(closure, abs(bend - force * lever) / (force * lever)))
-    if not residual <= WORST_RESIDUAL or force <= 0:
+    if not residual <= WORST_RESIDUAL:
         raise EquilibriumError(
             f"no equilibrium at contact distance {contact_distance:.6g} m "
             f"(residual {residual:.1e}, allowed is {WORST_RESIDUAL:.0e})"
         )
+    s_c = tau * scale
     if s_c >= 1:
         raise EquilibriumError(
-            f"the beam slips off: contact arc length {s_c * beam.length:.6g} m, "
-            f"allowed is up to the tip at {beam.length:.6g} m"
+            f"the beam slips off: contact arc length {s_c * length:.6g} m, "
+            f"allowed is up to the tip at {length:.6g} m"
         )
-    x_c, y_c = _contact(state)
-    rigidity, length = beam.flexural_rigidity, beam.length
-    line, contact_row = _centreline(force, s_c, state, intervals)
-    line[:, :3] *= length
-    return Equilibrium(
-        beam=beam,
-        contact_distance=contact_distance,
-        pushing_angle=float(angle),
-        x_c=float(x_c * length),
-        y_c=float(y_c * length),
-        s_c=float(s_c * length),
-        theta_c=float(state[0]),
-        force=float(force * rigidity / length**2),
-        moment=float(bend * rigidity / length),
+    line, row, theta_c, bend = _centreline(tau, scale, intervals)
+    magnitude = force_unit / scale**2
+    normal = np.array([-math.sin(theta_c), math.cos(theta_c), 0.0])
+    towards = np.array([math.cos(spring_heading + angle), math.sin(spring_heading + angle), 0.0])
+    force = magnitude * normal
+    moment = bend / scale * rigidity / length
+    contact = Contact(
+        s=s_c * length,
+        point=line[row, 1:] * length,
+        tangent=np.array([math.cos(theta_c), math.sin(theta_c), 0.0]),
+        normal=normal,
+        lever=-beam.radius * normal,
+        force=force,
+        object_shift=-compliance * (force @ towards) * towards,
+        row=row,
+    )
+    return State(
+        pushing_angle=angle,
+        contacts=(contact,),
+        base_force=-force,
+        base_moment=np.array([0.0, 0.0, -moment]),
+        centreline=line * length,
+        director=None,
+        largest_strain=moment / rigidity * beam.radius,
         residual=residual,
-        centreline=line,
-        contact_row=contact_row,
     )
 
 
-def integrate(force: float, s_c: float, at: Floats | None = None, *, lean: float = 0.0) -> Floats:
-    """(phi, phi', along, across) integrated from the contact back over arc length s_c, (4,).
+@njit(cache=True)
+def walk(tau: float, longest_step: float = LONGEST_STEP) -> tuple[float, float, float, float]:
+    """(phi, phi', along, across) after walking `tau` back from the contact, in units of lambda.
 
-    `along` and `across` are the distances walked in the contact tangent's frame. With `at`
-    (n,), the states at those distances from the contact, (4, n). `lean` [rad] turns the force
-    counter-clockwise from the beam's normal, phi'' = (F / EI) cos(phi + lean): zero for a
-    frictionless edge, atan(mu) with friction, minus theta_c for a dead load.
+    `along` and `across` are the distances in the frame of the contact's tangent.
     """
-
-    def derivative(_: float, state: Floats) -> list[float]:
-        phi, bend = state[0], state[1]
-        return [bend, force * np.cos(phi + lean), np.cos(phi), np.sin(phi)]
-
-    solution = solve_ivp(
-        derivative,
-        (0.0, s_c),
-        np.zeros(4),
-        method="DOP853",
-        rtol=_RELATIVE_TOLERANCE,
-        atol=1e-18,
-        t_eval=at,
-    )
-    if not solution.success:
-        raise EquilibriumError(f"the integration of the beam failed: {solution.message}")
-    return np.asarray(solution.y if at is not None else solution.y[:, -1])
+    steps = max(math.ceil(tau / longest_step), 1)
+    state = np.zeros(4)
+    series = np.empty((3, ORDER + 2))
+    for _ in range(steps):
+        _expand(state, series)
+        _evaluate(series, state, tau / steps)
+    return state[0], state[1], state[2], state[3]
 
 
-def _contact(state: Floats) -> tuple[float, float]:
-    """Contact point on the centreline in the clamp's frame, from the state at the clamp."""
-    theta_c, _, along, across = state
-    sine, cosine = np.sin(theta_c), np.cos(theta_c)
-    return along * cosine + across * sine, along * sine - across * cosine
+@njit(cache=True)
+def _expand(state: Floats, series: Floats) -> None:
+    """Taylor coefficients of phi, along and across about a state (Moore 1966)."""
+    phi, along, across = series
+    phi[0], phi[1], along[0], across[0] = state
+    cosine, sine = along, across  # along' = cos phi, across' = sin phi
+    c, s = np.empty(ORDER + 1), np.empty(ORDER + 1)
+    c[0], s[0] = math.cos(phi[0]), math.sin(phi[0])
+    for k in range(ORDER):
+        phi[k + 2] = c[k] / ((k + 1) * (k + 2))
+        c_next, s_next = 0.0, 0.0
+        for j in range(k + 1):
+            turn = (j + 1) * phi[j + 1]
+            c_next -= turn * s[k - j]
+            s_next += turn * c[k - j]
+        c[k + 1], s[k + 1] = c_next / (k + 1), s_next / (k + 1)
+    for k in range(ORDER + 1):
+        cosine[k + 1], sine[k + 1] = c[k] / (k + 1), s[k] / (k + 1)
 
 
-def _gap(state: Floats, x_0: float, radius: float, angle: float) -> tuple[float, float]:
-    """Vector from the object's edge to the beam's surface at the contact: zero when they touch."""
-    x_c, y_c = _contact(state)
-    theta_c = state[0]
-    surface = x_c + radius * np.sin(theta_c), y_c - radius * np.cos(theta_c)
-    edge = (
-        x_0 * np.cos(angle) + radius * np.sin(angle),
-        x_0 * np.sin(angle) - radius * np.cos(angle),
-    )
-    return surface[0] - edge[0], surface[1] - edge[1]
+@njit(cache=True)
+def _evaluate(series: Floats, state: Floats, h: float) -> None:
+    """The state a distance `h` from where `series` was expanded."""
+    phi, bend, along, across = 0.0, 0.0, 0.0, 0.0
+    for k in range(ORDER + 1, -1, -1):
+        bend = bend * h + phi
+        phi = phi * h + series[0, k]
+        along = along * h + series[1, k]
+        across = across * h + series[2, k]
+    state[0], state[1], state[2], state[3] = phi, bend, along, across
 
 
-def _centreline(force: float, s_c: float, clamp: Floats, intervals: int) -> tuple[Floats, int]:
-    """Rows (s, x, y, theta) from clamp to tip, and the row of the contact; in units of L."""
-    contact_row = min(max(round(s_c * intervals), 2), intervals - 1)
-    back = np.linspace(0.0, s_c, contact_row + 1)
-    phi, _, along, across = integrate(force, s_c, back)
-    theta_c = clamp[0]
-    sine, cosine = np.sin(theta_c), np.cos(theta_c)
-    x_c, y_c = _contact(clamp)
-    curved = np.column_stack(
-        [
-            s_c - back,
-            x_c - (along * cosine + across * sine),
-            y_c - (along * sine - across * cosine),
-            theta_c - phi,
-        ]
-    )[::-1]
-    curved[0] = 0.0  # the clamp itself, to the last digit
-    ahead = np.linspace(0.0, 1.0 - s_c, intervals - contact_row + 1)[1:]
-    straight = np.column_stack(
-        [s_c + ahead, x_c + ahead * cosine, y_c + ahead * sine, np.full(len(ahead), theta_c)]
-    )
-    return np.vstack([curved, straight]), contact_row
+@njit(cache=True)
+def _solve(
+    x_0: float,
+    reach: float,
+    compliance: float,
+    spring_heading: float,
+    deflection: float,
+    pushing_angle: float,
+) -> tuple[float, float, float, float]:
+    """(tau, lambda, dtheta, residual) of a touching beam; a negative deflection asks for the angle.
+
+    `reach` is the distance from the beam's centreline to the edge's, or the cylinder's axis.
+    """
+    # Linear theory starts the search: y_tip / y_c = (3 L - x_c) / (2 x_c), F = 3 EI y_c / x_c^3.
+    give = 1 + 3 * compliance / x_0**3
+    y_c = x_0 * math.tan(pushing_angle) / give
+    angle = pushing_angle
+    if deflection >= 0:
+        y_c = deflection * 2 * x_0 / (3 - x_0)
+        angle = math.atan(y_c * give / x_0)
+    tau = min(math.sqrt(3 * y_c / x_0), 1.2)
+    scale = x_0 / tau
+    springs = compliance, math.cos(spring_heading), math.sin(spring_heading)
+    equations, slopes = np.empty(3), np.empty((3, 3))
+    best, still = math.inf, 0
+    answer = (tau, scale, angle, math.inf)
+    for _ in range(60):
+        moment = _judge(tau, scale, angle, x_0, reach, springs, deflection, equations, slopes)
+        if deflection < 0:
+            equations[2] = angle - pushing_angle
+        error = np.abs(equations).max()
+        # Moments about the clamp must balance too; tiny pushes bend by a tiny share of L.
+        residual = max(error / max(y_c, 1e-300), moment)
+        if residual < best:
+            best, still = residual, 0
+            answer = (tau, scale, angle, residual)
+        else:
+            still += 1
+        if still >= 2 or not math.isfinite(error):
+            break
+        change = np.linalg.solve(slopes, equations)
+        # No farther than half the way to where tau or lambda would lose their sense.
+        share = 1.0
+        for value, step, low, high in (
+            (tau, change[0], 0.0, _FARTHEST),
+            (scale, change[1], 0.0, math.inf),
+        ):
+            if step > 0:
+                share = min(share, 0.5 * (value - low) / step)
+            elif step < 0 and high < math.inf:
+                share = min(share, 0.5 * (high - value) / -step)
+        share = min(1.0, share)
+        tau -= share * change[0]
+        scale -= share * change[1]
+        angle -= share * change[2]
+    return answer
 
 
-def at_rest(beam: Beam, intervals: int = 480) -> Floats:
-    """Centreline rows (s, x, y, theta) of the beam that touches nothing, (intervals + 1, 4)."""
-    s = np.linspace(0.0, beam.length, intervals + 1)
-    return np.column_stack([s, s, np.zeros_like(s), np.zeros_like(s)])
+@njit(cache=True)
+def _judge(
+    tau: float,
+    scale: float,
+    angle: float,
+    x_0: float,
+    reach: float,
+    spring: tuple[float, float, float],
+    deflection: float,
+    equations: Floats,
+    slopes: Floats,
+) -> float:
+    """Fill in what the equations (3,) leave, and their derivatives (3, 3) by the unknowns.
+
+    `spring` is the object's compliance and direction. Returns the relative error of the moments
+    about the clamp. With a negative deflection the third equation asks for the angle.
+    """
+    compliance, e_x, e_y = spring
+    phi, bend, along, across = walk(tau)
+    sine, cosine = math.sin(phi), math.cos(phi)
+    p_x, p_y = along * cosine + across * sine, along * sine - across * cosine
+    # Centre of the touched edge or cylinder in the clamp's frame, and its derivatives by
+    # tau and by lambda.
+    q_x, q_y = scale * p_x + reach * sine, scale * p_y - reach * cosine
+    tau_x = scale * (1 - bend * p_y) + reach * bend * cosine
+    tau_y = scale * bend * p_x + reach * bend * sine
+    c, s = math.cos(angle), math.sin(angle)
+    force = 1 / scale**2
+    # Force along the spring in the world, where the clamp's frame is turned by -angle.
+    lean = phi - angle
+    push_along = force * (-math.sin(lean) * e_x + math.cos(lean) * e_y)
+    push_turn = force * (-math.cos(lean) * e_x - math.sin(lean) * e_y)
+    w_x, w_y = q_x * c + q_y * s, -q_x * s + q_y * c
+    equations[0] = w_x - x_0 + compliance * push_along * e_x
+    equations[1] = w_y + reach + compliance * push_along * e_y
+    slopes[0, 0] = tau_x * c + tau_y * s + compliance * push_turn * bend * e_x
+    slopes[1, 0] = -tau_x * s + tau_y * c + compliance * push_turn * bend * e_y
+    slopes[0, 1] = p_x * c + p_y * s - 2 * compliance * push_along / scale * e_x
+    slopes[1, 1] = -p_x * s + p_y * c - 2 * compliance * push_along / scale * e_y
+    slopes[0, 2] = w_y - compliance * push_turn * e_x
+    slopes[1, 2] = -w_x - compliance * push_turn * e_y
+    if deflection < 0:
+        slopes[2] = 0.0, 0.0, 1.0
+    else:
+        ahead = 1 - tau * scale
+        equations[2] = scale * p_y + ahead * sine - deflection
+        slopes[2, 0] = scale * bend * p_x - scale * sine + ahead * cosine * bend
+        slopes[2, 1] = p_y - tau * sine
+        slopes[2, 2] = 0.0
+    return abs(bend - along) / bend
+
+
+@njit(cache=True)
+def _centreline(tau: float, scale: float, intervals: int) -> tuple[Floats, int, float, float]:
+    """Rows (s, x, y, z) from clamp to tip, the contact's row, theta_c, and phi' at the clamp."""
+    theta_c, bend, along, across = walk(tau)
+    sine, cosine = math.sin(theta_c), math.cos(theta_c)
+    x_c, y_c = along * cosine + across * sine, along * sine - across * cosine
+    s_c = tau * scale
+    row = min(max(round(s_c * intervals), 2), intervals - 1)
+    line = np.zeros((intervals + 1, 4))
+    series, state = np.empty((3, ORDER + 2)), np.zeros(4)
+    _expand(state, series)
+    place = 0.0  # where the series stands
+    for back in range(row + 1):
+        walked = tau * back / row
+        if walked - place > LONGEST_STEP:
+            _evaluate(series, state, walked - place)
+            _expand(state, series)
+            place = walked
+        _evaluate(series, state, walked - place)
+        i = row - back
+        line[i, 0] = s_c - scale * walked
+        line[i, 1] = scale * (x_c - state[2] * cosine - state[3] * sine)
+        line[i, 2] = scale * (y_c - state[2] * sine + state[3] * cosine)
+    line[0] = 0.0  # the clamp itself, to the last digit
+    for i in range(row + 1, intervals + 1):
+        ahead = (1 - s_c) * (i - row) / (intervals - row)
+        line[i, 0] = s_c + ahead
+        line[i, 1] = line[row, 1] + ahead * cosine
+        line[i, 2] = line[row, 2] + ahead * sine
+    return line, row, theta_c, bend

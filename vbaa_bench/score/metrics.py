@@ -70,8 +70,9 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     """One row per true frame: what was, what was answered, and the errors.
 
     A frame without a prediction is a crashed one; one that lacks a quantity which the method
-    answers elsewhere has failed too. Errors: x_c and s_c in mm and in % of L, force
-    in %. Raises InputError for frames that are not of this dataset, or answered twice.
+    answers elsewhere has failed too. Where nothing is touched, "no contact" alone is right.
+    Errors: x_c and s_c in mm and in % of L, force in %. Raises InputError for frames that are not
+    of this dataset, or answered twice.
     """
     ids = predictions["frame_id"]
     if ids.is_duplicated().any():
@@ -89,6 +90,8 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
         "contact_distance_at_rest_mm",
         "deflection_pct",
         "pushing_angle_deg",
+        "normal_deg",
+        "k_s_n_m",
         pl.col("x_c_mm").alias("true_x_c_mm"),
         pl.col("s_c_mm").alias("true_s_c_mm"),
         pl.col("force_n").alias("true_force_n"),
@@ -111,7 +114,13 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     # What a method answers anywhere it must answer everywhere, or it could choose its frames.
     owed = [name for name in ("x_c_mm", "force_n") if predictions[name].is_not_null().any()]
     lacking = pl.any_horizontal(pl.lit(not owed), *(pl.col(name).is_null() for name in owed))
-    failed = pl.col("outcome").is_in(_FAILED) | lacking
+    free = pl.col("true_x_c_mm").is_null()
+    right = (
+        pl.when(free)
+        .then(pl.col("outcome") == str(Outcome.NO_CONTACT))
+        .otherwise(~(pl.col("outcome").is_in(_FAILED) | lacking))
+    )
+    failed = ~right
     return joined.with_columns(
         failed=failed,
         x_c_error_mm=pl.when(~failed).then(pl.col("x_c_mm") - pl.col("true_x_c_mm")),

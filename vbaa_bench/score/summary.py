@@ -74,10 +74,9 @@ def median_interval(groups: Sequence[Floats]) -> list[float] | None:
 
 
 def _grouped(rows: pl.DataFrame, column: str) -> list[Floats]:
-    """Values of a column, one array a push: same contact distance, pushed as far."""
-    pushes = rows.drop_nulls(column).group_by(
-        "push", "contact_distance_at_rest_mm", maintain_order=True
-    )
+    """Values of a column, one array a push: the same object at the same place, pushed as far."""
+    same = ("push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
+    pushes = rows.drop_nulls(column).group_by(*same, maintain_order=True)
     return [_values(group, column) for _, group in pushes]
 
 

@@ -5,7 +5,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
@@ -60,32 +60,54 @@ def load_scene(path: Path, seed: int | None = None) -> SceneFile:
 
 
 def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
-    lines = []
+    lines: dict[tuple[Key, ...], str] = {}
     for mistake in error.errors():
-        key = tuple(part for part in mistake["loc"] if not str(part).startswith("function-"))
         kind, value = mistake["type"], mistake["input"]
+        key = _written(document, mistake["loc"], missing=kind == "missing")
         if kind == "extra_forbidden":
-            known = _known_keys(key[:-1])
+            known = _known_keys(document, key[:-1])
             near = difflib.get_close_matches(str(key[-1]), known, n=1, cutoff=0.7)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
             sentence = f"is an unknown key; {hint}"
         elif kind == "missing":
             sentence = "is missing"
+        elif kind in ("union_tag_invalid", "union_tag_not_found"):
+            key = (*key, "kind")
+            tags = ", ".join(get_args(model.model_fields["kind"].annotation)[0] for model in KINDS)
+            said = "is missing" if kind == "union_tag_not_found" else f"is {value['kind']!r}"
+            sentence = f"{said}, allowed is one of {tags}"
         elif kind == "value_error":
             sentence = str(mistake["ctx"]["error"])
         else:
             shown = list(value) if isinstance(value, tuple) else value
-            sentence = f"is {shown!r}, {_allowed(key) or mistake['msg']}"
-        lines.append(_complaint(path, document, key, sentence))
-    return lines
+            sentence = f"is {shown!r}, {_allowed(document, key) or mistake['msg']}"
+        # A value that may be of two kinds is wrong as either, and is said once.
+        lines.setdefault(key, _complaint(path, document, key, sentence))
+    return list(lines.values())
 
 
-def _allowed(key: Sequence[Key]) -> str | None:
+def _written(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
+    """The key as the file has it, without the steps between that are the model's own."""
+    key: list[Key] = []
+    node = document
+    for number, part in enumerate(location):
+        held = isinstance(node, CommentedMap) and part in node
+        counted = isinstance(node, CommentedSeq) and isinstance(part, int) and part < len(node)
+        if held or counted:
+            key.append(part)
+            node = node[part]
+        elif missing and number == len(location) - 1:
+            key.append(part)
+    return tuple(key)
+
+
+def _allowed(document: Any, key: Sequence[Key]) -> str | None:
     """The allowed values at `key`, from the scene's own JSON schema."""
     schema = Scene.model_json_schema()
     node: dict[str, Any] = schema
+    written = document
     for part in key:
-        node = _resolved(schema, node)
+        node = _resolved(schema, node, written)
         if isinstance(part, int) and "items" in node:
             node = node["items"]
         elif isinstance(part, int) and part < len(node.get("prefixItems", [])):
@@ -94,7 +116,9 @@ def _allowed(key: Sequence[Key]) -> str | None:
             node = node["properties"][part]
         else:
             return None
-    node = _resolved(schema, node)
+        written = written[part]
+    words = [str(option["const"]) for option in node.get("anyOf", []) if "const" in option]
+    node = _resolved(schema, node, written)
     if "enum" in node or "const" in node:
         values = node.get("enum", [node.get("const")])
         return f"allowed is one of {', '.join(map(str, values))}"
@@ -112,31 +136,52 @@ def _allowed(key: Sequence[Key]) -> str | None:
         bounds.append(f"of {'at least ' if least != node.get('maxItems') else ''}{least}")
     if factor := node.get("multipleOf"):
         bounds.append(f"a multiple of {factor}")
-    words = {"integer": "a whole number", "number": "a number", "string": "a text"}
-    words |= {"boolean": "true or false", "array": "a list", "object": "a mapping"}
-    return f"allowed is {' '.join([words.get(node.get('type', ''), 'a value'), *bounds])}"
+    kinds = {"integer": "a whole number", "number": "a number", "string": "a text"}
+    kinds |= {"boolean": "true or false", "array": "a list", "object": "a mapping"}
+    said = " ".join([kinds.get(node.get("type", ""), "a value"), *bounds])
+    return f"allowed is {' or '.join([said, *words])}"
 
 
-def _resolved(schema: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
-    """Follow references, and take the list of an optional list."""
+def _resolved(schema: dict[str, Any], node: dict[str, Any], written: Any) -> dict[str, Any]:
+    """Follow references; of a choice take what is neither null nor a word, or what `kind` says."""
     for option in node.get("anyOf", []):
-        if option.get("type") != "null":
+        if option.get("type") != "null" and "const" not in option:
             node = option
             break
+    if "discriminator" in node:
+        kind = written.get("kind", "block") if isinstance(written, CommentedMap) else "block"
+        node = {"$ref": node["discriminator"]["mapping"].get(kind, "")}
     reference = node.get("$ref")
-    if reference is None:
+    if not reference:
         return node
     found: dict[str, Any] = schema["$defs"][str(reference).rpartition("/")[2]]
-    return found
+    return _resolved(schema, found, written) if "anyOf" in found else found
 
 
-def _known_keys(section: Sequence[Key]) -> list[str]:
+def _known_keys(document: Any, section: Sequence[Key]) -> list[str]:
     model: type[BaseModel] = Scene
+    written = document
     for part in section:
-        annotation = model.model_fields[str(part)].annotation
-        assert isinstance(annotation, type)
-        model = annotation
+        written = written[part]
+        found = _models(model.model_fields[str(part)].annotation)
+        kind = written.get("kind") if isinstance(written, CommentedMap) else None
+        tagged = (
+            [m for m in found if kind in get_args(m.model_fields["kind"].annotation)]
+            if (len(found) > 1)
+            else found
+        )
+        model = (tagged or found)[0]
     return list(model.model_fields)
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """The sections that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for option in get_args(annotation) for model in _models(option)]
+
+
+KINDS = _models(Scene.model_fields["object"].annotation)
 
 
 def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.camera import Camera
-from solver.instrument.rig import Chessboard, Rig, Tolerances
+from solver.instrument.rig import Chessboard, Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.spec.scene import Scene
@@ -27,8 +27,12 @@ class TrueRig:
 def nominal_rig(scene: Scene) -> Rig:
     """The datasheet of a scene's rig, with the tolerances it claims."""
     beam, claimed, card = scene.beam, scene.tolerances, scene.calibration
-    diameter = beam.diameter_mm * MILLIMETRE
-    rigidity = circular_rigidity(beam.youngs_modulus_gpa * 1e9, diameter)
+    moment, force = scene.moment_sensor, scene.force_sensor
+    diameter, modulus = beam.diameter_mm * MILLIMETRE, beam.youngs_modulus_gpa * 1e9
+    # Of bending along the section's thickness.
+    rigidity = circular_rigidity(modulus, diameter) * beam.aspect
+    if beam.section == "strip":
+        rigidity = modulus * beam.aspect * diameter**4 / 12
     return Rig(
         beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
         base_position=np.zeros(3),
@@ -43,17 +47,28 @@ def nominal_rig(scene: Scene) -> Rig:
             board_rotation=claimed.board_deg * DEGREE,
             encoder=claimed.encoder_deg * DEGREE,
         ),
+        telecentric=scene.camera.projection == "telecentric",
+        camera_mount=scene.camera.mount,
+        known_psi=beam.section_angle_deg * DEGREE if beam.section == "strip" else None,
+        sensors=Sensors(
+            moment_y=None if moment is None else moment.sigma_n_mm * MILLIMETRE,
+            base_force=None if force is None else force.force_sigma_n,
+            base_moment=None if force is None else force.moment_sigma_n_mm * MILLIMETRE,
+        ),
     )
 
 
 def true_rig(scene: Scene) -> TrueRig:
     """The rig as it stands: on its nominal values, or off them by draws from the tolerances."""
     rig, spec = nominal_rig(scene), scene.camera
+    scale = spec.focal_length_px
+    if spec.magnification_px_per_mm is not None:
+        scale = spec.magnification_px_per_mm / MILLIMETRE
     camera = Camera(
         width=spec.width_px,
         height=spec.height_px,
-        fx=spec.focal_length_px,
-        fy=spec.focal_length_px,
+        fx=scale,
+        fy=scale,
         cx=(spec.width_px - 1) / 2 + spec.principal_point_offset_px[0],
         cy=(spec.height_px - 1) / 2 + spec.principal_point_offset_px[1],
         camera_from_antenna=camera_looking_at(
@@ -61,6 +76,7 @@ def true_rig(scene: Scene) -> TrueRig:
             np.array(spec.look_at_mm) * MILLIMETRE,
             spec.roll_deg * DEGREE,
         ),
+        telecentric=spec.projection == "telecentric",
     )
     if scene.tolerances.true_rig == "nominal":
         return TrueRig(rig.beam, rig.base_position, camera, rig.antenna_from_board)

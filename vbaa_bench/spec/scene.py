@@ -5,43 +5,64 @@ Units are in the names. Defaults describe the paper's rig (section VI).
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-# Generous, but finite: a nanometre to a kilometre in mm; nothing overflows later.
-Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
-Triple = tuple[Coordinate, Coordinate, Coordinate]
-Tolerance = Annotated[float, Field(ge=0, le=1e3)]
-
-
-class Part(BaseModel):
-    """A section of a scene: immutable, no unknown keys, no inf or NaN."""
-
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True
-    )
+from vbaa_bench.spec.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
+from vbaa_bench.spec.part import (
+    Below,
+    Part,
+    Positive,
+    Share,
+    Tilt,
+    Tolerance,
+    Triple,
+)
+from vbaa_bench.spec.sampling import SamplingSpec
 
 
 class BeamSpec(Part):
-    """The beam and its paint; section VI's by default."""
+    """The beam and its paint; section VI's by default, and straight, round and even."""
 
     length_mm: Positive = 240
+    # Of a strip: its thickness.
     diameter_mm: Positive = 0.8
     youngs_modulus_gpa: Positive = 200
     yield_stress_mpa: Positive = 1500
     allow_above_yield: bool = False
     reflectance: Share = 0.85
+    # An elliptic section, or a flat strip, `aspect` times as wide as it is thick; its thickness
+    # leans from y towards z by `section_angle_deg`.
+    section: Literal["circular", "elliptic", "strip"] = "circular"
+    aspect: Annotated[float, Field(ge=0.1, le=100)] = 1.0
+    section_angle_deg: Tilt = 0.0
+    # A tapered beam's diameter at the tip over that at the clamp.
+    tip_ratio: Annotated[float, Field(ge=0.1, le=3)] = 1.0
+    # The middle's distance from the chord of a beam that was never straight, towards +y.
+    bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
+    density_kg_m3: Positive = 7930
+    # Whether it stretches under its axial force.
+    extensible: bool = False
     facets: Annotated[int, Field(ge=8, le=256, multiple_of=4)] = 48
     # The mesh is cut into this many pieces along the beam: the chord of half a millimetre leaves
     # the arc by less than a micrometre at the sharpest bend that spring steel bears.
     pieces: Annotated[int, Field(ge=16, le=10_000)] = 480
 
+    @model_validator(mode="after")
+    def _aspect_of_a_section(self) -> "BeamSpec":
+        if (self.section == "circular") != (self.aspect == 1):
+            raise ValueError(
+                f"section {self.section} with aspect {self.aspect:g}: a circular one has aspect 1, "
+                "an elliptic one or a strip another"
+            )
+        if self.section == "strip" and self.aspect < 2:
+            raise ValueError(f"aspect is {self.aspect:g}, allowed is >= 2 for a strip")
+        return self
+
 
 class ToleranceSpec(Part):
     """What the laboratory believes of its rig's accuracy: one sigma, written to rig.json.
 
-    The encoder's readings always err by its sigma.
+    The encoder's readings always err by its sigma, and are whole numbers of its step.
     """
 
     beam_length_mm: Tolerance = 0.1
@@ -50,13 +71,22 @@ class ToleranceSpec(Part):
     board_mm: Tolerance = 0.01
     board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
+    encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
     # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.
     true_rig: Literal["nominal", "drawn"] = "nominal"
 
 
 class CameraSpec(Part):
-    """Fixed in Sigma_a, above plane C; roll and a look-at off the beam's axis as in any mount."""
+    """Above plane C; roll and a look-at off the beam's axis as in any mount.
 
+    It rides on the antenna, or stands in the world: then its place is that in Sigma_a at first
+    contact, and no encoder tells the motor's angle (section III-A). A telecentric lens has a
+    magnification in place of a focal length.
+    """
+
+    mount: Literal["antenna", "world"] = "antenna"
+    projection: Literal["perspective", "telecentric"] = "perspective"
+    magnification_px_per_mm: Positive | None = None
     width_px: Annotated[int, Field(ge=32, le=8192)] = 512
     height_px: Annotated[int, Field(ge=32, le=8192)] = 512
     focal_length_px: Positive = 700
@@ -65,6 +95,14 @@ class CameraSpec(Part):
     look_at_mm: Triple = (120.6, 20.0, 0.0)
     # A board is read the right way up within this range.
     roll_deg: Annotated[float, Field(ge=-45, le=45)] = 0.6
+    # Whether the whole beam must be in view; a short one may leave the image.
+    sees_tip: bool = True
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> "CameraSpec":
+        if (self.projection == "telecentric") != (self.magnification_px_per_mm is not None):
+            raise ValueError("magnification_px_per_mm is for a telecentric camera, which needs it")
+        return self
 
 
 class CalibrationSpec(Part):
@@ -74,7 +112,8 @@ class CalibrationSpec(Part):
     rows: Annotated[int, Field(ge=3, le=60)] = 9
     square_mm: Positive = 18
     center_mm: tuple[float, float] = (120.0, 18.0)
-    views: Annotated[int, Field(ge=3, le=100)] = 10
+    # A telecentric camera needs view 0 alone, any other at least three.
+    views: Annotated[int, Field(ge=1, le=100)] = 10
     tilt_deg: Annotated[float, Field(gt=0, le=45)] = 25
 
     @model_validator(mode="after")
@@ -95,20 +134,15 @@ class LightSpec(Part):
 
 
 class BackgroundSpec(Part):
-    """A matt sheet below plane C, wider than the camera sees."""
+    """A matt sheet below plane C, wider than the camera sees; plain, or with darker squares."""
 
     distance_mm: Positive = 30
     reflectance: Share = 0.05
-
-
-class ObjectSpec(Part):
-    """A square block whose upright edge touches the beam; it stands fixed in the world."""
-
-    kind: Literal["block"] = "block"
-    side_mm: Positive = 12
-    top_mm: Annotated[float, Field(ge=0)] = 0.4
-    bottom_mm: Annotated[float, Field(lt=0)] = -15
-    reflectance: Share = 0.16
+    pattern: Literal["plain", "squares"] = "plain"
+    square_mm: Positive = 15
+    square_reflectance: Share = 0.02
+    # Fixed to the antenna's base plate, or lying in the world, where it turns past the camera.
+    lies_in: Literal["antenna", "world"] = "antenna"
 
 
 class HubSpec(Part):
@@ -116,7 +150,8 @@ class HubSpec(Part):
 
     radius_mm: Positive = 3
     top_mm: Positive = 2
-    bottom_mm: Annotated[float, Field(lt=0)] = -20
+    # Without a bottom it stands on the background.
+    bottom_mm: Below | None = None
     reflectance: Share = 0.10
 
 
@@ -141,15 +176,39 @@ class RenderSpec(Part):
 Layer = Literal["radiance", "beam_mask", "arc_length", "depth", "object_index"]
 
 
-class PushSpec(Part):
-    """The grid of pushes: contact distances x deflections (or pushing angles) x repeats.
+class ForceSensorSpec(Part):
+    """Force and moment at the clamp, as the conventional antenna of section VII measures them."""
 
-    Contact distance is where the beam at rest first touches; deflection is y_tip / L in Sigma_d.
+    force_sigma_n: Annotated[float, Field(gt=0, le=1e3)] = 1e-3
+    moment_sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = 0.1
+
+
+class MomentSensorSpec(Part):
+    """The moment m_y about Sigma_a's y axis at the clamp (section V-C)."""
+
+    sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = 0.1
+
+
+Angle = Annotated[float, Field(gt=-60, lt=60)]
+
+
+class PushSpec(Part):
+    """The grid of pushes: contact distances x normals x stiffnesses x repeats, step after step.
+
+    Contact distance is where the beam at rest first touches; deflection is how far the tip has
+    moved across the beam, over L. The deflections, or pushing angles, are the steps of one push
+    in their order; an angle that is not positive has not reached contact yet.
     """
 
-    contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
     deflection_pct: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = None
-    pushing_angle_deg: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = None
+    pushing_angle_deg: tuple[Angle, ...] | None = None
+    # Tilt nu of the touched edge's normal out of plane C.
+    normal_deg: Annotated[tuple[Tilt, ...], Field(min_length=1)] = (0.0,)
+    # Of the object, along its normal.
+    stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = (
+        "rigid",
+    )
     repeats: Annotated[int, Field(ge=1)] = 1
     motor_angle_at_contact_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
 
@@ -167,16 +226,28 @@ class Scene(Part):
 
     title: Annotated[str, Field(min_length=1)]
     seed: Annotated[int, Field(ge=0, lt=2**63)]
-    pushes: PushSpec
+    # A grid of pushes, or random ones.
+    pushes: PushSpec | None = None
+    sampling: SamplingSpec | None = None
+    # The exact beam, or the paper's own, (9) and (10), whose methods are unbiased on it.
+    mechanics: Literal["exact", "linear"] = "exact"
     beam: BeamSpec = BeamSpec()
+    # In the world, whose axes are Sigma_a's at first contact; the motor's axis stands along z.
+    gravity_m_s2: Triple = (0.0, 0.0, 0.0)
+    # Where the beam's clamp stands, counted from the motor's axis.
+    adaptor_mm: Triple = (0.0, 0.0, 0.0)
     tolerances: ToleranceSpec = ToleranceSpec()
     camera: CameraSpec = CameraSpec()
     calibration: CalibrationSpec = CalibrationSpec()
     light: LightSpec = LightSpec()
     background: BackgroundSpec = BackgroundSpec()
-    object: ObjectSpec = ObjectSpec()
+    object: ObjectSpec = BlockSpec()
+    second_peg: SecondPegSpec | None = None
+    occlusion: OcclusionSpec | None = None
     hub: HubSpec = HubSpec()
     sensor: SensorSpec = SensorSpec()
+    moment_sensor: MomentSensorSpec | None = None
+    force_sensor: ForceSensorSpec | None = None
     render: RenderSpec = RenderSpec()
     layers: tuple[Layer, ...] = ("radiance", "beam_mask", "arc_length", "depth", "object_index")
     frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
@@ -188,5 +259,54 @@ class Scene(Part):
             raise ValueError(
                 f"camera.position_mm has height {camera:g} and light.height_mm is {lamp:g}; "
                 "allowed is 0 < camera < light, so that the lamp shines from behind the camera"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_set_of_pushes(self) -> "Scene":
+        if (self.pushes is None) == (self.sampling is None):
+            raise ValueError("exactly one of pushes and sampling must be given")
+        if self.pushes is not None:
+            wall = self.object.kind == "wall"
+            if (self.pushes.contact_distance_mm is None) != wall:
+                raise ValueError(
+                    "pushes.contact_distance_mm must be given, but for a wall, which has none"
+                )
+            angles = self.pushes.pushing_angle_deg
+            if wall and angles is None:
+                raise ValueError("a wall is pushed to pushing_angle_deg, not to a deflection")
+            if self.object.kind == "none" and (angles is None or max(angles) > 0):
+                raise ValueError(
+                    "object.kind is none, so nothing is touched: pushing_angle_deg must be <= 0"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _enough_views(self) -> "Scene":
+        if self.camera.projection == "perspective" and self.calibration.views < 3:
+            raise ValueError(
+                f"calibration.views is {self.calibration.views}, allowed is >= 3 for a "
+                "perspective camera"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _linear_is_plain(self) -> "Scene":
+        beam, plain = self.beam, BeamSpec()
+        asked = [
+            name
+            for name in ("section", "tip_ratio", "bow_mm", "extensible")
+            if getattr(beam, name) != getattr(plain, name)
+        ]
+        asked += [f"object.{name}" for name in ("friction",) if getattr(self.object, name, 0)]
+        asked += ["gravity_m_s2"] if any(self.gravity_m_s2) else []
+        asked += ["adaptor_mm"] if any(self.adaptor_mm) else []
+        asked += ["second_peg"] if self.second_peg else []
+        asked += ["object.drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
+        if self.object.kind not in ("block", "knife_edge", "plunger"):
+            asked.append(f"object.kind {self.object.kind}")
+        if self.mechanics == "linear" and asked:
+            raise ValueError(
+                f"mechanics is linear, which knows nothing of {', '.join(asked)}; allowed is exact"
             )
         return self

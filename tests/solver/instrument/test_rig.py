@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,17 @@ def test_round_trip(tmp_path: Path) -> None:
     assert found.antenna_from_board == pytest.approx(np.eye(4))
 
 
+def test_the_kind_of_camera_comes_back_and_is_a_pinhole_unless_said(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    for telecentric in (False, True):
+        path.write_text(rig_to_json(replace(rig(), telecentric=telecentric)))
+        assert read_rig(path).telecentric is telecentric
+    document = json.loads(path.read_text())
+    del document["camera"]
+    path.write_text(json.dumps(document))
+    assert read_rig(path).telecentric is False
+
+
 @pytest.mark.parametrize(
     ("key", "value", "allowed"),
     [
@@ -32,6 +44,12 @@ def test_round_trip(tmp_path: Path) -> None:
         ("encoder.sigma_deg", -1, ">= 0"),
         ("board.columns", True, ">= 3"),
         ("board.columns", 12.5, "whole"),
+        (
+            "camera.projection",
+            "orthographic",
+            "'orthographic', allowed is one of perspective, tele",
+        ),
+        ("camera.projection", None, "None, allowed is one of perspective, telecentric"),
     ],
 )
 def test_a_mistake_is_named(tmp_path: Path, key: str, value: object, allowed: str) -> None:

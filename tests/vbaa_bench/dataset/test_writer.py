@@ -19,7 +19,9 @@ def test_a_shard_appears_whole_in_both_trees(tmp_path: Path) -> None:
         tree.mkdir()
     with ShardWriter(layout, 3) as writer:
         image = np.full((4, 5), 7, np.uint8)
-        writer.add("abc", image, 0.5, {"x_c_mm": 1.25}, {"depth": np.ones((4, 5))})
+        writer.add(
+            "abc", image, {"motor_angle_deg": 0.5}, {"x_c_mm": 1.25}, {"depth": np.ones((4, 5))}
+        )
         assert everything_below(layout.observations) == []
     assert everything_below(tmp_path) == [
         "observations",
@@ -33,6 +35,8 @@ def test_a_shard_appears_whole_in_both_trees(tmp_path: Path) -> None:
     ]
     row = pl.read_parquet(tmp_path / "truth/shard_00003/truth.parquet").row(0, named=True)
     assert row == {"frame_id": "abc", "x_c_mm": 1.25}
+    table = (tmp_path / "observations/shard_00003/metadata.csv").read_text().splitlines()
+    assert table == ["file_name,frame_id,motor_angle_deg", "abc.png,abc,0.5"]
 
 
 def test_an_interrupted_shard_leaves_nothing(tmp_path: Path) -> None:
@@ -40,7 +44,7 @@ def test_an_interrupted_shard_leaves_nothing(tmp_path: Path) -> None:
 
     def interrupted() -> None:
         with ShardWriter(layout, 0) as writer:
-            writer.add("abc", np.zeros((4, 5), np.uint8), 0.5, {"x_c_mm": 1.25}, {})
+            writer.add("abc", np.zeros((4, 5), np.uint8), {"step": 0}, {"x_c_mm": 1.25}, {})
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

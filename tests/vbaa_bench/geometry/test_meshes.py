@@ -1,16 +1,11 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Chessboard
-from tests.simulated import BEAM
-from vbaa_bench.geometry.board import board
+from vbaa_bench.geometry.board import board, squares
 from vbaa_bench.geometry.objects import block, hub, sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
-from vbaa_bench.mechanics.planar import push
-from vbaa_bench.studio import edge_of_object
 
 
 def helix(n: int = 400) -> Floats:
@@ -42,33 +37,9 @@ def test_every_vertex_knows_its_arc_length() -> None:
     assert found == pytest.approx(tube(path, 1e-3, 12).vertices[:, 0], abs=1e-12)
 
 
-@given(st.floats(0.02, 0.22), st.floats(0.02, 0.25))
-def test_beam_and_object_touch_and_do_not_intersect(distance: float, deflection: float) -> None:
-    if distance + 0.3 * deflection**2 * BEAM.length > 0.22:
-        return
-    state = push(BEAM, distance, deflection=deflection)
-    facets = 48
-    path = np.column_stack([state.centreline[:, 1:3], np.zeros(len(state.centreline))])
-    mesh = tube(path, BEAM.radius, facets)
-    rings = mesh.vertices[:-2].reshape(len(path), facets, 3)
-    side = rings[:, facets // 2]  # the line of vertices on the object's side
-    edge = edge_of_object(state)
-    steps = np.diff(side[:, :2], axis=0)
-    share = np.clip(((edge - side[:-1, :2]) * steps).sum(1) / (steps**2).sum(1), 0, 1)
-    gaps = np.linalg.norm(side[:-1, :2] + share[:, None] * steps - edge, axis=1)
-    assert gaps.min() < 1e-6  # they touch, within a micrometre
-    thing = block(edge, state.pushing_angle - np.pi / 2, 0.012, -0.015, 0.0004)
-    # How deep any vertex of the beam lies inside the block: below all six of its faces.
-    normals, offsets = thing.face_normals, (thing.face_normals * thing.triangles[:, 0]).sum(axis=1)
-    depth = (offsets - mesh.vertices @ normals.T).min(axis=1)
-    assert depth.max() < 1e-6
-    # The object is on the side from which it pushes: below the beam that bends up.
-    assert thing.centroid[1] < np.interp(thing.centroid[0], path[:, 0], path[:, 1])
-
-
 def test_solids_are_watertight_and_outward() -> None:
     for mesh, volume in (
-        (block(np.array([0.1, 0.0]), -1.0, 0.012, -0.015, 0.001), 0.012**2 * 0.016),
+        (block(0.012, -0.015, 0.001), 0.012**2 * 0.016),
         (hub(0.003, -0.02, 0.002), np.pi * 0.003**2 * 0.022),
     ):
         assert mesh.is_watertight
@@ -87,3 +58,11 @@ def test_the_board_has_its_corners_where_the_rig_says() -> None:
         assert np.linalg.norm(used - corner, axis=1).min() < 1e-12
     assert (white.face_normals[:, 2] > 0.99).all()
     assert (black.face_normals[:, 2] > 0.99).all()
+
+
+def test_a_chequered_ground_has_as_much_of_both() -> None:
+    light, dark = squares(0.6, 0.05)
+    assert light.area == pytest.approx(0.18)
+    assert dark.area == pytest.approx(0.18)
+    assert np.vstack([light.vertices, dark.vertices]).mean(axis=0) == pytest.approx(0, abs=1e-12)
+    assert (dark.face_normals[:, 2] > 0.99).all()

@@ -6,6 +6,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from vbaa_bench.experiment import Experiment
 from vbaa_bench.plan import Plan, plan
 from vbaa_bench.render.layers import Layers, layers
 from vbaa_bench.render.picture import Sampling, picture
@@ -13,7 +14,7 @@ from vbaa_bench.render.tracing import radiance
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World
 from vbaa_bench.spec.load import load_scene
-from vbaa_bench.studio import Studio
+from vbaa_bench.studio import Pose, Studio
 
 
 @pytest.fixture(scope="module")
@@ -22,14 +23,23 @@ def work(small_scene: Path) -> Plan:
 
 
 @pytest.fixture(scope="module")
-def studio(small_scene: Path, work: Plan, variant: str) -> Studio:
-    activate(variant, 2)
-    return Studio(load_scene(small_scene).scene, work.rig)
+def poses(small_scene: Path, work: Plan) -> list[Pose]:
+    file, made = load_scene(small_scene), []
+    for trial in sorted(work.trials, key=lambda trial: trial.index):
+        experiment = Experiment(file.scene, work.rig, trial.push, file.path.parent)
+        made.append(Pose(experiment, trial, experiment.states()[trial.step]))
+    return made
 
 
 @pytest.fixture(scope="module")
-def world(studio: Studio, work: Plan) -> World:
-    return studio.bench(next(iter(work.equilibria.values())))
+def studio(small_scene: Path, work: Plan, variant: str) -> Studio:
+    activate(variant, 2)
+    return Studio(load_scene(small_scene).scene, work.rig, small_scene.parent)
+
+
+@pytest.fixture(scope="module")
+def world(studio: Studio, poses: list[Pose]) -> World:
+    return studio.bench(poses[0])
 
 
 @pytest.fixture(scope="module")
@@ -37,12 +47,15 @@ def seen(world: World) -> Layers:
     return layers(world)
 
 
-def test_arc_length_and_depth_are_those_of_the_beam(world: World, seen: Layers, work: Plan) -> None:
-    state = next(iter(work.equilibria.values()))
+def test_arc_length_and_depth_are_those_of_the_beam(
+    world: World, seen: Layers, poses: list[Pose]
+) -> None:
+    state = poses[0].state
     v, u = np.nonzero(seen.beam_mask)
     assert len(np.unique(u)) > 430  # the beam is continuous from the hub to its tip
     assert np.diff(np.unique(u)).max() == 1
-    s, x, y, _ = state.centreline.T
+    s, x, y, z = state.centreline.T
+    assert (z == 0).all()
     arc = seen.arc_length_mm[v, u] * 1e-3
     place = np.column_stack([np.interp(arc, s, x), np.interp(arc, s, y), np.zeros(len(arc))])
     pixels = world.camera.project(place)
@@ -78,9 +91,9 @@ def test_tracing_chosen_pixels_agrees_with_the_renderer(world: World, seen: Laye
 
 
 def test_the_same_seed_gives_the_same_bits_whatever_came_before(
-    studio: Studio, world: World, work: Plan, seen: Layers
+    studio: Studio, world: World, poses: list[Pose], seen: Layers
 ) -> None:
-    first, *_, last = work.equilibria.values()
+    first, *_, last = poses
     sampling = Sampling(5, 16, 4)
     one = picture(world, seen.beam_mask, sampling, 5)
     studio.repose(world, last)

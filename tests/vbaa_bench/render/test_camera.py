@@ -1,7 +1,9 @@
 """The first render test: Mitsuba's picture of a point lies where OpenCV projects it."""
 
+import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -34,7 +36,15 @@ def skewed_camera() -> Camera:
     return Camera(320, 256, 400.0, 400.0, 170.3, 115.8, pose)
 
 
-def picture_of_points(camera: Camera, scale: float = 1.0) -> Floats:
+def telecentric_camera(distance: float = 0.36) -> Camera:
+    """Leaning, rolled, its axis off the image's middle, `distance` [m] from where it looks."""
+    middle = np.array([0.13, 0.0, 0.0])
+    leaning = np.array([-0.1, 0.2, math.sqrt(0.95)])
+    pose = camera_looking_at(middle + distance * leaning, middle, 0.3)
+    return Camera(320, 256, 1000.0, 1000.0, 170.3, 115.8, pose, telecentric=True)
+
+
+def picture_of_points(camera: Camera, scale: float = 1.0, lamp_height: float = 0.6) -> Floats:
     """White squares about POINTS, facing an even light on the camera's side, all lengths scaled."""
     squares = [sheet(point * scale, 0.003 * scale, 1) for point in POINTS]
     marks = trimesh.Trimesh(
@@ -44,8 +54,10 @@ def picture_of_points(camera: Camera, scale: float = 1.0) -> Floats:
     )
     pose = camera.camera_from_antenna.copy()
     pose[:3, 3] *= scale
-    scaled = Camera(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, pose)
-    lamp = Lamp(sheet(np.array([0.12, 0.0, 0.6]) * scale, 2.0 * scale, -1))
+    # A pinhole's focal length is in pixels, a telecentric camera's magnification is per metre.
+    focal = camera.fx / scale if camera.telecentric else camera.fx
+    scaled = replace(camera, fx=focal, fy=focal, camera_from_antenna=pose)
+    lamp = Lamp(sheet(np.array([0.12, 0.0, lamp_height]) * scale, 2.0 * scale, -1))
     unit = RenderUnit(0.4e-3 * scale, np.array([0.12, 0.0, 0.0]) * scale)
     world = World(scaled, lamp, {"marks": Surface(marks, 0.9)}, unit)
     return even_picture(world, 256, 1)
@@ -79,8 +91,28 @@ def test_mitsuba_sees_what_opencv_projects() -> None:
     assert np.abs(error).max() < 0.01
 
 
-def test_the_unit_of_length_does_not_matter() -> None:
-    camera = skewed_camera()
+@pytest.mark.parametrize(("width", "height"), [(320, 256), (256, 320), (320, 320), (500, 240)])
+def test_mitsuba_sees_what_a_telecentric_camera_projects(width: int, height: int) -> None:
+    camera = replace(telecentric_camera(), width=width, height=height)
+    # Wherever the image's middle is, the axis stays where all the points are in view.
+    camera = replace(camera, cx=camera.cx + (width - 320) / 2, cy=camera.cy + (height - 256) / 2)
+    pixels = camera.project(POINTS)
+    # A lamp far off is nearly a point, whose light has hardly any noise.
+    error = centroids(picture_of_points(camera, lamp_height=12.0), pixels) - pixels
+    assert np.abs(error).max() < 0.01
+
+
+def test_a_telecentric_camera_far_off_loses_no_digits() -> None:
+    """From 18,000 units of the renderer, as a micropipette's radius under a microscope."""
+    camera = telecentric_camera(distance=7.2)
+    pixels = camera.project(POINTS)
+    assert pixels == pytest.approx(telecentric_camera().project(POINTS), abs=1e-9)
+    error = centroids(picture_of_points(camera, lamp_height=12.0), pixels) - pixels
+    assert np.abs(error).max() < 0.01
+
+
+@pytest.mark.parametrize("camera", [skewed_camera(), telecentric_camera()], ids=["pinhole", "tele"])
+def test_the_unit_of_length_does_not_matter(camera: Camera) -> None:
     one, small = picture_of_points(camera), picture_of_points(camera, scale=1e-4)
     # The same rays up to rounding: a few edge samples may fall to the other side.
     assert np.abs(small - one).max() < 0.05 * one.max()

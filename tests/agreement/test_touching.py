@@ -1,0 +1,82 @@
+"""In every scene beam and object touch and do not cut each other: mechanics meets geometry."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.experiment import Experiment
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.plan import plan
+from vbaa_bench.spec.load import load_scene
+from vbaa_bench.spec.objects import PadSpec
+
+SCENES = sorted((Path(__file__).parents[2] / "scenes").rglob("*.yaml"))
+MICROMETRE = 1e-6
+
+
+def distances(points: Floats, mesh: trimesh.Trimesh, reach: float) -> Floats:
+    """Signed distance [m] of each point (n, 3) from a mesh, inf beyond `reach`."""
+    triangles, normals = mesh.triangles, mesh.face_normals
+    if len(triangles) > 500:
+        size = np.linalg.norm(np.diff(triangles, axis=1), axis=2).max(axis=1)
+        near, _ = cKDTree(points).query(triangles.mean(axis=1))
+        close = near < size + reach
+        triangles, normals = triangles[close], normals[close]
+    found = np.full(len(points), np.inf)
+    for i, point in enumerate(points if len(triangles) else []):
+        here = np.broadcast_to(point, (len(triangles), 3))
+        away = point - trimesh.triangles.closest_point(triangles, here)  # type: ignore[no-untyped-call]
+        squares = (away**2).sum(axis=1)
+        closest = np.flatnonzero(squares <= squares.min() * (1 + 1e-6) + 1e-24)
+        # Beside an edge the face that looks most towards the point tells the side.
+        side = 1 if (normals[closest] * away[closest]).sum(axis=1).max() >= 0 else -1
+        # Farther off, the nearest triangle may be one of those left out.
+        found[i] = side * np.sqrt(squares.min()) if squares.min() < reach**2 else np.inf
+    return found
+
+
+def about_the_contact(state: State, width: float) -> Floats:
+    """Points (n, 3) of the centreline, close together, about the contact."""
+    line, s = state.centreline, state.contact.s
+    fine = np.linspace(-1, 1, 401) ** 3 * width + s
+    return np.asarray(CubicSpline(line[:, 0], line[:, 1:])(fine[(fine > 0) & (fine < line[-1, 0])]))
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_beam_and_object_touch_and_do_not_intersect(path: Path) -> None:
+    file = load_scene(path)
+    scene, work = file.scene, plan(file)
+    touching = 0
+    pushes = list(dict.fromkeys(trial.push for trial in work.trials))
+    for push in pushes[:: max(len(pushes) // 3, 1)]:
+        experiment = Experiment(scene, work.rig, push, path.parent)
+        states = experiment.states()
+        step = len(states) - 1
+        state = states[step]
+        if not state.contacts:
+            continue
+        # In units in which every scene's beam has the size of the reference beam.
+        unit = work.rig.beam.length / 0.24
+        reach = -float(state.contact.lever @ state.contact.normal)
+        if scene.mechanics == "linear":
+            reach = work.rig.beam.radius
+        mesh = experiment.touched_mesh(state, step)
+        mesh.vertices = np.asarray(mesh.vertices) / unit
+        near = distances(about_the_contact(state, 4 * reach) / unit, mesh, 4 * reach / unit)
+        gap = near.min() - reach / unit
+        touching += 1
+        if isinstance(scene.object, PadSpec):
+            # It hugs the beam's lower half with a polygon about its circle.
+            assert -MICROMETRE < gap < 0.01 * reach
+        else:
+            assert abs(gap) < MICROMETRE, f"gap {gap:.2e} m at {push}"
+        tapered = 1 + (scene.beam.tip_ratio - 1) * state.centreline[:, 0] / work.rig.beam.length
+        rows = slice(4, None, 3)
+        everywhere = distances(state.centreline[rows, 1:] / unit, mesh, 4 * reach / unit)
+        assert (everywhere - reach / unit * np.minimum(tapered[rows], 1)).min() > -MICROMETRE
+    assert touching or scene.object.kind == "none" or path.stem == "free_beam"

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+import trimesh
+
+from solver.instrument.errors import InputError
+from vbaa_bench.geometry.occluders import LEAF_WIDTH, MOST_LEAN, bars, leaves, sheet_over
+
+PLACE = (0.05, 0.11, -0.02, 0.03, 0.006)
+
+
+def bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+    return list(mesh.split(only_watertight=False))
+
+
+def test_a_sheet_covers_its_rectangle_at_its_height() -> None:
+    mesh = sheet_over(*PLACE)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(0.06 * 0.05 * 0.2e-3)
+    assert mesh.bounds == pytest.approx(np.array([[0.05, -0.02, 0.006], [0.11, 0.03, 0.0062]]))
+
+
+def test_bars_are_evenly_spread_and_run_along_y() -> None:
+    mesh = bars(*PLACE, count=5, width=2e-3)
+    assert mesh.is_watertight
+    each = bodies(mesh)
+    assert len(each) == 5
+    assert all(bar.volume == pytest.approx(2e-3 * 0.05 * 0.2e-3) for bar in each)
+    middles = sorted(bar.centroid[0] for bar in each)
+    assert middles == pytest.approx([0.056, 0.068, 0.08, 0.092, 0.104])
+
+
+def test_bars_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(InputError, match=r"5 bars are 12 mm wide, .* pitch, 12 mm"):
+        bars(*PLACE, count=5, width=0.012)
+
+
+def test_leaves_are_closed_thin_and_where_they_should_be() -> None:
+    size = 0.012
+    mesh = leaves(*PLACE, count=40, size=size, random=np.random.default_rng(3))
+    assert mesh.is_watertight
+    each = bodies(mesh)
+    assert len(each) == 40
+    area = 2 / np.pi * LEAF_WIDTH * size**2  # of two arches of a sine
+    for leaf in each:
+        assert leaf.volume == pytest.approx(area * 0.2e-3, rel=0.01)
+        x, y, z = leaf.center_mass
+        assert (0.05 <= x <= 0.11, -0.02 <= y <= 0.03) == (True, True)
+        assert z == pytest.approx(0.006)
+        assert leaf.bounds[0, 2] > 0.006 - size / 2 * np.sin(MOST_LEAN) - 0.1e-3
+    assert np.ptp([leaf.extents[0] for leaf in each]) > 0.3 * size  # they head anywhere
+
+
+def test_leaves_depend_on_their_random_numbers_alone() -> None:
+    one, same, other = (
+        leaves(*PLACE, count=4, size=0.01, random=np.random.default_rng(seed)) for seed in (1, 1, 2)
+    )
+    assert (one.vertices == same.vertices).all()
+    assert np.abs(one.vertices - other.vertices).max() > 1e-3

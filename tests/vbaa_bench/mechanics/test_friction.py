@@ -1,0 +1,77 @@
+import math
+
+import numpy as np
+import pytest
+
+from tests.vbaa_bench.mechanics.benches import BEAM, THIN, imbalance, obstacle, push_one
+from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.state import State
+
+ROD = Rod(BEAM)
+ANGLES = (0.05, 0.1, 0.15, 0.2)
+THERE_AND_BACK = (*ANGLES, 0.199, 0.15, 0.1, 0.05)
+
+
+def there_and_back(friction: float, nu: float = 0.0) -> list[State]:
+    touched = obstacle(BEAM, 0.12, nu=nu, friction=friction)
+    steps = [Step(pushing_angle=angle) for angle in THERE_AND_BACK]
+    return push(ROD, Motor(), [touched], 0.12, steps)
+
+
+def drag(state: State) -> float:
+    """Force along the beam over that across; positive towards the tip."""
+    contact = state.contact
+    return float(contact.force @ contact.tangent) / float(contact.force @ contact.normal)
+
+
+def test_without_friction_the_way_back_is_the_way_there() -> None:
+    states = there_and_back(0.0)
+    for there, back in zip(states[:3], reversed(states[5:]), strict=True):
+        size = float(np.linalg.norm(there.contact.force))
+        assert back.contact.force == pytest.approx(there.contact.force, abs=1e-10 * size)
+        assert back.centreline == pytest.approx(there.centreline, abs=1e-10 * BEAM.length)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_friction_resists_on_the_way_there_and_on_the_way_back(friction: float) -> None:
+    states = there_and_back(friction)
+    free = there_and_back(0.0)
+    for state in states:
+        assert abs(drag(state)) <= friction * (1 + 1e-9)
+        assert imbalance(state, np.zeros(3)) < 1e-8
+    for there, smooth, back in zip(states[:3], free[:3], reversed(states[5:]), strict=True):
+        # Pushing, the beam is drawn back over the edge: the force on it points to the tip, which
+        # is the oracle's negative mu.
+        assert drag(there) == pytest.approx(friction, rel=1e-8)
+        assert drag(back) == pytest.approx(-friction, rel=1e-8)
+        # The motor pays for it, and gets less back.
+        assert -there.base_moment[2] > -smooth.base_moment[2] > -back.base_moment[2]
+
+
+def test_friction_holds_the_contact_when_the_motor_turns_back() -> None:
+    states = there_and_back(0.3)
+    top, after = states[3], states[4]
+    assert after.contact.s == pytest.approx(top.contact.s, abs=1e-4 * BEAM.length)
+    assert abs(drag(after)) < 0.3 * (1 - 1e-3)
+    # What sticks has rolled, not slipped: edge and beam keep the same two points together.
+    assert after.contact.s == pytest.approx(top.contact.s, abs=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_friction_holds_the_beam_on_a_leaning_edge(friction: float) -> None:
+    """Sliding aside, the force leans back by the angle of friction: psi is nu - atan(mu)."""
+    nu = 0.6
+    leaned = []
+    for angle in (0.02, 0.01, 0.005):
+        touched = obstacle(THIN, 0.12, nu=nu, friction=friction)
+        leaned.append(push_one(Rod(THIN), touched, 0.12, angle=angle).contact.psi)
+    errors = np.abs(np.array(leaned) - (nu - math.atan(friction)))
+    assert errors[-1] < 1e-3
+    assert (errors[1:] < 0.6 * errors[:-1]).all()
+
+
+def test_only_the_pushed_object_may_have_friction() -> None:
+    pegs = [obstacle(BEAM, 0.08), obstacle(BEAM, 0.16, friction=0.1)]
+    with pytest.raises(ValueError, match="only the first"):
+        push(ROD, Motor(), pegs, 0.08, [Step(pushing_angle=0.1)])

@@ -1,0 +1,193 @@
+"""What the beam does by itself, and how it bends where its section is not round and even."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from tests.oracle import EI
+from tests.vbaa_bench.mechanics.benches import (
+    BEAM,
+    STEEL,
+    THIN,
+    imbalance,
+    leaning,
+    obstacle,
+    orders,
+    push_one,
+)
+from vbaa_bench.mechanics.pushing import rest
+from vbaa_bench.mechanics.rod import ORDER, POISSON, Rod, advance
+
+EVERYTHING = Rod(
+    BEAM,
+    aspect=1.5,
+    section_angle=0.4,
+    tip_ratio=0.6,
+    weight=(0.01, -0.02, -STEEL),
+    bow=(0.8, -0.5),
+    extensible=True,
+)
+
+
+def test_integration_converges_with_order_eight() -> None:
+    properties, force = EVERYTHING.properties(np.eye(3)), np.array([-0.5, 2.0, 0.3])
+    clamp = EVERYTHING.clamp(np.array([0.05, -0.25, 0.9]))
+    reference = advance(clamp, 0.0, 1.0, 1000, force, properties)
+    errors = [
+        float(np.abs(advance(clamp, 0.0, 1.0, n, force, properties) - reference).max())
+        for n in (8, 16, 32, 64)
+    ]
+    assert orders(errors) == pytest.approx([ORDER] * 3, abs=0.7)
+
+
+def test_directors_stay_a_right_angled_frame() -> None:
+    clamp = EVERYTHING.clamp(np.array([0.05, -0.25, 0.9]))
+    force = np.array([-0.5, 2.0, 0.3])
+    end = advance(clamp, 0.0, 1.0, 64, force, EVERYTHING.properties(np.eye(3)))
+    first, tangent = end[3:6], end[6:9]
+    assert [first @ first, tangent @ tangent] == pytest.approx([1, 1], abs=1e-12)
+    assert first @ tangent == pytest.approx(0.0, abs=1e-12)
+
+
+def test_nothing_asked_for_is_a_straight_beam() -> None:
+    state = rest(Rod(BEAM), 10)
+    assert state.centreline.shape == (11, 4)
+    assert (state.centreline[:, 2:] == 0).all()
+    assert state.tip[0] == pytest.approx(BEAM.length, rel=1e-15)
+    assert state.contacts == ()
+    with pytest.raises(ValueError, match="touches nothing"):
+        _ = state.contact
+
+
+def test_gravity_sags_the_reference_beam_by_four_millimetres() -> None:
+    state = rest(Rod(BEAM, weight=(0.0, 0.0, -STEEL)))
+    assert state.tip[2] == pytest.approx(-4.0e-3, abs=0.05e-3)
+    assert imbalance(state, np.array([0.0, 0.0, -STEEL])) < 1e-9
+    errors = []
+    for share in (1.0, 0.5, 0.25):
+        sag = -rest(Rod(BEAM, weight=(0.0, 0.0, -share * STEEL))).tip[2]
+        errors.append(abs(sag / (share * STEEL * BEAM.length**4 / (8 * EI)) - 1))
+    assert orders(errors) == pytest.approx([2.0, 2.0], abs=0.05)
+
+
+@pytest.mark.parametrize("towards", [0.0, 0.7, 2.0])
+def test_bow_is_a_circular_arc(towards: float) -> None:
+    curvature = 0.9
+    bow = (curvature * math.cos(towards), curvature * math.sin(towards))
+    state = rest(Rod(BEAM, bow=bow, section_angle=0.3))
+    turned = curvature * state.centreline[:, 0]
+    across = np.outer((1 - np.cos(turned)) / curvature, leaning(towards)[1:])
+    assert state.centreline[:, 1] == pytest.approx(np.sin(turned) / curvature, abs=1e-14)
+    assert state.centreline[:, 2:] == pytest.approx(across, abs=1e-14)
+    assert state.largest_strain == pytest.approx(0.0, abs=1e-12)  # unloaded, however bent
+
+
+def test_a_hanging_beam_grows_longer_by_its_weight() -> None:
+    """w L^2 / 2 EA; here of a beam as soft as rubber, and 4 % of its length."""
+    weight = 0.08 * 4 * EI / BEAM.radius**2 / BEAM.length
+    state = rest(Rod(BEAM, weight=(weight, 0.0, 0.0), extensible=True))
+    area_modulus = 4 * EI / BEAM.radius**2
+    grown = weight * BEAM.length**2 / (2 * area_modulus)
+    assert state.tip[0] - BEAM.length == pytest.approx(grown, rel=1e-9)
+    stiff = rest(Rod(BEAM, weight=(weight, 0.0, 0.0)))
+    assert stiff.tip[0] == pytest.approx(BEAM.length, rel=1e-14)
+
+
+def test_a_tapered_beam_grows_longer_where_it_is_thin() -> None:
+    area_modulus, pull = 4 * EI / BEAM.radius**2, 0.02 * 4 * EI / BEAM.radius**2 / BEAM.length
+    state = rest(Rod(BEAM, tip_ratio=0.5, weight=(pull, 0.0, 0.0), extensible=True))
+
+    def strain(x: float) -> float:
+        size = 1 - 0.5 * x / BEAM.length
+        hanging = 2 / 3 * BEAM.length * (size**3 - 0.5**3)  # the integral of size^2 from x on
+        return pull * hanging / (area_modulus * size**2)
+
+    grown, _ = quad(strain, 0.0, BEAM.length)
+    assert state.tip[0] - BEAM.length == pytest.approx(grown, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("shape", "aspect", "stiffness"),
+    [
+        # G J over E I of bending along the first axis; J: Timoshenko and Goodier (1970).
+        ("ellipse", 1.0, 2.0),  # J = pi r^4 / 2
+        ("ellipse", 3.0, 4 * 9 / (1 + 9)),  # J = pi a^3 b^3 / (a^2 + b^2)
+        ("rectangle", 1.0, 0.1406 * 12),  # J = 0.1406 (2a)^4
+        ("rectangle", 10.0, 0.312 * 12),  # J = 0.312 (2a)^3 2b
+    ],
+)
+def test_a_couple_twists_the_beam(shape: Any, aspect: float, stiffness: float) -> None:
+    rod, couple = Rod(BEAM, shape=shape, aspect=aspect), 0.3
+    clamp = rod.clamp(np.array([couple, 0.0, 0.0]))
+    end = advance(clamp, 0.0, 1.0, 32, np.zeros(3), rod.properties(np.eye(3)))
+    twist = math.atan2(end[5], end[4])
+    assert twist == pytest.approx(couple * 2 * (1 + POISSON) / stiffness, rel=6e-3)
+    assert end[:3] == pytest.approx([1.0, 0.0, 0.0], abs=1e-14)
+
+
+@pytest.mark.parametrize("tip_ratio", [0.3, 0.7, 1.4])
+def test_a_tapered_beam_yields_by_the_integral_of_its_flexibility(tip_ratio: float) -> None:
+    x_0, angle = 0.15, 1e-3
+    rod = Rod(THIN, tip_ratio=tip_ratio)
+    state = push_one(rod, obstacle(rod, x_0), x_0, angle=angle)
+
+    def flexibility(x: float) -> float:
+        return (x_0 - x) ** 2 / (EI * (1 + (tip_ratio - 1) * x / THIN.length) ** 4)
+
+    softness, _ = quad(flexibility, 0.0, x_0)
+    assert state.contact.force[1] == pytest.approx(x_0 * angle / softness, rel=5e-6)
+
+
+def test_weight_of_a_tapered_beam_is_that_of_its_sections() -> None:
+    weight = (0.0, 0.0, -0.01 * STEEL)
+    rod = Rod(BEAM, tip_ratio=0.5, weight=weight)
+
+    def size(x: float) -> float:
+        return 1 - 0.5 * x / BEAM.length
+
+    total, _ = quad(lambda x: size(x) ** 2, 0.0, BEAM.length)
+    moment, _ = quad(lambda x: x * size(x) ** 2, 0.0, BEAM.length)
+    state = rest(rod)
+    assert state.base_force[2] == pytest.approx(-weight[2] * total, rel=1e-12)
+    assert state.base_moment[1] == pytest.approx(weight[2] * moment, rel=1e-6)
+
+
+@pytest.mark.parametrize(("aspect", "section_angle"), [(1.5, 0.5), (3.0, -0.4), (0.5, 1.2)])
+def test_an_elliptic_section_bends_aside(aspect: float, section_angle: float) -> None:
+    """Small deflection: the displacement is the 2 x 2 flexibility matrix times the force."""
+    x_0, angle, nu = 0.12, 1e-3, 0.2
+    rod = Rod(THIN, aspect=aspect, section_angle=section_angle)
+    state = push_one(rod, obstacle(rod, x_0, nu=nu), x_0, angle=angle)
+    first, second = leaning(section_angle)[1:], leaning(section_angle + math.pi / 2)[1:]
+    stiffness = np.outer(first, first) + aspect**2 * np.outer(second, second)
+    flexibility = x_0**3 / (3 * EI) * np.linalg.inv(stiffness)
+    normal = leaning(nu)[1:]
+    moved = flexibility @ normal
+    force = x_0 * angle * math.cos(nu) / float(normal @ moved)
+    assert state.contact.force[1:] == pytest.approx(force * normal, rel=1e-4)
+    moved = moved * force
+    size = float(np.linalg.norm(moved))
+    assert state.contact.point[1:] == pytest.approx(moved, abs=1e-3 * size)
+    # It does turn out of the force's direction.
+    assert abs(np.cross([*moved, 0], [*normal, 0])[2]) > 0.1 * size
+
+
+@pytest.mark.parametrize("section_angle", [0.0, 0.4])
+def test_a_strip_bends_about_its_weak_axis(section_angle: float) -> None:
+    strip = Rod(BEAM, shape="rectangle", aspect=8.0, section_angle=section_angle)
+    aligned = obstacle(strip, 0.12, nu=section_angle)
+    state = push_one(strip, aligned, 0.12, deflection=0.1)
+    assert state.contact.psi == pytest.approx(section_angle, abs=1e-3)
+    askew = obstacle(strip, 0.12, nu=section_angle + math.radians(10))
+    state = push_one(strip, askew, 0.12, deflection=0.1)
+    assert state.contact.psi == pytest.approx(section_angle, abs=math.radians(5))
+    assert imbalance(state, np.zeros(3)) < 1e-8
+
+
+def test_strain_of_a_round_beam_is_curvature_times_radius() -> None:
+    state = push_one(Rod(BEAM), obstacle(BEAM, 0.12), 0.12, deflection=0.1)
+    expected = float(np.linalg.norm(state.base_moment)) / EI * BEAM.radius
+    assert state.largest_strain == pytest.approx(expected, rel=1e-10)

@@ -1,0 +1,233 @@
+"""One push of a scene as mechanics sees it: the rod, the motor, what stands in the way."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import apply, invert
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.bodies import Body, place
+from vbaa_bench.mechanics import linear, planar
+from vbaa_bench.mechanics.contact import Obstacle
+from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
+from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.mechanics.surfaces import Line, upright
+from vbaa_bench.spec.objects import NothingSpec, WallSpec
+from vbaa_bench.spec.rigs import TrueRig
+from vbaa_bench.spec.scene import Scene
+from vbaa_bench.spec.trials import Push
+
+LINEAR = "linear, eqs. (9) and (10)"
+PLANAR = "exact, planar: round, weightless, frictionless"
+SPATIAL = "exact, in space"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A scene's push with its true rig. The files that the scene names lie in `folder`."""
+
+    scene: Scene
+    rig: TrueRig
+    push: Push
+    folder: Path
+
+    @cached_property
+    def rod(self) -> Rod:
+        """The beam, with whatever the scene asks for."""
+        spec, beam = self.scene.beam, self.rig.beam
+        strip = spec.section == "strip"
+        area = (4.0 if strip else np.pi) * beam.radius**2 * spec.aspect
+        linear_density = spec.density_kg_m3 * area
+        x, y, z = self.scene.gravity_m_s2
+        return Rod(
+            beam,
+            shape="rectangle" if strip else "ellipse",
+            aspect=spec.aspect,
+            section_angle=spec.section_angle_deg * DEGREE,
+            tip_ratio=spec.tip_ratio,
+            weight=(linear_density * x, linear_density * y, linear_density * z),
+            bow=(8 * spec.bow_mm * MILLIMETRE / beam.length**2, 0.0),
+            extensible=spec.extensible,
+        )
+
+    @cached_property
+    def motor(self) -> Motor:
+        """The shaft; the clamp may stand off its axis."""
+        x, y, z = (-v * MILLIMETRE for v in self.scene.adaptor_mm)
+        return Motor(point=(x, y, z))
+
+    @cached_property
+    def body(self) -> Body:
+        """What is pushed."""
+        return Body(self.scene.object, self.rig.beam.radius, self.ground, self.folder)
+
+    @property
+    def ground(self) -> float:
+        """Height [m] of the background."""
+        return -self.scene.background.distance_mm * MILLIMETRE
+
+    @cached_property
+    def rest(self) -> State:
+        """The beam before contact."""
+        return rest(self.rod, self.scene.beam.pieces)
+
+    @cached_property
+    def obstacles(self) -> list[Obstacle]:
+        """The object at its place, and the second peg if there is one."""
+        obstacles = [self._obstacle()]
+        peg = self.scene.second_peg
+        if peg is not None:
+            at, tangent = self._resting_at(peg.distance_mm * MILLIMETRE)
+            gap = (peg.gap_mm * MILLIMETRE) * np.array([0.0, 1.0, 0.0])
+            reach = self.rod.reach(peg.distance_mm * MILLIMETRE, np.pi)
+            there = place(at + gap, tangent, np.pi, reach)
+            obstacles.append(Obstacle(upright(peg.radius_mm * MILLIMETRE), there))
+        return obstacles
+
+    @property
+    def model(self) -> str:
+        """Which mechanics answers for this push."""
+        if self.scene.mechanics == "linear":
+            return LINEAR
+        scene, first = self.scene, self.obstacles[0]
+        straight = isinstance(first.surface, Line) and self.push.normal == 0
+        drifts = any(getattr(scene.object, "drift_mm", ()))
+        bare = not (first.friction or drifts or scene.second_peg or any(scene.adaptor_mm))
+        return PLANAR if self.rod.plain and straight and bare else SPATIAL
+
+    def states(self) -> list[State]:
+        """The equilibria of the push, one a step.
+
+        Raises EquilibriumError, and InputError for an object that cannot be, or not give way so
+        far.
+        """
+        states = self._states()
+        gives = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
+        if gives and self.push.compliance > 0:
+            self.body.mesh(max(gives))
+        low, high = self.body.edge()
+        for step, state in enumerate(states):
+            for contact in state.contacts[:1]:
+                touched = (contact.point + contact.lever)[None]
+                place = apply(invert(self.clamp_from_object(state, step)), touched)[0, 2]
+                if not low <= place <= high:
+                    mm = MILLIMETRE
+                    raise EquilibriumError(
+                        f"at {self.push.goals[step]} the beam slides off the end of the object, "
+                        f"to {place / mm:.3g} mm along its edge, allowed is {low / mm:g} to "
+                        f"{high / mm:g} mm"
+                    )
+        return states
+
+    def _states(self) -> list[State]:
+        model, goals, pieces = self.model, self.push.goals, self.scene.beam.pieces
+        distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
+        if model == SPATIAL:
+            return push(self.rod, self.motor, self.obstacles, distance, self.steps, pieces)
+        states = []
+        for goal in goals:
+            if goal.pushing_angle is not None and goal.pushing_angle <= 0:
+                states += push(
+                    self.rod, self.motor, [first], distance, [Step(goal.pushing_angle)], pieces
+                )
+            elif model == LINEAR:
+                states.append(
+                    linear.push(
+                        self.rig.beam,
+                        distance,
+                        deflection=goal.deflection,
+                        pushing_angle=goal.pushing_angle,
+                        normal_angle=self.push.normal,
+                        compliance=first.compliance,
+                        intervals=pieces,
+                    )
+                )
+            else:
+                assert isinstance(first.surface, Line)
+                states.append(
+                    planar.push(
+                        self.rig.beam,
+                        distance,
+                        deflection=goal.deflection,
+                        pushing_angle=goal.pushing_angle,
+                        object_radius=first.surface.radius,
+                        compliance=first.compliance,
+                        intervals=pieces,
+                    )
+                )
+        return states
+
+    @cached_property
+    def steps(self) -> list[Step]:
+        """The goals of the push, with the object's drift meanwhile."""
+        x, y, z = (v * MILLIMETRE for v in getattr(self.scene.object, "drift_mm", (0, 0, 0)))
+        return [
+            Step(goal.pushing_angle, goal.deflection, (i * x, i * y, i * z))
+            for i, goal in enumerate(self.push.goals)
+        ]
+
+    def clamp_from_object(self, state: State, step: int, index: int = 0) -> Floats:
+        """Where the clamp sees an obstacle (4, 4), given way as it has."""
+        obstacle = self.obstacles[index]
+        world = self.motor.clamp_from_world(state.pushing_angle, self.steps[step].drift)
+        pose = world @ obstacle.world_from_object
+        for contact in state.contacts:
+            if contact.obstacle != index:
+                continue
+            if self.scene.mechanics == "linear":
+                # Where linear theory puts the contact, which no rigid turn does.
+                across = contact.normal - (contact.normal @ contact.tangent) * contact.tangent
+                across *= self.rig.beam.radius / np.linalg.norm(across)
+                pose[:3, 3] = contact.point - across
+            else:
+                pose[:3, 3] += contact.object_shift
+        return pose
+
+    def touched_mesh(self, state: State, step: int) -> trimesh.Trimesh:
+        """The object as the beam has pressed it, in the clamp's frame [m]."""
+        pose = self.clamp_from_object(state, step)
+        give, slope = 0.0, 0.0
+        if state.contacts:
+            give = float(np.linalg.norm(state.contact.object_shift))
+            along, up, _ = pose[:3, :3].T @ state.contact.tangent
+            slope = float(up / along)
+        mesh = self.body.mesh(give, slope)
+        mesh.vertices = apply(pose, np.asarray(mesh.vertices))
+        return mesh
+
+    def camera_frame_from_clamp(self, state: State) -> Floats:
+        """Into the frame (4, 4) in which the camera stands still: the clamp's, or the world's."""
+        if self.scene.camera.mount == "antenna":
+            return np.eye(4)
+        return invert(self.motor.clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0)))
+
+    def _obstacle(self) -> Obstacle:
+        spec = self.scene.object
+        if isinstance(spec, WallSpec):
+            at = np.array([self.rig.beam.length / 2, -spec.gap_mm * MILLIMETRE, 0.0])
+            tangent = np.array([1.0, 0.0, 0.0])
+        else:
+            at, tangent = self._resting_at(self.push.contact_distance or 0.0)
+        reach = self.rod.reach(self.push.contact_distance or 0.0, self.push.normal)
+        there = place(at, tangent, self.push.normal, reach)
+        friction = 0.0 if isinstance(spec, NothingSpec) else spec.friction
+        return Obstacle(
+            self.body.surface(),
+            there,
+            compliance=self.push.compliance,
+            spring=there[:3, 1],
+            friction=friction,
+        )
+
+    def _resting_at(self, s: float) -> tuple[Floats, Floats]:
+        """Point and tangent (3,) of the beam at rest at arc length `s` [m]."""
+        line = self.rest.centreline
+        at = np.array([np.interp(s, line[:, 0], line[:, i]) for i in (1, 2, 3)])
+        i = int(np.clip(np.searchsorted(line[:, 0], s), 1, len(line) - 1))
+        step = line[i, 1:] - line[i - 1, 1:]
+        return at, step / np.linalg.norm(step)

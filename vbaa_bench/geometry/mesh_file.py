@@ -1,0 +1,122 @@
+"""Objects of any shape: a mesh from a user's file, checked, and set against the beam."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.units import MILLIMETRE
+from vbaa_bench.geometry.solids import together
+
+KINDS = (".stl", ".obj", ".ply")
+MOST_FACES = 200_000
+# What so many faces take at most, in the wordiest of these formats.
+MOST_BYTES = 500 * MOST_FACES
+# Extents [m] of things that can be put on the bench.
+SMALLEST, LARGEST = 1e-9, 10.0
+
+
+def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
+    """The closed mesh [m] in an STL, OBJ or PLY file whose unit is `unit_m`, wound outward.
+
+    Vertices that agree to 1e-8 of the mesh's size are one. Raises InputError, which names the
+    file, for whatever is not a single closed solid of a sensible size.
+    """
+    vertices, faces = _parsed(path)
+    if len(faces) == 0:
+        raise InputError(f"{path}: holds no faces, allowed is a closed mesh")
+    if len(faces) > MOST_FACES:
+        raise InputError(f"{path}: has {len(faces)} faces, allowed are {MOST_FACES}")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(f"{path}: has faces on vertices that it does not give")
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{path}: has a vertex that is not finite, allowed are numbers")
+    mesh = trimesh.Trimesh(vertices * unit_m, faces, process=False)
+    extent = float(max(mesh.extents))
+    if not SMALLEST <= extent <= LARGEST:
+        raise InputError(
+            f"{path}: is {extent:g} m large with its unit of {unit_m:g} m,"
+            f" allowed are {SMALLEST:g} to {LARGEST:g} m"
+        )
+    _merge(mesh, extent)
+    if not mesh.is_watertight:
+        raise InputError(f"{path}: is not closed, allowed is a watertight mesh")
+    if not mesh.is_winding_consistent:
+        raise InputError(f"{path}: is wound this way and that, allowed is one sense all over")
+    volume = _volume(mesh)
+    if abs(volume) <= 1e-12 * extent**3:
+        raise InputError(f"{path}: encloses no volume, allowed is a solid")
+    if volume < 0:
+        mesh.invert()
+    return mesh
+
+
+def touching(mesh: trimesh.Trimesh, beam_radius: float) -> trimesh.Trimesh:
+    """The mesh moved along y so that a beam coming from +y just touches it.
+
+    The beam is a round rod of `beam_radius` [m] along all of x, at y = beam_radius, z = 0.
+    Raises InputError if the mesh lies beside the beam's path.
+    """
+    # Along x the beam sees only the mesh's shadow on the y-z plane, whose rim is made of edges.
+    ends = np.asarray(mesh.vertices)[mesh.edges_unique]
+    rise, run = (ends[:, 1] - ends[:, 0])[:, 1:].T
+    low, high = np.sort(ends[:, :, 2], axis=1).T
+    # An edge along x or y casts nothing that the ends of other edges do not.
+    below = (run != 0) & (low < beam_radius) & (high > -beam_radius)
+    if not below.any():
+        bottom, top = mesh.bounds[:, 2] / MILLIMETRE
+        raise InputError(
+            f"the object's mesh lies from z = {bottom:g} to {top:g} mm, beside the beam,"
+            f" allowed is one that reaches within {beam_radius / MILLIMETRE:g} mm of z = 0"
+        )
+    ends, rise, run, low, high = (part[below] for part in (ends, rise, run, low, high))
+    # The gap is convex along an edge: least where the beam's underside has the edge's slope.
+    level = beam_radius * rise * np.sign(run) / np.hypot(rise, run)
+    z = np.clip(level, np.maximum(low, -beam_radius), np.minimum(high, beam_radius))
+    share = (z - ends[:, 0, 2]) / run
+    underside = beam_radius - np.sqrt((beam_radius - z) * (beam_radius + z))
+    gap = underside - (ends[:, 0, 1] + share * rise)
+    moved: trimesh.Trimesh = mesh.copy()
+    moved.apply_translation([0.0, gap.min(), 0.0])
+    return moved
+
+
+def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
+    """Vertices (n, 3) in the file's unit and triangles (m, 3) of all that is in a mesh file."""
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise InputError(f"{path}: has the suffix {kind!r}, allowed are {', '.join(KINDS)}")
+    try:
+        size = path.stat().st_size
+        content = path.read_bytes() if size <= MOST_BYTES else b""
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if size > MOST_BYTES:
+        raise InputError(f"{path}: has {size // 10**6} MB, allowed are {MOST_BYTES // 10**6} MB")
+    try:
+        # From memory, and without materials, no other file that this one names is opened.
+        with np.errstate(all="ignore"):
+            scene = trimesh.load_scene(
+                io.BytesIO(content), file_type=kind[1:], process=False, skip_materials=True
+            )
+    except Exception as error:
+        raise InputError(f"{path}: is not a {kind} mesh that can be read") from error
+    parts = [part for part in scene.geometry.values() if isinstance(part, trimesh.Trimesh)]
+    mesh = together(parts) if parts else trimesh.Trimesh()
+    return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces)
+
+
+def _merge(mesh: trimesh.Trimesh, extent: float) -> None:
+    """Make vertices that agree to 1e-8 of the extent one, and drop faces that this collapses."""
+    mesh.merge_vertices(digits_vertex=8 - int(np.floor(np.log10(extent))))
+    a, b, c = mesh.faces.T
+    mesh.update_faces((a != b) & (b != c) & (c != a))
+
+
+def _volume(mesh: trimesh.Trimesh) -> float:
+    """Enclosed volume [m^3], negative if wound inward; unlike trimesh's own it bears zero."""
+    a, b, c = np.moveaxis(mesh.triangles - mesh.vertices.mean(axis=0), 1, 0)
+    return float((a * np.cross(b, c)).sum() / 6)

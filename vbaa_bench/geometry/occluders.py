@@ -1,0 +1,88 @@
+"""What hides the beam: thin opaque bodies between it and the camera, in Sigma_a, lengths in [m].
+
+All are spread over a rectangle in x and y, at a height z above the beam, which is towards the
+camera.
+"""
+
+import numpy as np
+import trimesh
+
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import rigid, turn_about_z
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.geometry.solids import box, prism, together
+
+# How thick all of them are, unless told otherwise.
+THICKNESS = 0.2 * MILLIMETRE
+
+# Leaves are this much of their size wide, and lean by at most so much.
+LEAF_WIDTH, MOST_LEAN = 0.4, 15 * DEGREE
+
+
+def sheet_over(
+    x_from: float,
+    x_to: float,
+    y_from: float,
+    y_to: float,
+    height: float,
+    thickness: float = THICKNESS,
+) -> trimesh.Trimesh:
+    """An opaque sheet that covers the rectangle; its underside lies at `height`."""
+    return box(np.array([x_from, y_from, height]), np.array([x_to, y_to, height + thickness]))
+
+
+def bars(
+    x_from: float,
+    x_to: float,
+    y_from: float,
+    y_to: float,
+    height: float,
+    count: int,
+    width: float,
+    thickness: float = THICKNESS,
+) -> trimesh.Trimesh:
+    """Bars along y, evenly spread from x_from to x_to; each has half a gap at its outer sides.
+
+    Raises InputError if so many of that width do not fit side by side.
+    """
+    pitch = (x_to - x_from) / count
+    if not width < pitch:
+        raise InputError(
+            f"{count} bars are {width / MILLIMETRE:g} mm wide,"
+            f" allowed is less than their pitch, {pitch / MILLIMETRE:g} mm"
+        )
+    starts = x_from + pitch * (np.arange(count) + 0.5) - width / 2
+    each = [sheet_over(x, x + width, y_from, y_to, height, thickness) for x in starts]
+    return together(each)
+
+
+def leaves(
+    x_from: float,
+    x_to: float,
+    y_from: float,
+    y_to: float,
+    height: float,
+    count: int,
+    size: float,
+    random: np.random.Generator,
+    thickness: float = THICKNESS,
+) -> trimesh.Trimesh:
+    """Pointed leaves, `size` long, whose middles lie at random in the rectangle at `height`.
+
+    They head anywhere and lean a little: none reaches deeper below `height` than half its size
+    times the sine of MOST_LEAN, and half its thickness.
+    """
+    t = np.linspace(0, 1, 13)
+    along, half_width = size * (t - 0.5), LEAF_WIDTH / 2 * size * np.sin(np.pi * t)
+    below = np.column_stack([along, -half_width])[:-1]
+    above = np.column_stack([along, half_width])[:0:-1]
+    leaf = prism(np.vstack([below, above]), -thickness / 2, thickness / 2)
+    each = []
+    for x, y, heading, compass, lean in random.uniform(
+        [x_from, y_from, 0, 0, 0], [x_to, y_to, 2 * np.pi, 2 * np.pi, MOST_LEAN], (count, 5)
+    ):
+        tilt = lean * np.array([np.cos(compass), np.sin(compass), 0.0])
+        placed = leaf.copy()
+        placed.apply_transform(rigid(tilt, np.array([x, y, height])) @ turn_about_z(heading))
+        each.append(placed)
+    return together(each)

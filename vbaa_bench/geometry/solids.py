@@ -1,0 +1,86 @@
+"""Closed bodies of which objects and occluders are made, in metres, wound outward."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.tube import tube, tube_faces
+
+# How far the sides of a polygon may run inside the circle they stand for: well below what a
+# camera or the contact of a beam can tell, and yet few enough sides.
+SAGITTA = 0.5e-6
+MOST_SIDES = 2048
+
+
+def sides(radius: float, least: int = 128) -> int:
+    """Sides of the polygon that stands for a circle of `radius` [m], a multiple of four.
+
+    Its sides lie within SAGITTA of the circle, radius (1 - cos(pi / n)), up to MOST_SIDES.
+    """
+    needed = np.pi * np.sqrt(radius / (2 * SAGITTA))
+    return min(4 * int(np.ceil(max(needed, least) / 4)), MOST_SIDES)
+
+
+def arc(radius: float, angle: Floats) -> Floats:
+    """Points (n, 2) in x-y [m] of the circle that touches y = 0 at the origin from below.
+
+    The angle (n,) [rad] at the circle's middle runs from the origin anticlockwise.
+    """
+    return np.column_stack([-radius * np.sin(angle), radius * (np.cos(angle) - 1)])
+
+
+def prism(outline: Floats, bottom: float, top: float) -> trimesh.Trimesh:
+    """The upright prism over a convex, anticlockwise outline (n, 2) in x-y, z from bottom to top.
+
+    Vertices: the outline below, the outline above, and the middles of the two ends.
+    """
+    middle = outline.mean(axis=0, keepdims=True)
+    flat = np.vstack([outline, outline, middle, middle])
+    n = len(outline)
+    z = np.concatenate([np.full(n, bottom), np.full(n, top), [bottom, top]])
+    return trimesh.Trimesh(np.column_stack([flat, z]), tube_faces(2, n), process=False)
+
+
+def box(low: Floats, high: Floats) -> trimesh.Trimesh:
+    """The upright box between two opposite corners, each (3,) [m]."""
+    (left, back, bottom), (right, front, top) = low, high
+    outline = np.array([[right, front], [left, front], [left, back], [right, back]])
+    return prism(outline, bottom, top)
+
+
+def rod(start: Floats, end: Floats, radius: float) -> trimesh.Trimesh:
+    """A straight round rod between two different points, each (3,) [m]."""
+    return tube(np.array([start, end]), radius, 64)
+
+
+def together(bodies: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """Several bodies as one mesh; each stays closed in itself."""
+    first = np.cumsum([0] + [len(body.vertices) for body in bodies[:-1]])
+    faces = [body.faces + start for body, start in zip(bodies, first, strict=True)]
+    vertices = np.vstack([body.vertices for body in bodies])
+    return trimesh.Trimesh(vertices, np.vstack(faces), process=False)
+
+
+def slab(front: Floats, back: Floats) -> trimesh.Trimesh:
+    """The body between two grids of points (n, m, 3) [m] that is closed along their rims.
+
+    Looking at the front from outside, its first index runs to the left and its second upwards.
+    """
+    rows, columns = front.shape[:2]
+    index = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    face = _quads(a, d, c, b)
+    rim = np.concatenate([index[0, :-1], index[:-1, -1], index[-1, :0:-1], index[:0:-1, 0]])
+    after, behind = np.roll(rim, -1), rows * columns
+    skirt = _quads(rim, rim + behind, after + behind, after)
+    vertices = np.vstack([front.reshape(-1, 3), back.reshape(-1, 3)])
+    faces = np.vstack([face, face[:, ::-1] + behind, skirt])
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _quads(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Two triangles for each quadrangle of the vertices a, b, c, d in turn."""
+    halves = [np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]
+    return np.vstack([half.reshape(-1, 3) for half in halves])

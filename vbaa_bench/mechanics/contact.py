@@ -1,0 +1,125 @@
+"""The equations of a contact between a rod and an object that stands in the world."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solver.instrument.arrays import Floats, frozen_floats
+from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.surfaces import Surface
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """An object; the world's frame is the clamp's at first contact.
+
+    `world_from_object` (4, 4) is its place. It gives way along the direction `spring` (3,) by
+    `compliance` [m/N]; `friction` is Coulomb's coefficient. A beam of rectangular section is
+    touched on its face, across the whole width.
+    """
+
+    surface: Surface
+    world_from_object: Floats
+    compliance: float = 0.0
+    spring: Floats = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        pose = frozen_floats("world_from_object", self.world_from_object, (4, 4))
+        object.__setattr__(self, "world_from_object", pose)
+        object.__setattr__(self, "spring", frozen_floats("spring", self.spring, (3,)))
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Where a contact was held in the step before: arc length [m], and the point (3,) [m] of the
+    object, in its frame. With `sticks`, it still is."""
+
+    s: float
+    point: Floats
+    sticks: bool = False
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A trial contact. `errors` (4,) vanish when it is one: of place, closeness and direction.
+
+    `lever` (3,) [m] leads from the centreline to the touched point, `point` (3,) [m] is that
+    point in the object's frame, `shift` (3,) [m] how far the object has given way, and `slope`
+    the tangential force over the normal one.
+    """
+
+    errors: Floats
+    normal: Floats
+    lever: Floats
+    point: Floats
+    shift: Floats
+    slope: float
+
+
+def touch(
+    rod: Rod,
+    obstacle: Obstacle,
+    clamp_from_world: Floats,
+    section: Floats,
+    s: float,
+    force: Floats,
+    grip: Grip | None,
+) -> Touch:
+    """Judge a contact at arc length `s` [m], with `force` (3,) [N] on the beam.
+
+    `section` (12,) is the rod's state there, its position in metres. Errors are in units of the
+    beam's length and of the force.
+    """
+    turn = clamp_from_world[:3, :3]
+    spring = turn @ obstacle.spring
+    shift = -obstacle.compliance * (force @ spring) * spring
+    axes = turn @ obstacle.world_from_object[:3, :3]  # clamp_from_object
+    origin = turn @ obstacle.world_from_object[:3, 3] + clamp_from_world[:3, 3] + shift
+    position, director, tangent = section[:3], section[3:6], section[6:9]
+    length, size = rod.beam.length, float(np.sqrt(force @ force)) + 1e-300
+    if rod.shape == "rectangle":
+        side = 1.0 if director @ force >= 0 else -1.0
+        normal = side * director
+        lever = -rod.half_height(s) * normal
+        point = axes.T @ (position + lever - origin)
+        across = np.array([-point[1] / length, point[0] / length])
+        along = tangent
+    else:
+        far, facing = obstacle.surface.distance(axes.T @ (position - origin))
+        normal = axes @ facing
+        second = np.array(
+            [
+                tangent[1] * director[2] - tangent[2] * director[1],
+                tangent[2] * director[0] - tangent[0] * director[2],
+                tangent[0] * director[1] - tangent[1] * director[0],
+            ]
+        )
+        a, b = rod.half_height(s) * (normal @ director), rod.half_height(s) * (normal @ second)
+        reach = float(np.sqrt(a * a + (rod.aspect * b) ** 2))
+        lever = -rod.half_height(s) * (a * director + rod.aspect**2 * b * second) / reach
+        point = axes.T @ (position + lever - origin)
+        # The distance is least along the beam where its slope is that of the tapered surface.
+        thinning = (rod.tip_ratio - 1) * rod.beam.radius / length
+        across = np.array([(far - reach) / length, normal @ tangent - thinning])
+        along = tangent - (tangent @ normal) * normal
+        along /= float(np.sqrt(along @ along))
+    beside = np.array(
+        [
+            normal[1] * along[2] - normal[2] * along[1],
+            normal[2] * along[0] - normal[0] * along[2],
+            normal[0] * along[1] - normal[1] * along[0],
+        ]
+    )
+    pressing = float(force @ normal)
+    drag = np.array([force @ along, force @ beside])
+    errors = drag / size
+    if grip is not None:
+        moved = axes @ (point - grip.point) - (s - grip.s) * tangent
+        slip = np.array([moved @ along, moved @ beside])
+        errors = slip / length if grip.sticks else errors
+        if not grip.sticks:
+            speed = float(np.sqrt(slip @ slip)) + 1e-300
+            errors = errors + obstacle.friction * pressing / size * slip / speed
+    slope = float(np.sqrt(drag @ drag)) / (abs(pressing) + 1e-300)
+    return Touch(np.concatenate([across, errors]), normal, lever, point, shift, slope)

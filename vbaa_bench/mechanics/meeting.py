@@ -1,0 +1,107 @@
+"""Where a bent beam lies against the objects about it, and whether it can lie there at all."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import apply, invert
+from vbaa_bench.mechanics.bench import Bench, Equilibrium
+from vbaa_bench.mechanics.state import EquilibriumError
+from vbaa_bench.mechanics.surfaces import Ball, Line, Surface
+
+# How deep, in radii of the beam, a stretch may lie in an object before it counts as touching it.
+DEEPEST = 1e-3
+# Stretches of the beam whose ends are held against an object.
+SCAN = 120
+
+
+def smooth(bench: Bench, clamp_from_world: Floats, centreline: Floats) -> Bench:
+    """The same bench; of every mesh only the edge or corner nearest to a `centreline` (n, 3) [m].
+
+    That is in the clamp's frame, which sees the world at `clamp_from_world` (4, 4).
+    """
+    parts = []
+    for obstacle in bench.obstacles:
+        object_from_clamp = invert(clamp_from_world @ obstacle.world_from_object)
+        touched = obstacle.surface.touched_by(apply(object_from_clamp, centreline))
+        parts.append(replace(obstacle, surface=touched))
+    return replace(bench, obstacles=tuple(parts))
+
+
+def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
+    """Where [m] along the beam it comes nearest to an obstacle or lies deepest in it, how deep
+    [m], and the normal (3,) there.
+
+    A negative depth is a clearance.
+    """
+    bench = found.bench
+    rows, states, _ = found.traced(SCAN)
+    s = nearest(found, index, bench.obstacles[index].surface) / bench.rod.beam.length
+    force = np.zeros(3)
+    if index in found.contacts:  # which decides how far the object has given way
+        force = found.contacts[index].force / bench.rod.force_unit
+    trial = bench.trial(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
+    return trial.s, -float(trial.touch.errors[0]) * bench.rod.beam.length, trial.touch.normal
+
+
+def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
+    """Arc length [m] where the beam comes nearest to `surface`, some part of an obstacle."""
+    rows, states, _ = found.traced(SCAN)
+    length = found.bench.rod.beam.length
+    shift = np.zeros(3)
+    if index in found.contacts:
+        shift = found.contacts[index].touch.shift
+    clamp_from_object = found.clamp_from_world @ found.bench.obstacles[index].world_from_object
+    line = apply(invert(clamp_from_object), states[:, :3] * length - shift)
+    curve = CubicSpline(rows, line)
+
+    def far(point: Floats) -> float:
+        distance, _ = surface.distance(point)
+        # From an edge, or a cylinder's axis, whichever side the beam is on.
+        return abs(distance + surface.radius) if isinstance(surface, Line | Ball) else distance
+
+    coarse = int(np.argmin([far(point) for point in line]))
+    around = rows[max(coarse - 1, 0)], rows[min(coarse + 1, SCAN)]
+    best = minimize_scalar(
+        lambda s: far(curve(s)), method="bounded", bounds=around, options={"xatol": 1e-9}
+    )
+    at_row = float(rows[coarse])
+    return (float(best.x) if best.fun < far(line[coarse]) else at_row) * length
+
+
+def check(found: Equilibrium) -> None:
+    """Raise EquilibriumError if the beam cannot stay there.
+
+    It must not slip off the tip, be pulled, cut into an object, or slip off a ball sideways.
+    """
+    beam = found.bench.rod.beam
+    for index, trial in found.contacts.items():
+        if trial.s >= beam.length:
+            raise EquilibriumError(
+                f"the beam slips off: contact arc length {trial.s:.6g} m, "
+                f"allowed is up to the tip at {beam.length:.6g} m"
+            )
+        pressing = float(trial.force @ trial.touch.normal)
+        if pressing <= 0:
+            raise EquilibriumError(f"the object would have to pull the beam at {trial.s:.4g} m")
+        obstacle = found.bench.obstacles[index]
+        surface = obstacle.surface
+        if isinstance(surface, Line | Ball) and surface.radius == 0:
+            continue  # an edge has no inside
+        if isinstance(surface, Ball) and obstacle.friction == 0:
+            # Aside by z, the force leans by z / (R + r); the beam answers with 3 EI z / x_c^3.
+            allowed = surface.radius + beam.radius
+            bent = pressing * trial.s**3 / (3 * beam.flexural_rigidity)
+            if bent > allowed:
+                raise EquilibriumError(
+                    f"the beam would slip off the sphere sideways: bent by {bent:.4g} m at the "
+                    f"contact, allowed is up to the radii's sum, {allowed:.4g} m"
+                )
+        s, depth, _ = deepest(found, index)
+        if depth > DEEPEST * beam.radius:
+            raise EquilibriumError(
+                f"the beam would cut {depth:.2g} m into the object at arc length {s:.4g} m"
+            )

@@ -1,0 +1,180 @@
+"""The touched surface of an object, as distance and direction from it.
+
+All stand in the object's frame: first contact at the origin, +y towards the beam, +z along the
+touched edge. A beam of radius r touches where the distance to its centreline is r.
+"""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from solver.instrument.arrays import Floats
+
+# Faces that meet at less than this angle [rad] are one face: a mesh file has some seven digits.
+FLATTEST = 1e-4
+
+_ORIGIN, _Y, _Z = np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+class Surface(Protocol):
+    """A touched surface in the object's frame."""
+
+    def distance(self, point: Floats) -> tuple[float, Floats]:
+        """Distance [m] of a point (3,) [m] from the surface, and the unit vector (3,) from it.
+
+        Negative inside, and behind an edge or corner, which a beam must have passed through.
+        """
+
+    def touched_by(self, centreline: Floats) -> "Surface":
+        """The smooth part that a beam along `centreline` (n, 3) [m] touches, or all of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """An edge through `point` along the unit vector `direction`, looking `outward`, each (3,);
+    or, about it, a cylinder of `radius` [m]."""
+
+    point: Floats = field(default_factory=lambda: _ORIGIN)
+    direction: Floats = field(default_factory=lambda: _Z)
+    outward: Floats = field(default_factory=lambda: _Y)
+    radius: float = 0.0
+
+    def distance(self, point: Floats) -> tuple[float, Floats]:
+        """Distance [m] from the edge, or from the cylinder's side."""
+        away = point - self.point
+        away = away - (away @ self.direction) * self.direction
+        return _from(away, self.outward, self.radius)
+
+    def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
+        """All of it."""
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """A corner at `point`, looking `outward`, each (3,); or, about it, a ball of `radius` [m]."""
+
+    point: Floats = field(default_factory=lambda: _ORIGIN)
+    outward: Floats = field(default_factory=lambda: _Y)
+    radius: float = 0.0
+
+    def distance(self, point: Floats) -> tuple[float, Floats]:
+        """Distance [m] from the corner, or from the ball."""
+        return _from(point - self.point, self.outward, self.radius)
+
+    def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
+        """All of it."""
+        return self
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A wall across y."""
+
+    def distance(self, point: Floats) -> tuple[float, Floats]:
+        """Height [m] above the wall."""
+        return float(point[1]), _Y
+
+    def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
+        """All of it."""
+        return self
+
+
+def upright(radius: float = 0.0) -> Line:
+    """An edge along z through the origin, or a cylinder of `radius` [m] with it on its side."""
+    return Line(point=np.array([0.0, -radius, 0.0]), radius=radius)
+
+
+def ball(radius: float) -> Ball:
+    """A ball of `radius` [m] that touches the origin from below."""
+    return Ball(point=np.array([0.0, -radius, 0.0]), radius=radius)
+
+
+class Solid:
+    """Any closed mesh [m]: a straight beam touches it at one of its edges, or at a corner."""
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        # A beam rests on edges that stand out, not on those of dents and of flat faces.
+        convex = mesh.face_adjacency_convex & (mesh.face_adjacency_angles > FLATTEST)
+        self._ends = np.asarray(mesh.vertices)[mesh.face_adjacency_edges[convex]]
+        outward = mesh.face_normals[mesh.face_adjacency[convex]].sum(axis=1)
+        self._outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        self._faces = np.asarray(mesh.triangles)
+        self._bounds = np.asarray(mesh.bounds)
+        self._parts: dict[tuple[int, float], Surface] = {}
+
+    def distance(self, point: Floats) -> tuple[float, Floats]:
+        """Distance [m] from the nearest edge."""
+        return self.touched_by(point[None]).distance(point)
+
+    def touched_by(self, centreline: Floats) -> Surface:
+        """The edge or corner nearest to a beam that does not enter the mesh."""
+        first, last = self._ends[:, 0], self._ends[:, 1]
+        far, _ = cKDTree(centreline).query((first + last) / 2)
+        half = np.linalg.norm(last - first, axis=1) / 2
+        steps = np.linalg.norm(np.diff(centreline, axis=0), axis=1)
+        pitch = float(steps.max(initial=0.0))
+        close = np.flatnonzero(far - half - pitch <= (far + pitch).min())
+        distances = np.empty(len(close))
+        shares = np.empty(len(close))
+        for i, one in enumerate(close):
+            distances[i], shares[i] = _approach(first[one], last[one], centreline)
+        best = int(np.argmin(distances))
+        edge, share = int(close[best]), float(shares[best])
+        key = (edge, share if share in (0.0, 1.0) else 0.5)
+        if key not in self._parts:
+            self._parts[key] = self._part(edge, share)
+        return self._parts[key]
+
+    def holds(self, points: Floats) -> bool:
+        """Whether any of the points (n, 3) [m] lies inside.
+
+        The faces' solid angles about it sum up to 4 pi then (van Oosterom and Strackee 1983).
+        """
+        low, high = self._bounds
+        for point in points[((points > low) & (points < high)).all(axis=1)]:
+            a, b, c = np.moveaxis(self._faces - point, 1, 0)
+            x, y, z = (np.sqrt((side**2).sum(axis=1)) for side in (a, b, c))
+            volume = (a * np.cross(b, c)).sum(axis=1)
+            area = x * y * z + (a * b).sum(axis=1) * z
+            area = area + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
+            if abs(2 * np.arctan2(volume, area).sum()) > 2 * np.pi:
+                return True
+        return False
+
+    def _part(self, edge: int, share: float) -> Surface:
+        first, last = self._ends[edge]
+        if share in (0.0, 1.0):
+            return Ball(point=self._ends[edge, int(share)], outward=self._outward[edge])
+        direction = (last - first) / np.linalg.norm(last - first)
+        return Line(point=first, direction=direction, outward=self._outward[edge])
+
+
+def _from(away: Floats, outward: Floats, radius: float) -> tuple[float, Floats]:
+    far = float(np.sqrt(away @ away))
+    side = -1.0 if radius == 0 and away @ outward < 0 else 1.0
+    return side * far - radius, side * away / far
+
+
+def _approach(first: Floats, last: Floats, centreline: Floats) -> tuple[float, float]:
+    """Least distance [m] between an edge and a polyline, and the share of the edge before it."""
+    along = last - first
+    if len(centreline) == 1:
+        share = float(np.clip((centreline[0] - first) @ along / (along @ along), 0, 1))
+        return float(np.linalg.norm(first + share * along - centreline[0])), share
+    start, step = centreline[:-1], np.diff(centreline, axis=0)
+    # The least distance of two segments (Ericson 2005, section 5.1.9), for all steps at once.
+    between = first - start
+    a, e = along @ along, np.einsum("ij,ij->i", step, step)
+    b, c, f = step @ along, between @ along, np.einsum("ij,ij->i", step, between)
+    parallel = a * e - b * b
+    share = np.clip((b * f - c * e) / np.where(parallel > 0, parallel, np.inf), 0, 1)
+    place = np.clip((b * share + f) / e, 0, 1)
+    share = np.clip((b * place - c) / a, 0, 1)
+    gaps = first + share[:, None] * along - start - place[:, None] * step
+    distance = np.sqrt(np.einsum("ij,ij->i", gaps, gaps))
+    nearest = int(np.argmin(distance))
+    return float(distance[nearest]), float(share[nearest])

@@ -1,0 +1,55 @@
+"""What the sensors read in a frame: the columns of metadata.csv beside the image's name."""
+
+import numpy as np
+
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.spec.scene import Scene
+from vbaa_bench.spec.trials import Trial, random_generator
+from vbaa_bench.truth import motor_angle
+
+
+def readings(
+    scene: Scene, trial: Trial, state: State, hidden: tuple[float, float] | None
+) -> dict[str, str | float | int]:
+    """Columns and cells of a frame, the same columns in every frame of a scene.
+
+    A cell is empty where nothing is read: the motor's angle with a camera that stands in the
+    world, the removed stretch where nothing is removed. Which stretch something hides in the
+    image, `hidden` [m], is not told.
+    """
+    told: dict[str, str | float | int] = {
+        "motor_angle_deg": "" if scene.camera.mount == "world" else _encoder(scene, trial, state),
+        "push_id": trial.push_id,
+        "step": trial.step,
+    }
+    if scene.occlusion is not None and "removed" in scene.occlusion.kind:
+        told_of = hidden is not None and trial.cover is not None and trial.cover.kind == "removed"
+        first, last = hidden if told_of and hidden is not None else (None, None)
+        told["removed_from_mm"] = "" if first is None else first / MILLIMETRE
+        told["removed_to_mm"] = "" if last is None else last / MILLIMETRE
+    if scene.moment_sensor is not None:
+        noise = random_generator(scene, "moment sensor", trial.index)
+        # What the beam exerts on the sensor, so that m_y = x_c f_z (27), right-handed: -x_c f_z.
+        moment = -state.base_moment[1] / MILLIMETRE
+        told["moment_y_n_mm"] = float(noise.normal(moment, scene.moment_sensor.sigma_n_mm))
+    if scene.force_sensor is not None:
+        noise = random_generator(scene, "force sensor", trial.index)
+        force = noise.normal(state.base_force, scene.force_sensor.force_sigma_n)
+        moment_n_mm = np.asarray(state.base_moment) / MILLIMETRE
+        moments = noise.normal(moment_n_mm, scene.force_sensor.moment_sigma_n_mm)
+        told |= {f"base_force_{axis}_n": float(v) for axis, v in zip("xyz", force, strict=True)}
+        told |= {
+            f"base_moment_{axis}_n_mm": float(v) for axis, v in zip("xyz", moments, strict=True)
+        }
+    return told
+
+
+def _encoder(scene: Scene, trial: Trial, state: State) -> float:
+    """The encoder's reading [deg]: off by its noise, and a whole number of its steps."""
+    noise = random_generator(scene, "encoder", trial.index)
+    tolerance = scene.tolerances
+    reading = float(noise.normal(motor_angle(scene, state) / DEGREE, tolerance.encoder_deg))
+    if tolerance.encoder_step_deg > 0:
+        reading = round(reading / tolerance.encoder_step_deg) * tolerance.encoder_step_deg
+    return reading

@@ -1,0 +1,98 @@
+"""One frame of every scene on one picture: what the scenes are, at a glance."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.files import write_bytes
+from solver.instrument.transforms import apply
+from vbaa_bench.bench import Bench
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.plan import Plan, plan
+from vbaa_bench.spec.load import SceneFile, load_scene
+from vbaa_bench.spec.trials import Trial
+from vbaa_bench.studio import Pose
+
+TILE_PX, CAPTION_PX, COLUMNS = 360, 26, 6
+# The surroundings of the contact are shown this much enlarged, in the tile's lower corner.
+ZOOM, HALF_PX = 5, 14
+_PAPER, _INK = 245, 30
+
+
+def contact_sheet(
+    scenes: Sequence[Path], out: Path, variant: str, progress: Callable[[int, int], None]
+) -> None:
+    """Render a frame of every scene and write them as one PNG. Raises InputError."""
+    tiles = []
+    for number, path in enumerate(scenes):
+        tiles.append(_tile(load_scene(path), variant))
+        progress(number + 1, len(scenes))
+    tiles += [np.full_like(tiles[0], _PAPER)] * (-len(tiles) % COLUMNS)
+    rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
+    written, data = cv2.imencode(".png", np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    assert written
+    write_bytes(out, data.tobytes())
+
+
+def _tile(file: SceneFile, variant: str) -> np.ndarray:
+    scene, folder = file.scene, file.path.parent.resolve()
+    work = plan(file)
+    bench = Bench(scene, work.rig, folder, Layout(Path()), variant, threads=0)
+    trial = _telling(work, bench)
+    image = bench.photograph(trial, bench.measure_exposure(lambda: None))
+    pose = bench.pose(trial)
+    tile = np.full((CAPTION_PX + TILE_PX, TILE_PX), _PAPER, np.uint8)
+    group = file.path.parent.name
+    name = file.path.stem if group == "scenes" else f"{group}/{file.path.stem}"
+    cv2.putText(tile, name, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _INK, 1, cv2.LINE_AA)
+    scale = TILE_PX / max(image.shape)
+    resized = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    small = np.asarray(resized, dtype=np.uint8)
+    tile[CAPTION_PX : CAPTION_PX + small.shape[0], : small.shape[1]] = _brightened(small)
+    if pose.state.contacts:
+        around = _brightened(_surroundings(image, _contact_pixel(pose, bench)))
+        side = len(around)
+        tile[-side:, -side:] = around
+        cv2.rectangle(tile, (TILE_PX - side, len(tile) - side), (TILE_PX - 1, len(tile) - 1), 160)
+    return tile
+
+
+def _telling(work: Plan, bench: Bench) -> Trial:
+    """The frame that shows most: pushed far, hidden most, contact in the middle."""
+    trials = list(work.trials)
+    hidden = min((t.cover.availability for t in trials if t.cover is not None), default=1.0)
+    chosen = [t for t in trials if t.cover is None or t.cover.availability == hidden]
+    chosen = [t for t in chosen if t.cover is None or t.cover.kind != "removed"] or chosen
+    farthest = {
+        t.push: max(t.push.goals, key=lambda g: g.pushing_angle or g.deflection or 0)
+        for t in chosen
+    }
+    chosen = [t for t in chosen if t.goal == farthest[t.push]]
+    chosen.sort(key=lambda t: (bench.pose(t).state.pushing_angle, t.index))
+    return chosen[len(chosen) // 2]
+
+
+def _contact_pixel(pose: Pose, bench: Bench) -> Floats:
+    stage = pose.experiment.camera_frame_from_clamp(pose.state)
+    point = apply(stage, pose.state.contact.point[None]) + bench.rig.base_position
+    pixel: Floats = bench.rig.camera.project(point)[0]
+    return pixel
+
+
+def _surroundings(image: Grey, pixel: Floats) -> Grey:
+    """The image about a pixel, enlarged."""
+    u, v = np.rint(pixel).astype(int)
+    left = int(np.clip(u - HALF_PX, 0, image.shape[1] - 2 * HALF_PX))
+    top = int(np.clip(v - HALF_PX, 0, image.shape[0] - 2 * HALF_PX))
+    crop = image[top : top + 2 * HALF_PX, left : left + 2 * HALF_PX]
+    large: Grey = np.kron(crop, np.ones((ZOOM, ZOOM), np.uint8))
+    return large
+
+
+def _brightened(image: Grey) -> Grey:
+    """For a page, which is not looked at as a sensor is."""
+    bright: Grey = np.rint(255 * (image / 255) ** 0.6).astype(np.uint8)
+    return bright

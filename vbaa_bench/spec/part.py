@@ -1,0 +1,24 @@
+"""What all sections of a scene share: immutable, no unknown keys, no inf or NaN."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+# Generous, but finite: a nanometre to a kilometre in mm; nothing overflows later.
+Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Triple = tuple[Coordinate, Coordinate, Coordinate]
+Tolerance = Annotated[float, Field(ge=0, le=1e3)]
+NonNegative = Annotated[float, Field(ge=0, le=1e6)]
+Below = Annotated[float, Field(lt=0, ge=-1e6)]
+# A tilt of plane D; at a right angle the object would only brush along the beam.
+Tilt = Annotated[float, Field(gt=-90, lt=90)]
+
+
+class Part(BaseModel):
+    """A section of a scene."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True
+    )
