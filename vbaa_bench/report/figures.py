@@ -12,6 +12,25 @@ Chart = alt.LayerChart | alt.FacetChart
 
 _PUSH = alt.Color("push:N", title="pushed to", sort=None).legend(orient="bottom")
 _WIDTH = 430
+MOST_PUSHES, CLASSES = 12, 6
+
+
+def few_pushes(scores: pl.DataFrame) -> pl.DataFrame:
+    """The same scores; of more pushes than a legend can hold, classes of equal deflection."""
+    if scores["push"].n_unique() <= MOST_PUSHES:
+        return scores
+    width = float(np.ptp(scores["deflection_pct"].to_numpy())) / CLASSES or 1.0
+    place = (pl.col("deflection_pct") / width).floor()
+    label = pl.format("{} – {} %", (place * width).round(1), ((place + 1) * width).round(1))
+    return scores.with_columns(push=label)
+
+
+def is_fig8(scores: pl.DataFrame) -> bool:
+    """Whether a rigid, upright object was pushed to few angles or deflections, as in Fig. 8."""
+    one_object = scores["normal_deg"].n_unique() == 1 and scores["k_s_n_m"].is_null().all()
+    upright = one_object and scores["normal_deg"][0] == 0
+    touched = scores["true_x_c_mm"].is_not_null().all()
+    return bool(upright and touched and scores["push"].n_unique() <= MOST_PUSHES)
 
 
 def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:

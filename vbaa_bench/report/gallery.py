@@ -29,8 +29,9 @@ def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 1
     """The beam's part of the frame, enlarged: truth, and a ring for each method's contact."""
     _, low = overlay.centreline.min(axis=0)
     _, high = overlay.centreline.max(axis=0)
-    top = max(int(low) - margin_px, 0)
-    bottom = min(int(high) + margin_px, overlay.image.shape[0] - 1)
+    last = overlay.image.shape[0] - 1
+    top = int(np.clip(low - margin_px, 0, last))
+    bottom = int(np.clip(high + margin_px, top, last))
     view = _View(overlay.image, (0, top), (overlay.image.shape[1], bottom - top + 1), scale)
     view.line(overlay.centreline, TRUTH, offset_px=3)
     view.line(overlay.centreline, TRUTH, offset_px=-3)
@@ -41,7 +42,8 @@ def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 1
 def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int = 24) -> np.ndarray:
     """The surroundings of the contact, much enlarged, with the extracted points."""
     half_px = min(half_px, (min(overlay.image.shape) - 1) // 2)
-    u, v = np.rint(overlay.contact).astype(int)
+    middle = overlay.centreline[-1] if overlay.contact is None else overlay.contact
+    u, v = np.rint(middle).astype(int)
     left = int(np.clip(u - half_px, 0, overlay.image.shape[1] - 2 * half_px - 1))
     top = int(np.clip(v - half_px, 0, overlay.image.shape[0] - 2 * half_px - 1))
     size = 2 * half_px + 1
@@ -66,7 +68,8 @@ def colour_name(colour: tuple[int, int, int]) -> str:
 
 
 def _contacts(view: "_View", overlay: Overlay, colours: Colours, radius_px: float) -> None:
-    view.cross(overlay.contact, TRUTH, radius_px)
+    if overlay.contact is not None:
+        view.cross(overlay.contact, TRUTH, radius_px)
     for name, at in overlay.estimates.items():
         view.ring(at, colours[name], radius_px)
 

@@ -31,6 +31,7 @@ def report(results: Results) -> Path:
         scores = pl.read_parquet(results.scores / "scores.parquet")
     except (OSError, pl.exceptions.PolarsError) as error:
         raise InputError(f"{results.scores / 'scores.parquet'}: cannot be read") from error
+    scores = figures.few_pushes(scores)
     methods = list(summary["methods"])
     colours = gallery.colours_of(methods)
     rig = truth.manifest["true_rig"]
@@ -53,7 +54,7 @@ def report(results: Results) -> Path:
                 _svg(figures.fig8_contact_distance(scores, name)),
                 _svg(figures.fig8_force(scores, name, length, rigidity)),
             )
-            for name in methods
+            for name in (methods if figures.is_fig8(scores) else [])
         ],
         errors=[_svg(figures.error_against_distance(scores, name)) for name in methods],
         truth_colour=gallery.colour_name(gallery.TRUTH),

@@ -9,21 +9,23 @@ from solver.centreline.area_weighted import area_weighted
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
-from solver.instrument.units import MILLIMETRE
+from solver.instrument.transforms import apply, turn_about_z
+from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.score.layout import Results
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """Pixels (u, v): true centreline (n, 2), true contact (2,), extracted points (m, 2), and the
-    estimated contact of each method (2,), put on the true centreline at the estimated x_c."""
+    """Pixels (u, v): true centreline (n, 2), true contact (2,) or None where nothing is touched,
+    extracted points (m, 2), and the estimated contact of each method (2,), put on the true
+    centreline at the estimated x_c."""
 
     frame_id: str
     title: str
     image: Grey
     centreline: Floats
-    contact: Floats
+    contact: Floats | None
     points: Floats
     estimates: dict[str, Floats]
 
@@ -37,28 +39,44 @@ def overlay(results: Results, truth: Truth, scores: pl.DataFrame, frame_id: str)
         )
     image = read_grey(paths[0])
     row = truth.frames.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
-    base = np.array(truth.manifest["true_rig"]["base_position_mm"])
-    x, y = np.array(row["centreline_x_mm"]), np.array(row["centreline_y_mm"])
+    x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
+    camera_frame_from_clamp = _stage(truth, row["pushing_angle_deg"] * DEGREE)
 
     def pixels(at: Floats) -> Floats:
-        height = np.interp(at, x, y)
-        points = np.column_stack([at, height, np.zeros_like(at)]) + base
-        return truth.camera.project(points * MILLIMETRE)
+        points = np.column_stack([at, np.interp(at, x, y), np.interp(at, x, z)])
+        return truth.camera.project(apply(camera_frame_from_clamp, points * MILLIMETRE))
 
     answered = scores.filter((pl.col("frame_id") == frame_id) & ~pl.col("failed"))
     estimates = {
         name: pixels(np.array([x_c]))[0]
         for name, x_c in answered.select("method", "x_c_mm").drop_nulls().iter_rows()
     }
+    title, contact = "no contact", None
+    if row["x_c_mm"] is not None:
+        title = (
+            f"x_c = {row['x_c_mm']:.4g} mm, deflection {row['deflection_pct']:.2g} %, "
+            f"force {1e3 * row['force_n']:.3g} mN"
+        )
+        contact = pixels(np.array([row["x_c_mm"]]))[0]
     return Overlay(
         frame_id=frame_id,
-        title=(
-            f"x_c = {row['x_c_mm']:.2f} mm, deflection {row['deflection_pct']:.0f} %, "
-            f"force {1e3 * row['force_n']:.1f} mN"
-        ),
+        title=title,
         image=image,
         centreline=pixels(x),
-        contact=pixels(np.array([row["x_c_mm"]]))[0],
+        contact=contact,
         points=area_weighted(image).points,
         estimates=estimates,
     )
+
+
+def _stage(truth: Truth, pushing_angle: float) -> Floats:
+    """From the clamp's frame into that in which the camera stands still (4, 4)."""
+    scene = truth.manifest["scene"]
+    base = np.array(truth.manifest["true_rig"]["base_position_mm"]) * MILLIMETRE
+    stage = np.eye(4)
+    if scene["camera"]["mount"] == "world":
+        axis = -np.array(scene["adaptor_mm"]) * MILLIMETRE
+        stage = turn_about_z(-pushing_angle)
+        stage[:3, 3] = axis - stage[:3, :3] @ axis
+    stage[:3, 3] += base
+    return stage
