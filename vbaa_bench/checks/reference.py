@@ -1,0 +1,82 @@
+"""The planar beam once more, by scipy's integrator: slow, and another road to the same numbers."""
+
+import math
+from typing import Final
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
+
+from solver.instrument.arrays import Floats
+from solver.instrument.beam import Beam, circular_rigidity
+from vbaa_bench.mechanics.state import State
+
+YOUNGS_MODULUS: Final = 200e9
+BEAM: Final = Beam(0.24, 0.8e-3, circular_rigidity(YOUNGS_MODULUS, 0.8e-3))
+
+Push = tuple[float, float]
+
+
+def reference(push: Push, state: State) -> tuple[Floats, float, Floats]:
+    """Force (3,) [N], s_c [m] and centreline (n, 3) [m] of a planar push by scipy's integrator.
+
+    `state` says where the search starts, a hundredth off, and the centreline's arc lengths.
+    """
+    length, unit = BEAM.length, BEAM.flexural_rigidity / BEAM.length**2
+    x_0, radius = push[0] / length, BEAM.radius / length
+
+    def contact(strength: float, s_c: float) -> tuple[float, float, float]:
+        theta, _, along, across = _walk(strength, s_c)[:, -1]
+        cosine, sine = math.cos(theta), math.sin(theta)
+        return theta, along * cosine + across * sine, along * sine - across * cosine
+
+    def errors(unknown: Floats) -> list[float]:
+        strength, s_c, angle = unknown
+        theta, x, y = contact(strength, s_c)
+        return [
+            x + radius * math.sin(theta) - x_0 * math.cos(angle) - radius * math.sin(angle),
+            y - radius * math.cos(theta) - x_0 * math.sin(angle) + radius * math.cos(angle),
+            y + (1 - s_c) * math.sin(theta) - push[1],
+        ]
+
+    strength = float(np.linalg.norm(state.contact.force)) / unit
+    near = np.array([strength, state.contact.s / length, state.pushing_angle])
+    strength, s_c, _ = root(errors, 1.01 * near, method="hybr", options={"xtol": 1e-14}).x
+    theta, x, y = contact(strength, s_c)
+    tangent = np.array([math.cos(theta), math.sin(theta)])
+    normal = np.array([-math.sin(theta), math.cos(theta)])
+    back = s_c - state.centreline[:, 0] / length
+    curved = np.clip(back[state.contact.row :: -1], 0.0, s_c)
+    _, _, along, across = _walk(strength, s_c, at=curved)[:, ::-1]
+    ahead = np.column_stack([-back, 0 * back])
+    ahead[: len(curved)] = np.column_stack([-along, across])
+    points = np.array([x, y]) + ahead[:, :1] * tangent + ahead[:, 1:] * normal
+    force = unit * strength * np.array([*normal, 0.0])
+    return force, s_c * length, length * np.column_stack([points, 0 * back])
+
+
+def dead_load_tip(load: float) -> Floats:
+    """The tip (3,) over L under a dead load [EI / L^2] (Bisshopp and Drucker 1945)."""
+    slope = brentq(lambda slope: _walk(load, 1.0, slope)[0, -1] - slope, 0.01, 1.5, xtol=1e-14)
+    _, _, along, across = _walk(load, 1.0, slope)[:, -1]
+    cosine, sine = math.cos(slope), math.sin(slope)
+    return np.array([along * cosine + across * sine, along * sine - across * cosine, 0.0])
+
+
+def _walk(force: float, end: float, lean: float = 0.0, at: Floats | None = None) -> Floats:
+    """(phi, phi', along, across) of the beam walked back from the force, (4, n).
+
+    phi'' = force cos(phi - lean), lengths in units of L and the force in EI / L^2; `along` and
+    `across` are in the frame of the tangent there.
+    """
+    solution = solve_ivp(
+        lambda _, y: (y[1], force * math.cos(y[0] - lean), math.cos(y[0]), math.sin(y[0])),
+        (0.0, end),
+        np.zeros(4),
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-18,
+        max_step=0.02,
+        t_eval=at,
+    )
+    return np.asarray(solution.y)
