@@ -11,13 +11,12 @@ from solver.instrument.arrays import Grey
 from solver.instrument.files import write_bytes
 from solver.instrument.images import png_bytes
 from solver.instrument.units import PERCENT
-from vbaa_bench.cover import hidden_stretch
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.experiment import Experiment
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.readings import readings
-from vbaa_bench.render.layers import layers
+from vbaa_bench.render.layers import layers, visible_share
 from vbaa_bench.render.picture import Sampling, even_picture, picture
 from vbaa_bench.render.variant import activate
 from vbaa_bench.render.world import World
@@ -112,10 +111,11 @@ class Bench:
     def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
         pose = self.pose(trial)
         image, found = self._photograph(trial, exposure)
-        hidden = hidden_stretch(trial.cover, pose.state)
-        truth = truth_row(pose.experiment, trial, pose.state, hidden)
+        truth = truth_row(pose.experiment, trial, pose.state, pose.hidden)
+        length_mm = self.scene.beam.length_mm
+        truth["visible_share"] = visible_share(found["arc_length"], found["beam_mask"], length_mm)
         kept = {str(layer): found[layer] for layer in self.scene.layers}
-        told = readings(self.scene, trial, pose.state, hidden)
+        told = readings(self.scene, trial, pose.state, pose.hidden)
         writer.add(trial.frame_id, image, told, truth, kept)
 
     def photograph(self, trial: Trial, exposure: float) -> Grey:

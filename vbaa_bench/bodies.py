@@ -8,11 +8,12 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
 from solver.instrument.transforms import rigid
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry import objects
 from vbaa_bench.geometry.mesh_file import read_mesh, touching
-from vbaa_bench.mechanics.surfaces import Flat, Solid, Surface, ball, upright
+from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid, Surface, ball, upright
 from vbaa_bench.spec.objects import (
     BlockSpec,
     CylinderSpec,
@@ -27,6 +28,9 @@ from vbaa_bench.spec.objects import (
     UprightSpec,
     WallSpec,
 )
+
+# A mesh's extent in radii of the beam: less is dust, more is no object beside an antenna.
+SMALLEST, LARGEST = 0.5, 2000.0
 
 
 @dataclass(frozen=True)
@@ -70,18 +74,42 @@ class Body:
             case BlockSpec() | KnifeEdgeSpec() | NothingSpec():
                 return upright()
 
-    def edge(self) -> tuple[float, float]:
-        """From where to where [m] the touched edge reaches along the object's z axis."""
-        mm, spec = MILLIMETRE, self.spec
+    def misses(self, touched: Floats, tangent: Floats) -> str | None:
+        """Why a beam cannot touch the object at a point (3,) [m] of its frame, along a tangent.
+
+        Mechanics knows an endless edge, cylinder or wall; None where the object has that place.
+        """
+        mm, spec, x, z = MILLIMETRE, self.spec, float(touched[0]), float(touched[2])
+        low, high, half, flank = -np.inf, np.inf, np.inf, np.pi / 2
         match spec:
-            case SphereSpec():
-                return -spec.radius_mm * mm, spec.radius_mm * mm
             case KnifeEdgeSpec():
-                return -spec.length_mm * mm / 2, spec.length_mm * mm / 2
-            case MeshSpec() | NothingSpec():
-                return -np.inf, np.inf
-            case _:
-                return self._heights
+                low, high = -spec.length_mm * mm / 2, spec.length_mm * mm / 2
+                flank = np.pi / 2 - spec.half_angle_deg * DEGREE
+            case BlockSpec():
+                flank = np.pi / 4
+            case WallSpec():
+                half = spec.length_mm * mm / 2
+            case PadSpec():
+                half = spec.width_mm * mm / 2
+        if isinstance(spec, UprightSpec):
+            low, high = self._heights
+        if not low <= z <= high:
+            return (
+                f"the beam slides off the end of the object, to {z / mm:.3g} mm along its edge, "
+                f"allowed is {low / mm:.4g} to {high / mm:.4g} mm"
+            )
+        if abs(x) > half:
+            return (
+                f"the beam touches {abs(x) / mm:.4g} mm from the object's middle, "
+                f"allowed is up to {half / mm:.4g} mm"
+            )
+        lean = abs(float(np.arctan2(tangent[1], tangent[0])))
+        if lean > flank:
+            return (
+                f"the beam leans by {lean / DEGREE:.3g} degrees, into the object's flank, "
+                f"allowed is {flank / DEGREE:.3g}"
+            )
+        return None
 
     def mesh(self, give: float, slope: float = 0.0) -> trimesh.Trimesh:
         """What the camera sees, in the object's frame [m], after giving way by `give` [m] to a
@@ -131,19 +159,39 @@ class Body:
 
 @lru_cache(maxsize=4)
 def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
-    return touching(read_mesh(path, unit), beam_radius)
+    """A mesh put where it first touches a beam along x: at the origin of its frame."""
+    mesh = touching(read_mesh(path, unit), beam_radius)
+    extent = float(mesh.extents.max())
+    if not SMALLEST * beam_radius < extent < LARGEST * beam_radius:
+        raise InputError(
+            f"{path}: is {extent / MILLIMETRE:.4g} mm across, before a beam of "
+            f"{2 * beam_radius / MILLIMETRE:.4g} mm; does object.unit_mm say what its numbers mean?"
+        )
+    low, high = (float(x) for x in mesh.bounds[:, 0])
+    along = np.linspace(low, high, 1001)
+    beam = np.column_stack([along, np.full(1001, beam_radius), np.zeros(1001)])
+    touched = Solid(mesh).touched_by(beam)
+    assert isinstance(touched, Line | Ball)
+    at = touched.point
+    if isinstance(touched, Line):  # the place on the edge that is nearest to the beam
+        across = touched.direction[1:]
+        size = float(across @ across)
+        share = float((beam[0, 1:] - at[1:]) @ across) / size if size > 0 else 0.0
+        at = at + share * touched.direction
+    mesh.apply_translation([-at[0], 0.0, 0.0])
+    return mesh
 
 
-def place(at: Floats, tangent: Floats, normal: float, reach: float) -> Floats:
+def place(at: Floats, tangent: Floats, tilt: float, reach: float) -> Floats:
     """World_from_object (4, 4) of an object that touches the beam at rest.
 
-    The beam's centreline passes `at` (3,) [m] along `tangent` (3,); the object's outward normal
-    is tilted by `normal` [rad] out of plane C and across the beam, whose surface lies `reach` [m]
-    from the centreline.
+    The beam's centreline passes `at` (3,) [m] along `tangent` (3,); the object's edge, its z axis,
+    leans by `tilt` [rad] from upright, and its outward normal stands across both; the beam's
+    surface lies `reach` [m] from the centreline.
     """
-    outward = np.array([0.0, np.cos(normal), np.sin(normal)])
-    outward -= (outward @ tangent) * tangent
+    edge = np.array([0.0, -np.sin(tilt), np.cos(tilt)])
+    outward = np.cross(edge, tangent)
     outward /= np.linalg.norm(outward)
     pose = rigid(np.zeros(3), at - reach * outward)
-    pose[:3, :3] = np.column_stack([tangent, outward, np.cross(tangent, outward)])
+    pose[:3, :3] = np.column_stack([np.cross(outward, edge), outward, edge])
     return pose

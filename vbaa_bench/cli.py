@@ -1,4 +1,4 @@
-"""`vbaa-bench`: run | generate | solve | score | report | doctor; run is the others in order."""
+"""`vbaa-bench`: run (generate, solve, score, report), contact-sheet, speed, doctor."""
 
 import json
 import os
@@ -80,10 +80,14 @@ def run(
 ) -> None:
     """Generate, solve, score and report a scene."""
     results = Results(_generate(scene, out, seed, workers, variant))
-    summary = score_predictions(results, _solve(results, method, repeats))
+    written = _solve(results, method, repeats)
+    summary = score_predictions(results, written)
     page = _report(results)
     _show(summary, {"report": str(page), **summary}, as_json)
     if not as_json:
+        for name, path in written.items():
+            if summary["methods"][name]["failure_rate"] == 1:
+                console.print(f"{name} answers no frame: {_outcomes(path)}", markup=False)
         Console(soft_wrap=True).print(f"report: {page}", highlight=False)
 
 
@@ -220,14 +224,18 @@ def _generate(
     # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
     count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
     with _progress() as progress:
-        task = progress.add_task("rendering", total=None)
+        solved = progress.add_task("mechanics", total=None)
+        task = progress.add_task("rendering", total=None, visible=False)
         try:
             generate_dataset(
                 file,
                 root,
                 chosen,
                 count,
-                lambda done, total: progress.update(task, completed=done, total=total),
+                lambda done, total: progress.update(
+                    task, completed=done, total=total, visible=True
+                ),
+                lambda done, total: progress.update(solved, completed=done, total=total),
             )
         except KeyboardInterrupt:
             console.print("interrupted; the same command goes on from what is finished")

@@ -5,7 +5,7 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
-from solver.instrument.transforms import invert
+from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.occluders import bars, leaves, sheet_over
 from vbaa_bench.mechanics.state import State
@@ -16,18 +16,25 @@ from vbaa_bench.spec.trials import Cover
 SPARSEST = 2.0
 # Leaves of half the stretch's length or less, but wide enough to be seen.
 LARGEST_LEAF = 0.5
+# A stretch about the contact has it anywhere within the middle four fifths, or it would tell it.
+OFF_MIDDLE = 0.4
 
 
-def hidden_stretch(cover: Cover | None, state: State) -> tuple[float, float] | None:
-    """The stretch [m] of Sigma_a's x axis that is hidden (eq. 32); None where nothing is."""
+def hidden_stretch(
+    cover: Cover | None, state: State, length: float, random: np.random.Generator
+) -> tuple[float, float] | None:
+    """The stretch [m] of Sigma_a's x axis that is hidden (eq. 32); None where nothing is.
+
+    It is measured on the nominal `length` [m] of the beam, so that it tells nothing of how the
+    beam is bent.
+    """
     if cover is None or cover.availability >= 1:
         return None
-    reach = float(state.tip[0])
-    width = (1 - cover.availability) * reach
-    middle = {"base": 0.0, "middle": reach / 2, "tip": reach}.get(cover.place, reach / 2)
+    width = (1 - cover.availability) * length
+    middle = {"base": 0.0, "middle": length / 2, "tip": length}.get(cover.place, length / 2)
     if cover.place == "contact" and state.contacts:
-        middle = float(state.contact.point[0])
-    start = float(np.clip(middle - width / 2, 0.0, reach - width))
+        middle = float(state.contact.point[0]) + random.uniform(-1, 1) * OFF_MIDDLE * width
+    start = float(np.clip(middle - width / 2, 0.0, length - width))
     return start, start + width
 
 
@@ -36,36 +43,45 @@ def occluder(
     stretch: tuple[float, float],
     state: State,
     camera: Camera,
+    camera_from_clamp: Floats,
+    top: float,
     random: np.random.Generator,
 ) -> trimesh.Trimesh:
-    """The mesh [m] in Sigma_a that hides a stretch of the beam from the camera."""
-    first, last = stretch
+    """The mesh [m], in the clamp's frame, that hides a stretch of the beam from the camera.
+
+    It lies above the whole beam and the object, whose `top` is given [m], across the lines of
+    sight to that stretch.
+    """
+    line, (first, last) = state.centreline, stretch
+    length, hidden = float(line[-1, 0]), last - first
     if spec.body == "bars":
-        reach = float(state.tip[0])
-        hidden, middle = last - first, (first + last) / 2
-        wide = min(SPARSEST * hidden, reach)
-        first = float(np.clip(middle - wide / 2, 0.0, reach - wide))
+        wide = min(SPARSEST * hidden, length)
+        first = float(np.clip((first + last - wide) / 2, 0.0, length - wide))
         last = first + wide
-    y = state.centreline[:, 2]
-    margin = 0.1 * float(state.centreline[-1, 0])
-    height = spec.height_mm * MILLIMETRE
-    corners = np.array([[first, y.min() - margin, 0.0], [last, y.max() + margin, 0.0]])
-    (x_from, y_from), (x_to, y_to) = _towards(camera, corners, height)
+    inside = (line[:, 1] >= first) & (line[:, 1] <= last)
+    inside[np.abs(line[:, 1] - (first + last) / 2).argmin()] = True
+    height = max(float(line[:, 3].max()), top) + spec.height_mm * MILLIMETRE
+    seen = _towards(camera, camera_from_clamp, line[inside, 1:], height)
+    margin = 0.1 * length
+    (x_from, y_from), (x_to, y_to) = seen.min(axis=0), seen.max(axis=0)
+    # The stretch is one of x, and ends between two rows of the centreline.
+    x_from -= max(line[inside, 1].min() - first, 0.0)
+    x_to += max(last - line[inside, 1].max(), 0.0)
+    y_from, y_to = y_from - margin, y_to + margin
     if spec.body == "sheet":
         return sheet_over(x_from, x_to, y_from, y_to, height)
     if spec.body == "bars":
-        share = hidden / (last - first)
-        width = share * (x_to - x_from) / spec.count
+        width = hidden / (last - first) * (x_to - x_from) / spec.count
         return bars(x_from, x_to, y_from, y_to, height, spec.count, 0.999 * width)
     size = min(3 * (x_to - x_from) / np.sqrt(spec.count), LARGEST_LEAF * (y_to - y_from))
     return leaves(x_from, x_to, y_from, y_to, height, spec.count, size, random)
 
 
-def _towards(camera: Camera, points: Floats, height: float) -> Floats:
-    """Where (n, 2) the lines of sight to points (n, 3) on plane C pass at `height` above it."""
-    antenna_from_camera = invert(camera.camera_from_antenna)
+def _towards(camera: Camera, camera_from_clamp: Floats, points: Floats, height: float) -> Floats:
+    """Where (n, 2) [m] the lines of sight to points (n, 3) pass at a height above plane C."""
+    clamp_from_camera = invert(camera_from_clamp)
     if camera.telecentric:
-        sight = np.broadcast_to(-antenna_from_camera[:3, 2], points.shape)
+        sight = np.broadcast_to(-clamp_from_camera[:3, 2], points.shape)
     else:
-        sight = antenna_from_camera[:3, 3] - points
-    return np.asarray((points + sight * (height / sight[:, 2:]))[:, :2])
+        sight = apply(clamp_from_camera, np.zeros((1, 3))) - points
+    return np.asarray((points + sight * ((height - points[:, 2:]) / sight[:, 2:]))[:, :2])

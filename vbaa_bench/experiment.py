@@ -18,7 +18,7 @@ from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Line, upright
 from vbaa_bench.spec.objects import NothingSpec, WallSpec
-from vbaa_bench.spec.rigs import TrueRig
+from vbaa_bench.spec.rigs import TrueRig, nominal_rig
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Push
 
@@ -64,7 +64,10 @@ class Experiment:
     @cached_property
     def body(self) -> Body:
         """What is pushed."""
-        return Body(self.scene.object, self.rig.beam.radius, self.ground, self.folder)
+        # A beam that sags takes the object's frame with it, not the ground.
+        place, _ = self._resting_at(self.push.contact_distance or 0.0)
+        ground = self.ground - float(place[2])
+        return Body(self.scene.object, self.rig.beam.radius, ground, self.folder)
 
     @property
     def ground(self) -> float:
@@ -76,6 +79,13 @@ class Experiment:
         """The beam before contact."""
         return rest(self.rod, self.scene.beam.pieces)
 
+    @property
+    def youngs_modulus(self) -> float:
+        """The true one [Pa], which goes with the beam's true rigidity."""
+        nominal = nominal_rig(self.scene).beam.flexural_rigidity
+        true = self.rig.beam.flexural_rigidity
+        return self.scene.beam.youngs_modulus_gpa * 1e9 * true / nominal
+
     @cached_property
     def obstacles(self) -> list[Obstacle]:
         """The object at its place, and the second peg if there is one."""
@@ -85,7 +95,8 @@ class Experiment:
             at, tangent = self._resting_at(peg.distance_mm * MILLIMETRE)
             gap = (peg.gap_mm * MILLIMETRE) * np.array([0.0, 1.0, 0.0])
             reach = self.rod.reach(peg.distance_mm * MILLIMETRE, np.pi)
-            there = place(at + gap, tangent, np.pi, reach)
+            # Seen from its own side of the beam, the beam runs the other way.
+            there = place(at + gap, -tangent, 0.0, reach)
             obstacles.append(Obstacle(upright(peg.radius_mm * MILLIMETRE), there))
         return obstacles
 
@@ -108,21 +119,31 @@ class Experiment:
         """
         states = self._states()
         gives = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
-        if gives and self.push.compliance > 0:
-            self.body.mesh(max(gives))
-        low, high = self.body.edge()
+        if not isinstance(self.scene.object, NothingSpec):
+            self.body.mesh(max(gives, default=0.0))
+            self._clear_of_hub()
         for step, state in enumerate(states):
             for contact in state.contacts[:1]:
-                touched = (contact.point + contact.lever)[None]
-                place = apply(invert(self.clamp_from_object(state, step)), touched)[0, 2]
-                if not low <= place <= high:
-                    mm = MILLIMETRE
-                    raise EquilibriumError(
-                        f"at {self.push.goals[step]} the beam slides off the end of the object, "
-                        f"to {place / mm:.3g} mm along its edge, allowed is {low / mm:g} to "
-                        f"{high / mm:g} mm"
-                    )
+                object_from_clamp = invert(self.clamp_from_object(state, step))
+                touched = apply(object_from_clamp, (contact.point + contact.lever)[None])[0]
+                tangent = object_from_clamp[:3, :3] @ contact.tangent
+                reason = self.body.misses(touched, tangent)
+                if reason is not None:
+                    raise EquilibriumError(f"at {self.push.goals[step]} {reason}")
         return states
+
+    def _clear_of_hub(self) -> None:
+        """Raise EquilibriumError if the object, which turns about the motor's axis, meets it."""
+        first, hub = self.obstacles[0], self.scene.hub.radius_mm * MILLIMETRE
+        axis = apply(invert(first.world_from_object), np.array([self.motor.point]))[0]
+        clear, _ = first.surface.distance(axis)
+        # Behind its edge an object is as wide as it is, and distance says nothing.
+        edge = isinstance(first.surface, Line) and first.surface.radius == 0
+        if (abs(clear) if edge else clear) < hub:
+            raise EquilibriumError(
+                f"the object stands {clear / MILLIMETRE:.4g} mm from the motor's axis, "
+                f"allowed is beyond the hub's radius of {hub / MILLIMETRE:g} mm"
+            )
 
     def _states(self) -> list[State]:
         model, goals, pieces = self.model, self.push.goals, self.scene.beam.pieces

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_text
+from solver.instrument.files import sha256, write_text
 from solver.instrument.observation import INCOMPLETE
 from solver.instrument.rig import rig_to_json
 from vbaa_bench.bench import Bench
@@ -15,25 +15,35 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json, seal, versions
 from vbaa_bench.plan import Plan, plan
 from vbaa_bench.spec.load import SceneFile
+from vbaa_bench.spec.objects import MeshSpec
 from vbaa_bench.spec.rigs import nominal_rig
-from vbaa_bench.spec.scene import Scene
 from vbaa_bench.truth import dataset_facts
 from vbaa_bench.workers import Pool
 
 Progress = Callable[[int, int], None]
 
 
-def generate(file: SceneFile, root: Path, variant: str, workers: int, progress: Progress) -> Layout:
+def generate(
+    file: SceneFile,
+    root: Path,
+    variant: str,
+    workers: int,
+    progress: Progress,
+    planning: Progress = lambda _done, _total: None,
+) -> Layout:
     """Make the dataset of a scene at `root`, or finish one that was interrupted.
 
-    `progress(done, total)` is called as images are made. A complete dataset of the same scene
+    `planning(done, total)` is called as pushes are solved, `progress(done, total)` as images are
+    made. A complete dataset of the same scene
     and seed is left as it is. Raises InputError where the scene is impossible or `root` is
     not writable or holds something else.
     """
     scene, layout = file.scene, Layout(root)
-    work = plan(file)
+    if _claimed(layout, file):  # complete: what is there need not be solved again
+        return layout
+    work = plan(file, planning)
     try:
-        if _claim(layout, scene, variant):
+        if _claim(layout, file, variant):
             return layout
         write_text(layout.observations / "rig.json", rig_to_json(nominal_rig(scene)))
         exposure = _make(file, work, layout, (variant, workers), progress)
@@ -68,22 +78,39 @@ def _make(
     return exposure
 
 
-def _claim(layout: Layout, scene: Scene, variant: str) -> bool:
+def _claimed(layout: Layout, file: SceneFile) -> bool:
+    """Whether a complete dataset of this scene lies there."""
+    complete = layout.hashes.is_file() and layout.manifest.is_file()
+    marker = layout.truth / "identity.json"
+    if not (complete and marker.is_file()):
+        return False
+    found = read_json(marker)
+    return all(found.get(key) == value for key, value in _identity(file).items())
+
+
+def _identity(file: SceneFile) -> dict[str, Any]:
+    """What a dataset is of: the scene, and the files that it names."""
+    scene = file.scene
+    files: dict[str, str | None] = {}
+    if isinstance(scene.object, MeshSpec):
+        path = file.path.parent / scene.object.file
+        files[scene.object.file] = sha256(path) if path.is_file() else None
+    return {"scene": scene.model_dump(mode="json"), "files": files}
+
+
+def _claim(layout: Layout, file: SceneFile, variant: str) -> bool:
     """Take `root` for this scene; True if its dataset is already complete. Raises InputError."""
     marker = layout.truth / "identity.json"
-    identity = {
-        "scene": scene.model_dump(mode="json"),
-        "made_with": {"variant": variant, **versions()},
-    }
+    identity = {**_identity(file), "made_with": {"variant": variant, **versions()}}
     if not marker.is_file():
         if layout.root.exists() and any(layout.root.iterdir()):
             raise InputError(f"{layout.root}: holds something else; choose an empty folder")
         layout.truth.mkdir(parents=True)
         write_text(marker, json.dumps(identity) + "\n")
     found = read_json(marker)
-    if found.get("scene") != identity["scene"]:
+    if any(found.get(key) != identity[key] for key in ("scene", "files")):
         raise InputError(
-            f"{layout.root}: holds the dataset of another scene or seed; "
+            f"{layout.root}: holds the dataset of another scene, seed or mesh; "
             "choose another folder, or remove it"
         )
     if layout.hashes.is_file() and layout.manifest.is_file():

@@ -81,7 +81,7 @@ class _Seen:
 
     def __init__(self, file: SceneFile, rig: TrueRig) -> None:
         self._file, self._rig = file, rig
-        self._strain, self._strained = 0.0, ""
+        self._stress, self._stressed, self._lowest = 0.0, "", 0.0
         rest = np.array([[0.0, 0.0, 0.0], [rig.beam.length, 0.0, 0.0]]) + rig.base_position
         self._points = rest
         self.residual = 0.0
@@ -91,8 +91,10 @@ class _Seen:
         wanted = experiment.push
         for goal, state in zip(wanted.goals, states, strict=True):
             self.residual = max(self.residual, state.residual)
-            if state.largest_strain > self._strain:
-                self._strain, self._strained = state.largest_strain, f"{_where(wanted)}to {goal}"
+            stress = state.largest_strain * experiment.youngs_modulus / 1e6
+            if stress > self._stress:
+                self._stress, self._stressed = stress, f"{_where(wanted)}to {goal}"
+            self._lowest = min(self._lowest, float(state.centreline[:, 3].min()))
             points = apply(experiment.camera_frame_from_clamp(state), state.centreline[:, 1:])
             points = np.vstack([self._points, points + self._rig.base_position])
             # The outermost along every axis and diagonal stand for all.
@@ -101,18 +103,25 @@ class _Seen:
 
     def mistakes(self) -> list[str]:
         """What the beam does not bear, and what the camera does not see."""
-        return self._overstressed() + self._out_of_view()
+        return self._overstressed() + self._below_ground() + self._out_of_view()
+
+    def _below_ground(self) -> list[str]:
+        ground = self._file.scene.background.distance_mm
+        deep = (self._rig.beam.radius - self._lowest) / MILLIMETRE
+        if deep <= ground:
+            return []
+        said = f"is {ground:g}, but the beam comes as low as {deep:.4g} mm below plane C"
+        return [self._file.complaint(("background", "distance_mm"), said)]
 
     def _overstressed(self) -> list[str]:
         beam = self._file.scene.beam
-        stress = self._strain * beam.youngs_modulus_gpa * 1e3
-        if beam.allow_above_yield or stress <= beam.yield_stress_mpa:
+        if beam.allow_above_yield or self._stress <= beam.yield_stress_mpa:
             return []
         return [
             self._file.complaint(
                 ("beam", "yield_stress_mpa"),
-                f"is {beam.yield_stress_mpa:g}, but {self._strained} stresses the beam to "
-                f"{stress:.0f} MPa; push less, or set allow_above_yield: true",
+                f"is {beam.yield_stress_mpa:g}, but {self._stressed} stresses the beam to "
+                f"{self._stress:.0f} MPa; push less, or set allow_above_yield: true",
             )
         ]
 
@@ -183,6 +192,11 @@ def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
         else:
             continue
         mistakes[-1] = file.complaint((*key, index), mistakes[-1])
+    peg = scene.second_peg
+    if peg is not None and not hub < peg.distance_mm < length:
+        said = f"is {peg.distance_mm:g}, allowed is between the hub's radius of {hub:g} mm"
+        place = ("second_peg", "distance_mm")
+        mistakes.append(file.complaint(place, f"{said} and the tip at {length:g} mm"))
     return mistakes
 
 

@@ -35,6 +35,14 @@ class Pose:
     trial: Trial
     state: State
 
+    @property
+    def hidden(self) -> tuple[float, float] | None:
+        """The stretch [m] of the beam that is covered, or to be left out."""
+        scene = self.experiment.scene
+        random = random_generator(scene, "cover", self.trial.index)
+        length = scene.beam.length_mm * MILLIMETRE
+        return hidden_stretch(self.trial.cover, self.state, length, random)
+
 
 @dataclass(frozen=True)
 class Studio:
@@ -51,14 +59,14 @@ class Studio:
 
     def bench(self, pose: Pose) -> World:
         """The beam pushed against its object."""
-        surfaces = {**dict(self._things(pose)), **dict(self._standing(pose.experiment, pose.state))}
+        surfaces = {**dict(self.things(pose)), **dict(self._standing(pose.experiment, pose.state))}
         # The beam comes first: its index in the truth layers is 1.
         surfaces = {"beam": surfaces.pop("beam"), **surfaces}
         return World(self.rig.camera, self._lamp(), surfaces, self._unit())
 
     def repose(self, world: World, pose: Pose) -> None:
         """Bend the beam of a pushed bench anew and put everything where it belongs."""
-        surfaces = {**dict(self._things(pose)), **dict(self._standing(pose.experiment, pose.state))}
+        surfaces = {**dict(self.things(pose)), **dict(self._standing(pose.experiment, pose.state))}
         moving = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(moving, surfaces["beam"].arc_length)
 
@@ -114,12 +122,14 @@ class Studio:
         yield "hub", Surface(_set(shaft, stage), clamp.reflectance)
         yield from self._background(experiment, state)
 
-    def _things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
+    def things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
         """What the beam is pushed against, and what hides it."""
         experiment, state, scene = pose.experiment, pose.state, self.scene
-        stage = self._stage(experiment, state)
+        stage, top = self._stage(experiment, state), 0.0
         if not isinstance(scene.object, NothingSpec):
-            touched = _set(experiment.touched_mesh(state, pose.trial.step), stage)
+            touched = experiment.touched_mesh(state, pose.trial.step)
+            top = float(touched.vertices[:, 2].max())
+            touched = _set(touched, stage)
             yield "object", Surface(touched, scene.object.reflectance)
         second = scene.second_peg
         if second is not None:
@@ -137,13 +147,15 @@ class Studio:
             cover = pose.trial.cover
             stretch = None
             if cover is not None and cover.kind != "removed":
-                stretch = hidden_stretch(cover, state)
+                stretch = pose.hidden
             random = random_generator(scene, "occluder", pose.trial.index)
             away = np.eye(4)
             if stretch is None:  # far to the side, where it hides and shades nothing
                 stretch = (0.0, 0.1 * self.rig.beam.length)
                 away[1, 3] = 100 * self.rig.beam.length
-            mesh = occluder(hiding, stretch, state, self.rig.camera, random)
+            camera = self.rig.camera
+            seen_from = camera.camera_from_antenna @ stage
+            mesh = occluder(hiding, stretch, state, camera, seen_from, top, random)
             yield "occluder", Surface(_set(mesh, away @ stage), hiding.reflectance)
 
     def _stage(self, experiment: Experiment, state: State) -> Floats:

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE, PERCENT
 from vbaa_bench.experiment import Experiment
@@ -26,13 +25,14 @@ def truth_row(
 ) -> dict[str, Any]:
     """The truth of one frame, as a row of `truth.parquet`.
 
-    `hidden` [m] is the stretch of Sigma_a's x axis that is covered or removed, if any is. What a
-    frame without contact does not have is null.
+    `hidden` [m] is the stretch of Sigma_a's x axis that is covered or removed, if any is; bars and
+    leaves cover only parts of it. What a frame without contact does not have is null. Centreline
+    and tip are in the clamp's frame, `contact_antenna_mm` counts from where the clamp should
+    stand, and `contact_world_mm` is in Sigma_o, which is Sigma_a where the motor's angle is zero.
     """
     scene, mm = experiment.scene, MILLIMETRE
     phi = motor_angle(scene, state)
-    strain = state.largest_strain * scene.beam.youngs_modulus_gpa * 1e3
-    peg = scene.second_peg
+    stress = state.largest_strain * experiment.youngs_modulus / 1e6
     sag = np.linalg.norm((state.tip - experiment.rest.tip)[1:])
     cover, wanted = trial.cover, trial.push
     rigid = wanted.compliance == 0
@@ -51,15 +51,15 @@ def truth_row(
         "pushing_angle_deg": state.pushing_angle / DEGREE,
         "motor_angle_deg": phi / DEGREE,
         **_contact(experiment, state, phi),
-        "second_contact": peg is not None and len(state.contacts) > 1,
+        **_second_contact(experiment, state),
         "tip_mm": (state.tip / mm).tolist(),
         "base_force_n": state.base_force.tolist(),
         "base_moment_n_mm": (state.base_moment / mm).tolist(),
-        "largest_stress_mpa": strain,
-        "above_yield": strain > scene.beam.yield_stress_mpa,
+        "largest_stress_mpa": stress,
+        "above_yield": stress > scene.beam.yield_stress_mpa,
         "hidden_by": None if cover is None else cover.kind,
         "hidden_place": None if cover is None else cover.place,
-        "availability_ratio": None if cover is None else cover.availability,
+        "availability_asked": None if cover is None else cover.availability,
         "hidden_from_mm": None if hidden is None else hidden[0] / mm,
         "hidden_to_mm": None if hidden is None else hidden[1] / mm,
         "residual": state.residual,
@@ -73,19 +73,18 @@ def truth_row(
 def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]:
     """The first contact's columns; all null where nothing is touched."""
     mm = MILLIMETRE
-    names = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_n", "f_n", "w_s_mm")
-    vectors = (
-        "force_antenna_n",
-        "contact_deformation_mm",
-        "contact_antenna_mm",
-        "contact_world_mm",
-    )
+    scalars = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_psi_deg", "force_n")
+    vectors = ("force_antenna_n", "contact_deformation_mm", "contact_antenna_mm")
     if not state.contacts:
-        nothing: dict[str, Any] = dict.fromkeys((*names, *vectors, "contact_row"))
+        nothing: dict[str, Any] = dict.fromkeys(
+            (*scalars, "f_n", "w_s_mm", *vectors, "contact_world_mm", "contact_row")
+        )
         return nothing
     contact: Contact = state.contact
     base = experiment.rig.base_position
-    in_plane, across = _deformation_frame(contact)
+    psi = _psi(experiment, contact)
+    in_plane = np.array([0.0, np.cos(psi), np.sin(psi)])
+    across = np.array([0.0, -np.sin(psi), np.cos(psi)])
     # Eq. (1). The motor turns the clamp about its axis, wherever that truly stands.
     axis = np.array(experiment.motor.point)
     world = turn_about_z(phi)
@@ -95,7 +94,8 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
         "y_c_mm": float(contact.point @ in_plane) / mm,
         "s_c_mm": contact.s / mm,
         "theta_c_deg": contact.theta / DEGREE,
-        "psi_deg": contact.psi / DEGREE,
+        "psi_deg": psi / DEGREE,
+        "force_psi_deg": contact.psi / DEGREE,
         "force_n": float(np.linalg.norm(contact.force)),
         "f_n": float(contact.force @ in_plane),
         "w_s_mm": float(np.linalg.norm(contact.object_shift)) / mm,
@@ -111,10 +111,27 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
     }
 
 
-def _deformation_frame(contact: Contact) -> tuple[Floats, Floats]:
-    """The y and z axes (3,) of Sigma_d, in Sigma_a."""
-    sine, cosine = np.sin(contact.psi), np.cos(contact.psi)
-    return np.array([0.0, cosine, sine]), np.array([0.0, -sine, cosine])
+def _psi(experiment: Experiment, contact: Contact) -> float:
+    """Inclination [rad] of the deformation plane D, in which the contact has left its rest."""
+    line = experiment.rest.centreline
+    rest = np.array([np.interp(contact.s, line[:, 0], line[:, i]) for i in (2, 3)])
+    y, z = contact.point[1:] - rest
+    return float(np.arctan2(z, y))
+
+
+def _second_contact(experiment: Experiment, state: State) -> dict[str, Any]:
+    """The columns of a second contact, null where there is none."""
+    second = next((one for one in state.contacts if one.obstacle == 1), None)
+    if second is None:
+        names = ("second_s_c_mm", "second_force_antenna_n", "second_contact_antenna_mm")
+        nothing: dict[str, Any] = dict.fromkeys(names)
+        return nothing
+    base = experiment.rig.base_position
+    return {
+        "second_s_c_mm": second.s / MILLIMETRE,
+        "second_force_antenna_n": second.force.tolist(),
+        "second_contact_antenna_mm": ((second.point + base) / MILLIMETRE).tolist(),
+    }
 
 
 def _stiffness_ratio(experiment: Experiment, state: State) -> float | None:

@@ -111,6 +111,11 @@ def _frames(table: Path) -> Iterator[Frame]:
         if not path.is_file():
             raise InputError(f"{table}:{line}: the image {path.name} is missing")
         removed = cells.numbers("removed_from_mm", "removed_to_mm")
+        if removed is not None and removed[0] > removed[1]:
+            raise InputError(
+                f"{table}:{line}: removed_from_mm is {removed[0]:g} and removed_to_mm "
+                f"{removed[1]:g}, allowed is from low to high"
+            )
         force = cells.numbers(*(f"base_force_{axis}_n" for axis in "xyz"))
         moment = cells.numbers(*(f"base_moment_{axis}_n_mm" for axis in "xyz"))
         angle = cells.numbers("motor_angle_deg")
@@ -120,7 +125,7 @@ def _frames(table: Path) -> Iterator[Frame]:
             path=path,
             motor_angle=None if angle is None else angle[0] * DEGREE,
             push_id=row.get("push_id") or "",
-            step=int((cells.numbers("step") or [0.0])[0]),
+            step=cells.count("step"),
             removed=None if removed is None else (removed[0] * MILLIMETRE, removed[1] * MILLIMETRE),
             moment_y=None if moment_y is None else moment_y[0] * MILLIMETRE,
             base_force=None if force is None else (force[0], force[1], force[2]),
@@ -142,6 +147,13 @@ class _Cells:
         if not value:
             raise InputError(f"{self.where}: {name} is missing")
         return value
+
+    def count(self, name: str) -> int:
+        """A whole number from 0; an empty cell is 0."""
+        value = (self.numbers(name) or [0.0])[0]
+        if value < 0 or value != int(value):
+            raise InputError(f"{self.where}: {name} is {value:g}, allowed is a whole number >= 0")
+        return int(value)
 
     def numbers(self, *names: str) -> list[float] | None:
         """Finite numbers from columns that belong together; None where all are empty."""

@@ -189,10 +189,10 @@ def read_rig(path: Path) -> Rig:
             encoder=key.number("encoder.sigma_deg", low=0) * DEGREE,
         ),
         # A rig.json that says nothing of its camera has a pinhole.
-        telecentric="camera" in document
+        telecentric=key.has("camera.projection")
         and key.one_of("camera.projection", PROJECTIONS) == "telecentric",
         camera_mount=key.one_of("camera.mount", MOUNTS) if key.has("camera.mount") else "antenna",
-        known_psi=key.number("beam.known_psi_deg", low=-90) * DEGREE
+        known_psi=key.number("beam.known_psi_deg", low=-90, high=90) * DEGREE
         if key.has("beam.known_psi_deg")
         else None,
         sensors=_sensors(key),
@@ -234,10 +234,11 @@ class _Keys:
             value = value[part]
         return True
 
-    def number(self, key: str, low: float) -> float:
+    def number(self, key: str, low: float, high: float = math.inf) -> float:
         value = self._value(key)
-        if not _is_finite_number(value) or value < low:
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number >= {low:g}")
+        if not _is_finite_number(value) or not low <= value <= high:
+            bounds = f">= {low:g}" + ("" if high == math.inf else f" and <= {high:g}")
+            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number {bounds}")
         return float(value)
 
     def count(self, key: str, low: int) -> int:

@@ -14,6 +14,7 @@ from vbaa_bench.mechanics.state import State
 from vbaa_bench.plan import plan
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.spec.objects import PadSpec
+from vbaa_bench.studio import Pose, Studio
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").rglob("*.yaml"))
 MICROMETRE = 1e-6
@@ -79,4 +80,30 @@ def test_beam_and_object_touch_and_do_not_intersect(path: Path) -> None:
         rows = slice(4, None, 3)
         everywhere = distances(state.centreline[rows, 1:] / unit, mesh, 4 * reach / unit)
         assert (everywhere - reach / unit * np.minimum(tapered[rows], 1)).min() > -MICROMETRE
+        # Every object stands on the ground, or above it.
+        assert mesh.vertices[:, 2].min() * unit > experiment.ground - 1e-9 * unit
     assert touching or scene.object.kind == "none" or path.stem == "free_beam"
+
+
+def test_a_second_peg_stands_upright_and_touches() -> None:
+    path = next(path for path in SCENES if path.stem == "two_pegs")
+    file = load_scene(path)
+    scene, work = file.scene, plan(file)
+    pose = max(
+        (
+            Pose(experiment, trial, experiment.states()[trial.step])
+            for trial in work.trials
+            if trial.repeat == 0
+            for experiment in [Experiment(scene, work.rig, trial.push, path.parent)]
+        ),
+        key=lambda pose: pose.state.pushing_angle,
+    )
+    assert len(pose.state.contacts) == 2
+    second = pose.state.contacts[1]
+    assert second.force[1] < 0  # it holds the beam back
+    peg = dict(Studio(scene, work.rig, path.parent).things(pose))["second_peg"].mesh
+    assert peg.bounds[:, 2] == pytest.approx([-0.03, 0.4e-3])
+    around = CubicSpline(pose.state.centreline[:, 0], pose.state.centreline[:, 1:])(
+        np.linspace(second.s - 1e-3, second.s + 1e-3, 401)
+    )
+    assert distances(around, peg, 2e-3).min() == pytest.approx(0.4e-3, abs=MICROMETRE)

@@ -106,7 +106,7 @@ def test_a_complete_dataset_is_left_alone_and_another_scene_refused(
 ) -> None:
     before = digests(dataset)
     generate(load_scene(small_scene), dataset, variant, 1, quiet)
-    with pytest.raises(InputError, match="another scene or seed"):
+    with pytest.raises(InputError, match="another scene, seed or mesh"):
         generate(load_scene(small_scene, seed=12), dataset, variant, 1, quiet)
     with pytest.raises(InputError, match="something else"):
         generate(load_scene(small_scene), small_scene.parent, variant, 1, quiet)

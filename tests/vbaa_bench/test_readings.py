@@ -10,12 +10,12 @@ import pytest
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from tests.conftest import SMALL_SCENE
-from vbaa_bench.cover import hidden_stretch
 from vbaa_bench.experiment import LINEAR, PLANAR, SPATIAL, Experiment
 from vbaa_bench.readings import readings
 from vbaa_bench.spec.load import SceneFile, load_scene
 from vbaa_bench.spec.rigs import true_rig
 from vbaa_bench.spec.trials import Trial, trials
+from vbaa_bench.studio import Pose
 from vbaa_bench.truth import motor_angle, truth_row
 
 
@@ -90,7 +90,7 @@ def test_the_stretch_that_is_hidden_follows_equation_32(tmp_path: Path) -> None:
     for trial in made:
         experiment = experiment_of(file, trial)
         state = experiment.states()[0]
-        stretch = hidden_stretch(trial.cover, state)
+        stretch = Pose(experiment, trial, state).hidden
         told = readings(file.scene, trial, state, stretch)
         row = truth_row(experiment, trial, state, stretch)
         assert trial.cover is not None
@@ -100,9 +100,12 @@ def test_the_stretch_that_is_hidden_follows_equation_32(tmp_path: Path) -> None:
             continue
         assert stretch is not None
         first, last = stretch
-        assert (last - first) / state.tip[0] == pytest.approx(0.4)
-        inside = {"base": 0.0, "contact": state.contact.point[0], "middle": state.tip[0] / 2}
-        assert first - 1e-12 <= inside.get(trial.cover.place, state.tip[0]) <= last + 1e-12
+        assert (last - first) / 0.24 == pytest.approx(0.4)
+        x_c = float(state.contact.point[0])
+        inside = {"base": 0.0, "contact": x_c, "middle": 0.12}
+        assert first - 1e-12 <= inside.get(trial.cover.place, 0.24) <= last + 1e-12
+        # Its middle does not tell where the contact is.
+        assert abs((first + last) / 2 - x_c) > 1e-4
         assert row["hidden_from_mm"] == pytest.approx(1e3 * first)
         # A solver is told of data that are removed, never of what lies before the beam.
         removed = trial.cover.kind == "removed"

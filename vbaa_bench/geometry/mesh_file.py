@@ -92,8 +92,9 @@ def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
     try:
         size = path.stat().st_size
         content = path.read_bytes() if size <= MOST_BYTES else b""
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{path}: cannot be read ({reason})") from error
     if size > MOST_BYTES:
         raise InputError(f"{path}: has {size // 10**6} MB, allowed are {MOST_BYTES // 10**6} MB")
     try:

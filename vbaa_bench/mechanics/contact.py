@@ -33,11 +33,18 @@ class Obstacle:
 @dataclass(frozen=True)
 class Grip:
     """Where a contact was held in the step before: arc length [m], and the point (3,) [m] of the
-    object, in its frame. With `sticks`, it still is."""
+    object, in its frame. With `sticks`, it still is.
+
+    The direction in which it slides now is that of its way since then less `lag` (3,) [m], a part
+    of the way before: the backward difference of order 2 (Gear 1971), none at the start.
+    """
 
     s: float
     point: Floats
+    lag: Floats = field(default_factory=lambda: np.zeros(3))
     sticks: bool = False
+    # How far the step that led here went, in its own measure.
+    heading: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -115,7 +122,8 @@ def touch(
     drag = np.array([force @ along, force @ beside])
     errors = drag / size
     if grip is not None:
-        moved = axes @ (point - grip.point) - (s - grip.s) * tangent
+        lag = 0.0 if grip.sticks else grip.lag
+        moved = axes @ (point - grip.point - lag) - (s - grip.s) * tangent
         slip = np.array([moved @ along, moved @ beside])
         errors = slip / length if grip.sticks else errors
         if not grip.sticks:

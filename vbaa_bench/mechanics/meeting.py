@@ -86,7 +86,9 @@ def check(found: Equilibrium) -> None:
             )
         pressing = float(trial.force @ trial.touch.normal)
         if pressing <= 0:
-            raise EquilibriumError(f"the object would have to pull the beam at {trial.s:.4g} m")
+            raise EquilibriumError(
+                f"contact is lost: the object would have to pull the beam at {trial.s:.4g} m"
+            )
         obstacle = found.bench.obstacles[index]
         surface = obstacle.surface
         if isinstance(surface, Line | Ball) and surface.radius == 0:

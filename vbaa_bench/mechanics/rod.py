@@ -119,7 +119,7 @@ class Rod:
         return np.asarray(weight * (1 + c + c * c / 3))
 
     def largest_strain(self, rows: Floats, states: Floats) -> float:
-        """Largest strain of any fibre by bending and stretching, over `states` (n, 12)."""
+        """Largest strain of any fibre by bending, over `states` (n, 12)."""
         first, tangent, moment = states[:, 3:6], states[:, 6:9], states[:, 9:]
         size = 1 + (self.tip_ratio - 1) * rows
         half = self.beam.radius / self.beam.length * size

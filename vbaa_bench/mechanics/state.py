@@ -45,7 +45,7 @@ class Contact:
 
     @property
     def psi(self) -> float:
-        """Inclination [rad] of the plane in which the force bends the beam, against plane C."""
+        """Inclination [rad] of the force's part across the clamp's tangent, against plane C."""
         return float(np.arctan2(self.force[2], self.force[1]))
 
 
@@ -57,7 +57,7 @@ class State:
     (n, 4) has columns s, x, y, z from the clamp to the tip [m]; `director` (n, 3) is the
     section's first axis, None for a circular beam whose sections need no orientation. `contacts`
     is empty for a beam that touches nothing. `base_force` and `base_moment` (3,) are what the
-    clamp exerts on the beam. `largest_strain` is that of any fibre, by bending and stretching.
+    clamp exerts on the beam. `largest_strain` is that of any fibre by bending.
     `residual` is the worst relative error of the equations that the state fulfils.
     """
 

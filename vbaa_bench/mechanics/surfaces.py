@@ -15,6 +15,8 @@ from solver.instrument.arrays import Floats
 
 # Faces that meet at less than this angle [rad] are one face: a mesh file has some seven digits.
 FLATTEST = 1e-4
+# Edges as near as each other, to this share of the mesh's size, are touched at once.
+TIE = 1e-8
 
 _ORIGIN, _Y, _Z = np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
@@ -122,7 +124,9 @@ class Solid:
         shares = np.empty(len(close))
         for i, one in enumerate(close):
             distances[i], shares[i] = _approach(first[one], last[one], centreline)
-        best = int(np.argmin(distances))
+        # A beam that lies along a flat face leans on the edge nearer to the clamp, once it turns.
+        tied = np.flatnonzero(distances <= distances.min() + TIE * float(np.ptp(self._ends)))
+        best = int(tied[np.argmin(first[close[tied], 0] + last[close[tied], 0])])
         edge, share = int(close[best]), float(shares[best])
         key = (edge, share if share in (0.0, 1.0) else 0.5)
         if key not in self._parts:

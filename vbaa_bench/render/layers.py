@@ -54,6 +54,14 @@ def layers(world: World) -> Layers:
     )
 
 
+def visible_share(
+    arc_length_mm: npt.NDArray[np.float32], beam_mask: npt.NDArray[np.float16], length_mm: float
+) -> float:
+    """How much of the beam is seen: the share of a hundred even stretches that have a pixel."""
+    seen = arc_length_mm[beam_mask > 0] / length_mm
+    return len(np.unique(np.clip((100 * seen).astype(int), 0, 99))) / 100
+
+
 def _depth(world: World, points: np.ndarray) -> np.ndarray:
     """Distance along the optical axis [m] of points (n, 3) in render coordinates."""
     metres = points * world.unit.unit + world.unit.origin

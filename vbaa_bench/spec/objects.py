@@ -99,7 +99,8 @@ class PadSpec(UprightSpec):
 class MeshSpec(_ObjectSpec):
     """Any closed mesh, STL, OBJ or PLY, named from the scene's own folder.
 
-    Its +y axis points to the beam and +z to the camera; it is moved along y until it touches.
+    Its +y axis points to the beam and +z to the camera. It is moved along y until it touches a
+    straight beam, and along x until it does so at the contact distance.
     """
 
     kind: Literal["mesh"]

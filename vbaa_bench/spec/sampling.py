@@ -21,7 +21,7 @@ class SamplingSpec(Part):
     """
 
     method: Literal["uniform", "log_uniform", "grid", "latin_hypercube"] = "latin_hypercube"
-    count: Annotated[int, Field(ge=1, le=10_000_000)]
+    count: Annotated[int, Field(ge=1, le=1_000_000)]
     contact_distance_mm: tuple[Positive, Positive]
     deflection_pct: tuple[Percent, Percent]
     normal_deg: tuple[Tilt, Tilt] = (0.0, 0.0)

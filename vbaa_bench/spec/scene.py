@@ -130,7 +130,7 @@ class Scene(Part):
     # The exact beam, or the paper's own, (9) and (10), whose methods are unbiased on it.
     mechanics: Literal["exact", "linear"] = "exact"
     beam: BeamSpec = BeamSpec()
-    # In the world, whose axes are Sigma_a's at first contact; the motor's axis stands along z.
+    # In the world as it lies about the antenna at first contact; the motor's axis is along z.
     gravity_m_s2: Triple = (0.0, 0.0, 0.0)
     # Where the beam's clamp stands, counted from the motor's axis.
     adaptor_mm: Triple = (0.0, 0.0, 0.0)
@@ -177,6 +177,31 @@ class Scene(Part):
                 raise ValueError(
                     "object.kind is none, so nothing is touched: pushing_angle_deg must be <= 0"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _samples_of_contacts(self) -> "Scene":
+        if self.sampling is not None and self.object.kind in ("none", "wall"):
+            raise ValueError(
+                f"object.kind is {self.object.kind}, which has no contact distance to be drawn; "
+                "allowed with sampling is any other"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _strip_lies_on_its_face(self) -> "Scene":
+        if self.beam.section != "strip":
+            return self
+        lean = self.beam.section_angle_deg
+        normals = self.pushes.normal_deg if self.pushes else ()
+        normals += self.sampling.normal_deg if self.sampling else ()
+        if self.object.kind not in ("block", "knife_edge") or self.second_peg:
+            raise ValueError("a strip is pushed by one block or knife_edge alone")
+        if any(normal != lean for normal in normals):
+            raise ValueError(
+                f"a strip whose section_angle_deg is {lean:g} lies flat on an edge of the same "
+                f"normal_deg alone, not on {list(normals)}"
+            )
         return self
 
     @model_validator(mode="after")

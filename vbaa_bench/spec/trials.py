@@ -77,9 +77,11 @@ def trials(scene: Scene) -> list[Trial]:
     repeats = range(scene.pushes.repeats if scene.pushes else 1)
     hidden = list(_covers(scene))
     made: list[Trial] = []
-    for number, (push, repeat) in enumerate(itertools.product(pushes, repeats)):
+    # A push behind another cover is another push: its frames are no twins for a method to pair.
+    seen = itertools.product(pushes, repeats, hidden)
+    for number, (push, repeat, cover) in enumerate(seen):
         push_id = _digest(f"push {identity} {number}")[:8].hex()
-        for step, cover in itertools.product(range(len(push.goals)), hidden):
+        for step in range(len(push.goals)):
             index = len(made)
             frame_id = _digest(f"frame {identity} {index}")[:8].hex()
             made.append(Trial(index, frame_id, push_id, repeat, push, step, cover))

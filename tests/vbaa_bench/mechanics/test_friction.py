@@ -75,3 +75,15 @@ def test_only_the_pushed_object_may_have_friction() -> None:
     pegs = [obstacle(BEAM, 0.08), obstacle(BEAM, 0.16, friction=0.1)]
     with pytest.raises(ValueError, match="only the first"):
         push(ROD, Motor(), pegs, 0.08, [Step(pushing_angle=0.1)])
+
+
+def test_sliding_aside_does_not_depend_on_how_many_steps_led_there() -> None:
+    def pushed(count: int) -> State:
+        angles = np.linspace(0, 0.24, count + 1)[1:]
+        edge = obstacle(BEAM, 0.12, nu=0.6, friction=0.3)
+        steps = [Step(pushing_angle=float(angle)) for angle in angles]
+        return push(Rod(BEAM), Motor(), [edge], 0.12, steps)[-1]
+
+    one, many = pushed(1), pushed(48)
+    assert one.contact.psi == pytest.approx(many.contact.psi, abs=1e-4)
+    assert one.contact.force == pytest.approx(many.contact.force, rel=3e-4)
