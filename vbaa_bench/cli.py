@@ -143,6 +143,7 @@ def contact_sheet(
     scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
     out: Annotated[Path, typer.Option(help="PNG to write")] = Path("results/scenes.png"),
     variant: Variant = None,
+    as_json: AsJson = False,
 ) -> None:
     """Render one frame of every scene in a folder onto one picture."""
     # Imported late: doctor must run where the renderer cannot even be loaded.
@@ -154,7 +155,7 @@ def contact_sheet(
     with _progress() as progress:
         task = progress.add_task("scenes", total=len(found))
         write_sheet(found, out, choose(variant), lambda n, _: progress.update(task, completed=n))
-    console.print(out)
+    _say({"picture": str(out), "scenes": len(found)}, str(out), as_json)
 
 
 @app.command()
