@@ -17,7 +17,7 @@ from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Line, upright
-from vbaa_bench.spec.objects import NothingSpec, WallSpec
+from vbaa_bench.spec.objects import NothingSpec, PadSpec, PlungerSpec, WallSpec
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Push
@@ -119,8 +119,9 @@ class Experiment:
         """
         states = self._states()
         gives = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
-        if not isinstance(self.scene.object, NothingSpec):
+        if isinstance(self.scene.object, PlungerSpec | PadSpec):  # not of every size, nor so far
             self.body.mesh(max(gives, default=0.0))
+        if not isinstance(self.scene.object, NothingSpec):
             self._clear_of_hub()
         for step, state in enumerate(states):
             for contact in state.contacts[:1]:
