@@ -45,7 +45,9 @@ def open_truth(root: Path) -> Truth:
     if not tables:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
     try:
-        frames = pl.concat([pl.read_parquet(table) for table in tables]).sort("frame_id")
+        # Relaxed: a column that is null in a whole shard has no type there.
+        shards = [pl.read_parquet(table) for table in tables]
+        frames = pl.concat(shards, how="vertical_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
     return Truth(root, manifest, frames)

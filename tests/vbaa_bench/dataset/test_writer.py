@@ -6,6 +6,7 @@ import pytest
 
 from solver.instrument.files import write_bytes
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.writer import ShardWriter
 
 
@@ -64,3 +65,17 @@ def test_a_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.M
         write_bytes(path, b"new")
     assert path.read_bytes() == b"old"
     assert everything_below(tmp_path) == ["file"]
+
+
+def test_shards_of_which_one_has_no_contact_are_read_together(tmp_path: Path) -> None:
+    layout = Layout(tmp_path)
+    for tree in (layout.observations, layout.truth):
+        tree.mkdir()
+    for number, (x_c, force) in enumerate([(None, None), (1.5, [0.0, 1.0, 0.0])]):
+        with ShardWriter(layout, number) as writer:
+            image = np.zeros((4, 5), np.uint8)
+            writer.add(f"f{number}", image, {"step": 0}, {"x_c_mm": x_c, "force_n": force}, {})
+    layout.manifest.write_text("{}", encoding="utf-8")
+    frames = open_truth(layout.truth).frames
+    assert frames["x_c_mm"].to_list() == [None, 1.5]
+    assert frames["force_n"].to_list() == [None, [0.0, 1.0, 0.0]]
