@@ -1,7 +1,7 @@
 """One push of a scene as mechanics sees it: the rod, the motor, what stands in the way."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -151,33 +151,23 @@ class Experiment:
         distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
         if model == SPATIAL:
             return push(self.rod, self.motor, self.obstacles, distance, self.steps, pieces)
+        if model == LINEAR:
+            solve = partial(linear.push, normal_angle=self.push.normal)
+        else:
+            assert isinstance(first.surface, Line)
+            solve = partial(planar.push, object_radius=first.surface.radius)
         states = []
         for goal in goals:
-            if goal.pushing_angle is not None and goal.pushing_angle <= 0:
-                states += push(
-                    self.rod, self.motor, [first], distance, [Step(goal.pushing_angle)], pieces
-                )
-            elif model == LINEAR:
-                states.append(
-                    linear.push(
-                        self.rig.beam,
-                        distance,
-                        deflection=goal.deflection,
-                        pushing_angle=goal.pushing_angle,
-                        normal_angle=self.push.normal,
-                        compliance=first.compliance,
-                        intervals=pieces,
-                    )
-                )
+            angle = goal.pushing_angle
+            if angle is not None and angle <= 0:
+                states += push(self.rod, self.motor, [first], distance, [Step(angle)], pieces)
             else:
-                assert isinstance(first.surface, Line)
                 states.append(
-                    planar.push(
+                    solve(
                         self.rig.beam,
                         distance,
                         deflection=goal.deflection,
-                        pushing_angle=goal.pushing_angle,
-                        object_radius=first.surface.radius,
+                        pushing_angle=angle,
                         compliance=first.compliance,
                         intervals=pieces,
                     )

@@ -35,16 +35,24 @@ class Grip:
     """Where a contact was held in the step before: arc length [m], and the point (3,) [m] of the
     object, in its frame. With `sticks`, it still is.
 
-    The direction in which it slides now is that of its way since then less `lag` (3,) [m], a part
-    of the way before: the backward difference of order 2 (Gear 1971), none at the start.
+    `slid` (3,) [m] is its way in that step, which went `pace` far in the step's own measure, and
+    `ratio` how far this step goes over that; zero at the start of a way.
     """
 
     s: float
     point: Floats
-    lag: Floats = field(default_factory=lambda: np.zeros(3))
+    slid: Floats = field(default_factory=lambda: np.zeros(3))
+    pace: float = 1.0
+    ratio: float = 0.0
     sticks: bool = False
-    # How far the step that led here went, in its own measure.
-    heading: float = 1.0
+
+    @property
+    def lag(self) -> Floats:
+        """By what the way since then is short of the direction of sliding now (3,) [m].
+
+        The backward difference of order 2 for uneven steps (Gear 1971).
+        """
+        return self.slid * (self.ratio**2 / (1 + 2 * self.ratio))
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def _next_grip(grip: Grip, last: Equilibrium | None, now: Equilibrium) -> Grip:
     along = clamp_from_object[:3, :3].T @ contact.section[6:9]
     slid = contact.touch.point - grip.point - (contact.s - grip.s) * along
     start = 0.0 if last is None else last.step.size
-    return Grip(contact.s, contact.touch.point, slid, heading=now.step.size - start)
+    return Grip(contact.s, contact.touch.point, slid, pace=now.step.size - start)
 
 
 def _settle(
@@ -83,8 +83,8 @@ def _settle(
         found = reach(bench, step, contact_distance, resting)
         sliding = {**dict.fromkeys(found.contacts), 0: grip}
         return found.bench.solve(step, sliding, found.unknown)
-    ratio = (step.size - before.step.size) / grip.heading
-    onward = replace(grip, lag=grip.lag * ratio**2 / (1 + 2 * ratio) if ratio > 0 else 0 * grip.lag)
+    ratio = (step.size - before.step.size) / grip.pace
+    onward = replace(grip, ratio=max(ratio, 0.0))  # after a turn the way begins anew
     if ratio > 0:
         try:
             sliding = {**dict.fromkeys(before.contacts), 0: onward}
