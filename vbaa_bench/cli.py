@@ -1,33 +1,22 @@
 """`vbaa-bench`: run (generate, solve, score, report), contact-sheet, speed, doctor."""
 
-import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import polars as pl
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Outcome
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
+from vbaa_bench.console import console, outcomes, progress_bars, say, show_scores
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import Results
-from vbaa_bench.score.metrics import read_predictions
 from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
 from vbaa_bench.spec.load import load_scene
@@ -41,7 +30,6 @@ app = typer.Typer(
 )
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
 app.add_typer(speed_app, name="speed")
-console = Console(stderr=True, highlight=False)
 
 ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
 DatasetPath = Annotated[Path, typer.Argument(help="a folder made by generate or run")]
@@ -83,11 +71,11 @@ def run(
     written = _solve(results, method, repeats)
     summary = score_predictions(results, written)
     page = _report(results)
-    _show(summary, {"report": str(page), **summary}, as_json)
+    show_scores(summary, {"report": str(page), **summary}, as_json)
     if not as_json:
         for name, path in written.items():
             if summary["methods"][name]["failure_rate"] == 1:
-                console.print(f"{name} answers no frame: {_outcomes(path)}", markup=False)
+                console.print(f"{name} answers no frame: {outcomes(path)}", markup=False)
         Console(soft_wrap=True).print(f"report: {page}", highlight=False)
 
 
@@ -103,7 +91,7 @@ def generate(
     """Render a scene into a dataset. Interrupted, the same command finishes it."""
     root = _generate(scene, out, seed, workers, variant)
     frames = len(list(root.glob("observations/shard_*/*.png")))
-    _say({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
+    say({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
 
 
 @app.command()
@@ -114,8 +102,8 @@ def solve(
     results = Results(dataset)
     written = _solve(results, method, repeats)
     record = {"predictions": {name: str(path) for name, path in written.items()}}
-    lines = [f"{path}: {_outcomes(path)}" for path in written.values()]
-    _say(record, "\n".join(lines), as_json)
+    lines = [f"{path}: {outcomes(path)}" for path in written.values()]
+    say(record, "\n".join(lines), as_json)
 
 
 @app.command()
@@ -128,14 +116,14 @@ def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson
             raise InputError(f"{path}: a method {path.stem} is scored already; rename the file")
         files[path.stem] = path
     summary = score_predictions(results, files)
-    _show(summary, summary, as_json)
+    show_scores(summary, summary, as_json)
 
 
 @app.command()
 def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
     """Write the HTML report of a scored dataset."""
     page = _report(Results(dataset))
-    _say({"report": str(page)}, str(page), as_json)
+    say({"report": str(page)}, str(page), as_json)
 
 
 @app.command("contact-sheet")
@@ -152,10 +140,10 @@ def contact_sheet(
     found = sorted(scenes.rglob("*.yaml"))
     if not found:
         raise InputError(f"{scenes}: holds no scene, *.yaml")
-    with _progress() as progress:
+    with progress_bars() as progress:
         task = progress.add_task("scenes", total=len(found))
         write_sheet(found, out, choose(variant), lambda n, _: progress.update(task, completed=n))
-    _say({"picture": str(out), "scenes": len(found)}, str(out), as_json)
+    say({"picture": str(out), "scenes": len(found)}, str(out), as_json)
 
 
 @app.command()
@@ -176,7 +164,7 @@ def doctor(
     for probe in found.probes:
         table.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
     if as_json:
-        _say(found.record(), "", True)
+        say(found.record(), "", True)
     else:
         if not quiet:
             Console().print(table)
@@ -199,7 +187,7 @@ def mechanics(
     with console.status("measuring on one core"):
         record = speed_mechanics.measure_apart(yardstick_seconds)
     if as_json:
-        _say(record, "", True)
+        say(record, "", True)
         return
     table = Table(title="one core; ratio to the yardstick; worst error", title_justify="left")
     for head in ("model", "states/s", "ratio", "error"):
@@ -224,7 +212,7 @@ def _generate(
     root = out or Path("runs") / scene.stem
     # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
     count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
-    with _progress() as progress:
+    with progress_bars() as progress:
         solved = progress.add_task("mechanics", total=None)
         task = progress.add_task("rendering", total=None, visible=False)
         try:
@@ -244,17 +232,6 @@ def _generate(
     return root
 
 
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-    )
-
-
 def _report(results: Results) -> Path:
     # Imported late: the plotting libraries take a second that no other command needs.
     from vbaa_bench.report.report import report as write_report
@@ -271,46 +248,6 @@ def _solve(results: Results, methods: list[str] | None, repeats: int) -> dict[st
             solve_apart(results.dataset, method, target, repeats)
         written[name] = target
     return written
-
-
-def _outcomes(table: Path) -> str:
-    """How often a predictions file says what, and the first reason for each failure."""
-    rows = read_predictions(table).group_by("outcome").agg(pl.len(), pl.col("message").first())
-    said = [
-        f"{count} {outcome}" + ("" if outcome == Outcome.CONTACT else f" ({message})")
-        for outcome, count, message in rows.sort("len", descending=True).iter_rows()
-    ]
-    return ", ".join(said)
-
-
-def _show(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
-    """The small table of scores, or the record as JSON."""
-    if as_json:
-        _say(record, "", True)
-        return
-    table = Table(title="scores", title_justify="left")
-    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
-    for head in (*heads, "failed, %", "ms / frame", "n"):
-        first = head == "method"
-        table.add_column(head, justify="left" if first else "right", no_wrap=first)
-    for name, found in summary["methods"].items():
-        numbers = (
-            found["x_c_median_abs_pct_L"],
-            found["x_c_rmse_pct_L"],
-            found["force_rmse_pct"],
-            100 * found["failure_rate"],
-            found["ms_per_frame_median"],
-        )
-        shown = ("–" if value is None else f"{value:.3g}" for value in numbers)
-        table.add_row(name, *shown, str(found["n"]))
-    Console().print(table)
-
-
-def _say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(record))
-    else:
-        Console(soft_wrap=True).print(sentence, highlight=False, markup=False)
 
 
 def main() -> None:

@@ -1,0 +1,75 @@
+"""What a command says: progress and remarks on stderr, results on stdout, as text or JSON."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from solver.instrument.estimate import Outcome
+from vbaa_bench.score.metrics import read_predictions
+
+console = Console(stderr=True, highlight=False)
+
+
+def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
+    """Print a record as one JSON object, or the sentence that says it."""
+    if as_json:
+        print(json.dumps(record))
+    else:
+        Console(soft_wrap=True).print(sentence, highlight=False, markup=False)
+
+
+def progress_bars() -> Progress:
+    """Bars with the time that has passed and that is left."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    )
+
+
+def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
+    """The small table of scores, or the record as JSON."""
+    if as_json:
+        say(record, "", True)
+        return
+    table = Table(title="scores", title_justify="left")
+    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
+    for head in (*heads, "failed, %", "ms / frame", "n"):
+        first = head == "method"
+        table.add_column(head, justify="left" if first else "right", no_wrap=first)
+    for name, found in summary["methods"].items():
+        numbers = (
+            found["x_c_median_abs_pct_L"],
+            found["x_c_rmse_pct_L"],
+            found["force_rmse_pct"],
+            100 * found["failure_rate"],
+            found["ms_per_frame_median"],
+        )
+        shown = ("–" if value is None else f"{value:.3g}" for value in numbers)
+        table.add_row(name, *shown, str(found["n"]))
+    Console().print(table)
+
+
+def outcomes(table: Path) -> str:
+    """How often a predictions file says what, and the first reason for each failure."""
+    rows = read_predictions(table).group_by("outcome").agg(pl.len(), pl.col("message").first())
+    said = [
+        f"{count} {outcome}" + ("" if outcome == Outcome.CONTACT else f" ({message})")
+        for outcome, count, message in rows.sort("len", descending=True).iter_rows()
+    ]
+    return ", ".join(said)
