@@ -7,18 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from vbaa_bench.spec.laboratory import (
-    BackgroundSpec,
-    CalibrationSpec,
-    CameraSpec,
-    ForceSensorSpec,
-    HubSpec,
-    Layer,
-    LightSpec,
-    MomentSensorSpec,
-    RenderSpec,
-    SensorSpec,
-)
+from vbaa_bench.spec.camera import CalibrationSpec, CameraSpec
+from vbaa_bench.spec.image_sensor import SensorSpec
+from vbaa_bench.spec.laboratory import ForceSensorSpec, HubSpec, MomentSensorSpec
+from vbaa_bench.spec.lighting import BackgroundSpec, LightSpec
 from vbaa_bench.spec.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
 from vbaa_bench.spec.part import (
     Part,
@@ -28,6 +20,7 @@ from vbaa_bench.spec.part import (
     Tolerance,
     Triple,
 )
+from vbaa_bench.spec.rendering import Layer, RenderSpec
 from vbaa_bench.spec.sampling import SamplingSpec
 
 
