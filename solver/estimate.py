@@ -56,8 +56,9 @@ def set_up(observations: Observations, extract: Extractor = area_weighted) -> An
     if calibration.reprojection_px > WORST_REPROJECTION_PX:
         raise InputError(
             f"the calibration leaves {calibration.reprojection_px:.2f} px, allowed is "
-            f"{WORST_REPROJECTION_PX:g} px: is the rig's board the one in the views, and the lens "
-            "free of distortion, which is not modelled yet?"
+            f"{WORST_REPROJECTION_PX:g} px: is the rig's board the one in the views, and has the "
+            f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
+            "can describe?"
         )
     rest_lines = (extract(read_grey(path)) for path in observations.rest_images)
     rest = _rest_line(rest_lines, calibration, rig)

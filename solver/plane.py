@@ -7,24 +7,26 @@ from solver.instrument.camera import Camera
 
 
 def homography(camera: Camera) -> Floats:
-    """plane_from_pixel (3, 3): homogeneous pixels to homogeneous (x, y) on C [m].
+    """plane_from_normalised (3, 3): homogeneous ideal coordinates to homogeneous (x, y) on C [m].
 
     Affine for a telecentric camera: its homogeneous coordinate is 1 where a pinhole's is depth.
     """
     x, y, depth, one = camera.camera_from_antenna
     rows = np.stack([x, y, one if camera.telecentric else depth])
-    pixel_from_plane = camera.matrix @ rows[:, [0, 1, 3]]
-    return np.asarray(np.linalg.inv(pixel_from_plane), dtype=np.float64)
+    return np.asarray(np.linalg.inv(rows[:, [0, 1, 3]]), dtype=np.float64)
 
 
 def on_plane(camera: Camera, pixels: Floats, sigma_v: Floats) -> tuple[Floats, Floats]:
     """Points (n, 2) on C [m] seen at `pixels` (n, 2), and their one-sigma vectors (n, 2) [m].
 
     `sigma_v` (n,) [px] is the error along the image column; its vector is that error carried
-    through the projection: d(point)/dv sigma_v.
+    through the lens and the projection: d(point)/dv sigma_v. Raises ValueError where the lens's
+    distortion is not one-to-one.
     """
-    h = homography(camera)
-    x, y, w = h @ np.column_stack([pixels, np.ones(len(pixels))]).T
+    h, normalised = homography(camera), camera.normalised(pixels)
+    x, y, w = h @ np.column_stack([normalised, np.ones(len(pixels))]).T
     points = np.column_stack([x / w, y / w])
-    slope = (h[:2, 1] - points * h[2, 1]) / w[:, None]
+    # d(normalised)/dv, then d(point)/d(normalised) along it.
+    down = np.linalg.inv(camera.pixel_slopes(normalised))[:, :, 1]
+    slope = (down @ h[:2, :2].T - points * (down @ h[2, :2])[:, None]) / w[:, None]
     return points, slope * sigma_v[:, None]

@@ -25,7 +25,6 @@ camera:
   look_at_mm: [120.6, 22.0, 0.0]
 calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120.0, 22.0], views: 6}
 sensor: {rest_images: 2}
-render: {samples_near_beam: 64, samples_elsewhere: 4}
 pushes:
   contact_distance_mm: [100, 200]
   deflection_pct: [10, 20]

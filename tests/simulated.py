@@ -4,8 +4,9 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
+from solver.instrument.board import Chessboard
 from solver.instrument.measurement import Measurement
-from solver.instrument.rig import Chessboard, Rig, Tolerances
+from solver.instrument.rig import Rig, Tolerances
 from vbaa_bench.mechanics.planar import push
 
 BEAM = Beam(0.24, 0.8e-3, circular_rigidity(200e9, 0.8e-3))

@@ -1,13 +1,13 @@
 """One worker's bench, on which a dataset's images are made: render, expose, write."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from solver.instrument.arrays import Grey
+from solver.instrument.arrays import Floats, Grey
 from solver.instrument.files import write_bytes
 from solver.instrument.images import png_bytes
 from solver.instrument.units import PERCENT
@@ -15,19 +15,24 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.experiment import Experiment
 from vbaa_bench.mechanics.state import State
+from vbaa_bench.motion import exposed
 from vbaa_bench.readings import readings
-from vbaa_bench.render.layers import layers, visible_share
-from vbaa_bench.render.picture import Sampling, even_picture, picture
-from vbaa_bench.render.variant import activate
+from vbaa_bench.render.layers import visibility
+from vbaa_bench.render.picture import Noise, Picture, Plate, Wanted, picture, plate, together
+from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World
-from vbaa_bench.sensor.sensor import Sensor, exposure_for
+from vbaa_bench.sensor.fixed_pattern import FixedPattern
+from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
+from vbaa_bench.sensor.ideal import Ideal
+from vbaa_bench.sensor.sensor import Sensor
 from vbaa_bench.spec.rigs import TrueRig
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Push, Trial, random_generator, render_seed
 from vbaa_bench.studio import Pose, Studio
 from vbaa_bench.truth import truth_row
 
-BOARD_SAMPLES = 64
+# Noise of the image that the exposure is measured from, over its radiance.
+METERING = 0.05
 # Of so many pushes a worker remembers the states.
 LAST_PUSHES = 64
 
@@ -43,6 +48,7 @@ class Bench:
     variant: str
     threads: int
     _pushed: World | None = None
+    _still: Plate | None = None
 
     def __post_init__(self) -> None:
         activate(self.variant, self.threads)
@@ -73,26 +79,38 @@ class Bench:
         return self._pushed
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
-        """Exposure that puts the brightest hundredth of the resting beam where the scene says."""
-        spec = self.scene.sensor
-        radiance, found = self._look(self.rest_world, render_seed(self.scene, "exposure"))
-        peak = float(np.quantile(radiance[found["beam_mask"] > 0], 0.99))
+        """Exposure that puts the brightest hundredth of the resting beam where the scene says, or
+        the brightest tenth of the image, if that is brighter: a panel behind the beam."""
+        seed = render_seed(self.scene, "exposure")
+        wanted = self._wanted(lambda radiance: METERING * radiance)
+        seen = picture(self.rest_world, None, wanted, seed)
+        beam = float(np.quantile(seen.radiance[seen.layers.beam_mask], 0.99))
+        peak = max(beam, float(np.quantile(seen.radiance, 0.9)))
         tick()
-        return exposure_for(peak, spec.full_well_e, spec.beam_peak_pct * PERCENT)
+        return metered_exposure(self.scene.sensor, peak)
 
     def board_view(self, tick: Callable[[], None], view: int, exposure: float) -> None:
         """Save one calibration image."""
-        world = self.studio.card(view)
-        seed = render_seed(self.scene, "board render", view)
-        radiance = even_picture(world, BOARD_SAMPLES, seed)
-        self._save(f"calibration/view_{view:02d}.png", radiance, exposure, "board sensor", view)
+        self._save(f"calibration/view_{view:02d}.png", self.board_image(view, exposure))
         tick()
+
+    def board_image(self, view: int, exposure: float) -> Grey:
+        """One calibration image."""
+        seed = render_seed(self.scene, "board render", view)
+        wanted = self._wanted(self.sensor(exposure).noise_sigma)
+        # Corners are read as finely as a beam is.
+        wanted = replace(wanted, elsewhere=wanted.near)
+        seen = picture(self.studio.card(view), None, wanted, seed)
+        return self._expose(seen, exposure, "board sensor", view)
 
     def rest_image(self, tick: Callable[[], None], number: int, exposure: float) -> None:
         """Save one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
-        radiance, _ = self._look(self.rest_world, seed)
-        self._save(f"rest/rest_{number:02d}.png", radiance, exposure, "rest sensor", number)
+        wanted = self._wanted(self.sensor(exposure).noise_sigma)
+        seen = picture(self.rest_world, None, wanted, seed)
+        self._save(
+            f"rest/rest_{number:02d}.png", self._expose(seen, exposure, "rest sensor", number)
+        )
         tick()
 
     def shard(
@@ -110,45 +128,82 @@ class Bench:
 
     def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
         pose = self.pose(trial)
-        image, found = self._photograph(trial, exposure)
+        image, seen = self.photograph(trial, exposure)
+        found, length_mm = seen.layers, self.scene.beam.length_mm
         truth = truth_row(pose.experiment, trial, pose.state, pose.hidden)
-        length_mm = self.scene.beam.length_mm
-        truth["visible_share"] = visible_share(found["arc_length"], found["beam_mask"], length_mm)
-        kept = {str(layer): found[layer] for layer in self.scene.layers}
+        visible = visibility(found, length_mm)
+        truth["visible_share"] = visible.visible_share
+        truth["availability_seen"] = visible.availability
+        truth["hidden_stretches_mm"] = (length_mm * visible.hidden_stretches).ravel().tolist()
         told = readings(self.scene, trial, pose.state, pose.hidden)
+        made = {
+            "radiance": seen.radiance,
+            "variance": seen.variance,
+            "beam_mask": found.beam_mask,
+            "coverage": seen.coverage,
+            "arc_length": found.arc_length_mm,
+            "depth": found.depth_mm,
+            "normal": found.normal,
+            "object_index": found.object_index,
+            "occlusion": found.occlusion,
+        }
+        kept = {str(layer): made[layer] for layer in self.scene.layers}
         writer.add(trial.frame_id, image, told, truth, kept)
 
-    def photograph(self, trial: Trial, exposure: float) -> Grey:
-        """The image of one frame."""
-        return self._photograph(trial, exposure)[0]
-
-    def _photograph(self, trial: Trial, exposure: float) -> tuple[Grey, dict[str, np.ndarray]]:
-        """The image of one frame, and its truth layers."""
+    def photograph(self, trial: Trial, exposure: float) -> tuple[Grey, Picture]:
+        """The image of one frame, and what it was taken of."""
         seed = render_seed(self.scene, "frame", trial.index)
-        radiance, found = self._look(self.pushed_world(self.pose(trial)), seed)
-        noise = random_generator(self.scene, "sensor", trial.index)
-        return self._sensor(exposure).expose(radiance, noise), found
+        wanted = self._wanted(self.sensor(exposure).noise_sigma)
+        poses = exposed(self.pose(trial), self.scene, self.rig)
+        # Each is seen for a share of the time only, so it may be noisier.
+        wanted = wanted.scaled(len(poses) ** 0.5)
+        seen = []
+        for number, pose in enumerate(poses):
+            world = self.pushed_world(pose)
+            seen.append(picture(world, self._plate(world, wanted), wanted, seed + number))
+        blurred = together(seen)
+        return self._expose(blurred, exposure, "sensor", trial.index), blurred
 
-    def _look(self, world: World, seed: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Radiance of a world and its truth layers."""
-        seen, spec = layers(world), self.scene.render
-        sampling = Sampling(spec.near_beam_px, spec.samples_near_beam, spec.samples_elsewhere)
-        radiance = picture(world, seen.beam_mask, sampling, seed)
-        return radiance, {
-            "radiance": radiance,
-            "beam_mask": seen.beam_mask,
-            "arc_length": seen.arc_length_mm,
-            "depth": seen.depth_mm,
-            "object_index": seen.object_index,
-        }
+    def _plate(self, world: World, wanted: Wanted) -> Plate | None:
+        """What stands still before the beam is pushed, rendered once.
 
-    def _sensor(self, exposure: float) -> Sensor:
-        spec = self.scene.sensor
-        return Sensor(exposure, spec.full_well_e, spec.read_noise_e)
+        None where light goes from surface to surface, so that what moves changes all of them, or
+        where the renderer only makes whole images.
+        """
+        if self.scene.render.bounces > 1 or is_scalar():
+            return None
+        if self._still is None:
+            self._still = plate(world, wanted, render_seed(self.scene, "plate"))
+        return self._still
 
-    def _save(
-        self, name: str, radiance: np.ndarray, exposure: float, stage: str, number: int
-    ) -> None:
-        noise = random_generator(self.scene, stage, number)
-        image = self._sensor(exposure).expose(radiance, noise)
+    def _wanted(self, noise: Noise) -> Wanted:
+        spec = self.scene.render
+        shares = (spec.noise_near_beam, spec.noise_elsewhere, spec.noise_still)
+        return Wanted(noise, spec.near_beam_px, *shares)
+
+    def sensor(self, exposure: float) -> Sensor | Ideal:
+        """The scene's image sensor."""
+        return image_sensor(self.scene.sensor, exposure, self._fixed_pattern)
+
+    @cached_property
+    def _fixed_pattern(self) -> FixedPattern | None:
+        camera, random = self.rig.camera, random_generator(self.scene, "fixed pattern")
+        return fixed_pattern(self.scene.sensor, (camera.height, camera.width), random)
+
+    def _expose(self, seen: Picture, exposure: float, stage: str, number: int) -> Grey:
+        noise, light = random_generator(self.scene, stage, number), self._vignetting
+        sensor = self.sensor(exposure)
+        return sensor.expose(light * seen.radiance, noise, light**2 * seen.variance)
+
+    @cached_property
+    def _vignetting(self) -> Floats:
+        """Share of the light (height, width) that the lens lets through to every pixel."""
+        camera = self.rig.camera
+        rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
+        across, down = columns - (camera.width - 1) / 2, rows - (camera.height - 1) / 2
+        corner = np.hypot(camera.width, camera.height) / 2
+        darker = self.scene.optics.vignetting_pct * PERCENT
+        return np.asarray(1 - darker * (across**2 + down**2) / corner**2)
+
+    def _save(self, name: str, image: Grey) -> None:
         write_bytes(self.layout.observations / name, png_bytes(image))

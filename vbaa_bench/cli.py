@@ -129,21 +129,53 @@ def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
 @app.command("contact-sheet")
 def contact_sheet(
     scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
-    out: Annotated[Path, typer.Option(help="PNG to write")] = Path("results/scenes.png"),
+    out: Annotated[Path | None, typer.Option(help="PNG to write [default: in results]")] = None,
+    lights: Annotated[
+        bool, typer.Option("--lights", help="SCENES/lighting, by materials and backgrounds")
+    ] = False,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
     """Render one frame of every scene in a folder onto one picture."""
     # Imported late: doctor must run where the renderer cannot even be loaded.
     from vbaa_bench.report.contact_sheet import contact_sheet as write_sheet
+    from vbaa_bench.report.lighting_sheet import lighting_sheet
 
     found = sorted(scenes.rglob("*.yaml"))
+    out = out or Path("results/lighting.png" if lights else "results/scenes.png")
+    if lights:
+        found, write_sheet = sorted((scenes / "lighting").glob("*.yaml")), lighting_sheet
     if not found:
         raise InputError(f"{scenes}: holds no scene, *.yaml")
     with progress_bars() as progress:
         task = progress.add_task("scenes", total=len(found))
         write_sheet(found, out, choose(variant), lambda n, _: progress.update(task, completed=n))
     say({"picture": str(out), "scenes": len(found)}, str(out), as_json)
+
+
+@app.command("check-camera")
+def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = False) -> None:
+    """Calibrate from a scene's rendered calibration images, and compare with the true camera."""
+    # Imported late: doctor must run where the renderer cannot even be loaded.
+    from vbaa_bench.checks import check_camera as camera
+
+    file, chosen = load_scene(scene), choose(variant)
+    with progress_bars() as progress:
+        task = progress.add_task("calibration images", total=None)
+        tested, found = camera.check_camera(
+            file, chosen, lambda done, total: progress.update(task, completed=done, total=total)
+        )
+    record = camera.record(tested, found)
+    if as_json:
+        say(record, "", True)
+    else:
+        table = Table("quantity", "error", "allowed", "passes")
+        for one in tested:
+            row = f"{one.error:.3g} {one.unit}", f"{one.allowed:g} {one.unit}"
+            table.add_row(one.quantity, *row, "yes" if one.passed else "no")
+        Console().print(table)
+    if not record["passed"]:
+        raise typer.Exit(1)
 
 
 @app.command()

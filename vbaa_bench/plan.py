@@ -13,6 +13,7 @@ from solver.instrument.transforms import apply
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.experiment import Experiment
 from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.render.environment import read_environment
 from vbaa_bench.spec.load import Key, SceneFile
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.spec.trials import Push, Trial, trials
@@ -55,6 +56,7 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
         rig = true_rig(scene)
     except ValueError as error:
         raise InputError(file.complaint(("camera", "look_at_mm"), str(error))) from error
+    _environment_is_readable(file)
     made = trials(scene)
     seen = _Seen(file, rig)
     mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig)
@@ -74,6 +76,17 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
     size = scene.frames_per_shard
     shards = tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
     return Plan(rig, shards, seen.residual)
+
+
+def _environment_is_readable(file: SceneFile) -> None:
+    """Raise InputError if a light's file is none."""
+    for number, light in enumerate(file.scene.lights):
+        if light.kind == "environment" and light.file is not None:
+            try:
+                read_environment(file.path.parent / light.file)
+            except InputError as error:
+                said = file.complaint(("lights", number, "file"), str(error))
+                raise InputError(said) from error
 
 
 class _Seen:

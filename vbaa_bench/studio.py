@@ -1,7 +1,9 @@
 """The set: a scene's meshes, lamp and camera put up as worlds that can be rendered."""
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +17,21 @@ from vbaa_bench.cover import hidden_stretch, occluder
 from vbaa_bench.experiment import Experiment
 from vbaa_bench.geometry.board import board, squares
 from vbaa_bench.geometry.objects import adaptor, hub, sheet
-from vbaa_bench.geometry.tube import arc_length_of_vertices, strip, tube
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.render.world import Lamp, RenderUnit, Surface, World
+from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.lights import Light
+from vbaa_bench.render.materials import Texture
+from vbaa_bench.render.optics import Lens
+from vbaa_bench.render.textures import graded, grown
+from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.skin import Skin
 from vbaa_bench.spec.objects import NothingSpec, PegSpec
+from vbaa_bench.spec.paint import PaintedPart
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Trial, random_generator
 
+_GROUND = {"background", "background_squares"}
 # Reflectance of the board's card and of the ink on it.
 WHITE, BLACK = 0.7, 0.04
 
@@ -54,15 +63,14 @@ class Studio:
 
     def rest(self, experiment: Experiment) -> World:
         """The beam at rest with no object near."""
-        surfaces = dict(self._standing(experiment, experiment.rest))
-        return World(self.rig.camera, self._lamp(), surfaces, self._unit())
+        return self._world(dict(self._standing(experiment, experiment.rest)))
 
     def bench(self, pose: Pose) -> World:
         """The beam pushed against its object."""
         surfaces = {**dict(self.things(pose)), **dict(self._standing(pose.experiment, pose.state))}
         # The beam comes first: its index in the truth layers is 1.
         surfaces = {"beam": surfaces.pop("beam"), **surfaces}
-        return World(self.rig.camera, self._lamp(), surfaces, self._unit())
+        return self._world(surfaces)
 
     def repose(self, world: World, pose: Pose) -> None:
         """Bend the beam of a pushed bench anew and put everything where it belongs."""
@@ -77,7 +85,8 @@ class Studio:
         for cells in (white, black):
             cells.vertices = apply(antenna_from_board, np.asarray(cells.vertices))
         surfaces = {"white": Surface(white, WHITE), "black": Surface(black, BLACK)}
-        return World(self.rig.camera, self._lamp(), surfaces, self._unit())
+        # A luminous panel would lie in the board's place.
+        return self._world(surfaces, lights(self.scene, self.folder, panels=False))
 
     def _tilt(self, view: int) -> Floats:
         """Pose of a view's board against that of view 0: tilted about its own x and y axes."""
@@ -98,19 +107,8 @@ class Studio:
         """The antenna and what lies under it."""
         scene, spec = self.scene, self.scene.beam
         stage = self._stage(experiment, state)
-        line, director = state.centreline, state.director
-        radius = self.rig.beam.radius
-        if spec.section == "strip":
-            assert director is not None
-            width = spec.aspect * self.rig.beam.diameter
-            steel, facets = strip(line[:, 1:], director, self.rig.beam.diameter, width), 4
-        else:
-            size = radius * (1 + (spec.tip_ratio - 1) * line[:, 0] / self.rig.beam.length)
-            facets = spec.facets
-            thickness = radius if spec.tip_ratio == 1 else size
-            steel = tube(line[:, 1:], thickness, facets, director, spec.aspect)
-        arc_length = arc_length_of_vertices(line[:, 0], facets)
-        yield "beam", Surface(_set(steel, stage), spec.reflectance, "gloss", arc_length)
+        steel, arc_length = self._skin.mesh(state)
+        yield "beam", replace(_painted(_set(steel, stage), spec), arc_length=arc_length)
         clamp, mm = scene.hub, MILLIMETRE
         bottom = experiment.ground if clamp.bottom_mm is None else clamp.bottom_mm * mm
         shaft = hub(clamp.radius_mm * mm, bottom, clamp.top_mm * mm)
@@ -118,8 +116,8 @@ class Studio:
         if offset.any():
             shaft.apply_translation(-offset)
             arm = adaptor(offset, clamp.radius_mm * mm / 2)
-            yield "adaptor", Surface(_set(arm, stage), clamp.reflectance)
-        yield "hub", Surface(_set(shaft, stage), clamp.reflectance)
+            yield "adaptor", _painted(_set(arm, stage), clamp)
+        yield "hub", _painted(_set(shaft, stage), clamp)
         yield from self._background(experiment, state)
 
     def things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
@@ -129,8 +127,7 @@ class Studio:
         if not isinstance(scene.object, NothingSpec):
             touched = experiment.touched_mesh(state, pose.trial.step)
             top = float(touched.vertices[:, 2].max())
-            touched = _set(touched, stage)
-            yield "object", Surface(touched, scene.object.reflectance)
+            yield "object", _painted(_set(touched, stage), scene.object)
         second = scene.second_peg
         if second is not None:
             spec = PegSpec(
@@ -141,7 +138,7 @@ class Studio:
             )
             placed = experiment.clamp_from_object(state, pose.trial.step, 1)
             peg = Body(spec, self.rig.beam.radius, experiment.ground, self.folder).mesh(0.0)
-            yield "second_peg", Surface(_set(peg, stage @ placed), second.reflectance)
+            yield "second_peg", _painted(_set(peg, stage @ placed), second)
         hiding = scene.occlusion
         if hiding is not None and hiding.body is not None:
             cover = pose.trial.cover
@@ -156,7 +153,7 @@ class Studio:
             camera = self.rig.camera
             seen_from = camera.camera_from_antenna @ stage
             mesh = occluder(hiding, stretch, state, camera, seen_from, top, random)
-            yield "occluder", Surface(_set(mesh, away @ stage), hiding.reflectance)
+            yield "occluder", _painted(_set(mesh, away @ stage), hiding)
 
     def _stage(self, experiment: Experiment, state: State) -> Floats:
         """From the clamp's frame to that of the camera (4, 4)."""
@@ -174,9 +171,9 @@ class Studio:
             stage = experiment.motor.clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))
         if spec.lies_in == "antenna" and self.scene.camera.mount == "world":
             stage = self._stage(experiment, state)
-        if spec.pattern == "plain":
-            plain = sheet(middle, 20 * length, 1)
-            yield "background", Surface(_set(plain, stage), spec.reflectance)
+        if spec.pattern != "squares":
+            whole = _set(sheet(middle, 20 * length, 1), stage)
+            yield "background", Surface(whole, spec.reflectance, texture=self._texture)
             return
         light, dark = squares(6 * length, spec.square_mm * MILLIMETRE)
         for name, cells, reflectance in (
@@ -186,10 +183,67 @@ class Studio:
             cells.apply_translation(middle)
             yield name, Surface(_set(cells, stage), reflectance)
 
-    def _lamp(self) -> Lamp:
-        spec, camera = self.scene.light, self.scene.camera.position_mm
-        middle = np.array([camera[0], camera[1], spec.height_mm]) * MILLIMETRE
-        return Lamp(sheet(middle, spec.side_mm * MILLIMETRE, -1))
+    @cached_property
+    def _skin(self) -> Skin:
+        return Skin(self.scene, self.rig)
+
+    @cached_property
+    def _texture(self) -> Texture | None:
+        """Of the background, about the beam's middle."""
+        spec, length, mm = self.scene.background, self.rig.beam.length, MILLIMETRE
+        places = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
+        match spec.pattern:
+            case "graded":
+                azimuth, over = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
+                return graded(places, spec.reflectance, spec.far_reflectance, azimuth, over)
+            case "textured":
+                across, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
+                lengths = (across * spec.grain, across)
+                mean, contrast = spec.reflectance, spec.contrast
+                return grown(places, mean, contrast, lengths, 2 * length, random)
+        return None
+
+    @cached_property
+    def _lights(self) -> list[Light]:
+        return lights(self.scene, self.folder)
+
+    def _world(self, surfaces: dict[str, Surface], shining: list[Light] | None = None) -> World:
+        optics = self.scene.optics
+        lens = Lens(
+            optics.spread_px,
+            optics.aperture_mm / 2 * MILLIMETRE,
+            (optics.focus_mm or self._distance_mm) * MILLIMETRE,
+        )
+        return World(
+            self.rig.camera,
+            self._lights if shining is None else shining,
+            surfaces,
+            self._unit(),
+            still=self._still & set(surfaces),
+            sliding=self._sliding & set(surfaces),
+            bounces=self.scene.render.bounces,
+            lens=lens,
+        )
+
+    @property
+    def _distance_mm(self) -> float:
+        """From the lens to where it looks."""
+        camera = self.scene.camera
+        return math.dist(camera.position_mm, camera.look_at_mm)
+
+    @property
+    def _still(self) -> set[str]:
+        """What never moves against the camera. A plain ground may turn: it looks the same."""
+        still = {"hub", "adaptor"} if self.scene.camera.mount == "antenna" else set()
+        background = self.scene.background
+        if background.lies_in == self.scene.camera.mount or background.pattern == "plain":
+            still |= _GROUND
+        return still
+
+    @property
+    def _sliding(self) -> set[str]:
+        """A chequered ground that turns under the camera."""
+        return _GROUND - self._still if self.scene.background.pattern == "squares" else set()
 
     def _unit(self) -> RenderUnit:
         beam = self.rig.beam
@@ -200,3 +254,8 @@ def _set(mesh: trimesh.Trimesh, stage: Floats) -> trimesh.Trimesh:
     """A mesh put in its place on the stage; its vertices keep their order."""
     mesh.vertices = apply(stage, np.asarray(mesh.vertices))
     return mesh
+
+
+def _painted(mesh: trimesh.Trimesh, spec: PaintedPart) -> Surface:
+    """A mesh with the paint that its section of the scene says."""
+    return Surface(mesh, spec.reflectance, spec.paint, roughness=spec.roughness)

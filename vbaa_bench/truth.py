@@ -154,7 +154,7 @@ def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> 
         "scene": scene.model_dump(mode="json"),
         "seed": scene.seed,
         "variant": variant,
-        "exposure_e_per_radiance": exposure,
+        "exposure_per_radiance": exposure,
         "true_rig": {
             "beam_length_mm": rig.beam.length / mm,
             "beam_diameter_mm": rig.beam.diameter / mm,
@@ -171,6 +171,7 @@ def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> 
                 "cy_px": camera.cy,
                 "camera_from_antenna": camera.camera_from_antenna.tolist(),
                 "telecentric": camera.telecentric,
+                "distortion": list(camera.distortion),
             },
         },
     }

@@ -32,7 +32,7 @@ def area_weighted(image: Grey) -> Centreline:
     # Every fourth row tells a column's background as well as all of them, and sooner.
     some = image[::4].astype(np.float64)
     background = np.median(some, axis=0)
-    noise = 1.4826 * np.median(np.abs(some - background), axis=0) + 0.3  # 0.3: 8-bit rounding
+    noise = 1.4826 * np.median(np.abs(some - background), axis=0) + 0.3  # 0.3: rounding
     contrast = image.max(axis=0) - background
     seen = contrast > np.maximum(
         LEAST_CONTRAST * np.quantile(contrast, 0.9), LEAST_SIGNIFICANCE * noise

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
-Grey = npt.NDArray[np.uint8]
+# Of 8 bits, or of up to 16.
+Grey = npt.NDArray[np.uint8 | np.uint16]
 
 
 def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floats:

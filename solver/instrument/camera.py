@@ -4,11 +4,13 @@ a pixel's centre has integer coordinates (OpenCV's rule), so the image of W colu
 u from -1/2 to W - 1/2, and the middle of the image is ((W - 1) / 2, (H - 1) / 2).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.distortion import COUNTS, distort, undistort
 from solver.instrument.transforms import apply
 
 
@@ -20,6 +22,8 @@ class Camera:
     y down, z forward). A pinhole divides by depth, and fx, fy are [px]. A telecentric camera,
     as on a microscope, sees along parallel rays: depth does not move a point in its image, and
     fx, fy are the magnification [px/m]. cx, cy [px] are where the optical axis meets the image.
+    `distortion` holds no, five or eight coefficients, as `distortion.py` says; a telecentric
+    camera has none. Raises ValueError where pose or distortion are not of this kind.
     """
 
     width: int
@@ -30,10 +34,17 @@ class Camera:
     cy: float
     camera_from_antenna: Floats
     telecentric: bool = False
+    distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         pose = frozen_floats("camera_from_antenna", self.camera_from_antenna, (4, 4))
         object.__setattr__(self, "camera_from_antenna", pose)
+        coefficients = tuple(float(value) for value in self.distortion)
+        object.__setattr__(self, "distortion", coefficients)
+        if len(coefficients) not in COUNTS or not all(map(math.isfinite, coefficients)):
+            raise ValueError(f"distortion is {coefficients}, allowed are 0, 5 or 8 finite numbers")
+        if self.telecentric and coefficients:
+            raise ValueError("distortion is modelled for a pinhole, not for a telecentric camera")
 
     @property
     def matrix(self) -> Floats:
@@ -41,14 +52,44 @@ class Camera:
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (n, 2), as (u, v), of points (n, 3) in Sigma_a [m]; all in front of the camera."""
+        """Pixels (n, 2), as (u, v), of points (n, 3) in Sigma_a [m]; all in front of the camera.
+
+        A distorted point is where the lens shows it only within the field over which the
+        distortion is one-to-one; from farther off it may be folded back into the image.
+        """
         x, y, z = apply(self.camera_from_antenna, points).T
-        divisor = self._divisor(z)
-        return np.column_stack([self.fx * x / divisor + self.cx, self.fy * y / divisor + self.cy])
+        seen = np.column_stack([x, y]) / self._divisor(z)[:, None]
+        if self.distortion:
+            seen, _ = distort(seen, self.distortion)
+        return self._pixels(seen)
+
+    def normalised(self, pixels: Floats) -> Floats:
+        """Ideal coordinates (n, 2) of pixels (n, 2), as (u, v): x and y over depth, undistorted.
+
+        Exact to 1e-12. Of a telecentric camera, x and y themselves [m]. Raises ValueError where
+        the distortion is not one-to-one.
+        """
+        distorted = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
+        return undistort(distorted, self.distortion)
+
+    def undistorted_pixels(self, pixels: Floats) -> Floats:
+        """Where a lens free of distortion would show what is seen at pixels (n, 2)."""
+        return self._pixels(self.normalised(pixels))
+
+    def pixel_slopes(self, normalised: Floats) -> Floats:
+        """d(pixel)/d(normalised), (n, 2, 2), at ideal coordinates (n, 2)."""
+        _, jacobian = distort(normalised, self.distortion)
+        return np.asarray(jacobian * np.array([[self.fx], [self.fy]]))
 
     def pixels_per_metre(self, points: Floats) -> Floats:
-        """Magnification (n,) [px/m] of lengths across the optical axis at points (n, 3) [m]."""
+        """Magnification (n,) [px/m] of lengths across the optical axis at points (n, 3) [m].
+
+        The lens's distortion is left out.
+        """
         return self.fx / self._divisor(apply(self.camera_from_antenna, points)[:, 2])
+
+    def _pixels(self, normalised: Floats) -> Floats:
+        return np.asarray(normalised * [self.fx, self.fy] + [self.cx, self.cy])
 
     def _divisor(self, depth: Floats) -> Floats:
         return np.ones_like(depth) if self.telecentric else depth

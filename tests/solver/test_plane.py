@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,16 +16,22 @@ def camera() -> Camera:
     return Camera(512, 400, 700, 700, 250.0, 205.0, pose)
 
 
+def distorting() -> Camera:
+    lens = (0.1, 0.02, -0.001, 0.0008, 0.005, 0.28, 0.03, 0.01)
+    return replace(camera(), distortion=lens)
+
+
 def microscope() -> Camera:
     pose = camera_looking_at(np.array([0.005, -0.004, 0.05]), np.array([0.005, 0.0, 0.0]), 0.02)
     return Camera(512, 400, 5e4, 5e4, 250.0, 205.0, pose, telecentric=True)
 
 
-def test_points_on_the_plane_come_back() -> None:
+@pytest.mark.parametrize("camera", [camera(), distorting()], ids=["pinhole", "distorting"])
+def test_points_on_the_plane_come_back(camera: Camera) -> None:
     random = np.random.default_rng(0)
     points = np.column_stack([random.uniform(0, 0.24, 50), random.uniform(-0.05, 0.05, 50)])
-    pixels = camera().project(np.column_stack([points, np.zeros(50)]))
-    found, _ = on_plane(camera(), pixels, np.ones(50))
+    pixels = camera.project(np.column_stack([points, np.zeros(50)]))
+    found, _ = on_plane(camera, pixels, np.ones(50))
     assert found == pytest.approx(points, abs=1e-15)
 
 
@@ -51,7 +58,11 @@ def test_both_projections_come_back_whatever_the_pose_and_the_size(
     assert found == pytest.approx(points, abs=1e-12 * field)
 
 
-@pytest.mark.parametrize("camera", [camera(), microscope()], ids=["pinhole", "telecentric"])
+@pytest.mark.parametrize(
+    "camera",
+    [camera(), distorting(), microscope()],
+    ids=["pinhole", "distorting", "telecentric"],
+)
 def test_sigma_vectors_are_the_derivative_by_the_image_row(camera: Camera) -> None:
     pixels, step = np.array([[30.0, 200.0], [400.0, 90.0]]), 1e-4
     _, vectors = on_plane(camera, pixels, np.array([1.0, 2.0]))

@@ -8,30 +8,35 @@ import OpenEXR
 
 from solver.instrument.errors import InputError
 
-# layer of a scene -> (channel, pixel type): half where eleven bits suffice, full where they do not
+# layer of a scene -> (channels, pixel type): half where eleven bits suffice, full where not
 CHANNELS = {
-    "radiance": ("radiance.Y", np.float16),
-    "beam_mask": ("beam.mask", np.float16),
-    "arc_length": ("beam.arc_length_mm", np.float32),
-    "depth": ("depth.z_mm", np.float32),
-    "object_index": ("object.index", np.uint32),
+    "radiance": (("radiance.Y",), np.float16),
+    "variance": (("variance.Y",), np.float32),
+    "beam_mask": (("beam.mask",), np.float16),
+    "coverage": (("beam.coverage",), np.float16),
+    "arc_length": (("beam.arc_length_mm",), np.float32),
+    "depth": (("depth.z_mm",), np.float32),
+    "normal": (("normal.X", "normal.Y", "normal.Z"), np.float16),
+    "object_index": (("object.index",), np.uint32),
+    "occlusion": (("beam.occlusion",), np.float16),
 }
 
 
 def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
-    """Write layers (height, width), keyed as in CHANNELS."""
+    """Write layers (height, width), or (height, width, 3) of vectors, keyed as in CHANNELS."""
     channels = {}
     for layer, values in layers.items():
-        name, kind = CHANNELS[layer]
-        # OpenEXR writes strided arrays wrong without an error: copy to contiguous memory.
-        channels[name] = np.ascontiguousarray(values, dtype=kind)
+        names, kind = CHANNELS[layer]
+        for name, part in zip(names, np.atleast_3d(values).transpose(2, 0, 1), strict=True):
+            # OpenEXR writes strided arrays wrong without an error: copy to contiguous memory.
+            channels[name] = np.ascontiguousarray(part, dtype=kind)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with OpenEXR.File(header, channels) as file:
         file.write(str(path))
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:
-    """Layers (height, width) of a truth image, keyed as in CHANNELS. Raises InputError."""
+    """Layers of a truth image, as `write_exr` takes them. Raises InputError."""
     try:
         file = OpenEXR.File(str(path), separate_channels=True)
     except Exception as error:
@@ -41,7 +46,7 @@ def read_exr(path: Path) -> dict[str, np.ndarray]:
             raise InputError(f"{path}: is a truncated EXR image")
         found = file.channels()
         return {
-            layer: np.array(found[name].pixels)
-            for layer, (name, _) in CHANNELS.items()
-            if name in found
+            layer: np.dstack([found[name].pixels for name in names]).squeeze()
+            for layer, (names, _) in CHANNELS.items()
+            if names[0] in found
         }

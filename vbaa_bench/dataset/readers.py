@@ -33,6 +33,7 @@ class Truth:
             cy=found["cy_px"],
             camera_from_antenna=np.array(found["camera_from_antenna"]),
             telecentric=found["telecentric"],
+            distortion=tuple(found["distortion"]),
         )
 
 

@@ -1,21 +1,29 @@
-"""Squares: the calibration board, a chessboard printed on white card, and a patterned ground."""
+"""What is printed in cells edge to edge: the calibration targets, and a patterned ground."""
 
+import cv2
 import numpy as np
 import trimesh
 
-from solver.instrument.rig import Chessboard
+from solver.instrument.arrays import Floats
+from solver.instrument.board import Board, Charuco, LineNetwork
+
+# Of a chequered square; a marker is six of them wide and stands in the middle.
+_BITS, _MARKER = 10, 6
 
 
-def board(chessboard: Chessboard) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """(white, black) cells of the board in its own frame (z = 0, facing +z), edge to edge.
+def board(target: Board) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+    """(white, black) cells of a target in its own frame (z = 0, facing +z), edge to edge.
 
-    One cell more than inner corners each way, and a white margin of one cell around.
+    The card ends two squares beyond the outermost points; the last of them is a white margin.
     """
-    columns, rows, square = chessboard.columns + 3, chessboard.rows + 3, chessboard.square
-    row, column = np.mgrid[0:rows, 0:columns]
-    inside = (row > 0) & (row < rows - 1) & (column > 0) & (column < columns - 1)
-    black = inside & ((row + column) % 2 == 0)
-    vertices = _grid(columns, rows, square)
+    if isinstance(target, LineNetwork):
+        x, y, black = _lines(target)
+    elif isinstance(target, Charuco):
+        x, y, black = _charuco(target)
+    else:
+        x, y = _edges(target.columns + 3, target.square), _edges(target.rows + 3, target.square)
+        black = np.pad(_chequered(target), 1)
+    vertices = _grid(x, y)
     return _cells(vertices, ~black), _cells(vertices, black)
 
 
@@ -24,19 +32,65 @@ def squares(side: float, square: float) -> tuple[trimesh.Trimesh, trimesh.Trimes
     count = max(round(side / square), 2)
     row, column = np.mgrid[0:count, 0:count]
     dark = (row + column) % 2 == 0
-    vertices = _grid(count, count, square)
+    edges = _edges(count, square)
+    vertices = _grid(edges, edges)
     return _cells(vertices, ~dark), _cells(vertices, dark)
 
 
-def _grid(columns: int, rows: int, square: float) -> np.ndarray:
-    """Corners of all cells, row by row from the top."""
-    y, x = np.mgrid[0 : rows + 1, 0 : columns + 1].astype(float)
-    return np.column_stack(
-        [(x.ravel() - columns / 2) * square, (rows / 2 - y.ravel()) * square, np.zeros(x.size)]
-    )
+def _chequered(target: Board) -> np.ndarray:
+    """Black squares, one more each way than inner corners."""
+    row, column = np.mgrid[0 : target.rows + 1, 0 : target.columns + 1]
+    return np.asarray((row + column) % 2 == 0)
 
 
-def _cells(vertices: np.ndarray, chosen: np.ndarray) -> trimesh.Trimesh:
+def _charuco(target: Charuco) -> tuple[Floats, Floats, np.ndarray]:
+    """Cells of one marker's bit each: their edges in x and y, and which are black."""
+    chequered = _chequered(target)
+    name = f"DICT_{target.dictionary.upper()}"
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+    black = np.kron(chequered, np.ones((_BITS, _BITS), bool))
+    margin = (_BITS - _MARKER) // 2
+    for number, (row, column) in enumerate(np.argwhere(~chequered) * _BITS + margin):
+        bits = cv2.aruco.generateImageMarker(dictionary, number, _MARKER)
+        black[row : row + _MARKER, column : column + _MARKER] = bits == 0
+    bit = target.square / _BITS
+    x, y = _edges((target.columns + 3) * _BITS, bit), _edges((target.rows + 3) * _BITS, bit)
+    return x, y, np.pad(black, _BITS)
+
+
+def _lines(target: LineNetwork) -> tuple[Floats, Floats, np.ndarray]:
+    """Cells bounded by the lines' rims and ends: their edges in x and y, and which are black."""
+    x, across, within_x = _strokes(target, target.columns, target.thick_column)
+    # From the top: rows are counted downward.
+    y, along, within_y = _strokes(target, target.rows, target.thick_row)
+    black = (along[:, None] & within_x) | (within_y[:, None] & across)
+    return x, -y[::-1], black
+
+
+def _strokes(target: LineNetwork, count: int, thick: int) -> tuple[Floats, np.ndarray, np.ndarray]:
+    """Edges along one axis, increasing; the cells on a line, and those between the lines' ends."""
+    width = np.full(count, target.line_width)
+    width[thick] *= 2
+    middle = (np.arange(count) - (count - 1) / 2) * target.square
+    rims = np.column_stack([middle - width / 2, middle + width / 2]).ravel()
+    end, card = count / 2 * target.square, (count + 3) / 2 * target.square
+    edges = np.array([-card, -end, *rims, end, card])
+    cells = np.arange(len(edges) - 1)
+    between = (cells > 0) & (cells < cells[-1])
+    return edges, between & (cells % 2 == 0), between
+
+
+def _edges(count: int, size: float) -> Floats:
+    return np.asarray((np.arange(count + 1) - count / 2) * size)
+
+
+def _grid(x: Floats, y: Floats) -> Floats:
+    """Corners of all cells, row by row from the top, between edges that increase."""
+    right, up = np.meshgrid(x, y[::-1])
+    return np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
+
+
+def _cells(vertices: Floats, chosen: np.ndarray) -> trimesh.Trimesh:
     row, column = np.nonzero(chosen)
     stride = chosen.shape[1] + 1
     a = row * stride + column

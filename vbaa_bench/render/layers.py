@@ -1,78 +1,181 @@
 """Truth layers: what lies exactly at the centre of every pixel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
-from solver.instrument.transforms import apply
+from solver.instrument.arrays import Floats
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
+
+Mask = npt.NDArray[np.bool_]
+
+# A beam behind so many other surfaces is no longer looked for.
+_DEEPEST = 4
 
 
 @dataclass(frozen=True)
 class Layers:
-    """Each (height, width). `object_index`: 0 nothing, else the surface's place from 1.
+    """Each (height, width), but `normal` (height, width, 3).
 
-    `depth_mm` along the optical axis, `arc_length_mm` along the beam; both 0 where there is none.
+    `object_index`: 0 nothing, else the surface's place from 1. `depth_mm` along the optical axis,
+    `arc_length_mm` along the beam, `normal` in Sigma_a, towards the camera; all 0 where there is
+    none. `occlusion`: where the beam lies behind something else, `hidden_arc_length_mm` which
+    part of it.
     """
 
     object_index: npt.NDArray[np.uint32]
     depth_mm: npt.NDArray[np.float32]
+    normal: npt.NDArray[np.float32]
     arc_length_mm: npt.NDArray[np.float32]
-    beam_mask: npt.NDArray[np.float16]
+    beam_mask: Mask
+    occlusion: Mask
+    hidden_arc_length_mm: npt.NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, height: int, width: int) -> Self:
+        """Of an image that shows nothing."""
+        shape = (height, width)
+        return cls(
+            np.zeros(shape, np.uint32),
+            np.zeros(shape, np.float32),
+            np.zeros((*shape, 3), np.float32),
+            np.zeros(shape, np.float32),
+            np.zeros(shape, np.bool_),
+            np.zeros(shape, np.bool_),
+            np.zeros(shape, np.float32),
+        )
+
+    def with_pixels(self, where: Mask, values: Self) -> Self:
+        """A copy in which the pixels of `where` (height, width) have the values, each (n, ...)."""
+        changed = {}
+        for field in fields(self):
+            layer = getattr(self, field.name).copy()
+            layer[where] = getattr(values, field.name)
+            changed[field.name] = layer
+        return replace(self, **changed)
 
 
-def layers(world: World) -> Layers:
-    """Trace one ray through every pixel's centre."""
-    width, height = world.camera.width, world.camera.height
-    rows, columns = np.mgrid[0:height, 0:width]
-    film_x, film_y = (columns.ravel() + 0.5) / width, (rows.ravel() + 0.5) / height
+def layers(world: World, where: Mask, otherwise: Layers, *, still: bool = False) -> Layers:
+    """One ray through the centre of every pixel of `where` (height, width); `otherwise` elsewhere.
+
+    Of the still scene alone, if asked.
+    """
+    rows, columns = np.nonzero(where)
+    if not len(rows):
+        return otherwise
+    return otherwise.with_pixels(where, _seen(world, columns, rows, still))
+
+
+def every_pixel(world: World, *, still: bool = False) -> Layers:
+    """The layers of a whole image."""
+    shape = (world.camera.height, world.camera.width)
+    return layers(world, np.ones(shape, np.bool_), Layers.empty(*shape), still=still)
+
+
+def _seen(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:
     if is_scalar():
-        hits = [_hit(world, x, y) for x, y in zip(film_x, film_y, strict=True)]
-        index, points, arc = (np.array(values) for values in zip(*hits, strict=True))
-    else:
-        point = mi.Point2f(mi.Float(film_x.astype(np.float32)), mi.Float(film_y.astype(np.float32)))
-        ray, _ = world.sensor.sample_ray(0.0, 0.0, point, mi.Point2f(0.5))
-        si = world.scene.ray_intersect(ray)
-        found = mi.UInt32(0)
-        for place, name in enumerate(world.names, start=1):
-            found = dr.select(si.shape == mi.ShapePtr(world.shape(name)), place, found)
-        index = np.asarray(found)
-        points = np.array(si.p).T
-        arc = np.asarray(si.uv.x)
-    beam = index == world.names.index("beam") + 1 if "beam" in world.names else index < 0
-    shape = (height, width)
-    depth_mm = np.where(index > 0, 1e3 * _depth(world, points), 0)
+        return _one_by_one(world, columns, rows, still)
+    scene = world.still if still else world.scene
+    column, row = (mi.Float(values.astype(np.float32)) for values in (columns, rows))
+    ray = world.optics.centre_ray(column, row)
+    si = scene.ray_intersect(ray)
+    index = world.index_of(si, still=still)
+    towards = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
+    facing = dr.select(si.is_valid(), towards, mi.Normal3f(0))
+    beam = mi.Bool(False)
+    hidden, hidden_arc = mi.Bool(False), mi.Float(0)
+    if "beam" in world.names and not still:
+        number = world.names.index("beam") + 1
+        beam = index == number
+        hidden, hidden_arc = _behind(world, ray, si, beam, number)
+    dr.eval(index, si.p, si.uv, facing, beam, hidden, hidden_arc)  # all in one kernel
+    found = np.asarray(index)
+    points = np.array(si.p).T
+    depth = np.where(found > 0, 1e3 * _depth(world, points), 0)
+    arc = np.where(np.broadcast_to(np.asarray(beam), found.shape), np.asarray(si.uv.x), 0)
     return Layers(
-        object_index=index.astype(np.uint32).reshape(shape),
-        depth_mm=depth_mm.astype(np.float32).reshape(shape),
-        arc_length_mm=np.where(beam, arc, 0).astype(np.float32).reshape(shape),
-        beam_mask=beam.astype(np.float16).reshape(shape),
+        object_index=found.astype(np.uint32),
+        depth_mm=depth.astype(np.float32),
+        normal=np.array(facing).T.astype(np.float32),
+        arc_length_mm=arc.astype(np.float32),
+        beam_mask=np.broadcast_to(np.asarray(beam), found.shape),
+        occlusion=np.broadcast_to(np.asarray(hidden), found.shape),
+        hidden_arc_length_mm=np.broadcast_to(np.asarray(hidden_arc), found.shape),
     )
 
 
-def visible_share(
-    arc_length_mm: npt.NDArray[np.float32], beam_mask: npt.NDArray[np.float16], length_mm: float
-) -> float:
-    """How much of the beam is seen: the share of a hundred even stretches that have a pixel."""
-    seen = arc_length_mm[beam_mask > 0] / length_mm
-    return len(np.unique(np.clip((100 * seen).astype(int), 0, 99))) / 100
+def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:
+    """Without wavefronts; what lies behind other things is not told."""
+    scene, found = (world.still if still else world.scene), []
+    for column, row in zip(columns, rows, strict=True):
+        ray = world.optics.centre_ray(float(column), float(row))
+        si = scene.ray_intersect(ray)
+        normal = np.array(si.n) if si.is_valid() else np.zeros(3)
+        normal *= -np.sign(normal @ np.array(ray.d))
+        found.append((world.scalar_index(si, still=still), *si.p, *normal, si.uv.x))
+    index, *places = np.array(found).T
+    points, normals, uv = np.array(places[:3]).T, np.array(places[3:6]).T, places[6]
+    beam = index == (world.names.index("beam") + 1 if "beam" in world.names else -1)
+    return Layers(
+        object_index=index.astype(np.uint32),
+        depth_mm=np.where(index > 0, 1e3 * _depth(world, points), 0).astype(np.float32),
+        normal=normals.astype(np.float32),
+        arc_length_mm=np.where(beam, uv, 0).astype(np.float32),
+        beam_mask=beam,
+        occlusion=np.zeros(len(index), np.bool_),
+        hidden_arc_length_mm=np.zeros(len(index), np.float32),
+    )
 
 
-def _depth(world: World, points: np.ndarray) -> np.ndarray:
+def _behind(world: World, ray: Any, si: Any, beam: Any, number: int) -> tuple[Any, Any]:
+    """Whether the beam lies behind what is seen first, and its arc length [mm] there."""
+    hidden, arc = mi.Bool(False), mi.Float(0)
+    looking = si.is_valid() & ~beam
+    for _ in range(_DEEPEST):
+        si = world.scene.ray_intersect(si.spawn_ray(ray.d), looking)
+        found = looking & (world.index_of(si) == number)
+        hidden |= found
+        arc = dr.select(found, si.uv.x, arc)
+        looking &= si.is_valid() & ~found
+    return hidden, arc
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """What of the beam is seen, in even hundredths of its length.
+
+    `visible_share` of all of it; `availability`, the paper's ratio AR (eq. 32), of what would be
+    seen if nothing hid it; `hidden_stretches` (n, 2), from and to as shares of the length.
+    """
+
+    visible_share: float
+    availability: float
+    hidden_stretches: Floats
+
+
+def visibility(layers: Layers, length_mm: float) -> Visibility:
+    """Of a beam of `length_mm` in an image: stretches are seen, or hidden, that have a pixel."""
+    seen, behind = np.zeros(100, np.bool_), np.zeros(100, np.bool_)
+    seen[_hundredths(layers.arc_length_mm[layers.beam_mask] / length_mm)] = True
+    behind[_hundredths(layers.hidden_arc_length_mm[layers.occlusion] / length_mm)] = True
+    hidden = behind & ~seen
+    steps = np.diff(np.concatenate([[0], hidden.astype(int), [0]]))
+    stretches = np.column_stack([np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)]) / 100
+    there = np.count_nonzero(seen | hidden)
+    return Visibility(float(seen.mean()), float(seen.sum() / max(there, 1)), stretches)
+
+
+def _hundredths(share: npt.NDArray[np.floating]) -> npt.NDArray[np.intp]:
+    return np.clip((100 * share).astype(np.intp), 0, 99)
+
+
+def _depth(world: World, points: Floats) -> Floats:
     """Distance along the optical axis [m] of points (n, 3) in render coordinates."""
+    pose = world.camera.camera_from_antenna
     metres = points * world.unit.unit + world.unit.origin
-    return np.asarray(apply(world.camera.camera_from_antenna, metres)[:, 2])
-
-
-def _hit(world: World, x: float, y: float) -> tuple[int, tuple[float, ...], float]:
-    ray, _ = world.sensor.sample_ray(0.0, 0.0, mi.ScalarPoint2f(x, y), mi.ScalarPoint2f(0.5))
-    si = world.scene.ray_intersect(ray)
-    if not si.is_valid():
-        return 0, (0.0, 0.0, 0.0), 0.0
-    names = [name for name in world.names if si.shape == world.shape(name)]
-    index = 1 + world.names.index(names[0]) if names else 0
-    return index, tuple(si.p), float(si.uv.x)
+    return np.asarray(metres @ pose[2, :3] + pose[2, 3])

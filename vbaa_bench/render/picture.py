@@ -1,39 +1,234 @@
-"""A whole image: many samples where the beam is, few elsewhere, every pixel unbiased."""
+"""A whole image: what stands still is rendered once, and what moves changes it.
 
-from dataclasses import dataclass
+The number of samples of a pixel follows from the noise that is wanted there. Pilot samples tell
+how noisy it is; they are thrown away, or the choice would bias the mean.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.render.tracing import radiance
+from vbaa_bench.render.layers import Layers, Mask, every_pixel, layers
+from vbaa_bench.render.reach import View, shadows
+from vbaa_bench.render.tracing import SETS, Asked, trace
+from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
+
+# Sizes of a set of samples; a pixel gets SETS of them.
+PILOT, MOST = 4, 256
+# With fewer, one sample in a shadow would stand out as a dark speck, rare but far off.
+LEAST = 4
+# Where the renderer only makes whole images: of every pixel.
+EVEN = 16
+# The variance of a stratified mean falls faster than its samples grow: as this power of them,
+# where a beam's edge crosses the pixel, and where a soft shadow lies on it.
+FALL: dict[Asked, float] = {"whole": 1.6, "still": 1.6, "change": 0.85}
+# Of the noise that is wanted this share is aimed at, since pilots err.
+AIM = 0.9
+# What moves has a pilot in every pixel, of so many sets, and the worst of its neighbours counts. A
+# shadow is the same in neighbours: near the beam pilots of a few pixels are put together, elsewhere
+# there is one in every so many.
+_PILOT_SETS = 12
+_NEIGHBOURS = 5
+_SPARSE, _REACH = 4, 17
+
+Noise = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
-class Sampling:
-    """Samples per pixel `near` the beam, that is within `near_px` of its mask, and `elsewhere`."""
+class Wanted:
+    """The render's standard deviation that is wanted, over the sensor's: within `near_px` of the
+    beam, elsewhere, and of the still plate. `noise` gives the sensor's of radiances."""
 
-    near_px: int
-    near: int
-    elsewhere: int
+    noise: Noise
+    near_px: int = 4
+    near: float = 1 / 3
+    elsewhere: float = 1 / 2
+    plate: float = 1 / 10
+
+    def scaled(self, factor: float) -> "Wanted":
+        """With so many times the noise, but for the plate."""
+        return replace(self, near=factor * self.near, elsewhere=factor * self.elsewhere)
 
 
-def picture(world: World, beam_mask: np.ndarray, sampling: Sampling, seed: int) -> Floats:
-    """Radiance (height, width) of a world whose beam covers `beam_mask` (height, width)."""
-    width = 2 * sampling.near_px + 1
-    reach = np.ones((width, width), np.uint8)
-    close = cv2.dilate((beam_mask > 0).astype(np.uint8), reach) > 0
-    image = np.empty(close.shape)
-    for part, samples, offset in ((close, sampling.near, 0), (~close, sampling.elsewhere, 1 << 16)):
-        rows, columns = np.nonzero(part)
-        pixels = np.column_stack([columns, rows])
-        image[part] = radiance(world, pixels, samples, seed + offset)
-    return image
+@dataclass(frozen=True)
+class Picture:
+    """Radiance (height, width) and the variance of what is random in it from picture to picture.
+
+    `coverage` (height, width) is the share of a pixel that the beam covers, `samples` how many it
+    got.
+    """
+
+    radiance: Floats
+    variance: Floats
+    layers: Layers
+    coverage: Floats
+    samples: Floats
+
+
+@dataclass(frozen=True)
+class Plate:
+    """What the still scene shows; the same in every picture of a world."""
+
+    radiance: Floats
+    layers: Layers
+
+
+def plate(world: World, wanted: Wanted, seed: int) -> Plate:
+    """Render what stands still, its noise a small share of the sensor's."""
+    everywhere = np.ones((world.camera.height, world.camera.width), np.bool_)
+    shape = everywhere.shape
+    goal = Goal(wanted.noise, np.full(shape, wanted.plate), np.zeros(shape), everywhere)
+    made = _Canvas(*everywhere.shape)
+    made.add(world, "still", everywhere, goal, seed)
+    return Plate(made.radiance, every_pixel(world, still=True))
+
+
+def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Picture:
+    """The world as it stands now: the plate, and what moves on it; without a plate, all of it."""
+    shape = (world.camera.height, world.camera.width)
+    nothing, blur = np.zeros(shape), world.blur_px
+    made = _Canvas(*shape)
+    if plate is None:
+        found, whole, change = every_pixel(world), nothing == 0, nothing > 0
+    else:
+        seen, shaded = _changed(world, plate)
+        found = every_pixel(world) if world.sliding else layers(world, seen, plate.layers)
+        whole = _grown(_moved(world, found, plate.layers), 1 + blur)
+        change = (seen | shaded) & ~whole
+    near = _grown(found.beam_mask, wanted.near_px + blur)
+    share = np.where(near, wanted.near, wanted.elsewhere)
+    made.add(world, "whole", whole, Goal(wanted.noise, share, nothing, whole), seed)
+    if plate is not None:
+        goal = Goal(wanted.noise, share, plate.radiance, near)
+        made.add(world, "change", change, goal, seed + (1 << 30))
+        made.radiance += np.where(whole, 0, plate.radiance)
+    return Picture(made.radiance, made.variance, found, made.coverage, made.samples)
+
+
+def together(pictures: Sequence[Picture]) -> Picture:
+    """The mean of pictures taken one after the other, with the layers of the middle one."""
+    middle = pictures[len(pictures) // 2]
+    if len(pictures) == 1:
+        return middle
+    return Picture(
+        np.mean([seen.radiance for seen in pictures], axis=0),
+        np.sum([seen.variance for seen in pictures], axis=0) / len(pictures) ** 2,
+        middle.layers,
+        np.mean([seen.coverage for seen in pictures], axis=0),
+        np.sum([seen.samples for seen in pictures], axis=0),
+    )
 
 
 def even_picture(world: World, samples: int, seed: int) -> Floats:
-    """Radiance (height, width) with the same number of samples everywhere."""
-    camera = world.camera
-    nowhere = np.zeros((camera.height, camera.width))
-    return picture(world, nowhere, Sampling(1, samples, samples), seed)
+    """Radiance (height, width) with the same number of samples everywhere, in sets of squares."""
+    rows, columns = np.mgrid[0 : world.camera.height, 0 : world.camera.width]
+    pixels = np.column_stack([columns.ravel(), rows.ravel()])
+    size = np.full(len(pixels), samples // SETS)
+    return trace(world, pixels, size, seed, "whole").radiance.reshape(rows.shape)
+
+
+class _Canvas:
+    """Images (height, width) that fill up as parts of them are sampled."""
+
+    def __init__(self, height: int, width: int) -> None:
+        self.radiance, self.variance, self.coverage, self.samples = np.zeros((4, height, width))
+
+    def add(self, world: World, asked: Asked, where: Mask, goal: "Goal", seed: int) -> None:
+        """Sample the pixels of `where` as finely as the goal asks."""
+        if not where.any():
+            return
+        size = np.full(np.count_nonzero(where), EVEN)
+        if not is_scalar():
+            excess = _excess(world, asked, where, goal, seed)
+            size = np.clip(np.ceil(PILOT * excess ** (1 / FALL[asked])), LEAST, MOST)
+        # Equal sizes side by side keep the processor's lanes busy.
+        order = np.argsort(size, kind="stable")
+        place = rows, columns = tuple(places[order] for places in np.nonzero(where))
+        found = trace(world, np.column_stack([columns, rows]), size[order], seed + 1, asked)
+        self.radiance[place] = found.radiance
+        self.variance[place] = found.variance
+        self.coverage[place] = found.coverage
+        self.samples[place] = SETS * size[order]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Standard deviations that are wanted: `share` (height, width) of the sensor's `noise` at a
+    radiance that `base` (height, width) adds to what is sampled.
+
+    Pixels of `dense` get a pilot each.
+    """
+
+    noise: Noise
+    share: Floats
+    base: Floats
+    dense: Mask
+
+
+def _excess(world: World, asked: Asked, where: Mask, goal: Goal, seed: int) -> Floats:
+    """The variance (n,) that pilots tell of the pixels `where`, over that which is wanted."""
+    pilots = where & goal.dense
+    pilots[::_SPARSE, ::_SPARSE] |= where[::_SPARSE, ::_SPARSE]
+    rows, columns = np.nonzero(pilots)
+    pixels, size = np.column_stack([columns, rows]), np.full(len(rows), PILOT)
+    found = trace(world, pixels, size, seed, asked, _PILOT_SETS)
+    sigma = goal.share[pilots] * goal.noise(goal.base[pilots] + found.radiance)
+    # As it would be of as many sets as are taken.
+    excess = _PILOT_SETS / SETS * found.variance / np.maximum((AIM * sigma) ** 2, 1e-30)
+    image, count = np.zeros(where.shape, np.float32), pilots.astype(np.float32)
+    image[pilots] = excess
+    if asked != "change":
+        worst = cv2.dilate(cv2.blur(image, (3, 3)), np.ones((3, 3), np.uint8))
+        return np.maximum(worst[where], 0)
+    fine, coarse = (
+        cv2.blur(image, (reach, reach)) / np.maximum(cv2.blur(count, (reach, reach)), reach**-2)
+        for reach in (_NEIGHBOURS, _REACH)
+    )
+    return np.maximum(np.where(goal.dense, fine, coarse)[where], 0)
+
+
+def _changed(world: World, plate: Plate) -> tuple[Mask, Mask]:
+    """Where what moves may be seen, and where it may cast a shadow on what does not."""
+    everywhere = np.ones(plate.radiance.shape, np.bool_)
+    index = plate.layers.object_index
+    bodies = [
+        world.vertices[name][run]
+        for name in world.moving - world.sliding
+        for run in world.pieces[name]
+    ]
+    view = View(world.camera, 2 + world.blur_px)
+    seen = view.hulls(bodies)
+    ground = world.ground
+    thrown = shadows(bodies, world.lights, ground)
+    if thrown is None or world.optics.lens.aperture > 0:
+        return seen, everywhere
+    lowest = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
+    flat = [world.names.index(name) + 1 for name in lowest]
+    raised = (index > 0) & ~np.isin(index, flat)
+    return seen, view.hulls(thrown) | _grown(raised, 2)
+
+
+def _moved(world: World, found: Layers, still: Layers) -> Mask:
+    """Where something that moves is seen: of a pattern that slides, where it differs."""
+    moving = [world.names.index(name) + 1 for name in world.moving - world.sliding]
+    moved = np.isin(found.object_index, moving)
+    if world.sliding:
+        moved |= found.object_index != still.object_index
+        moved |= _seams(found.object_index) | _seams(still.object_index)
+    return moved
+
+
+def _seams(index: np.ndarray) -> Mask:
+    """Where neighbouring pixels show different surfaces."""
+    few = index.astype(np.uint8)
+    around = np.ones((3, 3), np.uint8)
+    return np.asarray(cv2.dilate(few, around) != cv2.erode(few, around))
+
+
+def _grown(mask: Mask, pixels: int) -> Mask:
+    reach = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), reach) > 0

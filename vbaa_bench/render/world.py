@@ -5,37 +5,47 @@ in metres that would be a quarter of the beam's radius. So the scene is built in
 radius, with the origin at the beam's middle.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
 from vbaa_bench.render.camera import sensor_dict
+from vbaa_bench.render.lights import Light, emitter
+from vbaa_bench.render.materials import Texture, bsdf
+from vbaa_bench.render.optics import Lens, Optics
+from vbaa_bench.render.reach import pieces
+from vbaa_bench.render.variant import is_scalar
+from vbaa_bench.spec.paint import Paint
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh (in Sigma_a, metres) and its paint: matt, or gloss for painted steel.
+    """A mesh (in Sigma_a, metres) and its paint; see render/materials.py.
 
-    `arc_length` (vertices,) [m] is given for the beam alone.
+    `arc_length` (vertices,) [m] is given for the beam alone, which has no `texture`.
     """
 
     mesh: trimesh.Trimesh
     reflectance: float
-    paint: Literal["matt", "gloss"] = "matt"
+    paint: Paint = "matt"
     arc_length: Floats | None = None
+    roughness: float = 0.3
+    texture: Texture | None = None
 
-
-@dataclass(frozen=True)
-class Lamp:
-    """A sheet that shines evenly from its facing side."""
-
-    mesh: trimesh.Trimesh
+    @property
+    def texcoords(self) -> Floats | None:
+        """Texture coordinates (vertices, 2): the texture's, or arc length [mm] and nothing."""
+        if self.arc_length is not None:
+            return _texcoords(self.arc_length)
+        return None if self.texture is None else self.texture.uv
 
 
 @dataclass(frozen=True)
@@ -58,89 +68,134 @@ class RenderUnit:
 
 
 class World:
-    """Surfaces under a lamp before a camera.
+    """Surfaces under one or several lights before a camera, and apart what of them stands still.
 
     `variant` must be set in Mitsuba beforehand (`mi.set_variant`). The index of a surface in the
-    truth layers is its place in `surfaces`, from 1; 0 is nothing.
+    truth layers is its place in `surfaces`, from 1; 0 is nothing. Surfaces named in `still` do
+    not move against the camera. Those in `sliding` move, but only so that each comes to lie in
+    the plane where it or another of them lay: a patterned ground that turns under the camera.
+    `bounces` of light, more than one on request. `lens` is in metres.
     """
 
     def __init__(
-        self, camera: Camera, lamp: Lamp, surfaces: Mapping[str, Surface], unit: RenderUnit
+        self,
+        camera: Camera,
+        lights: Light | Sequence[Light],
+        surfaces: Mapping[str, Surface],
+        unit: RenderUnit,
+        *,
+        still: Collection[str] = (),
+        sliding: Collection[str] = (),
+        bounces: int = 1,
+        lens: Lens | None = None,
     ) -> None:
-        self.camera = camera
-        self.unit = unit
+        self.camera, self.unit, self.bounces = camera, unit, bounces
+        self.lens = lens or Lens()
+        if is_scalar() and (camera.distortion or self.lens.spread_px or self.lens.aperture):
+            raise InputError(
+                "this Mitsuba variant cannot distort, spread or defocus light: choose another than "
+                "scalar_rgb"
+            )
+        self.lights: tuple[Light, ...] = tuple(lights if isinstance(lights, Sequence) else [lights])
         self.names = tuple(surfaces)
+        self.moving = frozenset(surfaces) - frozenset(still)
+        self.sliding = frozenset(sliding)
+        self.faces = {name: np.asarray(surface.mesh.faces) for name, surface in surfaces.items()}
+        self.vertices = {name: np.asarray(s.mesh.vertices) for name, s in surfaces.items()}
         self._meshes = {name: _mesh(name, surface, unit) for name, surface in surfaces.items()}
-        self._vertex_counts = {name: len(s.mesh.vertices) for name, s in surfaces.items()}
-        sensor = sensor_dict(camera, unit.render_from_antenna)
-        sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
-        self.scene = mi.load_dict(
-            {
-                "type": "scene",
-                "sensor": sensor,
-                "lamp": _lamp(lamp, unit),
-                # One bounce: lamp, surface, camera. No scene asks for interreflection yet.
-                "integrator": {"type": "path", "max_depth": 2},
-                **self._meshes,
-            }
-        )
+        self.scene = self._scene(self._meshes)
+        standing = {name: s for name, s in surfaces.items() if name in {*still, *sliding}}
+        self._standing = {name: _mesh(name, surface, unit) for name, surface in standing.items()}
+        self.still = self._scene(self._standing)
         self.sensor = self.scene.sensors()[0]
         self.integrator = self.scene.integrator()
+        axis = camera.camera_from_antenna[2, :3]
+        self.optics = Optics(camera, self.lens.scaled(1 / unit.unit), self.sensor, axis)
         self.parameters = mi.traverse(self.scene)
+        self.pieces = {name: pieces(self.faces[name]) for name in self.moving}
 
-    def shape(self, name: str) -> Any:
-        """Mitsuba's shape of a surface."""
-        return self._meshes[name]
+    def _scene(self, meshes: Mapping[str, Any]) -> Any:
+        """The lights and some meshes as Mitsuba's scene."""
+        matrix = self.unit.render_from_antenna
+        sensor = sensor_dict(self.camera, matrix)
+        sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
+        emitters = {f"light_{i}": emitter(light, matrix) for i, light in enumerate(self.lights)}
+        integrator = {"type": "path", "max_depth": self.bounces + 1}
+        return mi.load_dict(
+            {"type": "scene", "sensor": sensor, "integrator": integrator, **emitters, **meshes}
+        )
+
+    @property
+    def blur_px(self) -> int:
+        """How many pixels away what moves may show."""
+        pose = self.camera.camera_from_antenna[2]
+        depths = [self.vertices[name] @ pose[:3] + pose[3] for name in self.moving]
+        if not depths:
+            return 0
+        nearest, farthest = min(d.min() for d in depths), max(d.max() for d in depths)
+        return self.lens.blur_px(self.camera, float(nearest), float(farthest))
+
+    @property
+    def ground(self) -> float:
+        """Height [m] of the lowest that stands still."""
+        lowest = [self.vertices[name][:, 2].min() for name in self._standing]
+        return float(min(lowest, default=0.0))
+
+    def index_of(self, si: Any, *, still: bool = False) -> Any:
+        """The index (Dr.Jit, UInt32) of the surface that was met, in the scene or the still one."""
+        found = mi.UInt32(0)
+        meshes = self._standing if still else self._meshes
+        for index, name in enumerate(self.names, start=1):
+            if name in meshes:
+                found = dr.select(si.shape == mi.ShapePtr(meshes[name]), index, found)
+        return found
+
+    def scalar_index(self, si: Any, *, still: bool = False) -> int:
+        """The same of a single interaction, on a scalar variant."""
+        meshes = self._standing if still else self._meshes
+        found = (i for i, n in enumerate(self.names, 1) if n in meshes and si.shape == meshes[n])
+        return next(found, 0) if si.is_valid() else 0
+
+    def moves(self, index: Any) -> Any:
+        """Whether surfaces of a Dr.Jit index move."""
+        found = mi.Bool(False)
+        for name in self.moving - self.sliding:
+            found |= index == self.names.index(name) + 1
+        return found
 
     def move(self, vertices: Mapping[str, Floats], arc_length: Floats | None = None) -> None:
         """New vertices (n, 3) [m] for some surfaces, and with them the beam's arc lengths [m].
 
-        The topology stays; raises ValueError if the number of vertices does not.
+        The topology stays; raises ValueError if the number of vertices does not. Of surfaces that
+        stand still nothing is taken.
         """
         for name, new in vertices.items():
-            if len(new) != self._vertex_counts[name]:
+            if len(new) != len(self.vertices[name]):
                 raise ValueError(
-                    f"{name} has {self._vertex_counts[name]} vertices, given were {len(new)}"
+                    f"{name} has {len(self.vertices[name])} vertices, given were {len(new)}"
                 )
-            self.parameters[f"{name}.vertex_positions"] = _flat(self.unit(new))
+            if name in self.moving:
+                self.vertices[name] = new
+                self.parameters[f"{name}.vertex_positions"] = _flat(self.unit(new))
         if arc_length is not None:
             self.parameters["beam.vertex_texcoords"] = _flat(_texcoords(arc_length))
         self.parameters.update()
 
 
 def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
+    paint = bsdf(surface.paint, surface.reflectance, surface.roughness, surface.texture)
     properties = mi.Properties()
-    properties["mesh_bsdf"] = mi.load_dict(_paint(surface))
+    properties["mesh_bsdf"] = mi.load_dict(paint)
     properties["face_normals"] = True
     vertices, faces = surface.mesh.vertices, surface.mesh.faces
-    textured = surface.arc_length is not None
+    texcoords = surface.texcoords
+    textured = texcoords is not None
     mesh = mi.Mesh(name, len(vertices), len(faces), props=properties, has_vertex_texcoords=textured)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = _flat(unit(np.asarray(vertices)))
     parameters["faces"] = np.ascontiguousarray(faces, dtype=np.uint32).ravel()
-    if surface.arc_length is not None:
-        parameters["vertex_texcoords"] = _flat(_texcoords(surface.arc_length))
-    parameters.update()
-    return mesh
-
-
-def _paint(surface: Surface) -> dict[str, Any]:
-    colour = {"type": "rgb", "value": surface.reflectance}
-    if surface.paint == "matt":
-        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": colour}}
-    return {"type": "roughplastic", "diffuse_reflectance": colour, "alpha": 0.3}
-
-
-def _lamp(lamp: Lamp, unit: RenderUnit) -> Any:
-    properties = mi.Properties()
-    properties["mesh_emitter"] = mi.load_dict(
-        {"type": "area", "radiance": {"type": "rgb", "value": 1.0}}
-    )
-    vertices, faces = lamp.mesh.vertices, lamp.mesh.faces
-    mesh = mi.Mesh("lamp", len(vertices), len(faces), props=properties)
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = _flat(unit(np.asarray(vertices)))
-    parameters["faces"] = np.ascontiguousarray(faces, dtype=np.uint32).ravel()
+    if texcoords is not None:
+        parameters["vertex_texcoords"] = _flat(texcoords)
     parameters.update()
     return mesh
 

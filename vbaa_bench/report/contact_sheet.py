@@ -8,6 +8,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.files import write_bytes
+from solver.instrument.images import eight_bit
 from solver.instrument.transforms import apply
 from vbaa_bench.bench import Bench
 from vbaa_bench.dataset.layout import Layout
@@ -19,7 +20,7 @@ from vbaa_bench.studio import Pose
 TILE_PX, CAPTION_PX, COLUMNS = 360, 26, 6
 # The surroundings of the contact are shown this much enlarged, in the tile's lower corner.
 ZOOM, HALF_PX = 5, 14
-_PAPER, _INK = 245, 30
+PAPER, INK = 245, 30
 
 
 def contact_sheet(
@@ -30,7 +31,7 @@ def contact_sheet(
     for number, path in enumerate(scenes):
         tiles.append(_tile(load_scene(path), variant))
         progress(number + 1, len(scenes))
-    tiles += [np.full_like(tiles[0], _PAPER)] * (-len(tiles) % COLUMNS)
+    tiles += [np.full_like(tiles[0], PAPER)] * (-len(tiles) % COLUMNS)
     rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
     written, data = cv2.imencode(".png", np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
     assert written
@@ -38,26 +39,31 @@ def contact_sheet(
 
 
 def _tile(file: SceneFile, variant: str) -> np.ndarray:
-    scene, folder = file.scene, file.path.parent.resolve()
-    work = plan(file)
-    bench = Bench(scene, work.rig, folder, Layout(Path()), variant, threads=0)
-    trial = _telling(work, bench)
-    image = bench.photograph(trial, bench.measure_exposure(lambda: None))
-    pose = bench.pose(trial)
-    tile = np.full((CAPTION_PX + TILE_PX, TILE_PX), _PAPER, np.uint8)
+    image, bench, pose = photograph(file, variant)
+    tile = np.full((CAPTION_PX + TILE_PX, TILE_PX), PAPER, np.uint8)
     group = file.path.parent.name
     name = file.path.stem if group == "scenes" else f"{group}/{file.path.stem}"
-    cv2.putText(tile, name, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _INK, 1, cv2.LINE_AA)
+    cv2.putText(tile, name, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
     scale = TILE_PX / max(image.shape)
     resized = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     small = np.asarray(resized, dtype=np.uint8)
-    tile[CAPTION_PX : CAPTION_PX + small.shape[0], : small.shape[1]] = _brightened(small)
+    tile[CAPTION_PX : CAPTION_PX + small.shape[0], : small.shape[1]] = brightened(small)
     if pose.state.contacts:
-        around = _brightened(_surroundings(image, _contact_pixel(pose, bench)))
+        around = brightened(_surroundings(image, _contact_pixel(pose, bench)))
         side = len(around)
         tile[-side:, -side:] = around
         cv2.rectangle(tile, (TILE_PX - side, len(tile) - side), (TILE_PX - 1, len(tile) - 1), 160)
     return tile
+
+
+def photograph(file: SceneFile, variant: str) -> tuple[Grey, Bench, Pose]:
+    """The frame of a scene that shows most, as 8 bits, the bench it was made on, and its pose."""
+    work = plan(file)
+    folder = file.path.parent.resolve()
+    bench = Bench(file.scene, work.rig, folder, Layout(Path()), variant, threads=0)
+    trial = _telling(work, bench)
+    image, _ = bench.photograph(trial, bench.measure_exposure(lambda: None))
+    return eight_bit(image), bench, bench.pose(trial)
 
 
 def _telling(work: Plan, bench: Bench) -> Trial:
@@ -92,7 +98,7 @@ def _surroundings(image: Grey, pixel: Floats) -> Grey:
     return large
 
 
-def _brightened(image: Grey) -> Grey:
-    """For a page, which is not looked at as a sensor is."""
+def brightened(image: Grey) -> Grey:
+    """An image for a page, which is not looked at as a sensor is."""
     bright: Grey = np.rint(255 * (image / 255) ** 0.6).astype(np.uint8)
     return bright

@@ -8,7 +8,7 @@ import polars as pl
 from solver.centreline.area_weighted import area_weighted
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
-from solver.instrument.images import read_grey
+from solver.instrument.images import eight_bit, read_grey
 from solver.instrument.transforms import apply, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
@@ -61,7 +61,7 @@ def overlay(results: Results, truth: Truth, scores: pl.DataFrame, frame_id: str)
     return Overlay(
         frame_id=frame_id,
         title=title,
-        image=image,
+        image=eight_bit(image),
         centreline=pixels(x),
         contact=contact,
         points=area_weighted(image).points,

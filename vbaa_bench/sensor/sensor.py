@@ -1,33 +1,108 @@
-"""A monochrome image sensor: shot noise, read noise, full well, 8-bit gray."""
+"""A real monochrome image sensor: radiance -> photons -> electrons -> gray values.
+
+The linear model of EMVA Standard 1288, release 4.0 (2021), section 2, in its order: photons,
+quantum efficiency, shot noise of light and dark current, non-uniformity of the pixels, full
+well, read noise, gain and black level, quantisation. A gamma, which the standard has not, comes
+before the last.
+
+A renderer draws its samples anew for every frame, so its images are noisy themselves. Noise is
+noise: what is in the radiance already, the sensor does not add again.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from solver.instrument.arrays import Floats, Grey
+from vbaa_bench.sensor.fixed_pattern import FixedPattern
+from vbaa_bench.sensor.quantise import Image, full_scale, quantise
+from vbaa_bench.sensor.shot_noise import poisson
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """`exposure` [electrons per unit of radiance], `full_well` and `read_noise` [electrons].
+    """`exposure` [photons per unit of radiance]; `full_well`, `read_noise` [electrons].
 
-    The full well is full scale: gray 255. Gray is linear in electrons.
+    `dark_signal` [electrons] is the mean of a frame in the dark, `gain` [electrons per gray
+    value]; without one the full well is full scale. `black_level` [gray values] is added before
+    gamma: gray over full scale is the linear value to the power of 1 / `gamma`.
     """
 
     exposure: float
     full_well: float
     read_noise: float
+    quantum_efficiency: float = 1.0
+    dark_signal: float = 0.0
+    bits: int = 8
+    gain: float | None = None
+    black_level: float = 0.0
+    gamma: float = 1.0
+    pattern: FixedPattern | None = None
 
-    def expose(self, radiance: Floats, random: np.random.Generator) -> Grey:
-        """One 8-bit frame (height, width) of a radiance image of the same shape."""
-        mean = np.maximum(radiance, 0.0) * self.exposure
-        electrons = random.poisson(mean) + random.normal(0.0, self.read_noise, mean.shape)
-        gray = np.rint(np.clip(electrons / self.full_well, 0.0, 1.0) * 255)
-        return gray.astype(np.uint8)
+    def expose(
+        self,
+        radiance: Floats,
+        random: np.random.Generator,
+        render_variance: Floats | None = None,
+    ) -> Grey:
+        """One frame (h, w) of a radiance image (h, w): uint8 of 8 bits, uint16 of more.
 
+        `render_variance` (h, w) [radiance^2] is how much of the radiance varies from frame to
+        frame; it counts towards shot noise and, where it exceeds that, read noise.
+        """
+        mean = self._mean_electrons(radiance)
+        shot: Image = mean
+        read: Image | float = self.read_noise
+        if render_variance is not None:
+            missing = mean - render_variance.astype(np.float32) * self._response**2
+            shot = np.maximum(missing, 0.0)
+            read = np.sqrt(np.maximum(self.read_noise**2 + np.minimum(missing, 0.0), 0.0))
+        electrons = mean - shot + poisson(shot, random)
+        if self.pattern is not None:
+            electrons = electrons * self.pattern.response + self.pattern.offset
+        electrons = np.minimum(electrons, self.full_well)
+        electrons += read * random.standard_normal(mean.shape, dtype=np.float32)
+        return quantise(self._share(electrons), self.bits)
 
-def exposure_for(peak_radiance: float, full_well: float, peak_share: float) -> float:
-    """Electrons per unit of radiance that put `peak_radiance` at `peak_share` of the full well."""
-    if not peak_radiance > 0:
-        raise ValueError(f"the beam's peak radiance is {peak_radiance}, allowed is > 0")
-    return peak_share * full_well / peak_radiance
+    def noise_sigma(self, radiance: Floats) -> Floats:
+        """Standard deviation (h, w) of one frame, in radiance: shots, reading and rounding."""
+        mean = self._mean_electrons(radiance)
+        variance = mean + self.read_noise**2 + self._step(mean) ** 2 / 12
+        return np.asarray(np.sqrt(variance) / self._response, dtype=np.float64)
+
+    def excess(self, radiance: Floats, render_variance: Floats) -> float:
+        """Share of the pixels whose render noise exceeds the sensor's own: too few samples."""
+        own = self._mean_electrons(radiance) + self.read_noise**2
+        return float(np.mean(render_variance * self._response**2 > own))
+
+    @property
+    def _response(self) -> float:
+        """Electrons per unit of radiance."""
+        return self.exposure * self.quantum_efficiency
+
+    @property
+    def _gain(self) -> float:
+        """Electrons per gray value, before gamma."""
+        return self.gain or self.full_well / (full_scale(self.bits) - self.black_level)
+
+    def _mean_electrons(self, radiance: Floats) -> Image:
+        """Of light and of the dark, whose shots add up to those of one Poisson process."""
+        light = np.maximum(radiance.astype(np.float32), 0.0) * self._response
+        return np.asarray(light + self.dark_signal, dtype=np.float32)
+
+    def _linear(self, electrons: Image) -> Image:
+        gray = electrons / self._gain + self.black_level
+        return np.asarray(gray / full_scale(self.bits), dtype=np.float32)
+
+    def _share(self, electrons: Image) -> Image:
+        linear = self._linear(electrons)
+        if self.gamma == 1:
+            return linear
+        return np.asarray(np.clip(linear, 0.0, 1.0) ** (1 / self.gamma))
+
+    def _step(self, electrons: Image) -> Image | float:
+        """Electrons per gray value, after gamma."""
+        if self.gamma == 1:
+            return self._gain
+        share = self._share(electrons)
+        return np.asarray(self._gain * self.gamma * share ** (self.gamma - 1), dtype=np.float32)

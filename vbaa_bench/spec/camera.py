@@ -2,8 +2,11 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from solver.instrument.board import Charuco, LineNetwork
+from solver.instrument.distortion import COUNTS, one_to_one
 from vbaa_bench.spec.part import Part, Positive, Triple
 
 
@@ -22,6 +25,7 @@ class CameraSpec(Part):
     height_px: Annotated[int, Field(ge=32, le=8192)] = 512
     focal_length_px: Positive = 700
     principal_point_offset_px: tuple[float, float] = (0.0, 0.0)
+    distortion: tuple[float, ...] = ()
     position_mm: Triple = (120.0, 18.0, 360.0)
     look_at_mm: Triple = (120.6, 20.0, 0.0)
     # A board is read the right way up within this range.
@@ -35,23 +39,58 @@ class CameraSpec(Part):
             raise ValueError("magnification_px_per_mm is for a telecentric camera, which needs it")
         return self
 
+    @model_validator(mode="after")
+    def _a_lens_that_can_be_undone(self) -> "CameraSpec":
+        count = len(self.distortion)
+        if count not in COUNTS:
+            raise ValueError(f"distortion holds {count} numbers, allowed are 0, 5 or 8")
+        if count and self.projection == "telecentric":
+            raise ValueError("distortion is for a perspective camera, a telecentric one has none")
+        if not one_to_one(self._rim(), self.distortion):
+            raise ValueError(
+                f"distortion {list(self.distortion)} shows different points at one place of the "
+                "image, allowed is one-to-one"
+            )
+        return self
+
+    def _rim(self) -> np.ndarray:
+        """Points (n, 2) a little beyond the image's rim, over the focal length from the axis."""
+        half = 0.55 * np.array([self.width_px, self.height_px])
+        along = np.linspace(-1, 1, 33)[:, None]
+        sides = [np.hstack([along, np.full_like(along, end)]) for end in (-1.0, 1.0)]
+        rim = np.vstack([*sides, *(side[:, ::-1] for side in sides)]) * half
+        return np.asarray((rim - self.principal_point_offset_px) / self.focal_length_px)
+
 
 class CalibrationSpec(Part):
-    """A chessboard of inner corners; view 0 lies in plane C, the others tilt it."""
+    """A target of points that lie square_mm apart; view 0 lies in plane C, the others tilt it.
 
+    The points are a chessboard's inner corners, those of a ChArUco board, whose markers are of
+    `dictionary`, or the crossings of a network of dark lines, line_width_mm wide (section VI-A).
+    """
+
+    target: Literal["chessboard", "charuco", "lines"] = "chessboard"
     columns: Annotated[int, Field(ge=4, le=60)] = 12
     rows: Annotated[int, Field(ge=3, le=60)] = 9
     square_mm: Positive = 18
+    dictionary: Literal["4x4_50", "4x4_100", "4x4_250", "4x4_1000"] = "4x4_250"
+    line_width_mm: Positive | None = None
     center_mm: tuple[float, float] = (120.0, 18.0)
     # A telecentric camera needs view 0 alone, any other at least three.
     views: Annotated[int, Field(ge=1, le=100)] = 10
     tilt_deg: Annotated[float, Field(gt=0, le=45)] = 25
 
     @model_validator(mode="after")
-    def _no_half_turn(self) -> "CalibrationSpec":
-        if self.columns % 2 == self.rows % 2:
+    def _can_be_printed(self) -> "CalibrationSpec":
+        if (self.target == "lines") != (self.line_width_mm is not None):
+            raise ValueError("line_width_mm is for a target of lines, which needs it")
+        if self.target == "chessboard" and self.columns % 2 == self.rows % 2:
             raise ValueError(
                 f"columns {self.columns} and rows {self.rows}: one must be even and one odd, "
                 "or the board looks the same after a half-turn"
             )
+        if self.target == "charuco":
+            Charuco(self.columns, self.rows, self.square_mm, self.dictionary)
+        if self.line_width_mm is not None:
+            LineNetwork(self.columns, self.rows, self.square_mm, self.line_width_mm)
         return self

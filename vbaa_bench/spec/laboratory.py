@@ -4,10 +4,11 @@ from typing import Annotated
 
 from pydantic import Field
 
+from vbaa_bench.spec.paint import PaintedPart
 from vbaa_bench.spec.part import Below, Part, Positive, Share
 
 
-class HubSpec(Part):
+class HubSpec(PaintedPart):
     """The motor's hub that clamps the beam: an upright cylinder about the motor's axis."""
 
     radius_mm: Positive = 3

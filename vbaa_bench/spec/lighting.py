@@ -1,8 +1,12 @@
 """Light, and what lies under the beam."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from vbaa_bench.spec.part import Part, Positive, Share
+from pydantic import Field, model_validator
+
+from vbaa_bench.spec.part import Part, Positive, Share, Triple
+
+Sides = tuple[Positive, Positive]
 
 
 class LightSpec(Part):
@@ -12,13 +16,120 @@ class LightSpec(Part):
     height_mm: Positive = 420
 
 
+class _LampSpec(Part):
+    """One of several lights. They stand as the camera does, and aim at what it looks at."""
+
+    # Of a sheet at the aim that faces the light. Only ratios matter: exposure follows the beam.
+    irradiance: Positive = 1.0
+
+
+class AreaSpec(_LampSpec):
+    """A rectangular lamp anywhere; its first side runs along the beam as far as it can."""
+
+    kind: Literal["area"]
+    position_mm: Triple = (120.0, -250.0, 420.0)
+    aim_mm: Triple | None = None
+    size_mm: Sides = (300, 200)
+
+
+class SideSpec(_LampSpec):
+    """A rectangular lamp low at the side; azimuth is counted from +x to +y, in plane C."""
+
+    kind: Literal["side"]
+    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = -90
+    elevation_deg: Annotated[float, Field(gt=0, lt=90)] = 15
+    distance_mm: Positive = 400
+    size_mm: Sides = (400, 100)
+
+
+class RingSpec(_LampSpec):
+    """A ring about the lens, across the camera's axis; its radii."""
+
+    kind: Literal["ring"]
+    inner_mm: Positive = 35
+    outer_mm: Positive = 60
+
+    @model_validator(mode="after")
+    def _inner_first(self) -> "RingSpec":
+        if self.inner_mm >= self.outer_mm:
+            raise ValueError(
+                f"inner_mm is {self.inner_mm:g}, allowed is less than outer_mm, {self.outer_mm:g}"
+            )
+        return self
+
+
+class BackSpec(_LampSpec):
+    """A luminous panel that lies on the background, `lift_mm` above it, and shines upwards.
+
+    `irradiance` is that of plane C from below.
+    """
+
+    kind: Literal["back"]
+    size_mm: Sides = (400, 400)
+    lift_mm: Positive = 0.5
+
+
+class StripeSpec(_LampSpec):
+    """A projector that throws a bright stripe along the beam: the paper's artificial light.
+
+    Length and width are those at the aim, across the light; the edges fade over `edge_mm`.
+    """
+
+    kind: Literal["stripe"]
+    position_mm: Triple = (120.0, -200.0, 350.0)
+    aim_mm: Triple | None = None
+    length_mm: Positive = 280
+    width_mm: Positive = 90
+    edge_mm: Positive = 4
+
+
+class SpotSpec(_LampSpec):
+    """A small lamp that lights a cone, and casts hard shadows."""
+
+    kind: Literal["spot"]
+    position_mm: Triple = (0.0, -200.0, 350.0)
+    aim_mm: Triple | None = None
+    cone_deg: Annotated[float, Field(ge=1, le=170)] = 60
+
+
+class EnvironmentSpec(_LampSpec):
+    """Light from all around: a laboratory with a window and lamps at its ceiling, or a picture.
+
+    The picture is an OpenEXR file beside the scene that maps longitude and latitude, its top row
+    towards +z, its columns from +x through +y around. `irradiance` is that of plane C.
+    """
+
+    kind: Literal["environment"]
+    file: Annotated[str, Field(min_length=1)] | None = None
+    turn_deg: Annotated[float, Field(ge=-360, le=360)] = 0
+
+
+LampSpec = Annotated[
+    AreaSpec | SideSpec | RingSpec | BackSpec | StripeSpec | SpotSpec | EnvironmentSpec,
+    Field(discriminator="kind"),
+]
+
+
 class BackgroundSpec(Part):
-    """A matt sheet below plane C, wider than the camera sees; plain, or with darker squares."""
+    """A matt sheet below plane C, wider than the camera sees.
+
+    Plain; with darker squares; graded, from `reflectance` on one side of the view to
+    `far_reflectance` on the other; or textured at random, like cork, wood or foam.
+    """
 
     distance_mm: Positive = 30
     reflectance: Share = 0.05
-    pattern: Literal["plain", "squares"] = "plain"
+    pattern: Literal["plain", "squares", "graded", "textured"] = "plain"
     square_mm: Positive = 15
     square_reflectance: Share = 0.02
+    far_reflectance: Share = 0.30
+    # Where it becomes `far_reflectance`, from +x to +y; and over which length.
+    gradient_deg: Annotated[float, Field(ge=-360, le=360)] = 90
+    gradient_mm: Positive = 200
+    # Standard deviation over mean.
+    contrast: Annotated[float, Field(gt=0, le=1)] = 0.4
+    # Across the grain: where the correlation has fallen to 1/e; along it, +x, `grain` times as far.
+    correlation_mm: Positive = 2.0
+    grain: Annotated[float, Field(ge=1, le=100)] = 1.0
     # Fixed to the antenna's base plate, or lying in the world, where it turns past the camera.
     lies_in: Literal["antenna", "world"] = "antenna"

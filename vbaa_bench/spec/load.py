@@ -73,7 +73,7 @@ def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
             sentence = "is missing"
         elif kind in ("union_tag_invalid", "union_tag_not_found"):
             key = (*key, "kind")
-            tags = ", ".join(get_args(model.model_fields["kind"].annotation)[0] for model in KINDS)
+            tags = ", ".join(_kind(model) for model in _options(document, key[:-1])[0])
             said = "is missing" if kind == "union_tag_not_found" else f"is {value['kind']!r}"
             sentence = f"{said}, allowed is one of {tags}"
         elif kind == "value_error":
@@ -159,19 +159,29 @@ def _resolved(schema: dict[str, Any], node: dict[str, Any], written: Any) -> dic
 
 
 def _known_keys(document: Any, section: Sequence[Key]) -> list[str]:
-    model: type[BaseModel] = Scene
+    return list(_chosen(*_options(document, section)).model_fields)
+
+
+def _options(document: Any, section: Sequence[Key]) -> tuple[list[type[BaseModel]], Any]:
+    """The models of what may stand at a place of the file, and what does."""
+    found: list[type[BaseModel]] = [Scene]
     written = document
     for part in section:
+        if isinstance(part, str):
+            found = _models(_chosen(found, written).model_fields[part].annotation)
         written = written[part]
-        found = _models(model.model_fields[str(part)].annotation)
-        kind = written.get("kind") if isinstance(written, CommentedMap) else None
-        tagged = (
-            [m for m in found if kind in get_args(m.model_fields["kind"].annotation)]
-            if (len(found) > 1)
-            else found
-        )
-        model = (tagged or found)[0]
-    return list(model.model_fields)
+    return found, written
+
+
+def _chosen(options: list[type[BaseModel]], written: Any) -> type[BaseModel]:
+    """The model that a section's `kind` names, if there are several."""
+    kind = written.get("kind") if isinstance(written, CommentedMap) else None
+    tagged = [model for model in options if len(options) > 1 and kind == _kind(model)]
+    return (tagged or options)[0]
+
+
+def _kind(model: type[BaseModel]) -> str:
+    return str(get_args(model.model_fields["kind"].annotation)[0])
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
@@ -179,9 +189,6 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for option in get_args(annotation) for model in _models(option)]
-
-
-KINDS = _models(Scene.model_fields["object"].annotation)
 
 
 def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:

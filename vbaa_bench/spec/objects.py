@@ -8,10 +8,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from vbaa_bench.spec.paint import PaintedPart
 from vbaa_bench.spec.part import Below, NonNegative, Part, Positive, Share, Triple
 
 
-class _ObjectSpec(Part):
+class _ObjectSpec(PaintedPart):
     reflectance: Share = 0.16
     # Coulomb's coefficient; zero is the paper's extremely slippery object.
     friction: Annotated[float, Field(ge=0, le=1)] = 0.0
@@ -129,7 +130,7 @@ ObjectSpec = Annotated[
 ]
 
 
-class SecondPegSpec(Part):
+class SecondPegSpec(PaintedPart):
     """A peg on the other side of the beam, `gap_mm` from it at rest: a second contact."""
 
     distance_mm: Positive
@@ -140,7 +141,7 @@ class SecondPegSpec(Part):
     reflectance: Share = 0.16
 
 
-class OcclusionSpec(Part):
+class OcclusionSpec(PaintedPart):
     """What hides the beam: every frame is repeated for every kind, place and availability.
 
     Availability is the paper's AR (eq. 32): the share of the beam's length that stays visible.

@@ -6,12 +6,31 @@ from pydantic import Field
 
 from vbaa_bench.spec.part import Part
 
-Layer = Literal["radiance", "beam_mask", "arc_length", "depth", "object_index"]
+Layer = Literal[
+    "radiance",
+    "variance",
+    "beam_mask",
+    "coverage",
+    "arc_length",
+    "depth",
+    "normal",
+    "object_index",
+    "occlusion",
+]
+
+_Noise = Annotated[float, Field(ge=0.01, le=10)]
 
 
 class RenderSpec(Part):
-    """Samples per pixel: square numbers, so that every pixel is stratified in both directions."""
+    """Samples follow from the noise that is wanted: the render's standard deviation over the
+    sensor's, within `near_beam_px` of the beam, elsewhere, and of what stands still, whose noise
+    is the same in every frame. No pixel gets more than 1,024 samples."""
 
-    samples_near_beam: Literal[16, 64, 256, 1024] = 256
-    samples_elsewhere: Literal[4, 16, 64, 256] = 16
-    near_beam_px: Annotated[int, Field(ge=1, le=64)] = 5
+    noise_near_beam: _Noise = 0.333
+    noise_elsewhere: _Noise = 0.5
+    noise_still: _Noise = 0.1
+    near_beam_px: Annotated[int, Field(ge=1, le=64)] = 4
+    # The beam's mesh leaves the smooth beam by no more.
+    mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = 0.002
+    # 1: light goes from lamp to surface to camera. More: surfaces light each other.
+    bounces: Annotated[int, Field(ge=1, le=16)] = 1

@@ -6,10 +6,12 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
+from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
-from solver.instrument.rig import Chessboard, Rig, Sensors, Tolerances
+from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
+from vbaa_bench.spec.camera import CalibrationSpec
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import random_generator
 
@@ -36,7 +38,7 @@ def nominal_rig(scene: Scene) -> Rig:
     return Rig(
         beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
         base_position=np.zeros(3),
-        board=Chessboard(card.columns, card.rows, card.square_mm * MILLIMETRE),
+        board=_board(card),
         antenna_from_board=rigid(np.zeros(3), np.array([*card.center_mm, 0.0]) * MILLIMETRE),
         deflects_towards=1,
         tolerances=Tolerances(
@@ -55,7 +57,17 @@ def nominal_rig(scene: Scene) -> Rig:
             base_force=None if force is None else force.force_sigma_n,
             base_moment=None if force is None else force.moment_sigma_n_mm * MILLIMETRE,
         ),
+        distortion_coefficients=len(scene.camera.distortion),
     )
+
+
+def _board(card: CalibrationSpec) -> Board:
+    size = (card.columns, card.rows, card.square_mm * MILLIMETRE)
+    if card.target == "charuco":
+        return Charuco(*size, card.dictionary)
+    if card.line_width_mm is not None:
+        return LineNetwork(*size, card.line_width_mm * MILLIMETRE)
+    return Chessboard(*size)
 
 
 def true_rig(scene: Scene) -> TrueRig:
@@ -77,6 +89,7 @@ def true_rig(scene: Scene) -> TrueRig:
             spec.roll_deg * DEGREE,
         ),
         telecentric=spec.projection == "telecentric",
+        distortion=spec.distortion,
     )
     if scene.tolerances.true_rig == "nominal":
         return TrueRig(rig.beam, rig.base_position, camera, rig.antenna_from_board)

@@ -3,15 +3,17 @@
 Units are in the names. Defaults describe the paper's rig (section VI).
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from vbaa_bench.spec.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.spec.image_sensor import SensorSpec
 from vbaa_bench.spec.laboratory import ForceSensorSpec, HubSpec, MomentSensorSpec
-from vbaa_bench.spec.lighting import BackgroundSpec, LightSpec
+from vbaa_bench.spec.lighting import BackgroundSpec, LampSpec, LightSpec
 from vbaa_bench.spec.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
+from vbaa_bench.spec.optics import OpticsSpec
+from vbaa_bench.spec.paint import Paint, PaintedPart
 from vbaa_bench.spec.part import (
     Part,
     Positive,
@@ -24,9 +26,10 @@ from vbaa_bench.spec.rendering import Layer, RenderSpec
 from vbaa_bench.spec.sampling import SamplingSpec
 
 
-class BeamSpec(Part):
+class BeamSpec(PaintedPart):
     """The beam and its paint; section VI's by default, and straight, round and even."""
 
+    paint: Paint = "gloss"
     length_mm: Positive = 240
     # Of a strip: its thickness.
     diameter_mm: Positive = 0.8
@@ -46,9 +49,7 @@ class BeamSpec(Part):
     density_kg_m3: Positive = 7930
     # Whether it stretches under its axial force.
     extensible: bool = False
-    facets: Annotated[int, Field(ge=8, le=256, multiple_of=4)] = 48
-    # The mesh is cut into this many pieces along the beam: the chord of half a millimetre leaves
-    # the arc by less than a micrometre at the sharpest bend that spring steel bears.
+    # Its centreline is told by so many pieces.
     pieces: Annotated[int, Field(ge=16, le=10_000)] = 480
 
     @model_validator(mode="after")
@@ -129,8 +130,13 @@ class Scene(Part):
     adaptor_mm: Triple = (0.0, 0.0, 0.0)
     tolerances: ToleranceSpec = ToleranceSpec()
     camera: CameraSpec = CameraSpec()
+    optics: OpticsSpec = OpticsSpec()
+    # While the shutter is open (sensor.exposure_s, all pixels at once) the motor turns so fast.
+    motor_speed_deg_s: Annotated[float, Field(ge=-1e4, le=1e4)] = 0.0
     calibration: CalibrationSpec = CalibrationSpec()
     light: LightSpec = LightSpec()
+    # In place of `light`.
+    lights: tuple[LampSpec, ...] = ()
     background: BackgroundSpec = BackgroundSpec()
     object: ObjectSpec = BlockSpec()
     second_peg: SecondPegSpec | None = None
@@ -140,17 +146,39 @@ class Scene(Part):
     moment_sensor: MomentSensorSpec | None = None
     force_sensor: ForceSensorSpec | None = None
     render: RenderSpec = RenderSpec()
-    layers: tuple[Layer, ...] = ("radiance", "beam_mask", "arc_length", "depth", "object_index")
+    layers: tuple[Layer, ...] = get_args(Layer)
     frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
 
     @model_validator(mode="after")
     def _lamp_behind_camera(self) -> "Scene":
         camera, lamp = self.camera.position_mm[2], self.light.height_mm
+        if self.lights and self.light != LightSpec():
+            raise ValueError("light and lights are both given, allowed is one of them")
+        if self.lights and camera > 0:
+            return self
         if not 0 < camera < lamp:
             raise ValueError(
                 f"camera.position_mm has height {camera:g} and light.height_mm is {lamp:g}; "
                 "allowed is 0 < camera < light, so that the lamp shines from behind the camera"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _lamps_stand_off(self) -> "Scene":
+        ground = self.background.distance_mm
+        for lamp in self.lights:
+            position = getattr(lamp, "position_mm", None)
+            aim = getattr(lamp, "aim_mm", None) or self.camera.look_at_mm
+            if position == aim:
+                raise ValueError(
+                    f"lights: the position_mm is where it aims, {list(aim)}, for one of kind "
+                    f"{lamp.kind}; allowed is any other place"
+                )
+            if lamp.kind == "back" and lamp.lift_mm >= ground:
+                raise ValueError(
+                    f"lights: a back panel's lift_mm is {lamp.lift_mm:g}, allowed is less than "
+                    f"background.distance_mm, {ground:g}, or it would lie above plane C"
+                )
         return self
 
     @model_validator(mode="after")
@@ -194,6 +222,17 @@ class Scene(Part):
             raise ValueError(
                 f"a strip whose section_angle_deg is {lean:g} lies flat on an edge of the same "
                 f"normal_deg alone, not on {list(normals)}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _moves_without_memory(self) -> "Scene":
+        remembers = [name for name in ("friction",) if getattr(self.object, name, 0)]
+        remembers += ["drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
+        if self.motor_speed_deg_s and remembers:
+            raise ValueError(
+                f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and object.{remembers[0]} is "
+                "given; allowed is one of them: blur is that of a frictionless push"
             )
         return self
 

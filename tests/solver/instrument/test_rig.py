@@ -1,10 +1,11 @@
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
 from solver.instrument.rig import read_rig, rig_to_json
 from tests.simulated import rig
@@ -30,6 +31,77 @@ def test_the_kind_of_camera_comes_back_and_is_a_pinhole_unless_said(tmp_path: Pa
     del document["camera"]
     path.write_text(json.dumps(document))
     assert read_rig(path).telecentric is False
+
+
+@pytest.mark.parametrize(
+    "board",
+    [
+        Chessboard(12, 9, 0.018),
+        Charuco(12, 10, 0.018, "4x4_100"),
+        LineNetwork(12, 10, 0.018, 0.0016),
+    ],
+    ids=["chessboard", "charuco", "lines"],
+)
+@pytest.mark.parametrize("coefficients", [0, 5, 8])
+def test_board_and_lens_come_back(tmp_path: Path, board: Board, coefficients: int) -> None:
+    path = tmp_path / "rig.json"
+    told = replace(rig(), board=board, distortion_coefficients=coefficients)
+    path.write_text(rig_to_json(told))
+    found = read_rig(path)
+    assert type(found.board) is type(board)
+    assert asdict(found.board) == pytest.approx(asdict(board))
+    assert found.distortion_coefficients == coefficients
+
+
+def test_a_rig_silent_about_board_and_lens_has_a_chessboard_and_no_distortion(
+    tmp_path: Path,
+) -> None:
+    document = json.loads(rig_to_json(rig()))
+    del document["board"]["kind"], document["camera"]["distortion_coefficients"]
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(document))
+    assert isinstance(read_rig(path).board, Chessboard)
+    assert read_rig(path).distortion_coefficients == 0
+
+
+@pytest.mark.parametrize(
+    ("board", "said"),
+    [
+        ({"kind": "circles"}, "board.kind is 'circles', allowed is one of chessboard, charuco"),
+        ({"kind": "charuco"}, "the key board.dictionary is missing"),
+        ({"kind": "charuco", "dictionary": "5x5_50"}, "allowed is one of 4x4_50, 4x4_100"),
+        ({"kind": "charuco", "dictionary": "4x4_50"}, "has 65 markers, the dictionary 4x4_50 only"),
+        ({"kind": "lines"}, "the key board.line_width_mm is missing"),
+        ({"kind": "lines", "line_width_mm": 3.6}, "0.2 of their distance wide, allowed is up to"),
+    ],
+)
+def test_a_board_that_cannot_be_is_named(
+    tmp_path: Path, board: dict[str, object], said: str
+) -> None:
+    document = json.loads(rig_to_json(rig()))
+    document["board"] |= board
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError) as caught:
+        read_rig(path)
+    assert str(path) in str(caught.value)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("projection", "coefficients", "said"),
+    [("perspective", 4, "allowed is 0, 5 or 8"), ("telecentric", 5, "has none")],
+)
+def test_a_lens_that_cannot_be_is_named(
+    tmp_path: Path, projection: str, coefficients: int, said: str
+) -> None:
+    document = json.loads(rig_to_json(rig()))
+    lens = {"projection": projection, "distortion_coefficients": coefficients}
+    document["camera"] |= lens
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=f"distortion_coefficients is {coefficients}, .*{said}"):
+        read_rig(path)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,10 @@ def test_layers_come_back_also_from_strided_arrays(tmp_path: Path) -> None:
         "arc_length": random.random((60, 40)).astype(np.float32)[::2, ::-1],
         "depth": random.random((30, 80)).astype(np.float32)[:, ::2],
         "object_index": random.integers(0, 2**32, (30, 40), dtype=np.uint32)[::-1],
+        "variance": random.random((30, 40)).astype(np.float32)[::-1],
+        "coverage": random.random((40, 30)).astype(np.float16).T,
+        "normal": random.random((40, 30, 3)).astype(np.float16).transpose(1, 0, 2),
+        "occlusion": random.integers(0, 2, (30, 40)).astype(np.float16),
         "beam_mask": np.asfortranarray(random.integers(0, 2, (30, 40)).astype(np.float16)),
     }
     assert not layers["depth"].flags.c_contiguous

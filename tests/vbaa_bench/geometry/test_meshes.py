@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
-from solver.instrument.rig import Chessboard
+from solver.instrument.board import Chessboard
 from vbaa_bench.geometry.board import board, squares
 from vbaa_bench.geometry.objects import block, hub, sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube

@@ -15,9 +15,10 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
 from vbaa_bench.geometry.objects import sheet
+from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.picture import even_picture
 from vbaa_bench.render.variant import activate
-from vbaa_bench.render.world import Lamp, RenderUnit, Surface, World
+from vbaa_bench.render.world import RenderUnit, Surface, World
 
 POINTS = np.array(
     [
@@ -60,7 +61,7 @@ def picture_of_points(camera: Camera, scale: float = 1.0, lamp_height: float = 0
     lamp = Lamp(sheet(np.array([0.12, 0.0, lamp_height]) * scale, 2.0 * scale, -1))
     unit = RenderUnit(0.4e-3 * scale, np.array([0.12, 0.0, 0.0]) * scale)
     world = World(scaled, lamp, {"marks": Surface(marks, 0.9)}, unit)
-    return even_picture(world, 256, 1)
+    return even_picture(world, 1024, 1)
 
 
 def centroids(image: Floats, expected: Floats) -> Floats:

@@ -1,17 +1,63 @@
 import numpy as np
 import pytest
 
-from vbaa_bench.sensor.sensor import Sensor, exposure_for
+from vbaa_bench.sensor.sensor import Sensor
+
+
+def flat(value: float, side: int = 400) -> np.ndarray:
+    return np.full((side, side), value)
 
 
 def test_noise_is_that_of_shots_and_reading() -> None:
     sensor = Sensor(exposure=1.0, full_well=10_000, read_noise=10)
     for electrons in (500.0, 7000.0):
-        gray = sensor.expose(np.full((400, 400), electrons), np.random.default_rng(0)).astype(float)
+        gray = sensor.expose(flat(electrons), np.random.default_rng(0)).astype(float)
         per_gray = 10_000 / 255
         assert gray.mean() == pytest.approx(electrons / per_gray, rel=2e-3)
         variance = (electrons + 10**2) / per_gray**2 + 1 / 12  # shots, reading, rounding
         assert gray.var() == pytest.approx(variance, rel=0.03)
+
+
+def test_the_photon_transfer_curve_gives_the_gain_back() -> None:
+    sensor = Sensor(2.0, 20_000, 8, quantum_efficiency=0.5, bits=12, gain=4.0, black_level=64)
+    levels = np.linspace(10, 12_000, 12)
+    frames = [sensor.expose(flat(e), np.random.default_rng(i)) for i, e in enumerate(levels)]
+    means, variances = np.mean(frames, axis=(1, 2)), np.var(frames, axis=(1, 2))
+    slope, _ = np.polyfit(means, variances, 1)
+    assert slope == pytest.approx(1 / 4.0, rel=0.01)
+    assert means == pytest.approx(64 + levels / 4.0, rel=1e-3)
+    read = variances[0] - 10 / 4**2 - 1 / 12
+    assert np.sqrt(read) * 4 == pytest.approx(8, rel=0.03)
+
+
+def test_dark_current_is_a_signal_with_its_own_shots() -> None:
+    dark = Sensor(1.0, 65_535, 0, dark_signal=100.0, bits=16).expose(
+        flat(0.0), np.random.default_rng(0)
+    )
+    assert dark.mean() == pytest.approx(100, rel=1e-3)
+    assert dark.var() == pytest.approx(100, rel=0.02)
+
+
+def test_gamma_is_undone_by_its_power() -> None:
+    sensor = Sensor(1.0, 1e6, 0, bits=16, gamma=2.2, black_level=500)
+    electrons = np.linspace(1e4, 9e5, 160_000).reshape(400, 400)
+    gray = sensor.expose(electrons, np.random.default_rng(0)) / 65_535
+    back = (gray**2.2 * 65_535 - 500) * 1e6 / (65_535 - 500)
+    error = (back - electrons) / sensor.noise_sigma(electrons)
+    assert error.mean() == pytest.approx(0, abs=0.01)
+    assert error.std() == pytest.approx(1, rel=0.01)
+
+
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+@pytest.mark.parametrize("bits", [8, 12])
+def test_the_stated_noise_is_what_frames_show(bits: int, gamma: float) -> None:
+    sensor = Sensor(1e4, 10_000, 10, 0.6, dark_signal=50.0, bits=bits, gamma=gamma)
+    radiance = flat(0.7)
+    stated = sensor.noise_sigma(radiance)[0, 0]
+    # What a gray value is in radiance: the slope between two other exposures.
+    low, high = (sensor.expose(flat(r, 1000), np.random.default_rng(2)).mean() for r in (0.6, 0.8))
+    frame = sensor.expose(radiance, np.random.default_rng(1))
+    assert frame.std() * 0.2 / (high - low) == pytest.approx(stated, rel=0.03)
 
 
 def test_the_full_well_saturates_and_darkness_is_black() -> None:
@@ -19,6 +65,25 @@ def test_the_full_well_saturates_and_darkness_is_black() -> None:
     image = sensor.expose(np.array([[0.0, 1e6, -1.0]]), np.random.default_rng(0))
     assert image.tolist() == [[0, 255, 0]]
     assert image.dtype == np.uint8
+
+
+def test_the_well_is_full_below_full_scale_or_above() -> None:
+    bright = np.full((1, 3), 1e6)
+    random = np.random.default_rng(0)
+    below = Sensor(1.0, 1000, 0, bits=12, gain=0.5, black_level=20).expose(bright, random)
+    assert below.tolist() == [[2020] * 3]
+    above = Sensor(1.0, 10_000, 0, bits=12, gain=2.0).expose(bright, random)
+    assert above.tolist() == [[4095] * 3]
+    well = Sensor(1.0, 10_000, 0, bits=12, black_level=100).expose(bright, random)
+    assert well.tolist() == [[4095] * 3]
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+def test_full_scale_is_that_of_the_bits(bits: int) -> None:
+    sensor = Sensor(1.0, 1e6, 0, bits=bits)
+    half, full = sensor.expose(np.array([[0.5e6, 2e6]]), np.random.default_rng(0))[0]
+    assert full == 2**bits - 1
+    assert half / full == pytest.approx(0.5, abs=0.004)
 
 
 def test_the_same_generator_gives_the_same_frame() -> None:
@@ -29,8 +94,40 @@ def test_the_same_generator_gives_the_same_frame() -> None:
     assert (one != sensor.expose(radiance, np.random.default_rng(4))).any()
 
 
-def test_exposure_puts_the_peak_where_it_is_asked_for() -> None:
-    exposure = exposure_for(0.35, 10_000, 0.7)
-    assert 0.35 * exposure == pytest.approx(7000)
-    with pytest.raises(ValueError, match="peak"):
-        exposure_for(0.0, 10_000, 0.7)
+# Electrons of light, and what share of their shot noise the renderer has made already.
+@pytest.mark.parametrize(
+    ("electrons", "share"),
+    [(e, s) for e in (25.0, 400.0, 9000.0) for s in (0.0, 0.3, 0.9)] + [(25.0, 1.1), (400.0, 1.1)],
+)
+def test_a_noisy_render_and_the_sensor_make_the_stated_noise_together(
+    electrons: float, share: float
+) -> None:
+    sensor = Sensor(20.0, 20_000, 12, 0.5, dark_signal=4.0, bits=16, gain=0.3, black_level=500)
+    random = np.random.default_rng(7)
+    sigma = np.sqrt(share * electrons) / 10  # radiance
+    rendered = electrons / 10 + sigma * random.standard_normal((700, 700))
+    frame = sensor.expose(rendered, random, np.full(rendered.shape, sigma**2))
+    seen = (0.3 * (frame - 500.0) - 4.0) / 10
+    stated = sensor.noise_sigma(flat(electrons / 10, 1))[0, 0]
+    # A mean is sure to sigma / 700, a variance to 2^0.5 / 700; four times that is allowed.
+    assert seen.mean() == pytest.approx(electrons / 10, abs=4 * stated / 700)
+    assert seen.var() == pytest.approx(stated**2, rel=4 * np.sqrt(2) / 700)
+
+
+def test_only_noisy_parts_of_a_render_get_less_noise() -> None:
+    sensor = Sensor(1.0, 10_000, 0, bits=16)
+    variance = flat(0.0)
+    variance[:, 200:] = 2000
+    frame = sensor.expose(flat(2000.0), np.random.default_rng(0), variance)
+    electrons = frame * (10_000 / 65_535)
+    assert electrons[:, :200].var() == pytest.approx(2000, rel=0.03)
+    assert electrons[:, 200:] == pytest.approx(2000, abs=0.1)
+
+
+def test_render_noise_above_the_sensors_is_told_and_left_alone() -> None:
+    sensor = Sensor(1.0, 10_000, 10, bits=16)
+    radiance, variance = flat(300.0, 2), np.zeros((2, 2))
+    variance[0] = 399, 401  # shots 300, reading 100
+    assert sensor.excess(radiance, variance) == 0.25
+    frame = sensor.expose(radiance, np.random.default_rng(0), variance)
+    assert frame[0, 1] == np.rint(300 * 65_535 / 10_000)

@@ -61,11 +61,12 @@ extra: 1
         "scene.yaml:5:3: beam.diameter_mm is 0, allowed is a number >= 1e-06 <= 1e+06",
         "scene.yaml:4:3: beam.lenght_mm is an unknown key; did you mean length_mm?",
         "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number >= -45 <= 45",
-        "scene.yaml:8:3: sensor.bits is 9, allowed is one of 8",
-        "scene.yaml:12:10: layers[0] is 'dept', allowed is one of radiance, beam_mask, "
-        "arc_length, depth, object_index",
+        "scene.yaml:8:3: sensor.bits is 9, allowed is one of 8, 10, 12, 14, 16",
+        "scene.yaml:12:10: layers[0] is 'dept', allowed is one of radiance, variance, beam_mask, "
+        "coverage, arc_length, depth, normal, object_index, occlusion",
         "scene.yaml:13:1: extra is an unknown key; known are title, seed, pushes, sampling, "
-        "mechanics, beam, gravity_m_s2, adaptor_mm, tolerances, camera, calibration, light, "
+        "mechanics, beam, gravity_m_s2, adaptor_mm, tolerances, camera, optics, "
+        "motor_speed_deg_s, calibration, light, lights, "
         "background, object, second_peg, occlusion, hub, sensor, moment_sensor, force_sensor, "
         "render, layers, frames_per_shard",
     ]
@@ -99,7 +100,6 @@ extra: 1
             "camera.position_mm[2] is missing",
         ),
         ("width_px: 512", "width_px: 512\n  focal_length_px: 60", "px wide, allowed is >= 0.25"),
-        ("seed: 11", "seed: 11\nbeam: {facets: 50}", "a multiple of 4"),
         ("seed: 11", "seed: 11\nbeam: {youngs_modulus_gpa: 1e300}", "<= 1e+06"),
         (
             "seed: 11",

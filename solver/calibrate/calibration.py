@@ -1,0 +1,21 @@
+"""What a calibration answers."""
+
+from dataclasses import dataclass
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The camera as found, and the root mean square reprojection error of the points [px].
+
+    `covariance` (n, n) is that of (focal length, cx, cy [px], the distortion's coefficients,
+    rotation (3,) [rad], shift (3,) [m]). The last six are the pose of the board in view 0, which
+    defines plane C, about the board's middle and along the camera's axes. It is None for a
+    telecentric camera.
+    """
+
+    camera: Camera
+    reprojection_px: float
+    covariance: Floats | None = None

@@ -1,0 +1,207 @@
+"""A pinhole with its lens's distortion from several views of a target: Zhang (2000), then a bundle.
+
+OpenCV's own result is only the start: it stops where its steps grow small, up to half a per cent
+off in focal length (its issue 22031), and it knows no covariance of intrinsics and pose together.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from solver.calibrate.calibration import Calibration
+from solver.calibrate.sighting import Sighting
+from solver.instrument.arrays import Floats
+from solver.instrument.board import Board
+from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
+from solver.instrument.rig import Rig
+from solver.instrument.transforms import invert, rigid
+
+LEAST_VIEWS: Final = 3
+_TIGHT: Final = 1e-14
+# Coefficients are believed to be of the order of one: that many weigh as much as a corner's error.
+# Without it a rational lens's k1 and k4 may run off together, all but cancelling each other.
+_BELIEF_PX: Final = 0.02
+# Of the median error; of noise alone, one point in a hundred thousand lies so far off.
+_STRAY: Final = 4.0
+
+
+def pinhole(seen: Sequence[Sighting], width: int, height: int, rig: Rig) -> Calibration:
+    """Camera with square pixels from several views of the rig's board, view 0 first.
+
+    Every point counts alike; the least squares run in float64 to 14 digits. Raises InputError if
+    there are fewer than three views.
+    """
+    if len(seen) < LEAST_VIEWS:
+        raise InputError(
+            f"{len(seen)} calibration views show enough of the board, needed are {LEAST_VIEWS}"
+        )
+    bundle, found = _adjusted(rig, seen, width, height)
+    kept = _without_strays(seen, found.fun)
+    if sum(map(len, kept)) < sum(map(len, seen)):
+        bundle, found = _adjusted(rig, kept, width, height)
+    focal, cx, cy, *rest = found.x
+    distortion = tuple(rest[: rig.distortion_coefficients])
+    rotation, shift = bundle.pose(found.x, 0)
+    camera = Camera(
+        width=width,
+        height=height,
+        fx=float(focal),
+        fy=float(focal),
+        cx=float(cx),
+        cy=float(cy),
+        camera_from_antenna=rigid(rotation, shift) @ invert(rig.antenna_from_board),
+        distortion=distortion,
+    )
+    points = sum(map(len, bundle.seen))
+    left = found.fun[: 2 * points]
+    return Calibration(camera, float(np.sqrt(left @ left / points)), bundle.covariance(found))
+
+
+def _adjusted(rig: Rig, seen: Sequence[Sighting], width: int, height: int) -> tuple["_Bundle", Any]:
+    """The bundle of all views, and the least squares' answer."""
+    bundle = _Bundle(rig.board, seen, rig.distortion_coefficients)
+    found: Any = least_squares(
+        bundle.residuals,
+        bundle.start(width, height),
+        bundle.jacobian,
+        method="lm",
+        x_scale="jac",
+        xtol=_TIGHT,
+        ftol=_TIGHT,
+        gtol=_TIGHT,
+    )
+    return bundle, found
+
+
+def _without_strays(seen: Sequence[Sighting], residuals: Floats) -> list[Sighting]:
+    """The views without points that lie off by more than STRAY times what is usual."""
+    total = sum(map(len, seen))
+    off = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
+    # At least a hundredth of a pixel: points without noise err by rounding alone.
+    usual = off <= _STRAY * max(float(np.median(off)), 0.01)
+    parts = np.split(usual, np.cumsum([len(one) for one in seen])[:-1])
+    return [
+        Sighting(one.numbers[part], one.pixels[part]) for one, part in zip(seen, parts, strict=True)
+    ]
+
+
+class _Bundle:
+    """Residuals of all views' points by focal length, principal point, distortion, and poses."""
+
+    def __init__(self, board: Board, seen: Sequence[Sighting], coefficients: int) -> None:
+        corners = board.corners()
+        self.board, self.seen, self.lens = board, seen, 3 + coefficients
+        self.points = [corners[one.numbers] for one in seen]
+
+    def start(self, width: int, height: int) -> Floats:
+        """OpenCV's answer for a lens free of distortion, or with k1 and k2 alone."""
+        # Free coefficients of a higher order would trade against the focal length.
+        flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
+        if self.lens == 3:
+            flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2
+        matrix = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
+        _, matrix, lens, rotations, shifts = cv2.calibrateCamera(
+            [points.astype(np.float32) for points in self.points],
+            [one.pixels.astype(np.float32) for one in self.seen],
+            (width, height),
+            matrix,
+            np.zeros(5),
+            flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS,
+        )
+        known = [matrix[0, 0], matrix[0, 2], matrix[1, 2], *lens.ravel(), 0.0, 0.0, 0.0]
+        poses = [np.vstack(pose).ravel() for pose in zip(rotations, shifts, strict=True)]
+        return np.concatenate([known[: self.lens], *poses])
+
+    def pose(self, values: Floats, view: int) -> tuple[Floats, Floats]:
+        """Rotation vector (3,) [rad] and shift (3,) [m] of a view's camera_from_board."""
+        place = self.lens + 6 * view
+        return values[place : place + 3], values[place + 3 : place + 6]
+
+    def residuals(self, values: Floats) -> Floats:
+        """How far the points are projected from where they are seen, u and v in turn [px]; then
+        what is believed of the coefficients."""
+        projected = [self._projected(values, view)[0] for view in range(len(self.seen))]
+        seen = np.vstack([one.pixels for one in self.seen])
+        believed = _BELIEF_PX * values[3 : self.lens]
+        return np.concatenate([(np.vstack(projected) - seen).ravel(), believed])
+
+    def jacobian(self, values: Floats) -> Floats:
+        """d(residuals)/d(values)."""
+        data, coefficients = 2 * sum(map(len, self.seen)), self.lens - 3
+        total = np.zeros((data + coefficients, len(values)))
+        total[data:, 3 : self.lens] = _BELIEF_PX * np.eye(coefficients)
+        row = 0
+        for view, one in enumerate(self.seen):
+            # OpenCV's columns: rotation, shift, fx, fy, cx, cy, distortion.
+            slopes = self._projected(values, view)[1]
+            part, place = total[row : row + 2 * len(one)], self.lens + 6 * view
+            part[:, 0] = slopes[:, 6] + slopes[:, 7]
+            part[:, 1 : self.lens] = slopes[:, 8 : 7 + self.lens]
+            part[:, place : place + 6] = slopes[:, :6]
+            row += 2 * len(one)
+        return total
+
+    def _projected(self, values: Floats, view: int) -> tuple[Floats, Floats]:
+        focal, cx, cy, *lens = values[: self.lens]
+        matrix = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
+        coefficients = np.array(lens) if lens else np.zeros(5)
+        rotation, shift = self.pose(values, view)
+        pixels, slopes = cv2.projectPoints(self.points[view], rotation, shift, matrix, coefficients)
+        return np.asarray(pixels, np.float64).reshape(-1, 2), np.asarray(slopes, np.float64)
+
+    def covariance(self, found: Any) -> Floats:
+        """Of the lens and the pose of view 0, as Calibration says it.
+
+        The inverse of the normal matrix, scaled by the residuals' variance, and by how many
+        neighbours on the board err together.
+        """
+        data = found.fun[: 2 * sum(map(len, self.seen))]
+        variance = (data @ data) / (len(data) - len(found.x)) * self._together(data)
+        kept = self.lens + 6
+        inverse = np.linalg.inv(found.jac.T @ found.jac)[:kept, :kept]
+        carry = np.eye(kept)
+        carry[self.lens : -3, self.lens : -3] = _turned(self.pose(found.x, 0)[0])
+        return np.asarray(carry @ inverse @ carry.T * variance)
+
+    def _together(self, residuals: Floats) -> float:
+        """How many points err alike: the integrated autocorrelation along rows and columns.
+
+        Crossings on one line err as that line does, across it. The worse of u and v counts.
+        """
+        shape = (len(self.seen), self.board.rows * self.board.columns, 2)
+        errors = np.full(shape, np.nan)
+        split = np.cumsum([len(one) for one in self.seen])[:-1]
+        for view, part in enumerate(np.split(residuals.reshape(-1, 2), split)):
+            errors[view, self.seen[view].numbers] = part
+        grid = errors.reshape(-1, self.board.rows, self.board.columns, 2)
+        counts = [
+            _integrated(grid[..., i]) * _integrated(grid[..., i].swapaxes(1, 2)) for i in (0, 1)
+        ]
+        return max(counts)
+
+
+def _integrated(errors: Floats) -> float:
+    """1 + twice the autocorrelation along the last axis, up to where it falls to zero.
+
+    NaN stands where nothing is seen.
+    """
+    variance, total = np.nanmean(errors**2), 1.0
+    for lag in range(1, errors.shape[-1]):
+        products = errors[..., lag:] * errors[..., :-lag]
+        seen = np.isfinite(products)
+        correlation = products[seen].sum() / max(seen.sum(), 1) / variance
+        if not correlation > 0:
+            break
+        total += 2 * float(correlation)
+    return total
+
+
+def _turned(rotation: Floats) -> Floats:
+    """From a change of a rotation vector (3,) [rad] to the small turn after it, (3, 3)."""
+    matrix, slopes = cv2.Rodrigues(rotation)
+    turns = [slope.reshape(3, 3) @ matrix.T for slope in slopes]
+    return np.array([[turn[2, 1], turn[0, 2], turn[1, 0]] for turn in turns]).T

@@ -1,0 +1,50 @@
+"""A telecentric camera from one view of a target: it has no focal length."""
+
+import math
+
+import numpy as np
+
+from solver.calibrate.calibration import Calibration
+from solver.calibrate.sighting import Sighting
+from solver.instrument.camera import Camera
+from solver.instrument.rig import Rig
+from solver.instrument.transforms import invert
+
+
+def telecentric(seen: Sighting, width: int, height: int, rig: Rig) -> Calibration:
+    """Camera from what is seen of the board lying in plane C.
+
+    The least-squares affine map from board to pixels has six numbers, just those of a scaled
+    orthographic view with square pixels: magnification, rotation and a shift in the image.
+    A tilted plane looks shortened, whichever way it is tilted: of the two cameras that see the
+    same we take the one that leans over the image's lower edge, so that what rises off the
+    plane moves up in the image. Nor does one see how far off the camera is, or where its axis
+    meets the image: it stands off by the width of its field, and its axis meets the middle.
+    None of these three choices matters for points on C.
+    """
+    board = rig.board.corners()[seen.numbers]
+    design = np.column_stack([board[:, :2], np.ones(len(board))])
+    solution = np.linalg.lstsq(design, seen.pixels, rcond=None)[0]
+    affine, middle = solution[:2].T, solution[2]
+    # The direction that the tilt does not shorten has the full magnification.
+    axes, (magnification, shortened), _ = np.linalg.svd(affine)
+    sine = math.sqrt(1 - (shortened / magnification) ** 2)
+    out_of_plane = axes[:, 1] * math.copysign(sine, -axes[1, 1])
+    right, down = np.column_stack([affine / magnification, out_of_plane])
+    camera_from_board = np.eye(4)
+    camera_from_board[:3, :3] = [right, down, np.cross(right, down)]
+    cx, cy = (width - 1) / 2, (height - 1) / 2
+    camera_from_board[:2, 3] = (middle - [cx, cy]) / magnification
+    camera_from_board[2, 3] = width / magnification
+    camera = Camera(
+        width=width,
+        height=height,
+        fx=float(magnification),
+        fy=float(magnification),
+        cx=cx,
+        cy=cy,
+        camera_from_antenna=camera_from_board @ invert(rig.antenna_from_board),
+        telecentric=True,
+    )
+    error = seen.pixels - design @ solution
+    return Calibration(camera, float(np.sqrt((error**2).sum(axis=1).mean())))

@@ -1,0 +1,135 @@
+"""From drawn views to the camera."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.calibrate import calibrate
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.beam import Beam
+from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
+from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
+from solver.instrument.rig import Rig
+from solver.instrument.transforms import camera_looking_at, rigid
+from solver.plane import on_plane
+from tests.drawn import drawn
+from tests.solver.calibrate.rigs import (
+    BARREL,
+    BOARD_POSE,
+    RATIONAL,
+    board_pose,
+    camera,
+    pose_error,
+    rig,
+)
+
+TARGETS: dict[str, tuple[Board, tuple[float, ...]]] = {
+    "chessboard": (Chessboard(12, 9, 0.013), ()),
+    "charuco": (Charuco(10, 8, 0.015, "4x4_50"), BARREL),
+    "lines": (LineNetwork(12, 10, 0.013, 0.0013), RATIONAL),
+}
+FIELD = 12e-3
+MIDDLE = np.array([5e-3, 0.3e-3, 0.0])
+
+
+def on_c(width: float, height: float, at: Floats) -> Floats:
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 9) * width, np.linspace(-0.5, 0.5, 5) * height)
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) + at
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_the_true_camera_is_found_within_its_stated_errors(name: str) -> None:
+    board, lens = TARGETS[name]
+    true = camera(lens)
+    views = [
+        drawn(
+            board,
+            true,
+            board_pose(view),
+            np.random.default_rng(view),
+            samples=34,
+            generator=21,
+        )
+        for view in range(6)
+    ]
+    found = calibrate(views, rig(board, len(lens)))
+    assert found.reprojection_px < 0.05
+    points = on_c(0.15, 0.1, BOARD_POSE[:3, 3])
+    back, _ = on_plane(found.camera, true.project(points), np.ones(len(points)))
+    # A fiftieth of a pixel of 0.7 mm.
+    assert np.abs(back - points[:, :2]).max() < 15e-6
+    assert found.covariance is not None
+    sigma = np.sqrt(np.diag(found.covariance))
+    assert (np.abs(pose_error(found.camera, true)) < 3 * sigma[-6:]).all()
+    assert abs(found.camera.fx - true.fx) < 3 * sigma[0]
+    again = calibrate(views, rig(board, len(lens)))
+    assert again.camera.fx == found.camera.fx  # to the last bit
+
+
+def micro_rig() -> Rig:
+    """A pipette of 10 mm and 20 um under a microscope."""
+    return replace(
+        rig(Chessboard(12, 7, 0.7e-3)),
+        beam=Beam(10e-3, 20e-6, 5e-10),
+        antenna_from_board=rigid(np.array([0, 0, 0.01]), MIDDLE),
+        telecentric=True,
+    )
+
+
+def microscope(lean: float) -> Camera:
+    """Leaning towards the reader by `lean` [rad], rolled, its axis off the image's middle."""
+    away = np.array([0.3 * math.sin(lean), -math.sin(lean), math.cos(lean)])
+    pose = camera_looking_at(MIDDLE + 50e-3 * away, MIDDLE, 0.03)
+    return Camera(480, 360, 480 / FIELD, 480 / FIELD, 250.2, 171.9, pose, telecentric=True)
+
+
+def micro_view(lean: float) -> Grey:
+    told = micro_rig()
+    return drawn(
+        told.board,
+        microscope(lean),
+        told.antenna_from_board,
+        np.random.default_rng(0),
+        samples=34,
+        generator=21,
+    )
+
+
+@pytest.mark.parametrize("lean_deg", [0.0, 12.0])
+def test_one_view_is_enough_for_a_telecentric_camera(lean_deg: float) -> None:
+    true = microscope(math.radians(lean_deg))
+    found = calibrate([micro_view(math.radians(lean_deg))], micro_rig())
+    assert found.camera.telecentric
+    assert found.reprojection_px < 0.05
+    assert found.camera.fx == pytest.approx(true.fx, rel=1e-3)
+    points = on_c(10e-3, 6e-3, MIDDLE)
+    back, _ = on_plane(found.camera, true.project(points), np.ones(len(points)))
+    assert np.abs(back - points[:, :2]).max() < 1e-4 * FIELD
+    # It looks down from above, and a lean shows as itself, to what noise makes of a cosine.
+    right, down, forward = found.camera.camera_from_antenna[:3, :3]
+    assert np.cross(right, down) == pytest.approx(forward)
+    assert forward[2] < 0
+    assert forward == pytest.approx(true.camera_from_antenna[2, :3], abs=0.05)
+
+
+def test_a_pinhole_needs_three_views() -> None:
+    with pytest.raises(InputError, match="1 calibration views show enough of the board"):
+        calibrate([micro_view(0.0)], replace(micro_rig(), telecentric=False))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("chessboard", "the whole board"), ("lines", "enough of the board")]
+)
+def test_a_view_without_the_board_is_refused(name: str, said: str) -> None:
+    board, _ = TARGETS[name]
+    with pytest.raises(InputError, match=f"plane C, does not show {said}"):
+        calibrate([np.zeros((280, 320), np.uint8)], rig(board))
+
+
+def test_views_of_two_sizes_are_refused() -> None:
+    views = [np.zeros((280, 320), np.uint8), np.zeros((280, 300), np.uint8)]
+    with pytest.raises(InputError, match="differ in size"):
+        calibrate(views, rig(TARGETS["lines"][0]))

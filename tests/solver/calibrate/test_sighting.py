@@ -1,0 +1,88 @@
+"""Points of each target, drawn in numpy, lie where they are found, and are the ones they are."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.calibrate import sighting
+from solver.instrument.arrays import Floats
+from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
+from solver.instrument.camera import Camera
+from solver.instrument.transforms import apply, camera_looking_at, rigid
+from tests.drawn import drawn, tilted
+
+SQUARE = 0.014
+BOARDS: dict[str, Board] = {
+    "chessboard": Chessboard(10, 7, SQUARE),
+    "charuco": Charuco(10, 8, SQUARE, "4x4_50"),
+    "lines": LineNetwork(10, 8, SQUARE, 0.0013),
+}
+# Of noise and of the pixel grid, over all points of a view; lines are averaged along.
+RMS_PX = {"chessboard": 0.03, "charuco": 0.03, "lines": 0.02}
+MIDDLE = rigid(np.zeros(3), np.array([0.12, 0.018, 0.0]))
+
+
+def camera(roll_deg: float = 1.0) -> Camera:
+    pose = camera_looking_at(
+        np.array([0.12, 0.018, 0.36]), np.array([0.1206, 0.02, 0.0]), math.radians(roll_deg)
+    )
+    return Camera(320, 280, 560, 560, 158.3, 141.2, pose, distortion=(-0.2, 0.08, 0.001, -7e-4, 0))
+
+
+def errors(name: str, seen_by: Camera, pose: Floats, seed: int = 0) -> Floats:
+    """How far (n, 2) [px] the points of a view are found from where they are."""
+    board = BOARDS[name]
+    view = drawn(board, seen_by, pose, np.random.default_rng(seed), samples=55, generator=34)
+    found = sighting(view, board)
+    assert found is not None
+    assert len(found) > 0.5 * board.columns * board.rows
+    return found.pixels - seen_by.project(apply(pose, board.corners()))[found.numbers]
+
+
+@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("number", [0, 1])
+def test_points_lie_where_they_are_drawn(name: str, number: int) -> None:
+    pose = tilted(MIDDLE, number, 0.02, 0.4 * number)
+    error = errors(name, camera(), pose)
+    assert np.sqrt((error**2).sum(axis=1).mean()) < RMS_PX[name]
+    # The light falls off by a fifth across the view.
+    assert np.abs(error.mean(axis=0)).max() < 0.012
+
+
+@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("roll_deg", [-40.0, 40.0])
+def test_a_turned_board_is_not_taken_for_another(name: str, roll_deg: float) -> None:
+    away = 0.1 if name == "chessboard" else 0.02  # it must be seen whole
+    assert np.abs(errors(name, camera(roll_deg), tilted(MIDDLE, 0, away, 0.2))).max() < 0.3
+
+
+@pytest.mark.parametrize("name", ["charuco", "lines"])
+@pytest.mark.parametrize("aside", [(0.04, 0.02), (-0.04, -0.03)])
+def test_a_part_of_the_board_is_enough(name: str, aside: tuple[float, float]) -> None:
+    pose = MIDDLE.copy()
+    pose[:2, 3] += aside
+    assert np.abs(errors(name, camera(), pose)).max() < 0.3
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_sixteen_bits_are_all_used(name: str) -> None:
+    """A dim view of 12 bits in 16, without noise: in 8 bits its steps would be noise."""
+    board, random = BOARDS[name], np.random.default_rng(0)
+    seen_by = replace(camera(), distortion=())
+    deep = drawn(board, seen_by, MIDDLE, random, noise=0, bits=16, samples=55, generator=34)
+    full, dim = sighting(deep, board), sighting(deep // 16, board)
+    assert full is not None
+    assert dim is not None
+    assert np.array_equal(full.numbers, dim.numbers)
+    assert np.abs(full.pixels - dim.pixels).max() < 0.002
+
+
+@pytest.mark.parametrize("name", BOARDS)
+@pytest.mark.parametrize("what", ["nothing", "noise"])
+def test_where_there_is_no_board_none_is_seen(name: str, what: str) -> None:
+    blank = np.zeros((280, 320), np.uint8)
+    if what == "noise":
+        blank = np.random.default_rng(0).integers(0, 255, blank.shape, dtype=np.uint8)
+    assert sighting(blank, BOARDS[name]) is None

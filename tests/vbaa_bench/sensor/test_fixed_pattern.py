@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from vbaa_bench.sensor.fixed_pattern import FixedPattern
+from vbaa_bench.sensor.sensor import Sensor
+
+
+@pytest.fixture(scope="module")
+def pattern() -> FixedPattern:
+    return FixedPattern.draw((60, 60), prnu=0.02, dsnu=30.0, random=np.random.default_rng(5))
+
+
+def mean_frame(pattern: FixedPattern, electrons: float) -> np.ndarray:
+    """The mean of many frames [electrons], in which only what is fixed is left."""
+    sensor = Sensor(1.0, 65_535, 5.0, bits=16, dark_signal=200.0, pattern=pattern)
+    random = np.random.default_rng(0)
+    flat = np.full((60, 60), electrons)
+    return np.asarray(np.mean([sensor.expose(flat, random) for _ in range(200)], axis=0))
+
+
+def test_it_is_the_same_in_every_frame_and_of_the_stated_size(pattern: FixedPattern) -> None:
+    dark, bright = mean_frame(pattern, 0.0), mean_frame(pattern, 10_000.0)
+    # The mean of 200 frames is out by (200 / 200)^0.5 = 1 and (10200 / 200)^0.5 = 7 electrons.
+    assert np.std(dark) == pytest.approx(30, rel=0.06)
+    assert np.std(bright - dark) / 10_000 == pytest.approx(0.02, rel=0.06)
+    assert dark == pytest.approx(200 * pattern.response + pattern.offset, abs=6)
+    assert bright == pytest.approx(10_200 * pattern.response + pattern.offset, abs=40)
+
+
+def test_the_same_generator_draws_the_same_pattern(pattern: FixedPattern) -> None:
+    again = FixedPattern.draw((60, 60), 0.02, 30.0, np.random.default_rng(5))
+    assert (again.response == pattern.response).all()
+    assert (again.offset == pattern.offset).all()
+
+
+def test_no_pixel_answers_light_with_less_than_nothing() -> None:
+    wild = FixedPattern.draw((200, 200), 0.5, 0.0, np.random.default_rng(0))
+    assert wild.response.min() == 0

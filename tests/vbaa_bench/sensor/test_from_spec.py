@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
+from vbaa_bench.sensor.ideal import Ideal
+from vbaa_bench.spec.image_sensor import SensorSpec
+
+SPECS = [
+    SensorSpec(),
+    SensorSpec(bits=16, beam_peak_pct=90),
+    SensorSpec(bits=12, gain_e_per_gray=2.0, black_level_gray=200.0, quantum_efficiency=0.4),
+    SensorSpec(gamma=2.2, beam_peak_pct=60),
+    SensorSpec(bits=10, gamma=1.8, black_level_gray=16.0, dark_current_e_s=2e4, exposure_s=0.05),
+    SensorSpec(kind="ideal", bits=14),
+]
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_the_beam_peaks_at_its_share_of_full_scale(spec: SensorSpec) -> None:
+    sensor = image_sensor(spec, metered_exposure(spec, 0.35))
+    frame = sensor.expose(np.full((300, 300), 0.35), np.random.default_rng(0))
+    rounding = 50 / spec.full_scale
+    peak = frame.mean() / spec.full_scale * 100
+    assert peak == pytest.approx(spec.beam_peak_pct, abs=0.02 + rounding)
+
+
+@pytest.mark.parametrize("kind", ["real", "ideal"])
+def test_a_black_beam_cannot_be_exposed_for(kind: str) -> None:
+    with pytest.raises(ValueError, match="peak radiance is 0"):
+        metered_exposure(SensorSpec.model_validate({"kind": kind}), 0.0)
+
+
+def test_a_fixed_pattern_is_drawn_where_one_is_asked_for() -> None:
+    random = np.random.default_rng(0)
+    assert fixed_pattern(SensorSpec(), (8, 9), random) is None
+    pattern = fixed_pattern(SensorSpec(prnu_pct=1.0), (300, 200), random)
+    assert pattern is not None
+    assert pattern.response.shape == (300, 200)
+    assert np.std(pattern.response) == pytest.approx(0.01, rel=0.02)
+    assert not pattern.offset.any()
+    assert image_sensor(SensorSpec(prnu_pct=1.0), 1.0, pattern).pattern is pattern  # type: ignore[union-attr]
+
+
+def test_an_ideal_sensor_is_asked_for_by_its_kind() -> None:
+    assert image_sensor(SensorSpec(kind="ideal", bits=12), 2.0) == Ideal(2.0, 12)

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+from scipy.stats import norm
+from scipy.stats import poisson as exact
+
+from vbaa_bench.sensor.shot_noise import MANY, poisson
+
+
+class Normals:
+    """Draws what it is told in place of normal numbers."""
+
+    def __init__(self, z: float) -> None:
+        self.z = z
+
+    def standard_normal(self, shape: tuple[int, ...], dtype: type) -> np.ndarray:
+        return np.full(shape, self.z, dtype)
+
+    def poisson(self, mean: np.ndarray) -> np.ndarray:
+        assert not mean.size
+        return mean
+
+
+@pytest.mark.parametrize("mean", [MANY, 100, 1000, 10_000])
+def test_many_shots_have_a_poissons_quantiles(mean: float) -> None:
+    # The count drawn at the quantile u of the normal number lies where the exact distribution
+    # function passes u, but for its error.
+    for u in np.linspace(0.0005, 0.9995, 101):
+        drawn = poisson(np.full((1, 1), mean, np.float32), Normals(norm.ppf(u)))[0, 0]  # type: ignore[arg-type]
+        error = 3e-4 * MANY / mean + 1e-6
+        assert exact.cdf(drawn - 1, mean) - error < u < exact.cdf(drawn, mean) + error
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.3, 4.0, MANY - 0.1, MANY + 0.1, 900.0])
+def test_mean_variance_and_skewness_are_a_poissons(mean: float) -> None:
+    counts = poisson(np.full((600, 1000), mean, np.float32), np.random.default_rng(1))
+    apart = counts.astype(float) - mean
+    n = counts.size
+    assert (counts == np.rint(counts)).all()
+    assert counts.min() >= 0
+    assert apart.mean() == pytest.approx(0, abs=4 * np.sqrt(mean / n))
+    assert apart.var() == pytest.approx(mean, abs=4 * np.sqrt((2 * mean**2 + mean) / n))
+    assert np.mean(apart**3) == pytest.approx(mean, abs=4 * np.sqrt((15 * mean**3 + mean) / n) * 2)

@@ -1,0 +1,73 @@
+"""Curves of seconds against error: where they are compared, and how they look."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import altair as alt
+import numpy as np
+import polars as pl
+import vl_convert as vlc
+
+from solver.instrument.files import write_bytes
+
+# Seconds are compared where the image errs by so much of the beam's peak radiance.
+TARGET: Final = 0.005
+
+Record = dict[str, Any]
+
+
+def at_equal_error(curve: Sequence[Record], target: float = TARGET) -> Record:
+    """Seconds at which a curve errs by `target`, between its points straight in log-log.
+
+    Beyond its ends it goes on by the slope of the two points there: `extrapolated`.
+    """
+    points = sorted(curve, key=lambda point: float(point["rmse_over_peak"]))
+    error = np.log([point["rmse_over_peak"] for point in points])
+    seconds = np.log([point["seconds"] for point in points])
+    wanted = math.log(target)
+    inside = bool(error[0] <= wanted <= error[-1])
+    if inside:
+        at = float(np.interp(wanted, error, seconds))
+    else:
+        end, next_to_it = (0, 1) if wanted < error[0] else (-1, -2)
+        slope = (seconds[end] - seconds[next_to_it]) / (error[end] - error[next_to_it])
+        at = float(seconds[end] + slope * (wanted - error[end]))
+    return {"seconds": math.exp(at), "extrapolated": not inside}
+
+
+def sentence(record: Record, out: Path) -> str:
+    """What was found, to be read."""
+    beyond = any(found["extrapolated"] for found in record["at_target"].values())
+    return (
+        f"at an error of {100 * TARGET:g} % of the beam's peak "
+        f"{record['speedup_at_equal_rmse']:.3g} times as fast as plain Mitsuba"
+        f"{', extrapolated' if beyond else ''}; as the scene asks "
+        f"{record['frames_per_s']:.3g} frames a second, "
+        f"{100 * record['rmse_over_peak']:.2g} %; {out / 'render_speed.png'}"
+    )
+
+
+def write(record: Record, out: Path, names: Sequence[str]) -> None:
+    """Write a record's curves, of renderers of these names, as render_speed.csv and .png."""
+    table = pl.DataFrame(
+        [point for curve in record["curves"].values() for point in curve],
+        infer_schema_length=None,
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    table.write_csv(out / "render_speed.csv")
+    shown = table.with_columns(percent=100 * pl.col("rmse_over_peak"))
+    x = alt.X("seconds:Q", title="seconds per frame, end to end").scale(type="log", nice=False)
+    y = alt.Y("percent:Q", title="RMSE on the beam [% of its peak]").scale(type="log", nice=False)
+    colour = alt.Color("renderer:N", title=None, sort=list(names)).legend(orient="bottom")
+    target = alt.Chart(pl.DataFrame({"percent": [100 * TARGET]})).mark_rule(strokeDash=[4, 3])
+    base = alt.Chart(shown)
+    chart = alt.layer(
+        target.encode(y=y),
+        base.mark_line().encode(x=x, y=y, color=colour, order="rmse_over_peak:Q"),
+        base.mark_circle(size=70, opacity=1).encode(x=x, y=y, color=colour),
+    )
+    title = f"{record['scene']}: ours {record['speedup_at_equal_rmse']:.0f} times as fast"
+    chart = chart.properties(width=430, height=300, title=title)
+    write_bytes(out / "render_speed.png", vlc.vegalite_to_png(chart.to_json(), scale=2))

@@ -1,0 +1,65 @@
+"""Luminous sheets, and the irradiance they bring. All lengths are [m]."""
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+
+# Of a ring; its inner and outer polygons keep the area of the true circles.
+SEGMENTS = 48
+
+
+def axes(ahead: Floats, along: Floats) -> Floats:
+    """Rows (3, 3) of a right-handed frame: as near to `along` as can be, the third, and `ahead`.
+
+    Where `along` has no part across `ahead`, +y stands in for it.
+    """
+    ahead = ahead / np.linalg.norm(ahead)
+    across = along - (along @ ahead) * ahead
+    if np.linalg.norm(across) < 1e-6 * np.linalg.norm(along):
+        across = np.array([0.0, 1.0, 0.0]) - ahead[1] * ahead
+    across = across / np.linalg.norm(across)
+    return np.array([across, np.cross(ahead, across), ahead])
+
+
+def rectangle(
+    middle: Floats, ahead: Floats, along: Floats, sides: tuple[float, float]
+) -> trimesh.Trimesh:
+    """A rectangle about `middle` (3,), facing `ahead` (3,), its first side along `along` (3,)."""
+    first, second, _ = axes(ahead, along)
+    half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(sides) / 2
+    corners = middle + half @ np.array([first, second])
+    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+
+
+def annulus(middle: Floats, ahead: Floats, inner: float, outer: float) -> trimesh.Trimesh:
+    """A flat ring about `middle` (3,) that faces `ahead` (3,), between two radii."""
+    first, second, _ = axes(ahead, np.array([1.0, 0.0, 0.0]))
+    turn = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
+    circle = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
+    # The area of a regular polygon over that of its circle.
+    grown = np.sqrt(2 * np.pi / (SEGMENTS * np.sin(2 * np.pi / SEGMENTS)))
+    vertices = middle + grown * np.vstack([inner * circle, outer * circle])
+    a = np.arange(SEGMENTS)
+    b = (a + 1) % SEGMENTS
+    c, d = b + SEGMENTS, a + SEGMENTS
+    # Both halves of a segment lie side by side: who samples faces in order goes round the ring.
+    faces = np.stack([np.stack([a, d, c], 1), np.stack([a, c, b], 1)], axis=1).reshape(-1, 3)
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def irradiance(lamp: trimesh.Trimesh, at: Floats, normal: Floats) -> float:
+    """What a lamp of radiance 1 brings to a surface at `at` (3,) with unit `normal` (3,).
+
+    Lambert's formula, half the sum over a polygon's edges of the angle that each subtends times
+    the cosine at which its plane stands to the surface. The lamp must lie above the surface's
+    plane; faces that look away count as dark.
+    """
+    triangles = np.asarray(lamp.triangles) - at
+    towards = -np.einsum("ij,ij->i", np.asarray(lamp.face_normals), triangles[:, 0])
+    corners = triangles[towards > 0]
+    following = np.roll(corners, -1, axis=1)
+    edges = np.cross(following, corners)
+    sines = np.linalg.norm(edges, axis=2)
+    angles = np.arctan2(sines, np.einsum("ijk,ijk->ij", corners, following))
+    return float(0.5 * np.sum(angles * (edges @ normal) / sines))

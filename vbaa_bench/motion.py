@@ -1,0 +1,39 @@
+"""What moves while the shutter is open: the poses that one frame shows."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from solver.instrument.units import DEGREE
+from vbaa_bench.experiment import Experiment
+from vbaa_bench.spec.rigs import TrueRig
+from vbaa_bench.spec.scene import Scene
+from vbaa_bench.spec.trials import Goal
+from vbaa_bench.studio import Pose
+
+# The tip moves by no more from one pose to the next.
+STEP_PX = 0.25
+
+
+def exposed(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
+    """The poses of a frame, an odd number; the one that was asked for is in the middle.
+
+    The motor turns evenly, and the shutter opens for all pixels at once.
+    """
+    turn = scene.motor_speed_deg_s * DEGREE * scene.sensor.exposure_s
+    if turn == 0:
+        return [pose]
+    beam = rig.beam
+    scale = float(rig.camera.pixels_per_metre(np.array([[beam.length / 2, 0.0, 0.0]]))[0])
+    half = math.ceil(abs(turn) * beam.length * scale / STEP_PX / 2)
+    shares = np.arange(-half, half + 1) / (2 * half + 1)
+    goals = tuple(Goal(None, pose.state.pushing_angle + turn * float(s)) for s in shares)
+    push = replace(pose.experiment.push, goals=goals)
+    experiment = Experiment(scene, rig, push, pose.experiment.folder)
+    poses = [
+        Pose(experiment, replace(pose.trial, push=push, step=step), state)
+        for step, state in enumerate(experiment.states())
+    ]
+    poses[half] = pose
+    return poses

@@ -1,0 +1,92 @@
+"""Light from all around, as maps of longitude and latitude: made here, or read from a file.
+
+A map (height, width) of radiances has its first row at +z and its last at -z, as Mitsuba's have;
+its columns run from +x through +y around.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+
+HEIGHT, WIDTH = 128, 256
+# Samples along each side of a pixel: edges of windows and lamps fall between pixels.
+FINE = 4
+# Steps in polar angle of an integral over the upper half.
+INTEGRATED = 20_000
+# The room [m] about the rig: east, north, west, south walls, ceiling, floor.
+EAST, NORTH, WEST, SOUTH, CEILING, FLOOR = 3.5, 2.5, 3.0, 2.0, 2.0, 0.9
+# Radiances against that of a white wall.
+WALL, WHITE_CEILING, DARK_FLOOR, FURNITURE, TUBE, SKY, HORIZON = 1.0, 1.4, 0.3, 0.25, 60, 40, 15
+
+
+def laboratory() -> Floats:
+    """A laboratory: a window to the north, two rows of lamps at the ceiling, a dark cupboard."""
+    rows = np.clip((np.arange(HEIGHT * FINE) + 0.5) / FINE - 0.5, 1e-6, HEIGHT - 1 - 1e-6)
+    rows *= np.pi / (HEIGHT - 1)
+    columns = (np.arange(WIDTH * FINE) + 0.5) * 2 * np.pi / (WIDTH * FINE)
+    polar, azimuth = np.meshgrid(rows, columns, indexing="ij")
+    way = np.stack(
+        [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)]
+    )
+    low = np.array([-WEST, -SOUTH, -FLOOR])[:, None, None]
+    high = np.array([EAST, NORTH, CEILING])[:, None, None]
+    # From inside a box a ray leaves through the nearest of the three sides that it heads for.
+    reach = np.where(way > 0, high, low) / way
+    side = reach.argmin(axis=0)
+    x, y, z = way * reach.min(axis=0)
+    radiance = np.full(side.shape, WALL)
+    up, north = (side == 2) & (z > 0), (side == 1) & (y > 0)
+    radiance[up] = WHITE_CEILING
+    radiance[(side == 2) & (z < 0)] = DARK_FLOOR
+    tubes = (abs(abs(y - 0.2) - 1.2) < 0.08) & (abs(x) % 1.5 < 1.2) & (abs(x) < 3)
+    radiance[up & tubes] = TUBE
+    bars = (abs(x - 0.4) < 0.04) | (abs(z - 0.9) < 0.03)
+    window = north & (abs(x - 0.4) < 1.1) & (z > 0.1) & (z < 1.7) & ~bars
+    radiance[window] = HORIZON + (SKY - HORIZON) * (z[window] - 0.1) / 1.6
+    radiance[(side == 0) & (x < 0) & (y > -1) & (y < 0.5) & (z < 1.1)] = FURNITURE
+    pixels = radiance.reshape(HEIGHT, FINE, WIDTH, FINE)
+    return np.asarray(pixels.mean(axis=(1, 3)))
+
+
+def read_environment(path: Path) -> Floats:
+    """The radiances of an OpenEXR picture: of its one channel, or the luminance of R, G, B.
+
+    Raises InputError if it cannot be read, or is negative, not finite, or dark above the horizon.
+    """
+    try:
+        file = OpenEXR.File(str(path), separate_channels=True)
+    except Exception as error:
+        raise InputError(f"{path}: is not an EXR image that can be read ({error})") from error
+    with file:
+        if not file.parts:
+            raise InputError(f"{path}: is a truncated EXR image")
+        found = {name: np.array(c.pixels, dtype=float) for name, c in file.channels().items()}
+    if {"R", "G", "B"} <= set(found):
+        image = 0.2126 * found["R"] + 0.7152 * found["G"] + 0.0722 * found["B"]
+    elif len(found) == 1:
+        image = next(iter(found.values()))
+    else:
+        raise InputError(f"{path}: has channels {', '.join(found)}, allowed are R, G, B or one")
+    if not (np.isfinite(image).all() and image.min() >= 0 and plane_irradiance(image) > 0):
+        raise InputError(
+            f"{path}: allowed are radiances that are finite, >= 0 and not all 0 above the horizon"
+        )
+    return image
+
+
+def plane_irradiance(image: Floats) -> float:
+    """What a map brings to a plane that faces +z."""
+    height = len(image)
+    polar = (np.arange(INTEGRATED) + 0.5) * (np.pi / 2) / INTEGRATED
+    ring = np.interp(polar, np.linspace(0, np.pi, height), image.mean(axis=1))
+    return float(2 * np.pi * np.mean(ring * np.cos(polar) * np.sin(polar)) * np.pi / 2)
+
+
+def turned(image: Floats, angle: float) -> Floats:
+    """The map turned about +z by an angle [rad], to the nearest column."""
+    width = image.shape[1]
+    return np.roll(image, round(angle * width / (2 * np.pi)), axis=1)

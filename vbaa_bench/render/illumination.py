@@ -1,0 +1,116 @@
+"""A scene's lights, put up where it says. They stand as the camera does, in Sigma_a."""
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.geometry import lamps
+from vbaa_bench.geometry.objects import sheet
+from vbaa_bench.render.environment import (
+    laboratory,
+    plane_irradiance,
+    read_environment,
+    turned,
+)
+from vbaa_bench.render.lights import Environment, Lamp, Light, Projector, Spot
+from vbaa_bench.spec.lighting import (
+    AreaSpec,
+    BackSpec,
+    EnvironmentSpec,
+    LampSpec,
+    RingSpec,
+    SideSpec,
+    SpotSpec,
+    StripeSpec,
+)
+from vbaa_bench.spec.scene import Scene
+
+ALONG = np.array([1.0, 0.0, 0.0])
+UP = np.array([0.0, 0.0, 1.0])
+# Pixels of the stripe's slide over the width of a fading edge.
+EDGE_PX = 8
+
+
+def lights(scene: Scene, folder: Path, *, panels: bool = True) -> list[Light]:
+    """The lights of a scene; files that it names lie in `folder`. Raises InputError.
+
+    Without `panels` those behind the beam are off, as for a calibration: a board before one is
+    dark. Where nothing is left, and where the scene has no `lights`, it is the soft lamp.
+    """
+    on = [spec for spec in scene.lights if panels or spec.kind != "back"]
+    if on:
+        return [_light(spec, scene, folder) for spec in on]
+    x, y, _ = scene.camera.position_mm
+    middle = np.array([x, y, scene.light.height_mm]) * MILLIMETRE
+    return [Lamp(sheet(middle, scene.light.side_mm * MILLIMETRE, -1))]
+
+
+def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
+    camera, looked_at = _mm(scene.camera.position_mm), _mm(scene.camera.look_at_mm)
+    match spec:
+        case RingSpec():
+            ahead = looked_at - camera
+            radii = spec.inner_mm * MILLIMETRE, spec.outer_mm * MILLIMETRE
+            return _shining(lamps.annulus(camera, ahead, *radii), looked_at, spec.irradiance)
+        case BackSpec():
+            height = (spec.lift_mm - scene.background.distance_mm) * MILLIMETRE
+            middle = np.array([looked_at[0], looked_at[1], height])
+            panel = lamps.rectangle(middle, UP, ALONG, _sides(spec.size_mm))
+            return _shining(panel, middle * [1, 1, 0], spec.irradiance)
+        case SideSpec():
+            away = turn_about_z(spec.azimuth_deg * DEGREE)[:3, :3] @ ALONG
+            lift = spec.elevation_deg * DEGREE
+            way = np.cos(lift) * away + np.sin(lift) * UP
+            middle = looked_at + spec.distance_mm * MILLIMETRE * way
+            level = np.cross(UP, away)
+            panel = lamps.rectangle(middle, -way, level, _sides(spec.size_mm))
+            return _shining(panel, looked_at, spec.irradiance)
+        case EnvironmentSpec():
+            image = laboratory() if spec.file is None else read_environment(folder / spec.file)
+            image = turned(image, spec.turn_deg * DEGREE)
+            return Environment(image * spec.irradiance / plane_irradiance(image))
+    position = _mm(spec.position_mm)
+    aim = looked_at if spec.aim_mm is None else _mm(spec.aim_mm)
+    match spec:
+        case AreaSpec():
+            panel = lamps.rectangle(position, aim - position, ALONG, _sides(spec.size_mm))
+            return _shining(panel, aim, spec.irradiance)
+        case SpotSpec():
+            return Spot(position, aim, spec.cone_deg * DEGREE, spec.irradiance)
+        case StripeSpec():
+            width, slide = _stripe(spec)
+            along = lamps.axes(aim - position, ALONG)[0]
+            return Projector(position, aim, along, width, slide, spec.irradiance)
+
+
+def _shining(panel: trimesh.Trimesh, aim: Floats, irradiance: float) -> Lamp:
+    """A lamp as bright as gives a sheet that faces it, at the aim, that irradiance."""
+    towards = np.asarray(panel.vertices).mean(axis=0) - aim
+    brings = lamps.irradiance(panel, aim, towards / np.linalg.norm(towards))
+    return Lamp(panel, irradiance / brings)
+
+
+def _stripe(spec: StripeSpec) -> tuple[float, Floats]:
+    """Width [m] of a slide at the aim, and its image (height, width): 1 within the stripe."""
+    pixel = spec.edge_mm / EDGE_PX
+    sides = []
+    for size in (spec.length_mm, spec.width_mm):
+        count = int(np.ceil((size + 2 * spec.edge_mm) / pixel))
+        place = (np.arange(count) - (count - 1) / 2) * pixel
+        # Half a wave from light to dark, as a lens a little out of focus draws an edge.
+        beyond = np.clip((np.abs(place) - size / 2) / spec.edge_mm, -0.5, 0.5)
+        sides.append(0.5 - 0.5 * np.sin(np.pi * beyond))
+    along, across = sides
+    return len(along) * pixel * MILLIMETRE, np.outer(across, along)
+
+
+def _mm(place: tuple[float, float, float]) -> Floats:
+    return np.array(place) * MILLIMETRE
+
+
+def _sides(size_mm: tuple[float, float]) -> tuple[float, float]:
+    return size_mm[0] * MILLIMETRE, size_mm[1] * MILLIMETRE

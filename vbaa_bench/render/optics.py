@@ -1,0 +1,137 @@
+"""From a place on the film to a ray: point spread, lens distortion, aperture.
+
+Rays are warped, images are never resampled. The sensor that Mitsuba brings makes the ideal ray.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+
+# Beyond so many sigmas a Gaussian spread is not followed.
+_SIGMAS = 5.0
+
+
+@dataclass(frozen=True)
+class Lens:
+    """What a real lens adds to a pinhole.
+
+    `spread_px` is the sigma of its Gaussian point spread, `aperture` the radius of its entrance
+    pupil and `focus` the depth that it shows sharp, both in one unit of length.
+    """
+
+    spread_px: float = 0.0
+    aperture: float = 0.0
+    focus: float = 1.0
+
+    def scaled(self, factor: float) -> "Lens":
+        """The same lens in another unit of length."""
+        return replace(self, aperture=self.aperture * factor, focus=self.focus * factor)
+
+    def blur_px(self, camera: Camera, nearest: float, farthest: float) -> int:
+        """How many pixels away a point may show, if it lies between two depths [m]."""
+        # The cone through a point, where it meets the plane of focus.
+        widest = self.aperture * max(abs(1 - self.focus / z) for z in (nearest, farthest))
+        disc = camera.fx * widest / (1 if camera.telecentric else self.focus)
+        return math.ceil(_SIGMAS * self.spread_px + disc)
+
+
+class Optics:
+    """Rays of a camera whose ideal pinhole or telecentric part is Mitsuba's `sensor`."""
+
+    def __init__(self, camera: Camera, lens: Lens, sensor: Any, lens_axis: Floats) -> None:
+        """`lens_axis` (3,) is the optical axis, a unit vector in render coordinates."""
+        self.camera, self.lens = camera, lens
+        self._sensor, self._axis = sensor, mi.Vector3f(*map(float, lens_axis))
+
+    @property
+    def dimensions(self) -> int:
+        """Pairs of random numbers that a ray takes: place, and spread and pupil, if any."""
+        return 1 + (self.lens.spread_px > 0) + (self.lens.aperture > 0)
+
+    def ray(self, column: Any, row: Any, u: Sequence[Any]) -> Any:
+        """A ray through a place of pixels, chosen by points `u` of the unit square; `column` and
+        `row` are Dr.Jit floats."""
+        inside, *others = u[: self.dimensions]
+        x, y = column + inside.x, row + inside.y
+        if self.lens.spread_px > 0:
+            away = mi.warp.square_to_std_normal(others.pop(0)) * self.lens.spread_px
+            x, y = x + away.x, y + away.y
+        return self._through(x, y, others.pop(0) if others else None)
+
+    def centre_ray(self, column: Any, row: Any) -> Any:
+        """The ray through the middle of pixels and of the lens."""
+        return self._through(column + 0.5, row + 0.5, None)
+
+    def _through(self, x: Any, y: Any, pupil: Any) -> Any:
+        """A ray through film coordinates [px], counted from the image's corner."""
+        camera = self.camera
+        if camera.distortion:
+            x, y = self._undistorted(x, y)
+        film = mi.Point2f(x / camera.width, y / camera.height)
+        ray, _ = self._sensor.sample_ray(0.0, 0.0, film, mi.Point2f(0.5))
+        if pupil is None:
+            return ray
+        # A thin lens brings all rays of a film point together in the plane of focus. The ideal
+        # ray starts on the near clip plane; every plane across the axis serves as well as any.
+        along = dr.dot(ray.d, self._axis)
+        frame = mi.Frame3f(self._axis)
+        offset = frame.to_world(_disk(pupil) * self.lens.aperture)
+        sharp = ray.o + ray.d * ((self.lens.focus - self._near) / along)
+        start = ray.o + offset * (1 - self._near / self.lens.focus)
+        ray.o = start
+        ray.d = dr.normalize(sharp - start)
+        return ray
+
+    @property
+    def _near(self) -> float:
+        return float(self._sensor.near_clip())
+
+    def _undistorted(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """Where a lens free of distortion would show a film point, bilinear between corners."""
+        width = self.camera.width + 1 + 2 * self._margin
+        height = self.camera.height + 1 + 2 * self._margin
+        across = dr.clip(x + self._margin, 0, width - 1.001)
+        down = dr.clip(y + self._margin, 0, height - 1.001)
+        column, row = mi.UInt32(across), mi.UInt32(down)
+        u, v = across - column, down - row
+        moved = mi.Point2f(0)
+        for corner, weight in (
+            (row * width + column, (1 - u) * (1 - v)),
+            (row * width + column + 1, u * (1 - v)),
+            ((row + 1) * width + column, (1 - u) * v),
+            ((row + 1) * width + column + 1, u * v),
+        ):
+            moved += dr.gather(mi.Point2f, self._shifts, corner) * weight
+        return x + moved.x, y + moved.y
+
+    @property
+    def _margin(self) -> int:
+        return math.ceil(_SIGMAS * self.lens.spread_px) + 1
+
+    @cached_property
+    def _shifts(self) -> Any:
+        """How far the corners of pixels are moved by the lens [px], row by row.
+
+        Between corners the shift is linear to a millionth of a pixel.
+        """
+        rows, columns = np.mgrid[
+            -self._margin : self.camera.height + self._margin + 1,
+            -self._margin : self.camera.width + self._margin + 1,
+        ]
+        corners = np.column_stack([columns.ravel(), rows.ravel()]) - 0.5
+        shifts = self.camera.undistorted_pixels(corners) - corners
+        return mi.Point2f(np.ascontiguousarray(shifts.T, dtype=np.float32))
+
+
+def _disk(sample: Any) -> Any:
+    place = mi.warp.square_to_uniform_disk_concentric(sample)
+    return mi.Vector3f(place.x, place.y, 0)

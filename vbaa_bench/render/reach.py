@@ -1,0 +1,102 @@
+"""Which pixels what moves can change: where it may be seen, and where it may cast a shadow.
+
+Both are told from above, by convex hulls: a pixel outside shows exactly what the still scene does.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+from vbaa_bench.render.lights import Environment, Lamp, Light
+
+Mask = npt.NDArray[np.bool_]
+
+# A mesh is cut into pieces of so many faces, each with its own hull.
+_FACES = 2000
+
+
+def pieces(faces: np.ndarray) -> list[np.ndarray]:
+    """The vertices of consecutive runs of faces (n, 3)."""
+    return [np.unique(run) for run in np.array_split(faces, math.ceil(len(faces) / _FACES))]
+
+
+@dataclass(frozen=True)
+class View:
+    """Fills hulls in the image of a camera, `margin` pixels wider than they are."""
+
+    camera: Camera
+    margin: int
+
+    def hulls(self, bodies: Iterable[Floats]) -> Mask:
+        """Where any of some convex bodies shows: each the hull of points (n, 3) in Sigma_a [m]."""
+        low, size, where = self._canvas
+        canvas = np.zeros(size[::-1], np.uint8)
+        ideal = replace(self.camera, distortion=())
+        for points in bodies:
+            if not self.camera.telecentric and self._depths(points).min() <= 0:
+                return np.ones((self.camera.height, self.camera.width), np.bool_)
+            pixels = ideal.project(points) - low
+            # OpenCV counts in 16 bits of whole pixels; far outside is outside.
+            rounded = np.rint(np.clip(pixels, -10_000, 10_000)).astype(np.int32)
+            cv2.fillConvexPoly(canvas, cv2.convexHull(rounded), 1)
+        reach = np.ones((2 * self.margin + 1, 2 * self.margin + 1), np.uint8)
+        wide = cv2.dilate(canvas, reach) > 0
+        return wide if where is None else wide[where[1], where[0]]
+
+    def _depths(self, points: Floats) -> Floats:
+        pose = self.camera.camera_from_antenna
+        return np.asarray(points @ pose[2, :3] + pose[2, 3])
+
+    @property
+    def _canvas(self) -> tuple[Floats, tuple[int, int], tuple[np.ndarray, np.ndarray] | None]:
+        """Corner and size of an image free of distortion, and where in it every pixel lies."""
+        camera = self.camera
+        if not camera.distortion:
+            return np.zeros(2), (camera.width, camera.height), None
+        rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
+        ideal = camera.undistorted_pixels(np.column_stack([columns.ravel(), rows.ravel()]))
+        low = np.floor(ideal.min(axis=0))
+        place = np.rint(ideal - low).astype(int)
+        width, height = place.max(axis=0) + 1
+        x, y = place.T.reshape(2, camera.height, camera.width)
+        return low, (int(width), int(height)), (x, y)
+
+
+def shadows(
+    bodies: Iterable[Floats], lights: Iterable[Light], ground: float
+) -> list[Floats] | None:
+    """Hulls of the shadows that bodies cast on the plane z = `ground` [m]; None: they may be
+    anywhere. Bodies are hulls of points (n, 3) in Sigma_a [m]."""
+    found = []
+    boxes = [_box(points) for points in bodies]
+    for light in lights:
+        if isinstance(light, Environment):
+            return None
+        lamp = _box(
+            np.asarray(light.mesh.vertices) if isinstance(light, Lamp) else light.position[None]
+        )
+        for box in boxes:
+            if lamp[:, 2].max() <= box[:, 2].min():
+                continue  # from below, a shadow falls upward
+            if lamp[:, 2].min() <= box[:, 2].max():
+                return None
+            start, end = lamp[:, None], box[None]
+            share = (start[..., 2] - ground) / (start[..., 2] - end[..., 2])
+            thrown = (start + share[..., None] * (end - start)).reshape(-1, 3)
+            # What stands on the ground shades the ground under it.
+            found.append(np.vstack([thrown, np.column_stack([box[:, :2], np.full(8, ground)])]))
+    return found
+
+
+def _box(points: Floats) -> Floats:
+    """The eight corners of the box about points (n, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )

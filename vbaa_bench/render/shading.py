@@ -1,0 +1,96 @@
+"""Light that reaches the camera by one bounce: lamp, surface, camera.
+
+What a lamp would do if nothing stood before it is smooth over the lamp, so a randomly shifted
+lattice of points tells it well, and no ray need be traced for it; what stands before it is asked
+of the lattice's first point alone, and the loss taken off. Both are unbiased, whatever the number
+of points.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from vbaa_bench.render import lattice
+
+# Points by which a lamp is seen from a surface that the camera looks at.
+LAMP_POINTS = 4
+
+
+def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[Any, Any]:
+    """Radiance along a ray, and the surface interaction there."""
+    si = scene.ray_intersect(ray, active)
+    radiance = si.emitter(scene, active).eval(si, active)[0]
+    hit = active & si.is_valid()
+    material = si.bsdf()
+    for emitter, shift in zip(scene.emitters(), shifts, strict=True):
+        points = mi.UInt32(1 if _is_point(emitter) else LAMP_POINTS)
+        whole, first, lamp_point = _unhidden(emitter, si, material, shift, points, hit)
+        asked = hit & (first > 0)
+        hidden = asked & scene.ray_test(si.spawn_ray_to(lamp_point), asked)
+        radiance += whole - dr.select(hidden, first, 0)
+    return radiance, si
+
+
+def shadow(scene: Any, still: Any, si: Any, shifts: Sequence[Any], points: Any, active: Any) -> Any:
+    """What a surface loses, as radiance towards the camera, by what hides lamps from it in `scene`
+    but not in `still`; every lamp that is no point itself is asked at so many `points`."""
+    lost = mi.Float(0)
+    material = si.bsdf()
+    for emitter, shift in zip(scene.emitters(), shifts, strict=True):
+        asked = mi.UInt32(1) if _is_point(emitter) else points
+        lost += _lost(scene, still, emitter, si, material, shift, asked, active)
+    return lost
+
+
+def _is_point(emitter: Any) -> bool:
+    return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))
+
+
+def _from_point(
+    emitter: Any, si: Any, material: Any, shift: Any, number: Any, points: Any, active: Any
+) -> tuple[Any, Any]:
+    """Light (radiance towards the camera) of a lattice's point, and its place."""
+    u = lattice.pair(shift, number, points)
+    sample, weight = emitter.sample_direction(si, u, active)
+    value = material.eval(mi.BSDFContext(), si, si.to_local(sample.d), active)
+    return (value * weight)[0], sample.p
+
+
+@dr.syntax
+def _unhidden(
+    emitter: Any, si: Any, material: Any, shift: Any, points: Any, active: Any
+) -> tuple[Any, Any, Any]:
+    """Mean light from an emitter with nothing before it, that of the first point, and its place."""
+    first, place = _from_point(emitter, si, material, shift, mi.UInt32(0), points, active)
+    total, number = mi.Float(first), mi.UInt32(1)
+    while number < points:
+        light, _ = _from_point(emitter, si, material, shift, number, points, active)
+        total += light
+        number += 1
+    return total / mi.Float(points), first, place
+
+
+@dr.syntax
+def _lost(
+    scene: Any,
+    still: Any,
+    emitter: Any,
+    si: Any,
+    material: Any,
+    shift: Any,
+    points: Any,
+    active: Any,
+) -> Any:
+    """Mean light from an emitter's points that are hidden in `scene` but not in `still`."""
+    total, number = mi.Float(0), mi.UInt32(0)
+    while number < points:
+        light, place = _from_point(emitter, si, material, shift, number, points, active)
+        ray = si.spawn_ray_to(place)
+        hidden = active & (light > 0)
+        hidden &= scene.ray_test(ray, hidden)
+        hidden &= ~still.ray_test(ray, hidden)
+        total += dr.select(hidden, light, 0)
+        number += 1
+    return total / mi.Float(points)

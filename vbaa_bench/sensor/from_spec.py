@@ -1,0 +1,52 @@
+"""The image sensor that a scene asks for."""
+
+import numpy as np
+
+from solver.instrument.units import PERCENT
+from vbaa_bench.sensor.fixed_pattern import FixedPattern
+from vbaa_bench.sensor.ideal import Ideal
+from vbaa_bench.sensor.sensor import Sensor
+from vbaa_bench.spec.image_sensor import SensorSpec
+
+
+def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
+    """Exposure that puts `peak_radiance` at the beam's share of full scale, black level, dark
+    current and gamma included: photons, or of an ideal sensor full scales, per unit of radiance.
+
+    Raises ValueError if the peak is not positive.
+    """
+    if not peak_radiance > 0:
+        raise ValueError(f"the beam's peak radiance is {peak_radiance}, allowed is > 0")
+    if spec.kind == "ideal":
+        return spec.beam_peak_pct * PERCENT / peak_radiance
+    electrons = spec.peak_signal - spec.dark_signal
+    return electrons / (spec.quantum_efficiency * peak_radiance)
+
+
+def fixed_pattern(
+    spec: SensorSpec, shape: tuple[int, int], random: np.random.Generator
+) -> FixedPattern | None:
+    """The pattern (h, w) of one sensor, to be kept for all of its frames; None if it has none."""
+    if spec.prnu_pct == spec.dsnu_e == 0:
+        return None
+    return FixedPattern.draw(shape, spec.prnu_pct * PERCENT, spec.dsnu_e, random)
+
+
+def image_sensor(
+    spec: SensorSpec, exposure: float, pattern: FixedPattern | None = None
+) -> Sensor | Ideal:
+    """The sensor, exposed as `metered_exposure` says."""
+    if spec.kind == "ideal":
+        return Ideal(exposure, spec.bits)
+    return Sensor(
+        exposure=exposure,
+        full_well=spec.full_well_e,
+        read_noise=spec.read_noise_e,
+        quantum_efficiency=spec.quantum_efficiency,
+        dark_signal=spec.dark_signal,
+        bits=spec.bits,
+        gain=spec.gain,
+        black_level=spec.black_level_gray,
+        gamma=spec.gamma,
+        pattern=pattern,
+    )

@@ -1,0 +1,23 @@
+"""How things look."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from vbaa_bench.spec.part import Part, Share
+
+# Matt; painted steel; steel without paint; matt black.
+Paint = Literal["matt", "gloss", "bare", "black"]
+
+
+class PaintedPart(Part):
+    """A thing with its paint; its `reflectance` is that of matt and gloss paint.
+
+    Bare steel mirrors what iron does, and matt black has 0.03.
+    """
+
+    paint: Paint = "matt"
+    reflectance: Share = 0.16
+    # Alpha of the rough surface of gloss and bare: a narrower mirror image could not be sampled, a
+    # rougher surface would lose light between its own slopes.
+    roughness: Annotated[float, Field(ge=0.1, le=0.6)] = 0.3
