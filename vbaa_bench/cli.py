@@ -231,6 +231,24 @@ def mechanics(
     Console().print(table)
 
 
+@speed_app.command()
+def render(
+    scene: ScenePath,
+    out: Out = None,
+    seconds: Annotated[float, typer.Option(min=1, help="about how long to measure")] = 120,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Seconds per frame against the error of its image, beside plain Mitsuba's."""
+    # Imported late: doctor must run where the renderer cannot even be loaded.
+    from vbaa_bench.checks import speed_curves, speed_render
+
+    root = out or Path("runs") / scene.stem
+    with console.status("rendering frames"):
+        record = speed_render.measure(load_scene(scene), choose(variant), seconds, root)
+    say(record, speed_curves.sentence(record, root), as_json)
+
+
 def _generate(
     scene: Path, out: Path | None, seed: int | None, workers: int | None, variant: str | None
 ) -> Path:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from numba import njit
 
 from solver.instrument.arrays import Floats
 
@@ -83,11 +84,16 @@ def _transported(tangents: Floats) -> Floats:
     """
     along_y = abs(tangents[0, 1]) > 0.99
     first = np.array([0.0, 0.0, 1.0]) if along_y else np.array([0.0, 1.0, 0.0])
+    return np.asarray(_carried(first, np.ascontiguousarray(tangents)))
+
+
+@njit(cache=True)
+def _carried(normal: Floats, tangents: Floats) -> Floats:
+    """A normal (3,) carried along tangents (n, 3), as (n, 3)."""
     normals = np.empty_like(tangents)
-    normal = first - (first @ tangents[0]) * tangents[0]
-    for i, tangent in enumerate(tangents):
-        normal = normal - (normal @ tangent) * tangent
-        normal /= np.linalg.norm(normal)
+    for i in range(len(tangents)):
+        normal = normal - (normal * tangents[i]).sum() * tangents[i]
+        normal = normal / np.sqrt((normal**2).sum())
         normals[i] = normal
     return normals
 

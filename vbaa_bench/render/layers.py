@@ -95,13 +95,15 @@ def _seen(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> L
         hidden, hidden_arc = _behind(world, ray, si, beam, number)
     dr.eval(index, si.p, si.uv, facing, beam, hidden, hidden_arc)  # all in one kernel
     found = np.asarray(index)
-    points = np.array(si.p).T
+    # One coordinate after the other: Dr.Jit would compile a kernel anew to interleave them.
+    points = np.stack([np.asarray(part) for part in si.p], axis=-1)
+    normals = np.stack([np.asarray(part) for part in facing], axis=-1)
     depth = np.where(found > 0, 1e3 * _depth(world, points), 0)
     arc = np.where(np.broadcast_to(np.asarray(beam), found.shape), np.asarray(si.uv.x), 0)
     return Layers(
         object_index=found.astype(np.uint32),
         depth_mm=depth.astype(np.float32),
-        normal=np.array(facing).T.astype(np.float32),
+        normal=normals.astype(np.float32),
         arc_length_mm=arc.astype(np.float32),
         beam_mask=np.broadcast_to(np.asarray(beam), found.shape),
         occlusion=np.broadcast_to(np.asarray(hidden), found.shape),

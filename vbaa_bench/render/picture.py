@@ -23,9 +23,10 @@ PILOT, MOST = 4, 256
 LEAST = 4
 # Where the renderer only makes whole images: of every pixel.
 EVEN = 16
-# The variance of a stratified mean falls faster than its samples grow: as this power of them,
-# where a beam's edge crosses the pixel, and where a soft shadow lies on it.
-FALL: dict[Asked, float] = {"whole": 1.6, "still": 1.6, "change": 0.85}
+# The variance of a stratified mean falls faster than its samples grow, as this power of them,
+# where a beam's edge crosses the pixel. Beside a beam its shadow on a lamp is so narrow that more
+# points meet it by chance alone, and at first not even that.
+FALL, FALL_OF_SHADOW, FALL_NEAR = 1.5, 1.0, 0.85
 # Of the noise that is wanted this share is aimed at, since pilots err.
 AIM = 0.9
 # What moves has a pilot in every pixel, of so many sets, and the worst of its neighbours counts. A
@@ -144,7 +145,9 @@ class _Canvas:
         size = np.full(np.count_nonzero(where), EVEN)
         if not is_scalar():
             excess = _excess(world, asked, where, goal, seed)
-            size = np.clip(np.ceil(PILOT * excess ** (1 / FALL[asked])), LEAST, MOST)
+            shadow = np.where(goal.dense[where], FALL_NEAR, FALL_OF_SHADOW)
+            fall = shadow if asked == "change" else FALL
+            size = np.clip(np.ceil(PILOT * excess ** (1 / fall)), LEAST, MOST)
         # Equal sizes side by side keep the processor's lanes busy.
         order = np.argsort(size, kind="stable")
         place = rows, columns = tuple(places[order] for places in np.nonzero(where))

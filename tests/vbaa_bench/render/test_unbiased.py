@@ -1,0 +1,162 @@
+"""Many noisy pictures of one pose against a plain renderer's: their mean is the same everywhere."""
+
+from dataclasses import dataclass
+
+import cv2
+import mitsuba as mi
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy import stats
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.bench import Bench
+from vbaa_bench.checks.image_error import Line, beam_line
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.plan import plan
+from vbaa_bench.render.camera import sensor_dict
+from vbaa_bench.render.picture import Picture, Plate, Wanted, picture, plate
+from vbaa_bench.render.variant import PLAIN
+from vbaa_bench.render.world import World
+from vbaa_bench.spec.load import load_scene
+
+Mask = npt.NDArray[np.bool_]
+
+# A soft lamp and a point; a sheet that hides the contact; hub, beam, object and their shadows.
+SCENE = """
+title: Beam, contact, object, hub and a sheet over them, from near by
+seed: 5
+camera:
+  width_px: 144
+  height_px: 48
+  focal_length_px: 1000
+  position_mm: [24.0, 2.0, 360.0]
+  look_at_mm: [24.2, 0.5, 0.0]
+  roll_deg: 0.6
+  sees_tip: false
+calibration: {columns: 6, rows: 3, square_mm: 4, center_mm: [24.0, 0.5]}
+lights:
+  - {kind: area, position_mm: [40.0, -200.0, 420.0]}
+  - {kind: spot, position_mm: [0.0, -150.0, 500.0]}
+occlusion: {kind: [sheet], place: [contact], availability: [0.97]}
+pushes: {contact_distance_mm: [30], deflection_pct: [10]}
+"""
+PICTURES, REFERENCES, SAMPLES = 64, 64, 512
+# The chance that any region of an unbiased renderer is taken for biased.
+FALSE_ALARM = 1e-3
+# The render's noise over the sensor's: so much that a pixel gets a few samples.
+COARSE = (3.0, 3.0, 1.0)
+FINE = (0.3, 0.3, 0.1)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Pictures (n, h, w), each on a plate of its own, plain renders (m, h, w), both of one pose;
+    where what is seen; and where the beam runs."""
+
+    pictures: Floats
+    references: Floats
+    regions: dict[str, Mask]
+    line: Line
+
+
+@pytest.fixture(scope="module")
+def seen(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    if variant == PLAIN:
+        pytest.skip("slow without LLVM, and the same")
+    path = tmp_path_factory.mktemp("unbiased") / "near.yaml"
+    path.write_text(SCENE, encoding="utf-8")
+    file = load_scene(path)
+    work = plan(file)
+    bench = Bench(file.scene, work.rig, path.parent, Layout(path.parent), variant, 2)
+    pose = bench.pose(next(work.trials))
+    world = bench.pushed_world(pose)
+    noise = bench.sensor(bench.measure_exposure(lambda: None)).noise_sigma
+    few, many = Wanted(noise, 4, *COARSE), Wanted(noise, 4, *FINE)
+    pictures = [
+        picture(world, plate(world, few, 1000 + seed), few, seed).radiance
+        for seed in range(PICTURES)
+    ]
+    references = plain_renders(world)
+    ground = plate(world, many, 1)
+    regions = regions_of(world, picture(world, ground, many, 2), ground)
+    return Seen(np.array(pictures), references, regions, beam_line(bench.rig, pose))
+
+
+def plain_renders(world: World) -> Floats:
+    """The whole frame by Mitsuba's own path integrator and independent sampler."""
+    described = sensor_dict(world.camera, world.unit.render_from_antenna)
+    described["to_world"] = mi.ScalarTransform4f(described["to_world"])
+    sensor = mi.load_dict({**described, "sampler": {"type": "independent"}})
+    integrator = mi.load_dict({"type": "path", "max_depth": 2})
+    films = [
+        mi.render(
+            world.scene, sensor=sensor, integrator=integrator, spp=SAMPLES, seed=mi.UInt32(5000 + s)
+        )
+        for s in range(REFERENCES)
+    ]
+    return np.array([np.asarray(film)[..., 0] for film in films], dtype=np.float64)
+
+
+def regions_of(world: World, seen: Picture, ground: Plate) -> dict[str, Mask]:
+    """Masks (h, w): the inner pixels of every surface, and the edges that move."""
+    index = seen.layers.object_index
+    surface = {name: index == number for number, name in enumerate(world.names, start=1)}
+    alone = seen.coverage == 0
+    light, unshaded = seen.radiance, ground.radiance
+    rim = grown(surface["occluder"]) & grown(~surface["occluder"])
+    floor = ~grown(~surface["background"]) & alone & ~rim
+    return {
+        "beam core": (seen.coverage > 0.95) & ~rim,
+        "beam edge": (seen.coverage > 0.02) & (seen.coverage < 0.95) & ~rim,
+        "shadow": floor & (light < 0.9 * unshaded),
+        "occluder's edge": rim,
+        "ground": floor & (light > 0.97 * unshaded),
+        "moving object": ~grown(~surface["object"]) & alone,
+        "hub": ~grown(~surface["hub"]) & alone,
+    }
+
+
+def grown(mask: Mask) -> Mask:
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+
+
+def biased(pictures: Floats, references: Floats, regions: dict[str, Mask]) -> dict[str, float]:
+    """The relative difference of means wherever chance does not explain it.
+
+    Welch's t test of each region's mean, from picture to picture, with Bonferroni's limit.
+    """
+    found = {}
+    for name, where in regions.items():
+        ours, plain = pictures[:, where].mean(axis=1), references[:, where].mean(axis=1)
+        chance = stats.ttest_ind(ours, plain, equal_var=False).pvalue
+        if chance < FALSE_ALARM / len(regions):
+            found[name] = float(ours.mean() / plain.mean() - 1)
+    return found
+
+
+def test_every_region_is_there(seen: Seen) -> None:
+    assert min(where.sum() for where in seen.regions.values()) > 60
+
+
+def test_no_region_is_biased(seen: Seen) -> None:
+    assert biased(seen.pictures, seen.references, seen.regions) == {}
+
+
+def test_a_bias_of_half_a_percent_at_the_beams_edge_is_found(seen: Seen) -> None:
+    edge = seen.regions["beam edge"]
+    # From no bias at all, so that what is found does not hang on what chance brought.
+    level = seen.references[:, edge].mean() / seen.pictures[:, edge].mean()
+    assert biased(seen.pictures * level, seen.references, {"beam edge": edge}) == {}
+    for factor in (1.005, 0.995):
+        wrong = np.where(edge, factor * level * seen.pictures, seen.pictures)
+        found = biased(wrong, seen.references, seen.regions)
+        assert found == {"beam edge": pytest.approx(factor - 1)}
+
+
+def test_the_centroid_is_not_biased(seen: Seen) -> None:
+    ours, plain = seen.pictures.mean(axis=0), seen.references.mean(axis=0)
+    apart = seen.line.centroids(ours, plain) - seen.line.centroids(plain, plain)
+    clear = ~np.isnan(apart)
+    assert clear.sum() > 80
+    assert abs(apart[clear].mean()) < 0.002

@@ -1,0 +1,103 @@
+"""How far a picture of the beam errs: in its radiance, and in where the beam seems to run."""
+
+import math
+from dataclasses import dataclass
+from time import perf_counter
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import apply
+from vbaa_bench.render.picture import MOST, Picture
+from vbaa_bench.render.tracing import trace
+from vbaa_bench.render.world import World
+from vbaa_bench.spec.rigs import TrueRig
+from vbaa_bench.studio import Pose
+
+# Half the height of the window that a centroid is taken in, or so much above and below the beam.
+_WINDOW_PX, _MARGIN_PX = 4, 3
+# A reference is the mean of so many parts, if there is time.
+_PARTS = 32
+
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Line:
+    """Where a beam runs: the row (width,) of its centreline in every column of an image, nan where
+    there is none, and half the height of the window about it."""
+
+    rows: Floats
+    half: int
+
+    def centroids(self, image: Floats, reference: Floats) -> Floats:
+        """The row (width,) of the light's centroid in every column's window.
+
+        What `reference` (height, width) shows in the window's end rows is taken off before. Nan
+        where it shows less than half of the light that it does elsewhere: the beam is hidden.
+        """
+        inside = (self.rows >= self.half) & (self.rows < len(image) - self.half - 0.5)
+        columns = np.flatnonzero(inside)
+        away = np.arange(-self.half, self.half + 1)[:, None]
+        rows = np.rint(self.rows[columns]).astype(int) + away
+        ground = reference[rows[[0, -1]], columns].mean(axis=0)
+        light, expected = image[rows, columns] - ground, reference[rows, columns] - ground
+        found = np.full(len(self.rows), np.nan)
+        there = expected.sum(axis=0) > np.median(expected.sum(axis=0)) / 2
+        centroid = (light * rows)[:, there].sum(axis=0) / light[:, there].sum(axis=0)
+        found[columns[there]] = centroid
+        return found
+
+
+def beam_line(rig: TrueRig, pose: Pose) -> Line:
+    """Where the beam of a pose truly runs in the image; from left to right, as methods take it."""
+    state, camera = pose.state, rig.camera
+    stage = pose.experiment.camera_frame_from_clamp(state)
+    places = apply(stage, state.centreline[:, 1:]) + rig.base_position
+    u, v = camera.project(places).T
+    rows = np.interp(np.arange(camera.width), u, v, left=np.nan, right=np.nan)
+    radius_px = rig.beam.radius * float(camera.pixels_per_metre(places).max())
+    return Line(rows, max(_WINDOW_PX, math.ceil(radius_px) + _MARGIN_PX))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a pose truly shows about the beam: radiance (height, width) where `known`, the beam's
+    own pixels and their neighbours (`beam`), and the noise that is left in it, over the peak."""
+
+    radiance: Floats
+    known: Mask
+    beam: Mask
+    line: Line
+    peak: float
+    noise_over_peak: float
+
+    def errors(self, radiance: Floats) -> tuple[float, float]:
+        """Mean squares: of radiance on the beam's pixels over its peak, of the centroid [px]."""
+        apart = (radiance - self.radiance)[self.beam] / self.peak
+        truth = self.line.centroids(self.radiance, self.radiance)
+        moved = self.line.centroids(radiance, self.radiance) - truth
+        return float(np.mean(apart**2)), float(np.nanmean(moved**2))
+
+
+def reference_of(world: World, seen: Picture, line: Line, seconds: float) -> Reference:
+    """The mean of many tracings, each with as many samples as ours ever takes."""
+    square = np.ones((3, 3), np.uint8)
+    beam = cv2.dilate((seen.coverage > 0).astype(np.uint8), square) > 0
+    known = beam.copy()
+    for column in np.flatnonzero(~np.isnan(line.rows)):
+        middle = round(line.rows[column])
+        known[max(middle - line.half, 0) : max(middle + line.half + 1, 0), column] = True
+    rows, columns = np.nonzero(known)
+    pixels, size = np.column_stack([columns, rows]), np.full(len(rows), MOST)
+    start, parts = perf_counter(), list[Floats]()
+    while len(parts) < 2 or (len(parts) < _PARTS and perf_counter() - start < seconds):
+        parts.append(trace(world, pixels, size, 7_000_000 * (1 + len(parts)), "whole").radiance)
+    made = np.zeros(known.shape)
+    made[known] = np.mean(parts, axis=0)
+    peak = float(np.quantile(made[seen.layers.beam_mask], 0.99))
+    noise = np.zeros(known.shape)
+    noise[known] = np.var(parts, axis=0, ddof=1) / len(parts)
+    return Reference(made, known, beam, line, peak, float(np.sqrt(noise[beam].mean())) / peak)

@@ -1,0 +1,233 @@
+"""Seconds per frame against the error of its image, ours and plain Mitsuba's.
+
+A frame is end to end, for both: new vertices of all that moves, render, truth layers, sensor, PNG
+and EXR; the mechanics are not in it. To ours is added what the plate, rendered once for all frames
+of the scene, costs each of them. Plain Mitsuba renders all pixels by `mi.render`; of variance and
+coverage, which it does not know, its EXR holds zeros. Both run in this one process on all threads,
+with kernels compiled before, but for plain points that there is time to make once only.
+"""
+
+import math
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_bytes
+from solver.instrument.images import png_bytes
+from vbaa_bench.bench import Bench
+from vbaa_bench.checks.image_error import Reference, beam_line, reference_of
+from vbaa_bench.checks.speed_curves import TARGET, Record, at_equal_error, write
+from vbaa_bench.dataset.exr import write_exr
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.plan import plan
+from vbaa_bench.render.layers import every_pixel
+from vbaa_bench.render.picture import Picture, Plate, Wanted, picture, plate
+from vbaa_bench.render.plain import SAMPLERS, Plain, Sampler, seconds_in_kernels
+from vbaa_bench.render.variant import PLAIN
+from vbaa_bench.render.world import World
+from vbaa_bench.spec.load import SceneFile
+from vbaa_bench.spec.trials import random_generator
+from vbaa_bench.studio import Pose
+
+# Ours: the scene's noise wanted, times these. Plain: samples a pixel.
+_SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
+_SAMPLES = (4, 16, 64, 256, 1024)
+# Samples that fit into memory at a time.
+_LARGEST_FRAME = 1 << 28
+# Times each frame is made, if there is time; the median time counts, the mean square of errors.
+_REPEATS = 3
+# Frames before any counts. Dr.Jit traces one program to kernels of several orders by chance; each
+# is compiled when it is first met.
+_WARM = 4
+# The reference may take this share of the time.
+_REFERENCE_SHARE = 0.25
+
+Shoot = Callable[[int], Picture]
+
+
+@dataclass(frozen=True)
+class Stand:
+    """One pose before one bench, photographed again and again."""
+
+    bench: Bench
+    pose: Pose
+    exposure: float
+    folder: Path
+
+    def wanted(self, scale: float) -> Wanted:
+        """The noise that the scene wants, times `scale`; the plate's as it is."""
+        spec, noise = self.bench.scene.render, self.bench.sensor(self.exposure).noise_sigma
+        near, elsewhere = scale * spec.noise_near_beam, scale * spec.noise_elsewhere
+        return Wanted(noise, spec.near_beam_px, near, elsewhere, spec.noise_still)
+
+    def frame(self, shoot: Shoot, seed: int) -> Floats:
+        """Make one frame, end to end; the radiance that it shows."""
+        bench = self.bench
+        bench.pushed_world(self.pose)
+        seen = shoot(seed)
+        noise = random_generator(bench.scene, "speed", seed)
+        image = bench.sensor(self.exposure).expose(seen.radiance, noise, seen.variance)
+        write_bytes(self.folder / "frame.png", png_bytes(image))
+        found = seen.layers
+        made = {
+            "radiance": seen.radiance,
+            "variance": seen.variance,
+            "beam_mask": found.beam_mask,
+            "coverage": seen.coverage,
+            "arc_length": found.arc_length_mm,
+            "depth": found.depth_mm,
+            "normal": found.normal,
+            "object_index": found.object_index,
+            "occlusion": found.occlusion,
+        }
+        write_exr(self.folder / "frame.exr", {str(k): made[k] for k in bench.scene.layers})
+        return seen.radiance
+
+    def measured(self, shoot: Shoot, reference: Reference, deadline: float) -> Record:
+        """Seconds of a frame, and its errors."""
+        seconds, squares = list[float](), list[tuple[float, float]]()
+        while not seconds or (len(seconds) < _REPEATS and perf_counter() < deadline):
+            start = perf_counter()
+            radiance = self.frame(shoot, len(seconds))
+            seconds.append(perf_counter() - start)
+            squares.append(reference.errors(radiance))
+        image, line = np.sqrt(np.mean(squares, axis=0)).tolist()
+        return {
+            "seconds": median(seconds),
+            "rmse_over_peak": image,
+            "centreline_rmse_px": line,
+            "repeats": len(seconds),
+        }
+
+    def kernel_share(self, shoot: Shoot) -> float:
+        """The share of a frame in which compiled kernels run."""
+        start = perf_counter()
+        busy = seconds_in_kernels(lambda: self.frame(shoot, 0))
+        return busy / (perf_counter() - start)
+
+
+def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
+    """Curves of seconds per frame against error, of one pose of a scene, in about so many seconds.
+
+    Writes render_speed.csv and render_speed.png to `out`. Raises InputError where plain Mitsuba
+    cannot render what the scene asks.
+    """
+    _refuse(file, variant)
+    end = perf_counter() + seconds
+    work = plan(file)
+    folder, threads = file.path.parent.resolve(), os.cpu_count() or 1
+    bench = Bench(file.scene, work.rig, folder, Layout(out), variant, threads)
+    trial = sorted(work.trials, key=lambda trial: trial.index)[work.frames // 2]
+    with tempfile.TemporaryDirectory() as aside:
+        exposure = bench.measure_exposure(lambda: None)
+        stand = Stand(bench, bench.pose(trial), exposure, Path(aside))
+        record = _compared(stand, work.frames, end)
+    record |= {"scene": file.path.stem, "threads": threads, "frame_id": trial.frame_id}
+    write(record, out, ["ours", *SAMPLERS])
+    return record
+
+
+def _refuse(file: SceneFile, variant: str) -> None:
+    """Raise InputError where plain Mitsuba cannot render what the scene asks."""
+    scene = file.scene
+    if variant == PLAIN:
+        raise InputError(f"variant is {variant}, allowed are those that compile kernels")
+    asked = [key for key in ("spread_px", "aperture_mm") if getattr(scene.optics, key) > 0]
+    asked += ["distortion"] if any(scene.camera.distortion) else []
+    asked += ["motor_speed_deg_s"] if scene.motor_speed_deg_s else []
+    if asked:
+        said = f"has {', '.join(asked)}, allowed is a scene without, as plain Mitsuba has none"
+        raise InputError(f"{file.path}: {said}")
+
+
+def _compared(stand: Stand, frames: int, end: float) -> Record:
+    world, wanted = stand.bench.pushed_world(stand.pose), stand.wanted(1)
+    ground, plate_seconds = _timed_plate(world, wanted)
+    for seed in range(_WARM):
+        stand.frame(_ours(world, ground, wanted), seed)
+    seen = picture(world, ground, wanted, 0)
+    line = beam_line(stand.bench.rig, stand.pose)
+    share = _REFERENCE_SHARE * (end - perf_counter())
+    reference = reference_of(world, seen, line, share)
+    ours: list[Record] = []
+    for scale in _SCALES:
+        shoot = _ours(world, ground, stand.wanted(scale))
+        point: Record = {"renderer": "ours", "noise_wanted": scale, "samples_per_pixel": None}
+        ours.append(point | stand.measured(shoot, reference, math.inf))
+        ours[-1]["seconds"] += plate_seconds / frames
+    default = ours[_SCALES.index(1.0)]
+    curves = {"ours": ours}
+    for number, sampler in enumerate(SAMPLERS):
+        share = (end - perf_counter()) / (len(SAMPLERS) - number)
+        curves[sampler] = _plain(stand, world, sampler, reference, perf_counter() + share)
+    at_target = {name: at_equal_error(curve) for name, curve in curves.items()}
+    plain = min(at_target[name]["seconds"] for name in SAMPLERS)
+    as_fine = min(
+        at_equal_error(curves[name], default["rmse_over_peak"])["seconds"] for name in SAMPLERS
+    )
+    busy = stand.kernel_share(_ours(world, ground, wanted))
+    few = _shoot(world, SAMPLERS[0], _SAMPLES[1])
+    return {
+        "speedup_at_equal_rmse": plain / at_target["ours"]["seconds"],
+        # Nearly always extrapolated: plain Mitsuba would need minutes.
+        "speedup_at_scenes_noise": as_fine / default["seconds"],
+        "rmse_over_peak": default["rmse_over_peak"],
+        "centreline_rmse_px": default["centreline_rmse_px"],
+        "frames_per_s": 1 / default["seconds"],
+        "target_rmse_over_peak": TARGET,
+        "at_target": at_target,
+        "plate_seconds": plate_seconds,
+        "frames": frames,
+        "kernel_share": {"ours": busy, SAMPLERS[0]: stand.kernel_share(few)},
+        "reference_noise_over_peak": reference.noise_over_peak,
+        "curves": curves,
+    }
+
+
+def _timed_plate(world: World, wanted: Wanted) -> tuple[Plate | None, float]:
+    """The plate and its seconds; none where light goes from surface to surface, as in a dataset."""
+    if world.bounces > 1:
+        return None, 0.0
+    plate(world, wanted, 0)  # compiles kernels
+    start = perf_counter()
+    return plate(world, wanted, 0), perf_counter() - start
+
+
+def _ours(world: World, ground: Plate | None, wanted: Wanted) -> Shoot:
+    return lambda seed: picture(world, ground, wanted, 1 + seed)
+
+
+def _shoot(world: World, sampler: Sampler, samples: int) -> Shoot:
+    plain = Plain(world, sampler)
+    nothing = np.zeros((world.camera.height, world.camera.width))
+
+    def shoot(seed: int) -> Picture:
+        radiance = plain.radiance(samples, seed)
+        return Picture(radiance, nothing, every_pixel(world), nothing, nothing + samples)
+
+    return shoot
+
+
+def _plain(
+    stand: Stand, world: World, sampler: Sampler, reference: Reference, end: float
+) -> list[Record]:
+    """Four times the samples from point to point, until the target is met or time is up."""
+    found: list[Record] = []
+    stand.frame(_shoot(world, sampler, _SAMPLES[0]), 0)  # compiles kernels
+    for samples in _SAMPLES:
+        lanes = samples * world.camera.width * world.camera.height
+        late = len(found) > 2 and perf_counter() + 4 * found[-1]["seconds"] > end
+        if late or lanes > _LARGEST_FRAME or (found and found[-1]["rmse_over_peak"] < TARGET):
+            break
+        point: Record = {"renderer": sampler, "noise_wanted": None, "samples_per_pixel": samples}
+        shoot = _shoot(world, sampler, samples)
+        found.append(point | stand.measured(shoot, reference, end))
+    return found
