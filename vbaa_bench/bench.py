@@ -1,7 +1,7 @@
 """One worker's bench, on which a dataset's images are made: render, expose, write."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -98,8 +98,6 @@ class Bench:
         """One calibration image."""
         seed = render_seed(self.scene, "board render", view)
         wanted = self._wanted(self.sensor(exposure).noise_sigma)
-        # Corners are read as finely as a beam is.
-        wanted = replace(wanted, elsewhere=wanted.near)
         seen = picture(self.studio.card(view), None, wanted, seed)
         return self._expose(seen, exposure, "board sensor", view)
 

@@ -29,10 +29,17 @@ def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
         names, kind = CHANNELS[layer]
         for name, part in zip(names, np.atleast_3d(values).transpose(2, 0, 1), strict=True):
             # OpenEXR writes strided arrays wrong without an error: copy to contiguous memory.
-            channels[name] = np.ascontiguousarray(part, dtype=kind)
+            values_of = np.ascontiguousarray(part, dtype=kind)
+            channels[name] = _sixteen_bits(values_of) if layer == "depth" else values_of
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with OpenEXR.File(header, channels) as file:
         file.write(str(path))
+
+
+def _sixteen_bits(values: np.ndarray) -> np.ndarray:
+    """Floats rounded to sixteen significant bits, a 65,000th: half as long to compress."""
+    bits = values.view(np.uint32) + np.uint32(0x80)
+    return (bits & np.uint32(0xFFFFFF00)).view(np.float32)
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:

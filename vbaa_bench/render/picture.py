@@ -18,21 +18,19 @@ from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 # Sizes of a set of samples; a pixel gets SETS of them.
-PILOT, MOST = 4, 256
+PILOT, MOST = 4, 512
 # With fewer, one sample in a shadow would stand out as a dark speck, rare but far off.
-LEAST = 4
+LEAST = 3
 # Where the renderer only makes whole images: of every pixel.
-EVEN = 16
+EVEN = 32
 # The variance of a stratified mean falls faster than its samples grow, as this power of them,
 # where a beam's edge crosses the pixel. Beside a beam its shadow on a lamp is so narrow that more
 # points meet it by chance alone, and at first not even that.
 FALL, FALL_OF_SHADOW, FALL_NEAR = 1.5, 1.0, 0.85
-# Of the noise that is wanted this share is aimed at, since pilots err.
-AIM = 0.9
-# What moves has a pilot in every pixel, of so many sets, and the worst of its neighbours counts. A
-# shadow is the same in neighbours: near the beam pilots of a few pixels are put together, elsewhere
-# there is one in every so many.
-_PILOT_SETS = 12
+# Near the beam, and where one surface ends before another, every pixel has a pilot of so many sets;
+# there the worst of a pixel's neighbours counts, but of shadows, which are soft, the mean of some.
+# Elsewhere there is one in every so many pixels.
+_PILOT_SETS = 8
 _NEIGHBOURS = 5
 _SPARSE, _REACH = 4, 17
 
@@ -82,10 +80,11 @@ def plate(world: World, wanted: Wanted, seed: int) -> Plate:
     """Render what stands still, its noise a small share of the sensor's."""
     everywhere = np.ones((world.camera.height, world.camera.width), np.bool_)
     shape = everywhere.shape
-    goal = Goal(wanted.noise, np.full(shape, wanted.plate), np.zeros(shape), everywhere)
-    made = _Canvas(*everywhere.shape)
+    found, made = every_pixel(world, still=True), _Canvas(*shape)
+    rims = _grown(_seams(found.object_index), 1)
+    goal = Goal(wanted.noise, np.full(shape, wanted.plate), np.zeros(shape), rims)
     made.add(world, "still", everywhere, goal, seed)
-    return Plate(made.radiance, every_pixel(world, still=True))
+    return Plate(made.radiance, found)
 
 
 def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Picture:
@@ -102,7 +101,8 @@ def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Pic
         change = (seen | shaded) & ~whole
     near = _grown(found.beam_mask, wanted.near_px + blur)
     share = np.where(near, wanted.near, wanted.elsewhere)
-    made.add(world, "whole", whole, Goal(wanted.noise, share, nothing, whole), seed)
+    rims = near | _grown(_seams(found.object_index), 1 + blur)
+    made.add(world, "whole", whole, Goal(wanted.noise, share, nothing, rims), seed)
     if plate is not None:
         goal = Goal(wanted.noise, share, plate.radiance, near)
         made.add(world, "change", change, goal, seed + (1 << 30))
@@ -163,7 +163,7 @@ class Goal:
     """Standard deviations that are wanted: `share` (height, width) of the sensor's `noise` at a
     radiance that `base` (height, width) adds to what is sampled.
 
-    Pixels of `dense` get a pilot each.
+    Pixels of `dense` get a pilot each, others share them.
     """
 
     noise: Noise
@@ -181,17 +181,16 @@ def _excess(world: World, asked: Asked, where: Mask, goal: Goal, seed: int) -> F
     found = trace(world, pixels, size, seed, asked, _PILOT_SETS)
     sigma = goal.share[pilots] * goal.noise(goal.base[pilots] + found.radiance)
     # As it would be of as many sets as are taken.
-    excess = _PILOT_SETS / SETS * found.variance / np.maximum((AIM * sigma) ** 2, 1e-30)
+    excess = _PILOT_SETS / SETS * found.variance / np.maximum(sigma**2, 1e-30)
     image, count = np.zeros(where.shape, np.float32), pilots.astype(np.float32)
     image[pilots] = excess
-    if asked != "change":
-        worst = cv2.dilate(cv2.blur(image, (3, 3)), np.ones((3, 3), np.uint8))
-        return np.maximum(worst[where], 0)
+    near = _NEIGHBOURS if asked == "change" else 3
     fine, coarse = (
         cv2.blur(image, (reach, reach)) / np.maximum(cv2.blur(count, (reach, reach)), reach**-2)
-        for reach in (_NEIGHBOURS, _REACH)
+        for reach in (near, _REACH)
     )
-    return np.maximum(np.where(goal.dense, fine, coarse)[where], 0)
+    worst = fine if asked == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
+    return np.maximum(np.where(goal.dense, worst, coarse)[where], 0)
 
 
 def _changed(world: World, plate: Plate) -> tuple[Mask, Mask]:

@@ -15,7 +15,7 @@ import mitsuba as mi
 from vbaa_bench.render import lattice
 
 # Points by which a lamp is seen from a surface that the camera looks at.
-LAMP_POINTS = 4
+LAMP_POINTS = 8
 
 
 def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[Any, Any]:

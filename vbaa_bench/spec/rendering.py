@@ -31,6 +31,6 @@ class RenderSpec(Part):
     noise_still: _Noise = 0.1
     near_beam_px: Annotated[int, Field(ge=1, le=64)] = 4
     # The beam's mesh leaves the smooth beam by no more.
-    mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = 0.002
+    mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = 0.006
     # 1: light goes from lamp to surface to camera. More: surfaces light each other.
     bounces: Annotated[int, Field(ge=1, le=16)] = 1
