@@ -12,7 +12,8 @@ ROOT = Path(__file__).parent.parent
 # Top floor first; rooms that share a floor do not know each other, but for those of one name.
 FLOORS: list[set[str]] = [
     {"cli"},
-    {"report", "console"},
+    {"speed"},
+    {"options", "report", "console"},
     {"score", "checks"},
     {"generate"},
     {"bench"},
@@ -26,7 +27,7 @@ FLOORS: list[set[str]] = [
     {"spec", "mechanics"},
 ]
 # Only these may use the solver beyond its words.
-CALLERS_OF_THE_SOLVER = {"score", "checks", "cli"}
+CALLERS_OF_THE_SOLVER = {"score", "checks", "cli", "options"}
 HEAVY = {"mitsuba", "drjit", "trimesh", "OpenEXR", "polars", "altair", "pydantic", "ruamel"}
 
 

@@ -127,24 +127,14 @@ class Bench:
     def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
         pose = self.pose(trial)
         image, seen = self.photograph(trial, exposure)
-        found, length_mm = seen.layers, self.scene.beam.length_mm
+        length_mm = self.scene.beam.length_mm
         truth = truth_row(pose.experiment, trial, pose.state, pose.hidden)
-        visible = visibility(found, length_mm)
+        visible = visibility(seen.layers, length_mm)
         truth["visible_share"] = visible.visible_share
         truth["availability_seen"] = visible.availability
         truth["hidden_stretches_mm"] = (length_mm * visible.hidden_stretches).ravel().tolist()
         told = readings(self.scene, trial, pose.state, pose.hidden)
-        made = {
-            "radiance": seen.radiance,
-            "variance": seen.variance,
-            "beam_mask": found.beam_mask,
-            "coverage": seen.coverage,
-            "arc_length": found.arc_length_mm,
-            "depth": found.depth_mm,
-            "normal": found.normal,
-            "object_index": found.object_index,
-            "occlusion": found.occlusion,
-        }
+        made = seen.by_name()
         kept = {str(layer): made[layer] for layer in self.scene.layers}
         writer.add(trial.frame_id, image, told, truth, kept)
 

@@ -7,19 +7,31 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from solver.instrument.errors import InputError
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
 from vbaa_bench.console import console, outcomes, progress_bars, say, show_scores
+from vbaa_bench.options import (
+    AsJson,
+    DatasetPath,
+    Method,
+    Out,
+    Predictions,
+    Repeats,
+    ScenePath,
+    Seed,
+    Variant,
+    Workers,
+)
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
 from vbaa_bench.spec.load import load_scene
+from vbaa_bench.speed import speed_app
 from vbaa_bench.workers import WorkerDiedError
 
 app = typer.Typer(
@@ -28,31 +40,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Render a vision-based active antenna, solve it, and see speed against error.",
 )
-speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
 app.add_typer(speed_app, name="speed")
-
-ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
-DatasetPath = Annotated[Path, typer.Argument(help="a folder made by generate or run")]
-Out = Annotated[Path | None, typer.Option(help="folder to write [default: runs/<scene>]")]
-Seed = Annotated[int | None, typer.Option(min=0, help="replaces the scene's seed")]
-Workers = Annotated[
-    int | None, typer.Option(min=1, max=256, help="processes [default: one a core]")
-]
-Variant = Annotated[
-    str | None, typer.Option(help="Mitsuba variant [default: llvm_ad_mono, else scalar_rgb]")
-]
-Method = Annotated[
-    list[str] | None,
-    typer.Option(
-        help=f"{', '.join(METHODS)} or package.module:function; repeatable [default: all]"
-    ),
-]
-Repeats = Annotated[int, typer.Option(min=1, help="times each frame is solved; median time counts")]
-Predictions = Annotated[
-    list[Path] | None,
-    typer.Option(help="CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),
-]
-AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object, nothing else")]
 
 
 @app.command()
@@ -203,50 +191,6 @@ def doctor(
         console.print(found.advice)
     if not found.healthy:
         raise typer.Exit(1)
-
-
-@speed_app.command()
-def mechanics(
-    yardstick_seconds: Annotated[
-        float, typer.Option(min=1, help="wall time PyElastica may take to come to rest")
-    ] = 60,
-    as_json: AsJson = False,
-) -> None:
-    """Beams per second on one core, and how far they err; PyElastica beside them, if installed."""
-    # Imported late: no other command needs the mechanics' compiler here.
-    from vbaa_bench.checks import speed_mechanics
-
-    with console.status("measuring on one core"):
-        record = speed_mechanics.measure_apart(yardstick_seconds)
-    if as_json:
-        say(record, "", True)
-        return
-    table = Table(title="one core; ratio to the yardstick; worst error", title_justify="left")
-    for head in ("model", "states/s", "ratio", "error"):
-        first = head == "model"
-        table.add_column(head, justify="left" if first else "right", no_wrap=True)
-    table.add_column("remark", overflow="fold")
-    for row in speed_mechanics.rows(record):
-        table.add_row(*map(escape, row))
-    Console().print(table)
-
-
-@speed_app.command()
-def render(
-    scene: ScenePath,
-    out: Out = None,
-    seconds: Annotated[float, typer.Option(min=1, help="about how long to measure")] = 120,
-    variant: Variant = None,
-    as_json: AsJson = False,
-) -> None:
-    """Seconds per frame against the error of its image, beside plain Mitsuba's."""
-    # Imported late: doctor must run where the renderer cannot even be loaded.
-    from vbaa_bench.checks import speed_curves, speed_render
-
-    root = out or Path("runs") / scene.stem
-    with console.status("rendering frames"):
-        record = speed_render.measure(load_scene(scene), choose(variant), seconds, root)
-    say(record, speed_curves.sentence(record, root), as_json)
 
 
 def _generate(

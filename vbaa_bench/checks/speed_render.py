@@ -76,18 +76,7 @@ class Stand:
         noise = random_generator(bench.scene, "speed", seed)
         image = bench.sensor(self.exposure).expose(seen.radiance, noise, seen.variance)
         write_bytes(self.folder / "frame.png", png_bytes(image))
-        found = seen.layers
-        made = {
-            "radiance": seen.radiance,
-            "variance": seen.variance,
-            "beam_mask": found.beam_mask,
-            "coverage": seen.coverage,
-            "arc_length": found.arc_length_mm,
-            "depth": found.depth_mm,
-            "normal": found.normal,
-            "object_index": found.object_index,
-            "occlusion": found.occlusion,
-        }
+        made = seen.by_name()
         write_exr(self.folder / "frame.exr", {str(k): made[k] for k in bench.scene.layers})
         return seen.radiance
 

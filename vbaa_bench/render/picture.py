@@ -67,6 +67,21 @@ class Picture:
     coverage: Floats
     samples: Floats
 
+    def by_name(self) -> dict[str, np.ndarray]:
+        """Everything that may be kept of a frame, as a scene's `layers` name it."""
+        found = self.layers
+        return {
+            "radiance": self.radiance,
+            "variance": self.variance,
+            "beam_mask": found.beam_mask,
+            "coverage": self.coverage,
+            "arc_length": found.arc_length_mm,
+            "depth": found.depth_mm,
+            "normal": found.normal,
+            "object_index": found.object_index,
+            "occlusion": found.occlusion,
+        }
+
 
 @dataclass(frozen=True)
 class Plate:
