@@ -84,8 +84,9 @@ class Bench:
         seed = render_seed(self.scene, "exposure")
         wanted = self._wanted(lambda radiance: METERING * radiance)
         seen = picture(self.rest_world, None, wanted, seed)
-        beam = float(np.quantile(seen.radiance[seen.layers.beam_mask], 0.99))
-        peak = max(beam, float(np.quantile(seen.radiance, 0.9)))
+        light = self._vignetting * seen.radiance
+        beam = float(np.quantile(light[seen.layers.beam_mask], 0.99))
+        peak = max(beam, float(np.quantile(light, 0.9)))
         tick()
         return metered_exposure(self.scene.sensor, peak)
 
@@ -140,7 +141,6 @@ class Bench:
 
     def photograph(self, trial: Trial, exposure: float) -> tuple[Grey, Picture]:
         """The image of one frame, and what it was taken of."""
-        seed = render_seed(self.scene, "frame", trial.index)
         wanted = self._wanted(self.sensor(exposure).noise_sigma)
         poses = exposed(self.pose(trial), self.scene, self.rig)
         # Each is seen for a share of the time only, so it may be noisier.
@@ -148,7 +148,8 @@ class Bench:
         seen = []
         for number, pose in enumerate(poses):
             world = self.pushed_world(pose)
-            seen.append(picture(world, self._plate(world, wanted), wanted, seed + number))
+            seed = render_seed(self.scene, f"frame, pose {number}", trial.index)
+            seen.append(picture(world, self._plate(world, wanted), wanted, seed))
         blurred = together(seen)
         return self._expose(blurred, exposure, "sensor", trial.index), blurred
 

@@ -95,6 +95,10 @@ def _identity(file: SceneFile) -> dict[str, Any]:
     if isinstance(scene.object, MeshSpec):
         path = file.path.parent / scene.object.file
         files[scene.object.file] = sha256(path) if path.is_file() else None
+    for light in scene.lights:
+        if light.kind == "environment" and light.file is not None:
+            path = file.path.parent / light.file
+            files[light.file] = sha256(path) if path.is_file() else None
     return {"scene": scene.model_dump(mode="json"), "files": files}
 
 

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from solver.instrument.errors import InputError
 from solver.instrument.units import DEGREE
 from vbaa_bench.experiment import Experiment
+from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.spec.rigs import TrueRig
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Goal
@@ -31,9 +33,14 @@ def exposed(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
     goals = tuple(Goal(None, pose.state.pushing_angle + turn * float(s)) for s in shares)
     push = replace(pose.experiment.push, goals=goals)
     experiment = Experiment(scene, rig, push, pose.experiment.folder)
+    try:
+        states = experiment.states()
+    except EquilibriumError as error:
+        speed = scene.motor_speed_deg_s
+        raise InputError(f"motor_speed_deg_s is {speed:g}, and meanwhile {error}") from error
     poses = [
-        Pose(experiment, replace(pose.trial, push=push, step=step), state)
-        for step, state in enumerate(experiment.states())
+        Pose(experiment, replace(pose.trial, push=push, step=step), state, pose.state)
+        for step, state in enumerate(states)
     ]
     poses[half] = pose
     return poses

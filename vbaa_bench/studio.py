@@ -38,11 +38,15 @@ WHITE, BLACK = 0.7, 0.04
 
 @dataclass(frozen=True)
 class Pose:
-    """One frame to be set up: a step of a push, in the state that it has reached."""
+    """One frame to be set up: a step of a push, in the state that it has reached.
+
+    A cover stands where it does for the state `covered`, if that is another.
+    """
 
     experiment: Experiment
     trial: Trial
     state: State
+    covered: State | None = None
 
     @property
     def hidden(self) -> tuple[float, float] | None:
@@ -50,7 +54,7 @@ class Pose:
         scene = self.experiment.scene
         random = random_generator(scene, "cover", self.trial.index)
         length = scene.beam.length_mm * MILLIMETRE
-        return hidden_stretch(self.trial.cover, self.state, length, random)
+        return hidden_stretch(self.trial.cover, self.covered or self.state, length, random)
 
 
 @dataclass(frozen=True)
@@ -142,18 +146,17 @@ class Studio:
         hiding = scene.occlusion
         if hiding is not None and hiding.body is not None:
             cover = pose.trial.cover
-            stretch = None
-            if cover is not None and cover.kind != "removed":
-                stretch = pose.hidden
+            hides = cover is not None and cover.kind != "removed"
+            stretch = pose.hidden if hides else None
             random = random_generator(scene, "occluder", pose.trial.index)
-            away = np.eye(4)
-            if stretch is None:  # far to the side, where it hides and shades nothing
-                stretch = (0.0, 0.1 * self.rig.beam.length)
-                away[1, 3] = 100 * self.rig.beam.length
             camera = self.rig.camera
             seen_from = camera.camera_from_antenna @ stage
-            mesh = occluder(hiding, stretch, state, camera, seen_from, top, random)
-            yield "occluder", _painted(_set(mesh, away @ stage), hiding)
+            covered = pose.covered or state
+            some = (0.0, 0.1 * self.rig.beam.length)
+            mesh = occluder(hiding, stretch or some, covered, camera, seen_from, top, random)
+            if stretch is None:  # shrunk to a point in the hub's foot it hides and shades nothing
+                mesh.vertices[:] = (0.0, 0.0, experiment.ground)
+            yield "occluder", _painted(_set(mesh, stage), hiding)
 
     def _stage(self, experiment: Experiment, state: State) -> Floats:
         """From the clamp's frame to that of the camera (4, 4)."""
@@ -162,15 +165,21 @@ class Studio:
         return stage
 
     def _background(self, experiment: Experiment, state: State) -> Iterator[tuple[str, Surface]]:
+        """The ground, as it lies in a state."""
+        spec, mount = self.scene.background, self.scene.camera.mount
+        if spec.pattern == "plain" or spec.lies_in == mount:
+            # A plain one looks the same however it turns.
+            yield from self._ground(np.eye(4))
+        elif mount == "antenna":
+            turned = experiment.motor.clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))
+            yield from self._ground(turned)
+        else:
+            yield from self._ground(self._stage(experiment, state))
+
+    def _ground(self, stage: Floats) -> Iterator[tuple[str, Surface]]:
         """Far enough to the sides that the camera never sees its rim."""
         spec, length = self.scene.background, self.rig.beam.length
         middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
-        stage = np.eye(4)
-        turns = self.scene.camera.mount == "antenna" and spec.lies_in == "world"
-        if turns:
-            stage = experiment.motor.clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))
-        if spec.lies_in == "antenna" and self.scene.camera.mount == "world":
-            stage = self._stage(experiment, state)
         if spec.pattern != "squares":
             whole = _set(sheet(middle, 20 * length, 1), stage)
             yield "background", Surface(whole, spec.reflectance, texture=self._texture)
@@ -220,7 +229,7 @@ class Studio:
             surfaces,
             self._unit(),
             still=self._still & set(surfaces),
-            sliding=self._sliding & set(surfaces),
+            sliding=dict(self._ground(np.eye(4))) if self._slides & set(surfaces) else None,
             bounces=self.scene.render.bounces,
             lens=lens,
         )
@@ -241,7 +250,7 @@ class Studio:
         return still
 
     @property
-    def _sliding(self) -> set[str]:
+    def _slides(self) -> set[str]:
         """A chequered ground that turns under the camera."""
         return _GROUND - self._still if self.scene.background.pattern == "squares" else set()
 

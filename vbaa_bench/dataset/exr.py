@@ -8,7 +8,8 @@ import OpenEXR
 
 from solver.instrument.errors import InputError
 
-# layer of a scene -> (channels, pixel type): half where eleven bits suffice, full where not
+# layer of a scene -> (channels, pixel type): half where eleven bits suffice, full where not.
+# Radiance is that of the scene; the lens's vignetting comes after it.
 CHANNELS = {
     "radiance": (("radiance.Y",), np.float16),
     "variance": (("variance.Y",), np.float32),

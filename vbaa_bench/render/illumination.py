@@ -44,8 +44,10 @@ def lights(scene: Scene, folder: Path, *, panels: bool = True) -> list[Light]:
     on = [spec for spec in scene.lights if panels or spec.kind != "back"]
     if on:
         return [_light(spec, scene, folder) for spec in on]
-    x, y, _ = scene.camera.position_mm
-    middle = np.array([x, y, scene.light.height_mm]) * MILLIMETRE
+    x, y, z = scene.camera.position_mm
+    # A camera may stand above the soft lamp where that is not the scene's own.
+    height = max(scene.light.height_mm, 1.1 * z) if scene.lights else scene.light.height_mm
+    middle = np.array([x, y, height]) * MILLIMETRE
     return [Lamp(sheet(middle, scene.light.side_mm * MILLIMETRE, -1))]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.layers import Layers, Mask, every_pixel, layers
-from vbaa_bench.render.reach import View, shadows
+from vbaa_bench.render.reach import shadows
 from vbaa_bench.render.tracing import SETS, Asked, trace
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
@@ -139,14 +139,6 @@ def together(pictures: Sequence[Picture]) -> Picture:
     )
 
 
-def even_picture(world: World, samples: int, seed: int) -> Floats:
-    """Radiance (height, width) with the same number of samples everywhere, in sets of squares."""
-    rows, columns = np.mgrid[0 : world.camera.height, 0 : world.camera.width]
-    pixels = np.column_stack([columns.ravel(), rows.ravel()])
-    size = np.full(len(pixels), samples // SETS)
-    return trace(world, pixels, size, seed, "whole").radiance.reshape(rows.shape)
-
-
 class _Canvas:
     """Images (height, width) that fill up as parts of them are sampled."""
 
@@ -217,8 +209,8 @@ def _changed(world: World, plate: Plate) -> tuple[Mask, Mask]:
         for name in world.moving - world.sliding
         for run in world.pieces[name]
     ]
-    view = View(world.camera, 2 + world.blur_px)
-    seen = view.hulls(bodies)
+    margin = 2 + world.blur_px
+    seen = world.view.hulls(bodies, margin)
     ground = world.ground
     thrown = shadows(bodies, world.lights, ground)
     if thrown is None or world.optics.lens.aperture > 0:
@@ -226,7 +218,7 @@ def _changed(world: World, plate: Plate) -> tuple[Mask, Mask]:
     lowest = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
     flat = [world.names.index(name) + 1 for name in lowest]
     raised = (index > 0) & ~np.isin(index, flat)
-    return seen, view.hulls(thrown) | _grown(raised, 2)
+    return seen, world.view.hulls(thrown, margin) | _grown(raised, margin)
 
 
 def _moved(world: World, found: Layers, still: Layers) -> Mask:

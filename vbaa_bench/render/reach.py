@@ -6,6 +6,7 @@ Both are told from above, by convex hulls: a pixel outside shows exactly what th
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -17,6 +18,8 @@ from vbaa_bench.render.lights import Environment, Lamp, Light
 
 Mask = npt.NDArray[np.bool_]
 
+# OpenCV draws in 16 bits of whole pixels.
+_FARTHEST_PX = 30_000
 # A mesh is cut into pieces of so many faces, each with its own hull.
 _FACES = 2000
 
@@ -28,32 +31,36 @@ def pieces(faces: np.ndarray) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class View:
-    """Fills hulls in the image of a camera, `margin` pixels wider than they are."""
+    """Fills hulls in the image of a camera."""
 
     camera: Camera
-    margin: int
 
-    def hulls(self, bodies: Iterable[Floats]) -> Mask:
-        """Where any of some convex bodies shows: each the hull of points (n, 3) in Sigma_a [m]."""
+    def hulls(self, bodies: Iterable[Floats], margin: int) -> Mask:
+        """Where any of some convex bodies shows, and `margin` pixels farther: each body is the hull
+        of points (n, 3) in Sigma_a [m]."""
         low, size, where = self._canvas
         canvas = np.zeros(size[::-1], np.uint8)
+        everywhere = np.ones((self.camera.height, self.camera.width), np.bool_)
         ideal = replace(self.camera, distortion=())
         for points in bodies:
             if not self.camera.telecentric and self._depths(points).min() <= 0:
-                return np.ones((self.camera.height, self.camera.width), np.bool_)
-            pixels = ideal.project(points) - low
-            # OpenCV counts in 16 bits of whole pixels; far outside is outside.
-            rounded = np.rint(np.clip(pixels, -10_000, 10_000)).astype(np.int32)
-            cv2.fillConvexPoly(canvas, cv2.convexHull(rounded), 1)
-        reach = np.ones((2 * self.margin + 1, 2 * self.margin + 1), np.uint8)
-        wide = cv2.dilate(canvas, reach) > 0
-        return wide if where is None else wide[where[1], where[0]]
+                return everywhere
+            pixels = np.rint(ideal.project(points) - low)
+            apart = (pixels.max(axis=0) < -margin) | (pixels.min(axis=0) >= np.add(size, margin))
+            if apart.any():
+                continue
+            if np.abs(pixels).max() > _FARTHEST_PX:
+                return everywhere
+            cv2.fillConvexPoly(canvas, cv2.convexHull(pixels.astype(np.int32)), 1)
+        shown = canvas if where is None else canvas[where[1], where[0]]
+        reach = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
+        return np.asarray(cv2.dilate(shown, reach) > 0)
 
     def _depths(self, points: Floats) -> Floats:
         pose = self.camera.camera_from_antenna
         return np.asarray(points @ pose[2, :3] + pose[2, 3])
 
-    @property
+    @cached_property
     def _canvas(self) -> tuple[Floats, tuple[int, int], tuple[np.ndarray, np.ndarray] | None]:
         """Corner and size of an image free of distortion, and where in it every pixel lies."""
         camera = self.camera

@@ -30,8 +30,8 @@ Asked = Literal["whole", "still", "change"]
 
 @dataclass(frozen=True)
 class Traced:
-    """Radiance (n,) of pixels, its variance (n,), of three degrees of freedom, and the share (n,)
-    of each that the beam covers."""
+    """Radiance (n,) of pixels, its variance (n,), of one degree of freedom, and the share (n,) of
+    each that the beam covers."""
 
     radiance: Floats
     variance: Floats

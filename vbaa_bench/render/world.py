@@ -21,9 +21,12 @@ from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.lights import Light, emitter
 from vbaa_bench.render.materials import Texture, bsdf
 from vbaa_bench.render.optics import Lens, Optics
-from vbaa_bench.render.reach import pieces
+from vbaa_bench.render.reach import View, pieces
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.spec.paint import Paint
+
+# Depths within which a lens may be out of focus, over that of its focus.
+_NEAR, _FAR = 0.3, 3.0
 
 
 @dataclass(frozen=True)
@@ -72,9 +75,9 @@ class World:
 
     `variant` must be set in Mitsuba beforehand (`mi.set_variant`). The index of a surface in the
     truth layers is its place in `surfaces`, from 1; 0 is nothing. Surfaces named in `still` do
-    not move against the camera. Those in `sliding` move, but only so that each comes to lie in
-    the plane where it or another of them lay: a patterned ground that turns under the camera.
-    `bounces` of light, more than one on request. `lens` is in metres.
+    not move against the camera. Those in `sliding` do, but only in the plane in which it or
+    another of them lies: a patterned ground that turns under the camera; given is how they lie in
+    the still scene. `bounces` of light, more than one on request. `lens` is in metres.
     """
 
     def __init__(
@@ -85,7 +88,7 @@ class World:
         unit: RenderUnit,
         *,
         still: Collection[str] = (),
-        sliding: Collection[str] = (),
+        sliding: Mapping[str, Surface] | None = None,
         bounces: int = 1,
         lens: Lens | None = None,
     ) -> None:
@@ -99,12 +102,12 @@ class World:
         self.lights: tuple[Light, ...] = tuple(lights if isinstance(lights, Sequence) else [lights])
         self.names = tuple(surfaces)
         self.moving = frozenset(surfaces) - frozenset(still)
-        self.sliding = frozenset(sliding)
+        self.sliding = frozenset(sliding or ())
         self.faces = {name: np.asarray(surface.mesh.faces) for name, surface in surfaces.items()}
         self.vertices = {name: np.asarray(s.mesh.vertices) for name, s in surfaces.items()}
         self._meshes = {name: _mesh(name, surface, unit) for name, surface in surfaces.items()}
         self.scene = self._scene(self._meshes)
-        standing = {name: s for name, s in surfaces.items() if name in {*still, *sliding}}
+        standing = {name: s for name, s in surfaces.items() if name in still} | dict(sliding or {})
         self._standing = {name: _mesh(name, surface, unit) for name, surface in standing.items()}
         self.still = self._scene(self._standing)
         self.sensor = self.scene.sensors()[0]
@@ -112,6 +115,7 @@ class World:
         axis = camera.camera_from_antenna[2, :3]
         self.optics = Optics(camera, self.lens.scaled(1 / unit.unit), self.sensor, axis)
         self.parameters = mi.traverse(self.scene)
+        self.view = View(camera)
         self.pieces = {name: pieces(self.faces[name]) for name in self.moving}
 
     def _scene(self, meshes: Mapping[str, Any]) -> Any:
@@ -132,7 +136,9 @@ class World:
         depths = [self.vertices[name] @ pose[:3] + pose[3] for name in self.moving]
         if not depths:
             return 0
-        nearest, farthest = min(d.min() for d in depths), max(d.max() for d in depths)
+        # What lies farther off than any scene is deep is out of view.
+        nearest = max(min(d.min() for d in depths), _NEAR * self.lens.focus)
+        farthest = min(max(d.max() for d in depths), _FAR * self.lens.focus)
         return self.lens.blur_px(self.camera, float(nearest), float(farthest))
 
     @property

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from solver.instrument.errors import InputError
 from solver.instrument.units import PERCENT
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.ideal import Ideal
@@ -13,10 +14,10 @@ def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
     """Exposure that puts `peak_radiance` at the beam's share of full scale, black level, dark
     current and gamma included: photons, or of an ideal sensor full scales, per unit of radiance.
 
-    Raises ValueError if the peak is not positive.
+    Raises InputError if the peak is not positive.
     """
     if not peak_radiance > 0:
-        raise ValueError(f"the beam's peak radiance is {peak_radiance}, allowed is > 0")
+        raise InputError("no light reaches the beam and the camera: see light or lights")
     if spec.kind == "ideal":
         return spec.beam_peak_pct * PERCENT / peak_radiance
     electrons = spec.peak_signal - spec.dark_signal

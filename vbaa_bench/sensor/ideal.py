@@ -28,7 +28,3 @@ class Ideal:
         """That of rounding, in radiance (h, w): a uniform error of one gray value."""
         step = 1 / (full_scale(self.bits) * self.exposure)
         return np.full(radiance.shape, step / np.sqrt(12))
-
-    def excess(self, radiance: Floats, render_variance: Floats) -> float:
-        """Share of the pixels whose render noise exceeds that of rounding."""
-        return float(np.mean(render_variance > self.noise_sigma(radiance) ** 2))

@@ -59,7 +59,8 @@ class Sensor:
             read = np.sqrt(np.maximum(self.read_noise**2 + np.minimum(missing, 0.0), 0.0))
         electrons = mean - shot + poisson(shot, random)
         if self.pattern is not None:
-            electrons = electrons * self.pattern.response + self.pattern.offset
+            light = electrons - self.dark_signal
+            electrons = electrons + (self.pattern.response - 1) * light + self.pattern.offset
         electrons = np.minimum(electrons, self.full_well)
         electrons += read * random.standard_normal(mean.shape, dtype=np.float32)
         return quantise(self._share(electrons), self.bits)
@@ -69,11 +70,6 @@ class Sensor:
         mean = self._mean_electrons(radiance)
         variance = mean + self.read_noise**2 + self._step(mean) ** 2 / 12
         return np.asarray(np.sqrt(variance) / self._response, dtype=np.float64)
-
-    def excess(self, radiance: Floats, render_variance: Floats) -> float:
-        """Share of the pixels whose render noise exceeds the sensor's own: too few samples."""
-        own = self._mean_electrons(radiance) + self.read_noise**2
-        return float(np.mean(render_variance * self._response**2 > own))
 
     @property
     def _response(self) -> float:

@@ -12,7 +12,8 @@ _IDEAL = ("bits", "beam_peak_pct", "rest_images", "exposure_s")
 
 
 class SensorSpec(Part):
-    """The image sensor, exposed so that the resting beam peaks at `beam_peak_pct` of full scale.
+    """The image sensor, exposed so that the resting beam, or what is brighter than it in a tenth of
+    the image, peaks at `beam_peak_pct` of full scale.
 
     The words are those of EMVA Standard 1288. An ideal one is none at all: its gray is radiance,
     rounded and cut at full scale.

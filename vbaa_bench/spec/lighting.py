@@ -80,7 +80,7 @@ class StripeSpec(_LampSpec):
     aim_mm: Triple | None = None
     length_mm: Positive = 280
     width_mm: Positive = 90
-    edge_mm: Positive = 4
+    edge_mm: Annotated[float, Field(ge=0.5, le=1e3)] = 4
 
 
 class SpotSpec(_LampSpec):

@@ -132,7 +132,7 @@ class Scene(Part):
     camera: CameraSpec = CameraSpec()
     optics: OpticsSpec = OpticsSpec()
     # While the shutter is open (sensor.exposure_s, all pixels at once) the motor turns so fast.
-    motor_speed_deg_s: Annotated[float, Field(ge=-1e4, le=1e4)] = 0.0
+    motor_speed_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 0.0
     calibration: CalibrationSpec = CalibrationSpec()
     light: LightSpec = LightSpec()
     # In place of `light`.
@@ -227,6 +227,15 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _moves_without_memory(self) -> "Scene":
+        turned = self.motor_speed_deg_s * self.sensor.exposure_s
+        if turned > 5:
+            raise ValueError(
+                f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and sensor.exposure_s is "
+                f"{self.sensor.exposure_s:g}: the motor turns by {turned:g} degrees while the "
+                "shutter is open, allowed is up to 5"
+            )
+        if turned and self.object.kind == "none":
+            raise ValueError("motor_speed_deg_s is given, but object.kind is none")
         remembers = [name for name in ("friction",) if getattr(self.object, name, 0)]
         remembers += ["drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
         if self.motor_speed_deg_s and remembers:

@@ -14,9 +14,9 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
+from tests.even import even_picture
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.render.lights import Lamp
-from vbaa_bench.render.picture import even_picture
 from vbaa_bench.render.variant import activate
 from vbaa_bench.render.world import RenderUnit, Surface, World
 

@@ -84,9 +84,9 @@ def test_light_from_all_around_shades_anywhere() -> None:
 
 
 def test_a_body_behind_the_camera_may_show_anywhere() -> None:
-    view = View(CAMERA, 0)
-    assert view.hulls([MIDDLE + np.array([[0, 0, 0.6], [0, 0.01, 0.6], [0.01, 0, 0.6]])]).all()
-    assert not view.hulls([]).any()
+    view = View(CAMERA)
+    assert view.hulls([MIDDLE + np.array([[0, 0, 0.6], [0, 0.01, 0.6], [0.01, 0, 0.6]])], 0).all()
+    assert not view.hulls([], 3).any()
 
 
 def test_a_plate_alone_is_the_still_scene() -> None:

@@ -23,8 +23,8 @@ def test_it_is_the_same_in_every_frame_and_of_the_stated_size(pattern: FixedPatt
     # The mean of 200 frames is out by (200 / 200)^0.5 = 1 and (10200 / 200)^0.5 = 7 electrons.
     assert np.std(dark) == pytest.approx(30, rel=0.06)
     assert np.std(bright - dark) / 10_000 == pytest.approx(0.02, rel=0.06)
-    assert dark == pytest.approx(200 * pattern.response + pattern.offset, abs=6)
-    assert bright == pytest.approx(10_200 * pattern.response + pattern.offset, abs=40)
+    assert dark == pytest.approx(200 + pattern.offset, abs=6)
+    assert bright == pytest.approx(10_000 * pattern.response + 200 + pattern.offset, abs=40)
 
 
 def test_the_same_generator_draws_the_same_pattern(pattern: FixedPattern) -> None:

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from solver.instrument.errors import InputError
 from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
 from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.spec.image_sensor import SensorSpec
@@ -26,7 +27,7 @@ def test_the_beam_peaks_at_its_share_of_full_scale(spec: SensorSpec) -> None:
 
 @pytest.mark.parametrize("kind", ["real", "ideal"])
 def test_a_black_beam_cannot_be_exposed_for(kind: str) -> None:
-    with pytest.raises(ValueError, match="peak radiance is 0"):
+    with pytest.raises(InputError, match="no light reaches the beam"):
         metered_exposure(SensorSpec.model_validate({"kind": kind}), 0.0)
 
 

@@ -19,10 +19,3 @@ def test_its_noise_is_that_of_rounding() -> None:
     ramp = np.linspace(0, 2, 40_000).reshape(200, 200)
     error = sensor.expose(ramp, np.random.default_rng(0)) / (255 * 0.5) - ramp
     assert np.std(error) == pytest.approx(sensor.noise_sigma(ramp)[0, 0], rel=0.02)
-
-
-def test_render_noise_above_rounding_is_told() -> None:
-    sensor = Ideal(1.0, 8)
-    variance = np.zeros((2, 2))
-    variance[0, 0] = (0.3 / 255) ** 2  # rounding: 0.289
-    assert sensor.excess(np.ones((2, 2)), variance) == 0.25

@@ -122,12 +122,3 @@ def test_only_noisy_parts_of_a_render_get_less_noise() -> None:
     electrons = frame * (10_000 / 65_535)
     assert electrons[:, :200].var() == pytest.approx(2000, rel=0.03)
     assert electrons[:, 200:] == pytest.approx(2000, abs=0.1)
-
-
-def test_render_noise_above_the_sensors_is_told_and_left_alone() -> None:
-    sensor = Sensor(1.0, 10_000, 10, bits=16)
-    radiance, variance = flat(300.0, 2), np.zeros((2, 2))
-    variance[0] = 399, 401  # shots 300, reading 100
-    assert sensor.excess(radiance, variance) == 0.25
-    frame = sensor.expose(radiance, np.random.default_rng(0), variance)
-    assert frame[0, 1] == np.rint(300 * 65_535 / 10_000)
