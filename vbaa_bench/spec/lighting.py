@@ -80,7 +80,15 @@ class StripeSpec(_LampSpec):
     aim_mm: Triple | None = None
     length_mm: Positive = 280
     width_mm: Positive = 90
-    edge_mm: Annotated[float, Field(ge=0.5, le=1e3)] = 4
+    edge_mm: Positive = 4
+
+    @model_validator(mode="after")
+    def _a_slide_that_can_be_drawn(self) -> "StripeSpec":
+        if self.edge_mm < self.width_mm / 200:
+            raise ValueError(
+                f"edge_mm is {self.edge_mm:g}, allowed is >= 1/200 of width_mm, {self.width_mm:g}"
+            )
+        return self
 
 
 class SpotSpec(_LampSpec):

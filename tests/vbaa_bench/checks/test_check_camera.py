@@ -18,14 +18,14 @@ seed: 3
 camera: {{width_px: 480, height_px: 300, focal_length_px: 640, distortion: {distortion}}}
 optics: {{spread_px: 0.5}}
 calibration: {{{calibration}}}
-render: {{noise_near_beam: 1, noise_still: 1}}
+render: {{noise_elsewhere: 1}}
 pushes: {{contact_distance_mm: [100], deflection_pct: [10]}}
 """
 TARGETS = {
     "chessboard": ("[]", "views: 6, columns: 20, rows: 11, square_mm: 11"),
     "charuco": (
         "[-0.25, 0.1, 0.001, -0.0007, -0.02]",
-        "views: 9, target: charuco, columns: 16, rows: 8, square_mm: 14",
+        "views: 12, target: charuco, columns: 17, rows: 9, square_mm: 14",
     ),
     "lines": (
         "[0.1, 0.02, -0.001, 0.0008, 0.005, 0.28, 0.03, 0.01]",
