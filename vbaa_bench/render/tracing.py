@@ -1,8 +1,8 @@
 """Radiance of chosen pixels, traced through Mitsuba's sensor, emitters, BSDFs and integrators.
 
 A pixel's value is the mean of two independent sets of samples, each a randomly shifted lattice;
-the spread between the two tells its variance. More sets would tell it better, but a lattice of
-twice the points has less than half the noise of two lattices.
+the spread between the two tells its variance. More sets would tell it better, but one lattice of
+twice the points has less noise than two lattices together.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 SETS = 2
-# Samples in one call; they are taken one after the other, so only pixels bound its memory.
+# Sets in one call. A set's samples are taken one after the other, so their number needs no memory.
 LARGEST_WAVEFRONT = 1 << 20
 
 # whole: everything that a pixel shows. still: what the still scene alone shows. change: by how
