@@ -23,7 +23,7 @@ FLOORS: list[set[str]] = [
     {"experiment"},
     {"bodies", "skin"},
     {"dataset", "render", "sensor"},
-    {"geometry"},
+    {"geometry", "openexr"},
     {"spec", "mechanics"},
 ]
 # Only these may use the solver beyond its words.

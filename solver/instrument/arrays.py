@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 # Of 8 bits, or of up to 16.
 Grey = npt.NDArray[np.uint8 | np.uint16]
 

@@ -6,9 +6,8 @@ from time import perf_counter
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 from solver.instrument.transforms import apply
 from vbaa_bench.render.picture import MOST, Picture
 from vbaa_bench.render.tracing import trace
@@ -20,8 +19,6 @@ from vbaa_bench.studio import Pose
 _WINDOW_PX, _MARGIN_PX = 4, 3
 # A reference is the mean of so many parts, if there is time.
 _PARTS = 32
-
-Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

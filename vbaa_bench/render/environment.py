@@ -7,10 +7,10 @@ its columns run from +x through +y around.
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
+from vbaa_bench.openexr import channels
 
 HEIGHT, WIDTH = 128, 256
 # Samples along each side of a pixel: edges of windows and lamps fall between pixels.
@@ -57,14 +57,7 @@ def read_environment(path: Path) -> Floats:
 
     Raises InputError if it cannot be read, or is negative, not finite, or dark above the horizon.
     """
-    try:
-        file = OpenEXR.File(str(path), separate_channels=True)
-    except Exception as error:
-        raise InputError(f"{path}: is not an EXR image that can be read ({error})") from error
-    with file:
-        if not file.parts:
-            raise InputError(f"{path}: is a truncated EXR image")
-        found = {name: np.array(c.pixels, dtype=float) for name, c in file.channels().items()}
+    found = {name: values.astype(float) for name, values in channels(path).items()}
     if {"R", "G", "B"} <= set(found):
         image = 0.2126 * found["R"] + 0.7152 * found["G"] + 0.0722 * found["B"]
     elif len(found) == 1:

@@ -8,11 +8,9 @@ import mitsuba as mi
 import numpy as np
 import numpy.typing as npt
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
-
-Mask = npt.NDArray[np.bool_]
 
 # A beam behind so many other surfaces is no longer looked for.
 _DEEPEST = 4

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from solver.instrument.arrays import Floats
-from vbaa_bench.render.layers import Layers, Mask, every_pixel, layers
+from solver.instrument.arrays import Floats, Mask
+from vbaa_bench.render.layers import Layers, every_pixel, layers
 from vbaa_bench.render.reach import shadows
 from vbaa_bench.render.tracing import SETS, Asked, trace
 from vbaa_bench.render.variant import is_scalar

@@ -10,13 +10,10 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from vbaa_bench.render.lights import Environment, Lamp, Light
-
-Mask = npt.NDArray[np.bool_]
 
 # OpenCV draws in 16 bits of whole pixels.
 _FARTHEST_PX = 30_000

@@ -103,7 +103,6 @@ class World:
         self.names = tuple(surfaces)
         self.moving = frozenset(surfaces) - frozenset(still)
         self.sliding = frozenset(sliding or ())
-        self.faces = {name: np.asarray(surface.mesh.faces) for name, surface in surfaces.items()}
         self.vertices = {name: np.asarray(s.mesh.vertices) for name, s in surfaces.items()}
         self._meshes = {name: _mesh(name, surface, unit) for name, surface in surfaces.items()}
         self.scene = self._scene(self._meshes)
@@ -116,7 +115,7 @@ class World:
         self.optics = Optics(camera, self.lens.scaled(1 / unit.unit), self.sensor, axis)
         self.parameters = mi.traverse(self.scene)
         self.view = View(camera)
-        self.pieces = {name: pieces(self.faces[name]) for name in self.moving}
+        self.pieces = {name: pieces(surfaces[name].mesh.faces) for name in self.moving}
 
     def _scene(self, meshes: Mapping[str, Any]) -> Any:
         """The lights and some meshes as Mitsuba's scene."""

@@ -13,7 +13,6 @@ from vbaa_bench.spec.part import Below, NonNegative, Part, Positive, Share, Trip
 
 
 class _ObjectSpec(PaintedPart):
-    reflectance: Share = 0.16
     # Coulomb's coefficient; zero is the paper's extremely slippery object.
     friction: Annotated[float, Field(ge=0, le=1)] = 0.0
     # How far the object has moved, in the world, from one step of a push to the next.
@@ -138,7 +137,6 @@ class SecondPegSpec(PaintedPart):
     radius_mm: Positive = 1.0
     top_mm: NonNegative = 0.4
     bottom_mm: Below | None = None
-    reflectance: Share = 0.16
 
 
 class OcclusionSpec(PaintedPart):
