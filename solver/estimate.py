@@ -14,7 +14,7 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import read_grey
-from solver.instrument.measurement import Measurement
+from solver.instrument.measurement import Measurement, View
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
@@ -113,13 +113,16 @@ def measure(
     scale_sigma = off_plane / height
     if camera.telecentric:  # distance does not change its scale, and tilt but to second order
         scale_sigma = tolerance.board_rotation**2
+    antenna_from_beam = np.eye(4)
+    antenna_from_beam[:2, :2], antenna_from_beam[:2, 3] = axes, clamp
+    viewpoint = invert(antenna_from_beam) @ camera.viewpoint
     return Measurement(
-        points=(points - clamp) @ axes,
-        sigma_vectors=sigma_vectors @ axes,
+        view=View((points - clamp) @ axes, sigma_vectors @ axes, viewpoint),
         base_covariance=base_covariance,
         scale_sigma=scale_sigma,
         motor_angle=motor_angle,
         rig=rig,
+        antenna_from_beam=antenna_from_beam,
     )
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.board import Chessboard
-from solver.instrument.measurement import Measurement
+from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Tolerances
 from vbaa_bench.mechanics.planar import push
 
@@ -38,8 +38,7 @@ def measurement(
     across = np.column_stack([np.zeros(len(points)), np.full(len(points), sigma)])
     variance = max(base_sigma, 1e-9) ** 2
     return Measurement(
-        points=points,
-        sigma_vectors=across,
+        view=View(points, across, np.array([0.12, 0.0, 0.36, 1.0])),
         base_covariance=np.diag([variance, variance, 100 * variance]),
         scale_sigma=scale_sigma,
         motor_angle=0.0,

@@ -11,7 +11,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.distortion import COUNTS, distort, undistort
-from solver.instrument.transforms import apply
+from solver.instrument.transforms import apply, invert
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,14 @@ class Camera:
     def matrix(self) -> Floats:
         """OpenCV's camera matrix (3, 3): [px], for a telecentric camera fx and fy [px/m]."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+    @property
+    def viewpoint(self) -> Floats:
+        """V in Sigma_a, homogeneous (4,): (x, y, z, 1) [m] of a pinhole, (x, y, z, 0) far away."""
+        antenna_from_camera = invert(self.camera_from_antenna)
+        if self.telecentric:
+            return np.append(-antenna_from_camera[:3, 2], 0.0)
+        return np.append(antenna_from_camera[:3, 3], 1.0)
 
     def project(self, points: Floats) -> Floats:
         """Pixels (n, 2), as (u, v), of points (n, 3) in Sigma_a [m]; all in front of the camera.

@@ -16,6 +16,7 @@ class Outcome(StrEnum):
     TIP_CONTACT = "tip contact"
     NO_CONTACT = "no contact"
     NOT_IDENTIFIABLE = "not identifiable"
+    EDGE_ON = "edge-on"
     INVALID = "invalid"
     NOT_CONVERGED = "not converged"
     CRASHED = "crashed"
@@ -32,7 +33,37 @@ class Outcome(StrEnum):
 
 
 # What an estimate may hold, by name with its SI unit.
-QUANTITIES = ("x_c_m", "y_c_m", "s_c_m", "force_n", "theta_c_rad")
+# In Sigma_d: contact distance, its deflection, contact arc length, |force|, the force's component
+# across the undeformed beam (eq. 11), the tangent's angle at the contact; psi inclines D against C.
+# In Sigma_a and Sigma_o, as `antenna` and `world`: the contact point, eqs. (1)-(5); the force on
+# the beam; by how much the beam has moved at the contact, eqs. (28), (29).
+# Of a push: the object's compliance 1/k_s, k_s itself where it is told apart from rigid, Coulomb's
+# coefficient, and the motor's angle at first contact.
+QUANTITIES = (
+    "x_c_m",
+    "y_c_m",
+    "s_c_m",
+    "force_n",
+    "f_n",
+    "theta_c_rad",
+    "psi_rad",
+    "contact_antenna_x_m",
+    "contact_antenna_y_m",
+    "contact_antenna_z_m",
+    "contact_world_x_m",
+    "contact_world_y_m",
+    "contact_world_z_m",
+    "force_x_n",
+    "force_y_n",
+    "force_z_n",
+    "displacement_y_m",
+    "displacement_z_m",
+    "compliance_m_per_n",
+    "stiffness_n_per_m",
+    "friction",
+    "onset_angle_rad",
+    "motor_angle_rad",
+)
 
 _SENTENCES = {
     Outcome.CONTACT: "The beam touches an object at the stated place.",
@@ -40,6 +71,7 @@ _SENTENCES = {
     Outcome.TIP_CONTACT: "The contact lies within two sigma of the beam's tip.",
     Outcome.NO_CONTACT: "The beam is straight within the noise.",
     Outcome.NOT_IDENTIFIABLE: "What is visible does not determine the contact.",
+    Outcome.EDGE_ON: "The camera looks along the plane in which the beam bends.",
     Outcome.INVALID: "The measured shape is not one that a point contact can make.",
     Outcome.NOT_CONVERGED: "The iteration stopped before it reached a minimum.",
     Outcome.CRASHED: "The method raised an error or gave no answer.",

@@ -1,34 +1,92 @@
-"""What a method is given: the beam's visible points on the calibration plane, and the rig."""
+"""What a method is given: the beam as measured in one frame, and the rig."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.rig import Rig
 
 
 @dataclass(frozen=True)
-class Measurement:
-    """The bent beam as measured in one frame, in the frame of the beam at rest.
+class Tip:
+    """The image of the beam's free end on plane C (2,) [m], and its covariance (2, 2) [m^2]."""
 
-    `points` (n, 2) [m] are (x, y) on plane C, origin at the clamp, x along the beam at rest,
-    y towards the side it bends to. `sigma_vectors` (n, 2) [m] are each point's one-sigma
-    displacement: a point measured in one image column errs along that column only.
-    `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is what is not known of the clamp's
-    pose; `scale_sigma` the relative one-sigma error of all lengths. `motor_angle` [rad] is the
-    encoder's reading. Raises ValueError.
+    point: Floats
+    covariance: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", frozen_floats("tip", self.point, (2,)))
+        covariance = frozen_floats("tip covariance", self.covariance, (2, 2))
+        object.__setattr__(self, "covariance", covariance)
+
+
+@dataclass(frozen=True)
+class View:
+    """The beam in one image, carried onto plane C, in the frame of the beam at rest.
+
+    `points` (n, 2) [m] are where the rays to the beam meet C; `sigma_vectors` (n, 2) [m] are each
+    point's one-sigma displacement: a point is measured across the beam and errs along that
+    direction only. `viewpoint` (4,) is V in homogeneous coordinates: (x, y, z, 1) [m] of a
+    pinhole, (x, y, z, 0), the direction towards it, of a telecentric camera. `tip` is None where
+    the free end was not seen. Raises ValueError.
     """
 
     points: Floats
     sigma_vectors: Floats
-    base_covariance: Floats
-    scale_sigma: float
-    motor_angle: float
-    rig: Rig
+    viewpoint: Floats
+    tip: Tip | None = None
 
     def __post_init__(self) -> None:
         points = frozen_floats("points", self.points, (None, 2))
-        sigmas = frozen_floats("sigma_vectors", self.sigma_vectors, (len(points), 2))
-        base = frozen_floats("base_covariance", self.base_covariance, (3, 3))
         object.__setattr__(self, "points", points)
+        sigmas = frozen_floats("sigma_vectors", self.sigma_vectors, (len(points), 2))
         object.__setattr__(self, "sigma_vectors", sigmas)
+        object.__setattr__(self, "viewpoint", frozen_floats("viewpoint", self.viewpoint, (4,)))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """The bent beam as measured in one frame, in the frame of the beam at rest.
+
+    That frame has its origin at the clamp, x along the beam at rest, y in plane C towards the side
+    to which contact bends the beam, z towards the camera; `antenna_from_beam` (4, 4) carries it
+    into Sigma_a (a reflection where the rig deflects towards -y).
+
+    `view` is what the camera saw, `other_views` what further cameras or mirrors showed of the
+    same beam. `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is what is not known of the
+    clamp's pose: the clamp stands at (dx, dy) and its tangent is turned by tilt. `scale_sigma` is
+    the relative one-sigma error of all lengths. `motor_angle` [rad] is the encoder's reading, None
+    where there is none. `moment_y` [N m] about Sigma_a's y axis and `base_force` (3,) [N],
+    `base_moment` (3,) [N m] in Sigma_a are sensors' readings, None where there are none; the
+    former is what the beam exerts on the sensor, the latter what the clamp exerts on the beam.
+    `earlier` holds the frames of the same push before this one, in order. Raises ValueError.
+    """
+
+    view: View
+    base_covariance: Floats
+    scale_sigma: float
+    motor_angle: float | None
+    rig: Rig
+    antenna_from_beam: Floats = field(default_factory=lambda: np.eye(4))
+    moment_y: float | None = None
+    base_force: tuple[float, float, float] | None = None
+    base_moment: tuple[float, float, float] | None = None
+    other_views: tuple[View, ...] = ()
+    earlier: tuple["Measurement", ...] = ()
+
+    def __post_init__(self) -> None:
+        base = frozen_floats("base_covariance", self.base_covariance, (3, 3))
         object.__setattr__(self, "base_covariance", base)
+        pose = frozen_floats("antenna_from_beam", self.antenna_from_beam, (4, 4))
+        object.__setattr__(self, "antenna_from_beam", pose)
+
+    @property
+    def points(self) -> Floats:
+        """The view's points (n, 2) [m]."""
+        return self.view.points
+
+    @property
+    def sigma_vectors(self) -> Floats:
+        """The view's one-sigma vectors (n, 2) [m]."""
+        return self.view.sigma_vectors
