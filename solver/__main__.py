@@ -43,7 +43,7 @@ def solve(
     opened = open_observations(observations)
     antenna = set_up(opened)
     warm_up = opened.frames[0]
-    estimate(antenna, warm_up.image(), warm_up.motor_angle, function)
+    estimate(antenna, warm_up.image(), function, warm_up.readings)
     console = Console(stderr=True)
     frames = track(opened.frames, "solving", console=console, disable=quiet)
     rows = [_solve_frame(antenna, frame, function, repeats) for frame in frames]
@@ -88,7 +88,7 @@ def _solve_frame(antenna: Antenna, frame: Frame, method: Method, repeats: int) -
     answer: Estimate | None = None
     for _ in range(repeats):
         began = time.perf_counter()
-        answer = estimate(antenna, image, frame.motor_angle, method, frame.removed)
+        answer = estimate(antenna, image, method, frame.readings)
         times.append(time.perf_counter() - began)
     assert answer is not None
     return row(frame.frame_id, answer, 1e3 * statistics.median(times))

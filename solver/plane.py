@@ -16,17 +16,17 @@ def homography(camera: Camera) -> Floats:
     return np.asarray(np.linalg.inv(rows[:, [0, 1, 3]]), dtype=np.float64)
 
 
-def on_plane(camera: Camera, pixels: Floats, sigma_v: Floats) -> tuple[Floats, Floats]:
+def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
     """Points (n, 2) on C [m] seen at `pixels` (n, 2), and their one-sigma vectors (n, 2) [m].
 
-    `sigma_v` (n,) [px] is the error along the image column; its vector is that error carried
-    through the lens and the projection: d(point)/dv sigma_v. Raises ValueError where the lens's
-    distortion is not one-to-one.
+    `sigmas` (n, 2) [px] are the one-sigma vectors in the image; they are carried through the lens
+    and the projection: d(point)/d(pixel) sigma. Raises ValueError where the lens's distortion is
+    not one-to-one.
     """
     h, normalised = homography(camera), camera.normalised(pixels)
     x, y, w = h @ np.column_stack([normalised, np.ones(len(pixels))]).T
     points = np.column_stack([x / w, y / w])
-    # d(normalised)/dv, then d(point)/d(normalised) along it.
-    down = np.linalg.inv(camera.pixel_slopes(normalised))[:, :, 1]
-    slope = (down @ h[:2, :2].T - points * (down @ h[2, :2])[:, None]) / w[:, None]
-    return points, slope * sigma_v[:, None]
+    # d(normalised), then d(point), along the error.
+    along = (np.linalg.inv(camera.pixel_slopes(normalised)) @ sigmas[:, :, None])[:, :, 0]
+    moved = (along @ h[:2, :2].T - points * (along @ h[2, :2])[:, None]) / w[:, None]
+    return points, moved

@@ -10,7 +10,7 @@ the method; its size is seen from what the flanks would have added, and goes int
 import cv2
 import numpy as np
 
-from solver.centreline import Centreline
+from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
 
 # Of the contrast between beam and background: low enough to keep the flanks of a line two
@@ -37,7 +37,7 @@ def area_weighted(image: Grey) -> Centreline:
     seen = contrast > np.maximum(
         LEAST_CONTRAST * np.quantile(contrast, 0.9), LEAST_SIGNIFICANCE * noise
     )
-    nothing = Centreline(np.empty((0, 2)), np.empty(0))
+    nothing = down_columns(np.empty((0, 2)), np.empty(0))
     if not seen.any():
         return nothing
     band = _longest_band((image > background + THRESHOLD * contrast) & seen)
@@ -58,7 +58,7 @@ def area_weighted(image: Grey) -> Centreline:
     shots = np.maximum(gray, 1.0) / np.maximum(background[columns], 1.0)
     lever = np.where(inside, rows - centre, 0.0) / area
     variance = (lever**2 * shots).sum(axis=0) * noise[columns] ** 2
-    return Centreline(np.column_stack([columns, centre]), np.sqrt(variance + s_curve**2))
+    return down_columns(np.column_stack([columns, centre]), np.sqrt(variance + s_curve**2))
 
 
 def _longest_band(above: np.ndarray) -> np.ndarray:

@@ -33,23 +33,35 @@ INCOMPLETE = "INCOMPLETE"
 
 
 @dataclass(frozen=True)
-class Frame:
-    """One image of the pushing beam: where it lies, and what was read when it was taken.
+class Readings:
+    """What was read beside an image; None where nothing was.
 
-    `motor_angle` [rad] is None where no encoder tells it. Frames of one push share `push_id` and
-    count its `step`s. `removed` [m] is a stretch of Sigma_a's x axis to be left out.
-    `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] are sensors' readings.
+    `motor_angle` [rad] of the encoder. `removed` [m] is a stretch of Sigma_a's x axis to be left
+    out. `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] of sensors.
     """
 
-    frame_id: str
-    path: Path
-    motor_angle: float | None
-    push_id: str = ""
-    step: int = 0
+    motor_angle: float | None = None
     removed: tuple[float, float] | None = None
     moment_y: float | None = None
     base_force: tuple[float, float, float] | None = None
     base_moment: tuple[float, float, float] | None = None
+
+
+NOTHING_READ = Readings()
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One image of the pushing beam: where it lies, and what was read when it was taken.
+
+    Frames of one push share `push_id` and count its `step`s.
+    """
+
+    frame_id: str
+    path: Path
+    readings: Readings = NOTHING_READ
+    push_id: str = ""
+    step: int = 0
 
     def image(self) -> Grey:
         """The gray image (height, width). Raises InputError."""
@@ -120,18 +132,21 @@ def _frames(table: Path) -> Iterator[Frame]:
         moment = cells.numbers(*(f"base_moment_{axis}_n_mm" for axis in "xyz"))
         angle = cells.numbers("motor_angle_deg")
         moment_y = cells.numbers("moment_y_n_mm")
-        yield Frame(
-            frame_id=cells.text("frame_id"),
-            path=path,
+        readings = Readings(
             motor_angle=None if angle is None else angle[0] * DEGREE,
-            push_id=row.get("push_id") or "",
-            step=cells.count("step"),
             removed=None if removed is None else (removed[0] * MILLIMETRE, removed[1] * MILLIMETRE),
             moment_y=None if moment_y is None else moment_y[0] * MILLIMETRE,
             base_force=None if force is None else (force[0], force[1], force[2]),
             base_moment=None
             if moment is None
             else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
+        )
+        yield Frame(
+            frame_id=cells.text("frame_id"),
+            path=path,
+            readings=readings,
+            push_id=row.get("push_id") or "",
+            step=cells.count("step"),
         )
 
 

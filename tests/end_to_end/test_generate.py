@@ -141,7 +141,7 @@ def test_the_truth_is_complete(dataset: Path) -> None:
         # The encoder's readings err, so that equal pushes do not show themselves by them.
         reading = next(
             f for f in open_observations(layout.observations) if f.frame_id == row["frame_id"]
-        ).motor_angle
+        ).readings.motor_angle
         assert reading is not None
         assert 0 < abs(np.degrees(reading) - row["motor_angle_deg"]) < 0.05
 
@@ -154,7 +154,7 @@ def test_calibration_returns_the_true_camera(dataset: Path) -> None:
     assert found.camera.fx == pytest.approx(true.fx, rel=1e-3)
     x, y = (v.ravel() for v in np.meshgrid(np.linspace(0.0, 0.24, 9), np.linspace(0, 0.05, 3)))
     points = np.column_stack([x, y, np.zeros_like(x)])
-    back, _ = on_plane(found.camera, true.project(points), np.ones(len(x)))
+    back, _ = on_plane(found.camera, true.project(points), np.ones((len(x), 2)))
     assert np.abs(back - points[:, :2]).max() < 2.5e-5
     assert abs(antenna.rest.slope) < 4 * np.sqrt(antenna.rest.covariance[1, 1])
     assert abs(antenna.rest.y_at_clamp) < 4 * np.sqrt(antenna.rest.covariance[0, 0]) + 1e-5
@@ -183,7 +183,7 @@ def test_estimates_agree_with_the_truth(dataset: Path, method: str) -> None:
     worst = {"two_point": 0.1, "exact_fit": 0.003}[method] * 0.24
     for frame in observations:
         row = truth.frames.row(by_predicate=pl.col("frame_id") == frame.frame_id, named=True)
-        answer = estimate(antenna, frame.image(), frame.motor_angle, METHODS[method])
+        answer = estimate(antenna, frame.image(), METHODS[method], frame.readings)
         assert answer.outcome is Outcome.CONTACT
         error = answer.values["x_c_m"] - row["x_c_mm"] / 1e3
         assert abs(error) < worst
@@ -207,13 +207,11 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     true_base = np.array(truth.manifest["true_rig"]["base_position_mm"])
     assert 0.01 < np.linalg.norm(true_base) < 1
     assert not list(layout.truth.rglob("*.exr"))  # layers can be left out
-    reading = observations.frames[0].motor_angle
+    reading = observations.frames[0].readings.motor_angle
     assert reading is not None
     encoder = reading - np.radians(truth.frames["motor_angle_deg"][0])
     assert 0 < abs(encoder) < np.radians(0.05)
-    answer = estimate(
-        set_up(observations), observations.frames[0].image(), 0.0, METHODS["exact_fit"]
-    )
+    answer = estimate(set_up(observations), observations.frames[0].image(), METHODS["exact_fit"])
     row = truth.frames.row(0, named=True)
     assert abs(answer.values["x_c_m"] - row["x_c_mm"] / 1e3) < 3 * answer.sigma("x_c_m")
     assert abs(answer.values["force_n"] - row["force_n"]) < 3 * answer.sigma("force_n")

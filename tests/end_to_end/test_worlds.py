@@ -8,9 +8,8 @@ import pytest
 
 from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Outcome
 from solver.instrument.images import png_size, read_grey
-from solver.instrument.observation import open_observations
+from solver.instrument.observation import Readings, open_observations
 from solver.methods import METHODS
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
@@ -83,14 +82,16 @@ def test_removed_data_are_left_out_by_the_solver(hidden: tuple[Layout, Truth]) -
     layout, truth = hidden
     observations = open_observations(layout.observations)
     antenna = set_up(observations)
-    removed = [frame for frame in observations if frame.removed is not None]
+    removed = [frame for frame in observations if frame.readings.removed is not None]
     row = truth.frames.row(by_predicate=pl.col("hidden_by") == "removed", named=True)
     assert [frame.frame_id for frame in removed] == [row["frame_id"]]
     frame = removed[0]
-    assert frame.removed == pytest.approx((row["hidden_from_mm"] / 1e3, row["hidden_to_mm"] / 1e3))
+    assert frame.readings.removed == pytest.approx(
+        (row["hidden_from_mm"] / 1e3, row["hidden_to_mm"] / 1e3)
+    )
     one, other = (
-        estimate(antenna, frame.image(), frame.motor_angle, METHODS["exact_fit"], stretch)
-        for stretch in (None, frame.removed)
+        estimate(antenna, frame.image(), METHODS["exact_fit"], Readings(removed=stretch))
+        for stretch in (None, frame.readings.removed)
     )
     assert other.values["x_c_m"] == pytest.approx(row["x_c_mm"] / 1e3, abs=0.003 * 0.24)
     assert other.dof is not None
@@ -118,9 +119,7 @@ def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Pat
         )
         assert farthest(beam_pixels(layout, row["frame_id"]), truth.camera.project(line)) < 1.1
         frame = next(f for f in observations if f.frame_id == row["frame_id"])
-        assert frame.motor_angle is None
-        answer = estimate(antenna, frame.image(), frame.motor_angle, METHODS["exact_fit"])
-        assert answer.outcome is Outcome.INVALID
+        assert frame.readings.motor_angle is None
     # The object has not moved in the image but for what is seen of it behind the beam.
     index = [layer(layout, "object_index", name) for name in truth.frames["frame_id"]]
     places = [np.argwhere(found == 2).mean(axis=0) for found in index]

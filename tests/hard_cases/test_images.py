@@ -39,7 +39,7 @@ def images(dataset: Path) -> dict[str, Grey]:
 def test_no_numbers_without_a_pushed_beam(
     dataset: Path, antenna: Antenna, method: str, name: str
 ) -> None:
-    answer = estimate(antenna, images(dataset)[name], 0.0, METHODS[method])
+    answer = estimate(antenna, images(dataset)[name], METHODS[method])
     assert answer.outcome is not Outcome.CRASHED, answer.message
     assert not answer.values, answer
 
@@ -47,7 +47,7 @@ def test_no_numbers_without_a_pushed_beam(
 @pytest.mark.parametrize("method", sorted(METHODS))
 def test_a_beam_at_rest_is_no_contact(dataset: Path, antenna: Antenna, method: str) -> None:
     for path in open_observations(dataset / "observations").rest_images:
-        answer = estimate(antenna, read_grey(path), 0.0, METHODS[method])
+        answer = estimate(antenna, read_grey(path), METHODS[method])
         assert answer.outcome is Outcome.NO_CONTACT
 
 
@@ -56,6 +56,6 @@ def test_a_half_hidden_beam_is_still_answered(dataset: Path, antenna: Antenna, m
     frame = open_observations(dataset / "observations").frames[0]
     image = frame.image()
     image[:, 330:] = np.median(image)
-    answer = estimate(antenna, image, frame.motor_angle, METHODS[method])
+    answer = estimate(antenna, image, METHODS[method], frame.readings)
     assert answer.outcome is Outcome.CONTACT
     assert 0 < answer.values["x_c_m"] < 0.24

@@ -31,7 +31,7 @@ def test_points_on_the_plane_come_back(camera: Camera) -> None:
     random = np.random.default_rng(0)
     points = np.column_stack([random.uniform(0, 0.24, 50), random.uniform(-0.05, 0.05, 50)])
     pixels = camera.project(np.column_stack([points, np.zeros(50)]))
-    found, _ = on_plane(camera, pixels, np.ones(50))
+    found, _ = on_plane(camera, pixels, np.ones((50, 2)))
     assert found == pytest.approx(points, abs=1e-15)
 
 
@@ -54,7 +54,7 @@ def test_both_projections_come_back_whatever_the_pose_and_the_size(
     leaning = Camera(512, 400, focal, focal, 250.0, 205.0, pose, telecentric)
     points = np.random.default_rng(0).uniform(0, field, (20, 2))
     pixels = leaning.project(np.column_stack([points, np.zeros(20)]))
-    found, _ = on_plane(leaning, pixels, np.ones(20))
+    found, _ = on_plane(leaning, pixels, np.ones((20, 2)))
     assert found == pytest.approx(points, abs=1e-12 * field)
 
 
@@ -65,10 +65,10 @@ def test_both_projections_come_back_whatever_the_pose_and_the_size(
 )
 def test_sigma_vectors_are_the_derivative_by_the_image_row(camera: Camera) -> None:
     pixels, step = np.array([[30.0, 200.0], [400.0, 90.0]]), 1e-4
-    _, vectors = on_plane(camera, pixels, np.array([1.0, 2.0]))
+    _, vectors = on_plane(camera, pixels, np.array([[0.0, 1.0], [0.0, 2.0]]))
     down = np.array([0.0, step])
-    ahead, _ = on_plane(camera, pixels + down, np.ones(2))
-    behind, _ = on_plane(camera, pixels - down, np.ones(2))
+    ahead, _ = on_plane(camera, pixels + down, np.ones((2, 2)))
+    behind, _ = on_plane(camera, pixels - down, np.ones((2, 2)))
     slope = (ahead - behind) / (2 * step)
     assert vectors == pytest.approx(slope * [[1.0], [2.0]], rel=1e-7)
 

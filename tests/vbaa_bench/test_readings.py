@@ -167,10 +167,10 @@ def test_metadata_tells_a_solver_all_that_was_read(dataset: Path, tmp_path: Path
     table.write_text(text)
     name = rows[0]["frame_id"]
     frame = next(f for f in open_observations(root) if f.frame_id == name)
-    assert frame.removed == pytest.approx((0.01, 0.02))
-    assert frame.moment_y == pytest.approx(-1.5e-3)
-    assert frame.base_force == pytest.approx((1, 2, 3))
-    assert frame.base_moment == pytest.approx((4e-3, 5e-3, 6e-3))
+    assert frame.readings.removed == pytest.approx((0.01, 0.02))
+    assert frame.readings.moment_y == pytest.approx(-1.5e-3)
+    assert frame.readings.base_force == pytest.approx((1, 2, 3))
+    assert frame.readings.base_moment == pytest.approx((4e-3, 5e-3, 6e-3))
     assert frame.push_id == rows[0]["push_id"]
     table.write_text(text.replace("-1.5", "nan", 1))
     with pytest.raises(InputError, match="moment_y_n_mm is 'nan', allowed is a finite number"):
