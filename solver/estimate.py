@@ -1,42 +1,34 @@
-"""From images to estimates: calibrate -> centreline -> plane -> method."""
+"""From images to estimates: calibrate -> rest -> centreline -> plane -> method."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from solver.calibrate import Calibration, calibrate
 from solver.centreline import Centreline, Extractor
-from solver.centreline.area_weighted import area_weighted
-from solver.fitting.correlation import correlation_length
+from solver.centreline.beam import learn_beam
+from solver.centreline.guide import Guide
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import read_grey
-from solver.instrument.measurement import Measurement, View
+from solver.instrument.measurement import Measurement, Tip, View
 from solver.instrument.observation import NOTHING_READ, Observations, Readings
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
 from solver.methods import Method
 from solver.plane import on_plane
+from solver.rest import Rest, learn_rest
 
-LEAST_REST_COLUMNS = 10
+# From images of the beam at rest to what finds it in any image.
+Learn = Callable[[Sequence[Grey], Guide], Extractor]
+
 WORST_REPROJECTION_PX = 0.5
 # A motor whose camera stands in the world may have turned by any angle of this order [rad].
 ANY_TILT = 0.5
-
-
-@dataclass(frozen=True)
-class Rest:
-    """The beam before contact, a line on plane C: its y at the clamp [m], and its slope.
-
-    `covariance` (2, 2) is that of (y_at_clamp, slope).
-    """
-
-    y_at_clamp: float
-    slope: float
-    covariance: Floats
 
 
 @dataclass(frozen=True)
@@ -49,8 +41,12 @@ class Antenna:
     extract: Extractor
 
 
-def set_up(observations: Observations, extract: Extractor = area_weighted) -> Antenna:
-    """Calibrate the camera and learn the rest pose. Raises InputError if the images forbid it."""
+def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
+    """Calibrate the camera, learn the beam's look and its rest pose.
+
+    `learn` makes the extractor from the images of the beam at rest. Raises InputError if the
+    images forbid it.
+    """
     rig = observations.rig
     calibration = calibrate([read_grey(path) for path in observations.board_views], rig)
     if calibration.reprojection_px > WORST_REPROJECTION_PX:
@@ -60,8 +56,13 @@ def set_up(observations: Observations, extract: Extractor = area_weighted) -> An
             f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
             "can describe?"
         )
-    rest_lines = (extract(read_grey(path)) for path in observations.rest_images)
-    rest = _rest_line(rest_lines, calibration, rig)
+    images = [read_grey(path) for path in observations.rest_images]
+    nominal = np.diag([1.0, rig.deflects_towards, 1.0, 1.0])
+    nominal[:3, 3] = rig.base_position
+    in_world = rig.camera_mount == "world"
+    guide = Guide(calibration.camera, nominal, rig.beam.length, rig.beam.radius, in_world)
+    extract = learn(images, guide)
+    rest = learn_rest([extract(image) for image in images], calibration, rig)
     return Antenna(rig, calibration, rest, extract)
 
 
@@ -83,6 +84,8 @@ def measure(
         low, high = readings.removed
         kept = (points[:, 0] < low) | (points[:, 0] > high)
         points, sigmas = points[kept], sigmas[kept]
+    if not rest.straight:
+        points, sigmas = _unbowed(points, sigmas, rest, rig)
     clamp = np.array([rig.base_position[0], rest.y_at_clamp])
     tilt = math.atan(rest.slope)
     along = np.array([math.cos(tilt), math.sin(tilt)])
@@ -94,14 +97,14 @@ def measure(
     tolerance = rig.tolerances
     base_covariance = np.zeros((3, 3))
     base_covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
-    base_covariance[1:, 1:] = rest.covariance
+    base_covariance[1:, 1:] = rest.covariance[:2, :2]
     # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
     base_covariance += np.diag([1e-18, 1e-18, 1e-18])
     in_world = rig.camera_mount == "world"
     if in_world:
         base_covariance[2, 2] += ANY_TILT**2
     return Measurement(
-        view=View((points - clamp) @ axes, sigmas @ axes, viewpoint),
+        view=View((points - clamp) @ axes, sigmas @ axes, viewpoint, _tip(antenna, line, axes)),
         base_covariance=base_covariance,
         scale_sigma=_scale_sigma(antenna),
         motor_angle=None if in_world else readings.motor_angle,
@@ -112,6 +115,43 @@ def measure(
         base_moment=readings.base_moment,
         earlier=tuple(earlier),
     )
+
+
+def _tip(antenna: Antenna, line: Centreline, axes: Floats) -> Tip | None:
+    """The tip on plane C, in the frame of the beam at rest.
+
+    What is seen of a cylinder's end is the rim that is nearest to the camera: on the mean over the
+    beam's width it stands pi/4 of the radius above the axis.
+    """
+    if line.tip is None or line.tip_covariance is None:
+        return None
+    camera, rig = antenna.calibration.camera, antenna.rig
+    root = np.linalg.cholesky(line.tip_covariance)
+    points, sigmas = on_plane(camera, np.tile(line.tip, (2, 1)), root.T)
+    viewpoint, point = camera.viewpoint, points[0]
+    lift = rig.beam.radius * math.pi / 4
+    outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
+    clamp = np.array([rig.base_position[0], antenna.rest.y_at_clamp])
+    turned = sigmas @ axes
+    return Tip((point - lift * outward - clamp) @ axes, turned.T @ turned)
+
+
+def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:
+    """Points (n, 2) on C and their one-sigma vectors, as a straight beam would show them.
+
+    A bow moves every point of the bent beam along its normal there, by as much as at rest.
+    """
+    x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
+    curve = np.polynomial.Polynomial.fit(x, y, min(6, len(x) // 4), domain=[0, rest.length])
+    slope = curve.deriv()(x)
+    # Arc length from the clamp, which the bow is told by.
+    fine = np.linspace(0, rest.length, 241)
+    steps = np.hypot(1, curve.deriv()(fine))
+    arc = np.interp(x, fine, cumulative_trapezoid(steps, fine, initial=0.0))
+    bow, bow_sigma = rest.bow_at(np.minimum(arc, rest.length))
+    normal = np.column_stack([-slope, np.ones_like(slope)]) / np.hypot(1, slope)[:, None]
+    size = np.maximum(np.linalg.norm(sigmas, axis=1), 1e-15)
+    return points - bow[:, None] * normal, sigmas * (np.hypot(size, bow_sigma) / size)[:, None]
 
 
 def _scale_sigma(antenna: Antenna) -> float:
@@ -174,31 +214,3 @@ def answer(method: Method, measurement: Measurement) -> Estimate:
     if not isinstance(given, Estimate):  # a method of someone else's may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(given).__name__}, not an Estimate")
     return given
-
-
-def _rest_line(lines: Iterable[Centreline], calibration: Calibration, rig: Rig) -> Rest:
-    """Line through the mean of the rest images; its covariance from the points' own scatter.
-
-    The images are averaged column by column first: the centre's error on the pixel grid is the
-    same in all of them, so four images do not know the line twice as well as one.
-    """
-    seen = list(lines)
-    pixels = np.vstack([line.points for line in seen])
-    columns, place, count = np.unique(pixels[:, 0], return_inverse=True, return_counts=True)
-    if len(columns) < LEAST_REST_COLUMNS:
-        raise InputError(
-            f"the rest images show {len(columns)} columns of the beam, "
-            f"needed are {LEAST_REST_COLUMNS}"
-        )
-    centre = np.bincount(place, pixels[:, 1]) / count
-    sigma_v = np.bincount(place, np.concatenate([line.sigma for line in seen])) / count
-    down = np.column_stack([np.zeros_like(sigma_v), sigma_v])
-    points, vectors = on_plane(calibration.camera, np.column_stack([columns, centre]), down)
-    sigma = np.abs(vectors[:, 1])
-    x, y = points[:, 0] - rig.base_position[0], points[:, 1]
-    design = np.column_stack([np.ones_like(x), x]) / sigma[:, None]
-    covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
-    y_at_clamp, slope = covariance @ (design.T @ (y / sigma))
-    residual = (y - y_at_clamp - slope * x) / sigma
-    covariance *= float(np.mean(residual**2)) * correlation_length(residual)
-    return Rest(float(y_at_clamp), float(slope), covariance)

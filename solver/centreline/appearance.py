@@ -1,0 +1,174 @@
+"""How the beam looks at rest: bright or dark, how wide, how shaded; learned from rest images."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from solver.centreline.finding import find
+from solver.centreline.guide import Guide
+from solver.centreline.noise import Noise, noise_of
+from solver.centreline.profile import Profile, Section, profile
+from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
+from solver.centreline.stations import Stations, stations
+from solver.instrument.arrays import Floats, Grey, Mask
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import turn_about_z
+
+# How far a mounted beam may lie askew [rad].
+ASKEW = 0.12
+LEAST_STATIONS = 20
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """What the rest images teach of the beam.
+
+    `polarity` is 1 for a beam brighter than its ground and -1 for a darker one; `amplitude` [gray
+    px] along `length` [px] of the path; `misfit` is the typical chi^2 per degree of freedom of a
+    profile fit, at least 1; `sigma_px` is the part of a centre's error that does not come from
+    the sensor's noise. `half` pixels on either side are fitted.
+    """
+
+    polarity: int
+    noise: Noise
+    section: Section
+    profile: Profile
+    amplitude: Floats
+    length: Floats
+    misfit: float
+    sigma_px: float
+    half: int
+    full_scale: int
+
+
+def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
+    """The beam's appearance, and the guide turned to where the beam truly lies at rest.
+
+    Raises InputError where no beam is found along the rig's x axis.
+    """
+    noise = noise_of(images)
+    image = images[0]
+    full_scale = 255 if image.dtype == np.uint8 else _full_scale(images)
+    found = [(find(image, guide, p, noise, ASKEW, bends=False), p) for p in (1, -1)]
+    seen = [(path, polarity) for path, polarity in found if path is not None]
+    if not seen:
+        raise InputError("the rest images show no beam where the rig says that it is")
+    path, polarity = max(seen, key=lambda one: one[0].contrast * one[0].support ** 2)
+    on_beam = path.places[(path.places[:, 0] > 0) & (path.places[:, 0] < 0.98 * guide.length)]
+    places = stations(guide.pixels(on_beam), image.shape)
+    if len(places) < LEAST_STATIONS:
+        raise InputError(
+            f"the rest images show {len(places)} columns of the beam, needed are {LEAST_STATIONS}"
+        )
+    slope = float(np.polyfit(on_beam[:, 0], on_beam[:, 1], 1)[0])
+    turned = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
+    rested = _Rested(images, places, noise, polarity, guide.radius_px, full_scale)
+    return rested.appearance(), replace(guide, antenna_from_beam=turned)
+
+
+def _full_scale(images: Sequence[Grey]) -> int:
+    """The largest gray value of a deep image: one less than the power of two that holds it all."""
+    return int(2 ** np.ceil(np.log2(max(int(image.max()) for image in images) + 1)) - 1)
+
+
+@dataclass(frozen=True)
+class _Rested:
+    """The rest images, and where the beam crosses their columns."""
+
+    images: Sequence[Grey]
+    places: Stations
+    noise: Noise
+    polarity: int
+    radius: float
+    full_scale: int
+
+    def appearance(self) -> Appearance:
+        """The section under which the fitted centres lie on a smooth line and leave least."""
+
+        def cost(p: Floats) -> float:
+            section = self._section(p)
+            if section is None:
+                return 1e12
+            fits = self._fits(section)
+            centre, kept = self._mean_centre(fits)
+            if np.count_nonzero(kept) < LEAST_STATIONS:
+                return 1e12
+            off = centre - self._smooth(centre, kept)
+            sigma = np.median([f.sigma[kept] for f in fits], axis=0) / np.sqrt(len(fits))
+            # Cut, so that an object at a few columns does not decide.
+            rough = np.minimum((off[kept] / sigma) ** 2, 25).sum()
+            left = sum(np.minimum(f.chi2[kept] / f.dof[kept], 9).sum() * 4 for f in fits)
+            return float(rough + left)
+
+        starts = [np.array([0.3, 1.0, 0.0]), np.array([0.8, 0.5, 0.0])]
+        start = min(starts, key=cost)
+        simplex = start + np.vstack([np.zeros(3), np.diag([0.2, 0.4, 0.1])])
+        found = minimize(
+            cost,
+            start,
+            method="Nelder-Mead",
+            options={"initial_simplex": simplex, "maxfev": 60, "xatol": 5e-3, "fatol": 1.0},
+        )
+        section = self._section(found.x)
+        if section is None:
+            raise InputError("the rest images show no beam of the rig's diameter")
+        fits = self._fits(section)
+        centre, kept = self._mean_centre(fits)
+        if np.count_nonzero(kept) < LEAST_STATIONS:
+            raise InputError(
+                f"the rest images show {np.count_nonzero(kept)} columns of the beam, "
+                f"needed are {LEAST_STATIONS}"
+            )
+        off = (centre - self._smooth(centre, kept))[kept]
+        by_noise = np.mean([f.sigma[kept] ** 2 for f in fits]) / len(fits)
+        scatter = (1.4826 * np.median(np.abs(off))) ** 2
+        amplitude = np.mean([f.amplitude for f in fits], axis=0)
+        return Appearance(
+            polarity=self.polarity,
+            noise=self.noise,
+            section=section,
+            profile=profile(section),
+            amplitude=amplitude[kept],
+            length=self.places.length[kept],
+            misfit=max(1.0, float(np.median([f.chi2[kept] / f.dof[kept] for f in fits]))),
+            sigma_px=float(np.sqrt(max(scatter - by_noise, 0.0))),
+            half=self._half(section),
+            full_scale=self.full_scale,
+        )
+
+    def _section(self, p: Floats) -> Section | None:
+        spread, roundness, skew = (float(v) for v in p)
+        if not (0 <= spread <= 4 and 0 <= roundness <= 4 and abs(skew) < 0.9):
+            return None
+        return Section(self.radius, spread, roundness, skew)
+
+    def _half(self, section: Section) -> int:
+        return int(np.ceil(section.radius + 2.5 * section.spread + 0.5)) + 1 + MARGIN
+
+    def _fits(self, section: Section) -> list[Fits]:
+        table, half = profile(section), self._half(section)
+        return [
+            fit_profiles(image, self.places, table, self.noise, half, self.full_scale)
+            for image in self.images
+        ]
+
+    def _mean_centre(self, fits: list[Fits]) -> tuple[Floats, Mask]:
+        kept = np.all([np.isfinite(f.sigma) & (f.amplitude * self.polarity > 0) for f in fits], 0)
+        typical = np.median([np.median(f.amplitude[kept]) for f in fits]) if kept.any() else 0.0
+        for f in fits:
+            kept &= np.abs(f.amplitude - typical) < 0.6 * abs(typical)
+        return np.mean([f.centre for f in fits], axis=0), kept
+
+    def _smooth(self, centre: Floats, kept: Mask) -> Floats:
+        """A quartic along the beam: bow, sag and the lens's distortion have no finer detail."""
+        x = self.places.length / self.places.length[-1] * 2 - 1
+        weight = np.where(kept, 1.0, 0.0)
+        smooth = centre
+        for _ in range(4):
+            smooth = np.polyval(np.polyfit(x, centre, 4, w=weight), x)
+            off = centre - smooth
+            spread = 1.4826 * np.median(np.abs(off[kept])) + 1e-6
+            weight = np.where(kept, 1 / (1 + (off / (3 * spread)) ** 2), 0.0)
+        return np.asarray(smooth)

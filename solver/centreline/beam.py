@@ -1,0 +1,133 @@
+"""The beam in an image: found, measured column by column, and judged.
+
+find -> stations -> profile fit -> what does not look like the beam is flagged -> tip. What the
+beam looks like was learned from the images of it at rest.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from solver.centreline import Centreline, Flag, down_columns
+from solver.centreline.appearance import Appearance, learn
+from solver.centreline.finding import Path, find
+from solver.centreline.guide import Guide
+from solver.centreline.profile_fit import Fits, fit_profiles
+from solver.centreline.stations import Stations, stations
+from solver.centreline.tip import find_tip
+from solver.instrument.arrays import Floats, Grey
+
+# Times the amplitude at rest within which a column's amplitude may lie.
+DIMMEST, BRIGHTEST = 0.4, 2.2
+# chi^2 per degree of freedom, over what is typical at rest, that a column may leave. Between
+# the beam and something else it is larger by orders.
+WORST_MISFIT = 5.0
+# A centre may lie this many of its sigmas, and this far [px], off the smooth curve of all.
+FARTHEST_SIGMAS, FARTHEST_PX = 6.0, 0.15
+# The beam turned about its clamp by another camera's mount [rad].
+ANY_TILT = 0.6
+FEWEST = 8
+
+
+@dataclass(frozen=True)
+class Beam:
+    """Measures the beam in images: a profile fit at every column that crosses it."""
+
+    appearance: Appearance
+    guide: Guide
+
+    def __call__(self, image: Grey) -> Centreline:
+        """The centreline in an image (height, width); empty where there is no beam."""
+        look, guide = self.appearance, self.guide
+        tilt = ANY_TILT if guide.free_tilt else 0.0
+        path = find(image, guide, look.polarity, look.noise, tilt, bends=True)
+        if path is None:
+            return down_columns(np.empty((0, 2)), np.empty(0))
+        return self.measure(image, path)
+
+    def measure(self, image: Grey, path: Path) -> Centreline:
+        """The centreline along a path."""
+        look = self.appearance
+        places = stations(self.guide.pixels(path.places), image.shape)
+        if len(places) < FEWEST:
+            return down_columns(np.empty((0, 2)), np.empty(0))
+        fits = fit_profiles(image, places, look.profile, look.noise, look.half, look.full_scale)
+        flags = self._flags(places, fits)
+        sigma = np.hypot(fits.sigma * np.sqrt(np.maximum(self._misfit(fits), 1.0)), look.sigma_px)
+        smooth = smooth_curve(places.length, fits.centre, np.where(flags == 0, sigma, np.inf))
+        if smooth is None:
+            return down_columns(np.empty((0, 2)), np.empty(0))
+        off = np.abs(fits.centre - smooth)
+        flags[(flags == 0) & (off > FARTHEST_PX) & (off > FARTHEST_SIGMAS * sigma)] = Flag.FOREIGN
+        tip = find_tip(image, places, smooth, flags, fits, look)
+        if tip is not None:
+            beyond = places.length > tip.length - 1.5
+            flags[beyond & (flags == 0)] = Flag.FOREIGN
+        good = flags == 0
+        on_path = places.length <= (tip.length if tip is not None else self._longest(places))
+        rejected = ~good & on_path
+        return Centreline(
+            points=places.pixels(fits.centre)[good],
+            directions=places.directions[good],
+            sigma=sigma[good],
+            rejected=places.pixels(smooth)[rejected],
+            flags=flags[rejected],
+            tip=None if tip is None else tip.pixel,
+            tip_covariance=None if tip is None else tip.covariance,
+        )
+
+    def _longest(self, places: Stations) -> float:
+        return self.guide.length / self.guide.pixel
+
+    def _misfit(self, fits: Fits) -> Floats:
+        return np.asarray(fits.chi2 / np.maximum(fits.dof, 1) / self.appearance.misfit)
+
+    def _flags(self, places: Stations, fits: Fits) -> npt.NDArray[np.uint8]:
+        look = self.appearance
+        expected = np.interp(places.length, look.length, look.amplitude)
+        share = fits.amplitude / expected
+        flags = np.zeros(len(places), np.uint8)
+        flags[self._misfit(fits) > WORST_MISFIT] = Flag.FOREIGN
+        flags[share > BRIGHTEST] = Flag.FOREIGN
+        flags[share < DIMMEST] = Flag.HIDDEN
+        flags[~np.isfinite(fits.sigma)] = Flag.HIDDEN
+        flags[(fits.saturated > 0) & (flags > 0)] = Flag.SATURATED
+        return flags
+
+
+def smooth_curve(x: Floats, y: Floats, sigma: Floats) -> Floats | None:
+    """A smooth curve (n,) through y (n,), of sigma inf where unknown; None with too few points.
+
+    A polynomial of degree seven at most, by iteratively reweighted least squares: the outer points
+    of a scattered lot do not pull.
+    """
+    known = np.isfinite(sigma)
+    count = int(np.count_nonzero(known))
+    if count < FEWEST:
+        return None
+    low, high = x[known].min(), x[known].max()
+    place = 2 * (x - low) / max(high - low, 1e-9) - 1
+    spanned = (high - low) / max(x.max() - x.min(), 1e-9)
+    degree = min(7 if spanned > 0.6 else 5 if spanned > 0.3 else 3, count // 4)
+    basis = np.polynomial.chebyshev.chebvander(np.clip(place, -1.0, 1.0), degree)
+    weight = np.where(known, 1.0, 0.0)
+    scale = 1.0
+    curve = np.zeros_like(y)
+    for _ in range(8):
+        rows = basis[known] * weight[known, None]
+        coefficients, *_ = np.linalg.lstsq(rows, y[known] * weight[known], rcond=None)
+        curve = basis @ coefficients
+        off = np.abs(y - curve)
+        scale = max(1.4826 * float(np.median(off[known])), float(np.median(sigma[known])))
+        weight = np.where(known, np.sqrt(np.maximum(1 - (off / (6 * scale)) ** 2, 0.0)), 0.0)
+        if np.count_nonzero(weight) <= degree + 1:
+            return None
+    return np.asarray(curve)
+
+
+def learn_beam(images: Sequence[Grey], guide: Guide) -> Beam:
+    """Learn the beam from images (height, width) of it at rest. Raises InputError."""
+    appearance, turned = learn(images, guide)
+    return Beam(appearance, turned)

@@ -1,0 +1,86 @@
+"""What a row of pixels across the beam shows: disc section x point spread x pixel.
+
+Across the beam, at x = distance from the axis over the radius, a matt cylinder lit from the front
+shines as the chord of its disc, sqrt(1 - x^2), one lit from everywhere almost evenly, one with
+gloss more narrowly: powers of the chord. Light from one side tilts that. The lens spreads it by a Gaussian, the pixel takes its mean. A beam that
+crosses the pixel columns aslant is wider along them, and each column takes in its way up or down.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from solver.instrument.arrays import Floats
+
+# The table's step along a column [px], and its slopes: from along the rows to the diagonal.
+STEP = 1 / 64
+SLOPES = 17
+
+
+@dataclass(frozen=True)
+class Section:
+    """How the beam's section appears: `radius` [px], Gaussian `spread` [px], and its shading.
+
+    `roundness` is the power of the chord, 0 for an even band; `skew` tilts the brightness across
+    the section, positive where the side of larger pixel coordinates is brighter.
+    """
+
+    radius: float
+    spread: float
+    roundness: float
+    skew: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Table of the profile: `value` and `slope` [1/px] (SLOPES, n) along a pixel column.
+
+    Row i is of a beam that climbs i / (SLOPES - 1) px a column; the middle of a row is the axis;
+    its sum times STEP is one over the cosine of the climb, so that amplitudes compare.
+    """
+
+    value: Floats
+    slope: Floats
+    reach: float
+
+
+def profile(section: Section) -> Profile:
+    """The table of a section's profiles."""
+    reach = 1.5 * section.radius + 5 * section.spread * 1.5 + 1.5
+    half = int(np.ceil(reach / STEP))
+    t = np.arange(-half, half + 1) * STEP
+    values = np.empty((SLOPES, len(t)))
+    slopes = np.empty_like(values)
+    for index, climb in enumerate(np.linspace(0, 1, SLOPES)):
+        stretch = float(np.hypot(1, climb))
+        # The double integral of the section, differenced over the pixel's height and width,
+        # is its mean over the pixel: exact however narrow the section is.
+        smooth = _spread(t, section, stretch)
+        once = _mean_over(t, smooth, climb) if climb > 0 else smooth
+        above, below = np.interp(t + 0.5, t, once), np.interp(t - 0.5, t, once)
+        slopes[index] = (above - below) * stretch
+        values[index] = _mean_over(t, once, 1.0) * stretch
+    return Profile(values, slopes, float(t[-1]))
+
+
+def _spread(t: Floats, section: Section, stretch: float) -> Floats:
+    """Section x point spread along a column, of unit area, at t [px]."""
+    # Midpoints of strips of equal width across the section, each smeared in closed form.
+    n = 32
+    x = (np.arange(n) + 0.5) / n * 2 - 1
+    shine = (1 - x**2) ** (section.roundness / 2) * (1 + section.skew * x)
+    shine = shine / shine.sum()
+    half = section.radius * stretch / n
+    centres = section.radius * stretch * x
+    sigma = max(section.spread * stretch, 1e-3)
+    upper = ndtr((t[:, None] - centres + half) / sigma)
+    lower = ndtr((t[:, None] - centres - half) / sigma)
+    return np.asarray((upper - lower) @ shine / (2 * half))
+
+
+def _mean_over(t: Floats, values: Floats, width: float) -> Floats:
+    """Mean of tabulated values over a window of `width` [px] about every t."""
+    integral = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)]) * STEP
+    upper, lower = np.interp(t + width / 2, t, integral), np.interp(t - width / 2, t, integral)
+    return np.asarray((upper - lower) / width)

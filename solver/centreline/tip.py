@@ -1,0 +1,87 @@
+"""The beam's free end in the image: where its brightness along the path falls to nothing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from solver.centreline.appearance import Appearance
+from solver.centreline.profile_fit import Fits, fit_amplitudes
+from solver.centreline.stations import Stations
+from solver.instrument.arrays import Floats, Grey
+
+# Stations before the end that tell the beam's brightness, and beyond it that tell there is none.
+BEFORE, BEYOND = 12, 4
+
+
+@dataclass(frozen=True)
+class FoundTip:
+    """The tip's pixel (2,), its covariance (2, 2) [px^2], and where it is along the path [px]."""
+
+    pixel: Floats
+    covariance: Floats
+    length: float
+
+
+def find_tip(
+    image: Grey,
+    places: Stations,
+    centre: Floats,
+    flags: npt.NDArray[np.uint8],
+    fits: Fits,
+    look: Appearance,
+) -> FoundTip | None:
+    """The free end, None where it is hidden, out of the image or not told from something else.
+
+    The last good stations tell the brightness; what shines from there on, over that, is by how
+    many stations the beam is longer (the area under a step). Before and after, the ground
+    must be one ground: at the edge of a thing that hides the beam it is not.
+    """
+    good = np.flatnonzero(flags == 0)
+    if len(good) < BEFORE:
+        return None
+    last = int(good[-1])
+    # Two stations are kept away from the end, which may take part in their brightness.
+    told = good[good <= last - 2][-BEFORE:]
+    if len(told) < BEFORE // 2 or last - told[0] > 3 * BEFORE:
+        return None
+    first, end = int(told[-1]) + 1, last + 1 + BEYOND + 1
+    if end > len(places) or len(np.unique(places.upright[first:end])) > 1:
+        return None
+    window = np.arange(first, end)
+    # Beyond the last centre the beam goes on straight.
+    recent = good[-2 * BEFORE :]
+    line = np.polyfit(places.along[recent], fits.centre[recent], 1)
+    straight = np.polyval(line, places.along[window])
+    amplitude, variance, ground = fit_amplitudes(
+        image, places, window, straight, look.profile, look.noise, look.half, look.full_scale
+    )
+    if not np.isfinite(amplitude).all():
+        return None
+    full = float(np.mean(fits.amplitude[told]))
+    after = window > last + 1
+    if np.any(np.abs(amplitude[after]) > 0.25 * abs(full)):
+        return None
+    before = float(np.median(fits.background[told]))
+    step = abs(float(np.median(ground[after])) - before)
+    if step > 0.1 * abs(full) / (2 * look.section.radius) + 4 * np.sqrt(
+        look.noise.variance(before)
+    ):
+        return None
+    inside = window <= last + 1
+    covered = float(amplitude[inside].sum() / full)
+    covered_variance = float(variance[inside].sum()) / full**2
+    covered_variance += (covered / full) ** 2 * float(np.var(fits.amplitude[told])) / len(told)
+    forward = 1.0 if places.along[last] >= places.along[told[0]] else -1.0
+    along = places.along[first] - forward * 0.5 + forward * covered
+    across = float(np.polyval(line, along))
+    upright = bool(places.upright[last])
+    pixel = np.array([along, across]) if upright else np.array([across, along])
+    # Along the beam it was measured; across, the points beside it say all that is known.
+    climb = float(line[0])
+    tangent = np.array([1.0, climb]) if upright else np.array([climb, 1.0])
+    normal = np.array([-tangent[1], tangent[0]]) / np.hypot(*tangent)
+    covariance = np.outer(tangent, tangent) * (covered_variance + 0.02**2)
+    covariance += np.outer(normal, normal)
+    length = float(places.length[first] + (covered - 0.5) * np.hypot(1.0, climb))
+    return FoundTip(pixel, covariance, length)
