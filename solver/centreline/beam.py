@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import median_filter
 
 from solver.centreline import Centreline, Flag, down_columns
 from solver.centreline.appearance import Appearance, learn
@@ -21,9 +22,13 @@ from solver.instrument.arrays import Floats, Grey
 
 # Times the amplitude at rest within which a column's amplitude may lie.
 DIMMEST, BRIGHTEST = 0.4, 2.2
-# chi^2 per degree of freedom, over what is typical at rest, that a column may leave. Between
-# the beam and something else it is larger by orders.
-WORST_MISFIT = 5.0
+# chi^2 per degree of freedom, over what is typical at rest, that a column may leave: of seven
+# degrees of freedom one in 300 leaves more.
+WORST_MISFIT = 3.0
+NEIGHBOURHOOD = 61
+# Where two columns running are foreign, so many on either side are not trusted either: a shadow's
+# or a leaf's edge begins in them.
+SPOILT = 3
 # A centre may lie this many of its sigmas, and this far [px], off the smooth curve of all.
 FARTHEST_SIGMAS, FARTHEST_PX = 6.0, 0.15
 # The beam turned about its clamp by another camera's mount [rad].
@@ -65,6 +70,9 @@ class Beam:
         if tip is not None:
             beyond = places.length > tip.length - 1.5
             flags[beyond & (flags == 0)] = Flag.FOREIGN
+        running = (flags[:-1] == Flag.FOREIGN) & (flags[1:] == Flag.FOREIGN)
+        spoilt = np.convolve(np.append(running, False), np.ones(2 * SPOILT + 1), "same") > 0
+        flags[spoilt & (flags == 0)] = Flag.FOREIGN
         good = flags == 0
         on_path = places.length <= (tip.length if tip is not None else self._longest(places))
         rejected = ~good & on_path
@@ -89,7 +97,11 @@ class Beam:
         expected = np.interp(places.length, look.length, look.amplitude)
         share = fits.amplitude / expected
         flags = np.zeros(len(places), np.uint8)
-        flags[self._misfit(fits) > WORST_MISFIT] = Flag.FOREIGN
+        # A beam that comes nearer to the camera looks wider than at rest, all along: what is
+        # foreign differs from the columns about it.
+        misfit = self._misfit(fits)
+        usual = median_filter(np.minimum(misfit, WORST_MISFIT), NEIGHBOURHOOD, mode="nearest")
+        flags[misfit > WORST_MISFIT * np.maximum(usual, 1.0)] = Flag.FOREIGN
         flags[share > BRIGHTEST] = Flag.FOREIGN
         flags[share < DIMMEST] = Flag.HIDDEN
         flags[~np.isfinite(fits.sigma)] = Flag.HIDDEN
