@@ -126,7 +126,7 @@ def _tip(antenna: Antenna, line: Centreline, axes: Floats) -> Tip | None:
     if line.tip is None or line.tip_covariance is None:
         return None
     camera, rig = antenna.calibration.camera, antenna.rig
-    root = np.linalg.cholesky(line.tip_covariance)
+    root = np.asarray(np.linalg.cholesky(line.tip_covariance), dtype=np.float64)
     points, sigmas = on_plane(camera, np.tile(line.tip, (2, 1)), root.T)
     viewpoint, point = camera.viewpoint, points[0]
     lift = rig.beam.radius * math.pi / 4

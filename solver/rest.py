@@ -83,7 +83,7 @@ def _bow_powers(place: Floats) -> Floats:
 def _least_squares(design: Floats, y: Floats, sigma: Floats) -> tuple[Floats, Floats, float]:
     """Coefficients, their widened covariance, and chi^2 in units of its own scatter."""
     whitened = design / sigma[:, None]
-    inverse = np.linalg.pinv(whitened.T @ whitened, hermitian=True)
+    inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
     coefficients = inverse @ (whitened.T @ (y / sigma))
     residual = (y - design @ coefficients) / sigma
     widening = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)

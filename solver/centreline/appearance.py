@@ -11,6 +11,7 @@ from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, noise_of
 from solver.centreline.profile import Profile, Section, profile
 from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
+from solver.centreline.smooth import smooth_curve
 from solver.centreline.stations import Stations, stations
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
@@ -163,12 +164,6 @@ class _Rested:
 
     def _smooth(self, centre: Floats, kept: Mask) -> Floats:
         """A quartic along the beam: bow, sag and the lens's distortion have no finer detail."""
-        x = self.places.length / self.places.length[-1] * 2 - 1
-        weight = np.where(kept, 1.0, 0.0)
-        smooth = centre
-        for _ in range(4):
-            smooth = np.polyval(np.polyfit(x, centre, 4, w=weight), x)
-            off = centre - smooth
-            spread = 1.4826 * np.median(np.abs(off[kept])) + 1e-6
-            weight = np.where(kept, 1 / (1 + (off / (3 * spread)) ** 2), 0.0)
-        return np.asarray(smooth)
+        unknown = np.where(kept, 1e-6, np.inf)
+        curve = smooth_curve(self.places.length, centre, unknown, degree=4)
+        return centre if curve is None else curve

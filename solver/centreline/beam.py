@@ -16,6 +16,7 @@ from solver.centreline.appearance import Appearance, learn
 from solver.centreline.finding import Path, find
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import Fits, fit_profiles
+from solver.centreline.smooth import FEWEST, smooth_curve
 from solver.centreline.stations import Stations, stations
 from solver.centreline.tip import find_tip
 from solver.instrument.arrays import Floats, Grey
@@ -33,7 +34,6 @@ SPOILT = 3
 FARTHEST_SIGMAS, FARTHEST_PX = 6.0, 0.15
 # The beam turned about its clamp by another camera's mount [rad].
 ANY_TILT = 0.6
-FEWEST = 8
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Beam:
             return down_columns(np.empty((0, 2)), np.empty(0))
         off = np.abs(fits.centre - smooth)
         flags[(flags == 0) & (off > FARTHEST_PX) & (off > FARTHEST_SIGMAS * sigma)] = Flag.FOREIGN
-        tip = find_tip(image, places, smooth, flags, fits, look)
+        tip = find_tip(image, places, flags, fits, look)
         if tip is not None:
             beyond = places.length > tip.length - 1.5
             flags[beyond & (flags == 0)] = Flag.FOREIGN
@@ -74,7 +74,8 @@ class Beam:
         spoilt = np.convolve(np.append(running, False), np.ones(2 * SPOILT + 1), "same") > 0
         flags[spoilt & (flags == 0)] = Flag.FOREIGN
         good = flags == 0
-        on_path = places.length <= (tip.length if tip is not None else self._longest(places))
+        end = self.guide.length / self.guide.pixel if tip is None else tip.length
+        on_path = places.length <= end
         rejected = ~good & on_path
         return Centreline(
             points=places.pixels(fits.centre)[good],
@@ -85,9 +86,6 @@ class Beam:
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
         )
-
-    def _longest(self, places: Stations) -> float:
-        return self.guide.length / self.guide.pixel
 
     def _misfit(self, fits: Fits) -> Floats:
         return np.asarray(fits.chi2 / np.maximum(fits.dof, 1) / self.appearance.misfit)
@@ -107,36 +105,6 @@ class Beam:
         flags[~np.isfinite(fits.sigma)] = Flag.HIDDEN
         flags[(fits.saturated > 0) & (flags > 0)] = Flag.SATURATED
         return flags
-
-
-def smooth_curve(x: Floats, y: Floats, sigma: Floats) -> Floats | None:
-    """A smooth curve (n,) through y (n,), of sigma inf where unknown; None with too few points.
-
-    A polynomial of degree seven at most, by iteratively reweighted least squares: the outer points
-    of a scattered lot do not pull.
-    """
-    known = np.isfinite(sigma)
-    count = int(np.count_nonzero(known))
-    if count < FEWEST:
-        return None
-    low, high = x[known].min(), x[known].max()
-    place = 2 * (x - low) / max(high - low, 1e-9) - 1
-    spanned = (high - low) / max(x.max() - x.min(), 1e-9)
-    degree = min(7 if spanned > 0.6 else 5 if spanned > 0.3 else 3, count // 4)
-    basis = np.polynomial.chebyshev.chebvander(np.clip(place, -1.0, 1.0), degree)
-    weight = np.where(known, 1.0, 0.0)
-    scale = 1.0
-    curve = np.zeros_like(y)
-    for _ in range(8):
-        rows = basis[known] * weight[known, None]
-        coefficients, *_ = np.linalg.lstsq(rows, y[known] * weight[known], rcond=None)
-        curve = basis @ coefficients
-        off = np.abs(y - curve)
-        scale = max(1.4826 * float(np.median(off[known])), float(np.median(sigma[known])))
-        weight = np.where(known, np.sqrt(np.maximum(1 - (off / (6 * scale)) ** 2, 0.0)), 0.0)
-        if np.count_nonzero(weight) <= degree + 1:
-            return None
-    return np.asarray(curve)
 
 
 def learn_beam(images: Sequence[Grey], guide: Guide) -> Beam:

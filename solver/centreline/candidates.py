@@ -34,7 +34,7 @@ def candidates(
     )
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _scan(
     image: Grey,
     lines: npt.NDArray[np.int64],

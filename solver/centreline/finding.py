@@ -17,6 +17,7 @@ from solver.beam_models.linear import unit_deflection
 from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
+from solver.centreline.smooth import smooth_curve
 from solver.instrument.arrays import Floats, Grey
 
 # Scan lines over the beam's length, and contact distances that are tried.
@@ -27,6 +28,8 @@ ANCHORS = 60
 NEAR_PX, NEAR_RADII = 3.0, 2.0
 # The beam is seen where this many scan lines agree, of those that cross it.
 LEAST_LINES = 6
+# Stands for the contact distance of a beam that does not bend [m].
+STRAIGHT = 1e9
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def find(
         return None
     near = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
     line = np.searchsorted(lines, seen[:, 0].astype(np.int64))
-    distances = guide.length * np.linspace(0.08, 1.0, DISTANCES) if bends else np.array([1e9])
+    distances = guide.length * np.linspace(0.08, 1.0, DISTANCES) if bends else np.array([STRAIGHT])
     # Anchors far out tell most; the strongest come first.
     order = np.argsort(-seen[:, 2] * places[:, 0])[:ANCHORS]
     # A thing much brighter than most is no better a candidate.
@@ -77,11 +80,12 @@ def find(
     if len(np.unique(line[agreed])) < LEAST_LINES:
         return None
     x, contrast = places[agreed, 0], float(np.median(seen[agreed, 2]))
-    correction = _smooth_curve(x, offset[agreed], guide)
     along = np.linspace(0.0, 1.06 * guide.length, 96)
-    # Beyond the candidates the correction is not known: it stays what it was at the last of them.
-    held = np.clip(along, x.min(), x.max())
-    across = _shape(along, load, tilt, x_c) + np.polyval(correction, held / guide.length)
+    half_px = np.full(len(x), 0.5 * guide.pixel)
+    correction = smooth_curve(x, offset[agreed], half_px, along, degree=3)
+    across = _shape(along, load, tilt, x_c)
+    if correction is not None:
+        across += correction
     support = len(np.unique(line[agreed])) / len(lines)
     return Path(np.column_stack([along, across]), contrast, support)
 
@@ -103,28 +107,14 @@ def _shape(x: Floats, load: float, tilt: float, x_c: float) -> Floats:
     return np.asarray(bent + tilt * x)
 
 
-def _smooth_curve(x: Floats, offset: Floats, guide: Guide) -> Floats:
-    """Coefficients of a cubic through offsets, in x over the length; far ones count less."""
-    place = x / guide.length
-    weight = np.ones_like(offset)
-    coefficients = np.zeros(4)
-    span = np.ptp(place)
-    degree = 3 if span > 0.5 else 1 if span > 0.15 else 0
-    for _ in range(3):
-        coefficients = np.polyfit(place, offset, degree, w=weight)
-        misfit = offset - np.polyval(coefficients, place)
-        weight = 1 / (1 + (misfit / (0.5 * guide.pixel)) ** 2)
-    return np.asarray(coefficients)
-
-
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _unit(x: float, x_c: float) -> float:
-    if x_c > 1e8:  # a straight beam
+    if x_c >= STRAIGHT:
         return 0.0
     return (3 * x_c - x) * x * x if x <= x_c else (3 * x - x_c) * x_c * x_c
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _consensus(
     x: Floats,
     y: Floats,
@@ -136,50 +126,60 @@ def _consensus(
     near: float,
     most_tilt: float,
 ) -> tuple[float, float, float, float]:
-    """(load, tilt, x_c, score) of the shape on which most lines agree.
-
-    Without tilt one candidate gives the load; with it two give both.
-    """
-    n = len(x)
-    best_load = best_tilt = 0.0
+    """(load, tilt, x_c, score) of the shape on which most lines agree."""
+    best_load = best_tilt = best = 0.0
     best_distance = distances[0]
-    best = 0.0
     got = np.zeros(lines)
-    pairs = 1 if most_tilt <= 0 else len(anchors)
-    straight = distances[0] > 1e8
     for x_c in distances:
         for i in range(len(anchors)):
-            a = anchors[i]
-            for j in range(i, pairs) if most_tilt > 0 else range(1):
-                load = tilt = 0.0
-                ua = _unit(x[a], x_c)
-                if straight:
-                    tilt = y[a] / x[a]
-                    if j > i:
-                        break
-                elif most_tilt > 0:
-                    b = anchors[j]
-                    if b == a:
-                        tilt = y[a] / x[a]
-                    else:
-                        ub = _unit(x[b], x_c)
-                        det = ua * x[b] - ub * x[a]
-                        if abs(det) < 1e-3 * abs(ua * x[b]) or abs(x[a] - x[b]) < 0.1 * x_c:
-                            continue
-                        load = (y[a] * x[b] - y[b] * x[a]) / det
-                        tilt = (ua * y[b] - ub * y[a]) / det
-                else:
-                    load = y[a] / ua
+            # A pair of one candidate with itself is the straight beam through it.
+            partners = len(anchors) if most_tilt > 0 and x_c < STRAIGHT else i + 1
+            for j in range(i, partners):
+                load, tilt = _through(x, y, anchors[i], anchors[j], x_c, most_tilt)
                 if abs(tilt) > most_tilt:
                     continue
-                got[:] = 0.0
-                for k in range(n):
-                    r = (y[k] - load * _unit(x[k], x_c) - tilt * x[k]) / near
-                    if r * r < 1:
-                        g = weight[k] * (1 - r * r)
-                        if g > got[line[k]]:
-                            got[line[k]] = g
-                score = got.sum()
+                score = _agreement(x, y, line, weight, got, near, load, tilt, x_c)
                 if score > best:
                     best, best_load, best_tilt, best_distance = score, load, tilt, x_c
     return best_load, best_tilt, best_distance, best
+
+
+@njit(cache=True, error_model="numpy")
+def _through(
+    x: Floats, y: Floats, a: int, b: int, x_c: float, most_tilt: float
+) -> tuple[float, float]:
+    """Load and tilt of the beam through two candidates; without tilt, through the first.
+
+    A tilt beyond all bounds where they do not tell.
+    """
+    ua = _unit(x[a], x_c)
+    if most_tilt <= 0:
+        return y[a] / ua, 0.0
+    if a == b:
+        return 0.0, y[a] / x[a]
+    ub = _unit(x[b], x_c)
+    det = ua * x[b] - ub * x[a]
+    if abs(det) < 1e-3 * abs(ua * x[b]) or abs(x[a] - x[b]) < 0.1 * x_c:
+        return 0.0, np.inf
+    return (y[a] * x[b] - y[b] * x[a]) / det, (ua * y[b] - ub * y[a]) / det
+
+
+@njit(cache=True, error_model="numpy")
+def _agreement(
+    x: Floats,
+    y: Floats,
+    line: npt.NDArray[np.int64],
+    weight: Floats,
+    got: Floats,
+    near: float,
+    load: float,
+    tilt: float,
+    x_c: float,
+) -> float:
+    """Sum over scan lines of the best candidate near the shape; `got` is room to work in."""
+    got[:] = 0.0
+    for k in range(len(x)):
+        r = (y[k] - load * _unit(x[k], x_c) - tilt * x[k]) / near
+        if r * r < 1:
+            got[line[k]] = max(got[line[k]], weight[k] * (1 - r * r))
+    return float(got.sum())

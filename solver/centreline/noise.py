@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def noise_of(images: Sequence[Grey]) -> Noise:
     edges = np.linspace(gray[0], gray[-1] + 1e-9, BINS + 1)
     places = np.searchsorted(gray, edges)
     levels, found, weights = [], [], []
-    for first, last in zip(places[:-1], places[1:], strict=True):
+    for first, last in pairwise(places):
         if last - first >= LEAST_IN_BIN:
             levels.append(float(gray[first:last].mean()))
             found.append(_typical(scatter[first:last], len(images)))

@@ -2,8 +2,9 @@
 
 Across the beam, at x = distance from the axis over the radius, a matt cylinder lit from the front
 shines as the chord of its disc, sqrt(1 - x^2), one lit from everywhere almost evenly, one with
-gloss more narrowly: powers of the chord. Light from one side tilts that. The lens spreads it by a Gaussian, the pixel takes its mean. A beam that
-crosses the pixel columns aslant is wider along them, and each column takes in its way up or down.
+gloss more narrowly: powers of the chord. Light from one side tilts that. The lens spreads it by a
+Gaussian, the pixel takes its mean. A beam that crosses the pixel columns aslant is wider along
+them, and each column takes in its way up or down.
 """
 
 from dataclasses import dataclass
@@ -49,7 +50,7 @@ def profile(section: Section) -> Profile:
     """The table of a section's profiles."""
     reach = 1.5 * section.radius + 5 * section.spread * 1.5 + 1.5
     half = int(np.ceil(reach / STEP))
-    t = np.arange(-half, half + 1) * STEP
+    t = np.arange(-half, half + 1, dtype=np.float64) * STEP
     values = np.empty((SLOPES, len(t)))
     slopes = np.empty_like(values)
     for index, climb in enumerate(np.linspace(0, 1, SLOPES)):

@@ -62,7 +62,16 @@ def fit_profiles(
         half,
         full_scale,
     )
-    return Fits(*(found[:, i] for i in range(6)), *(found[:, i].astype(np.int64) for i in (6, 7)))
+    return Fits(
+        centre=found[:, 0],
+        sigma=found[:, 1],
+        amplitude=found[:, 2],
+        amplitude_sigma=found[:, 3],
+        background=found[:, 4],
+        chi2=found[:, 5],
+        dof=found[:, 6].astype(np.int64),
+        saturated=found[:, 7].astype(np.int64),
+    )
 
 
 def fit_amplitudes(
@@ -95,8 +104,8 @@ def fit_amplitudes(
     return found[:, 0], found[:, 1], found[:, 2]
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _fit(
+@njit(cache=True, error_model="numpy")
+def _fit(  # noqa: PLR0912, PLR0915 - one compiled loop over stations; calls would copy arrays
     image: Grey,
     along: npt.NDArray[np.int64],
     start: Floats,
@@ -182,7 +191,7 @@ def _fit(
     return out
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _read(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bool:
     """Fill `gray` from pixel `first` of a column (a row); False where the image ends."""
     height, width = image.shape
@@ -194,7 +203,7 @@ def _read(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bo
     return True
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _tabulated(table: Floats, climb: float, sense: float, offset: float, out: Floats) -> None:
     """The table at a climb and at pixels offset, offset + 1, ... from the centre."""
     row = min(climb, 1.0) * (table.shape[0] - 1)
@@ -212,7 +221,7 @@ def _tabulated(table: Floats, climb: float, sense: float, offset: float, out: Fl
         out[k] = flatter * (1 - part) + steeper * part
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
     """The weighted straight line (value at the middle, slope) through values."""
     w0 = w1 = w2 = v0 = v1 = 0.0
@@ -227,7 +236,7 @@ def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
     return (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _fit_amplitudes(
     image: Grey,
     along: npt.NDArray[np.int64],

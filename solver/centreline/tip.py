@@ -26,7 +26,6 @@ class FoundTip:
 def find_tip(
     image: Grey,
     places: Stations,
-    centre: Floats,
     flags: npt.NDArray[np.uint8],
     fits: Fits,
     look: Appearance,
@@ -52,7 +51,7 @@ def find_tip(
     # Beyond the last centre the beam goes on straight.
     recent = good[-2 * BEFORE :]
     line = np.polyfit(places.along[recent], fits.centre[recent], 1)
-    straight = np.polyval(line, places.along[window])
+    straight = np.asarray(np.polyval(line, places.along[window]), dtype=np.float64)
     amplitude, variance, ground = fit_amplitudes(
         image, places, window, straight, look.profile, look.noise, look.half, look.full_scale
     )
