@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 
 from solver.centreline.finding import find
@@ -98,9 +99,10 @@ class _Rested:
                 return 1e12
             off = centre - self._smooth(centre, kept)
             sigma = np.median([f.sigma[kept] for f in fits], axis=0) / np.sqrt(len(fits))
-            # Cut, so that an object at a few columns does not decide.
-            rough = np.minimum((off[kept] / sigma) ** 2, 25).sum()
-            left = sum(np.minimum(f.chi2[kept] / f.dof[kept], 9).sum() * 4 for f in fits)
+            # The Cauchy loss: an object at a few columns does not decide, and a start that is
+            # far off in all of them still knows where to go.
+            rough = np.log1p((off[kept] / sigma) ** 2 / 25).sum() * 25
+            left = sum(np.log1p(f.chi2[kept] / f.dof[kept] / 9).sum() * 36 for f in fits)
             return float(rough + left)
 
         starts = [np.array([0.3, 1.0, 0.0]), np.array([0.8, 0.5, 0.0])]
@@ -131,7 +133,8 @@ class _Rested:
             noise=self.noise,
             section=section,
             profile=profile(section),
-            amplitude=amplitude[kept],
+            # One column's noise is no feature of the beam.
+            amplitude=median_filter(amplitude[kept], 21, mode="nearest"),
             length=self.places.length[kept],
             misfit=max(1.0, float(np.median([f.chi2[kept] / f.dof[kept] for f in fits]))),
             sigma_px=float(np.sqrt(max(scatter - by_noise, 0.0))),
@@ -160,7 +163,9 @@ class _Rested:
         typical = np.median([np.median(f.amplitude[kept]) for f in fits]) if kept.any() else 0.0
         for f in fits:
             kept &= np.abs(f.amplitude - typical) < 0.6 * abs(typical)
-        return np.mean([f.centre for f in fits], axis=0), kept
+        # Off the path, along its normal: one curve, whether columns or rows are read.
+        off_path = [self.places.sense * (f.centre - self.places.start) for f in fits]
+        return np.mean(off_path, axis=0), kept
 
     def _smooth(self, centre: Floats, kept: Mask) -> Floats:
         """A quartic along the beam: bow, sag and the lens's distortion have no finer detail."""

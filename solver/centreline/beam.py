@@ -19,7 +19,7 @@ from solver.centreline.profile_fit import Fits, fit_profiles
 from solver.centreline.smooth import FEWEST, smooth_curve
 from solver.centreline.stations import Stations, stations
 from solver.centreline.tip import find_tip
-from solver.instrument.arrays import Floats, Grey
+from solver.instrument.arrays import Floats, Grey, Mask
 
 # Times the amplitude at rest within which a column's amplitude may lie.
 DIMMEST, BRIGHTEST = 0.4, 2.2
@@ -27,6 +27,8 @@ DIMMEST, BRIGHTEST = 0.4, 2.2
 # degrees of freedom one in 300 leaves more.
 WORST_MISFIT = 3.0
 NEIGHBOURHOOD = 61
+# A brightness off its smooth course by this share, over the median of so many columns, is odd.
+ODD, ABOUT = 0.012, 21
 # Where two columns running are foreign, so many on either side are not trusted either: a shadow's
 # or a leaf's edge begins in them.
 SPOILT = 3
@@ -59,29 +61,33 @@ class Beam:
         if len(places) < FEWEST:
             return down_columns(np.empty((0, 2)), np.empty(0))
         fits = fit_profiles(image, places, look.profile, look.noise, look.half, look.full_scale)
-        flags = self._flags(places, fits)
+        share = self._share(places, fits)
+        flags = self._flags(places, fits, share)
+        tip = find_tip(image, places, flags, fits, look)
+        end = self.guide.length / self.guide.pixel if tip is None else tip.length
+        # The last columns of a beam are not whole ones.
+        on_beam = places.length < end - (0 if tip is None else 1.5)
+        flags[~on_beam & (flags == 0)] = Flag.FOREIGN
+        flags[self._oddly_lit(places, share, flags, on_beam) & (flags == 0)] = Flag.FOREIGN
         sigma = np.hypot(fits.sigma * np.sqrt(np.maximum(self._misfit(fits), 1.0)), look.sigma_px)
-        smooth = smooth_curve(places.length, fits.centre, np.where(flags == 0, sigma, np.inf))
+        # Off the path, along its normal: a beam that is read by columns first and then by rows
+        # is one curve so.
+        off_path = places.sense * (fits.centre - places.start)
+        smooth = smooth_curve(places.length, off_path, np.where(flags == 0, sigma, np.inf))
         if smooth is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
-        off = np.abs(fits.centre - smooth)
+        off = np.abs(off_path - smooth)
         flags[(flags == 0) & (off > FARTHEST_PX) & (off > FARTHEST_SIGMAS * sigma)] = Flag.FOREIGN
-        tip = find_tip(image, places, flags, fits, look)
-        if tip is not None:
-            beyond = places.length > tip.length - 1.5
-            flags[beyond & (flags == 0)] = Flag.FOREIGN
         running = (flags[:-1] == Flag.FOREIGN) & (flags[1:] == Flag.FOREIGN)
         spoilt = np.convolve(np.append(running, False), np.ones(2 * SPOILT + 1), "same") > 0
         flags[spoilt & (flags == 0)] = Flag.FOREIGN
         good = flags == 0
-        end = self.guide.length / self.guide.pixel if tip is None else tip.length
-        on_path = places.length <= end
-        rejected = ~good & on_path
+        rejected = ~good & on_beam
         return Centreline(
             points=places.pixels(fits.centre)[good],
             directions=places.directions[good],
             sigma=sigma[good],
-            rejected=places.pixels(smooth)[rejected],
+            rejected=places.pixels(places.start + places.sense * smooth)[rejected],
             flags=flags[rejected],
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
@@ -90,10 +96,13 @@ class Beam:
     def _misfit(self, fits: Fits) -> Floats:
         return np.asarray(fits.chi2 / np.maximum(fits.dof, 1) / self.appearance.misfit)
 
-    def _flags(self, places: Stations, fits: Fits) -> npt.NDArray[np.uint8]:
+    def _share(self, places: Stations, fits: Fits) -> Floats:
+        """Brightness over that at rest (n,)."""
         look = self.appearance
-        expected = np.interp(places.length, look.length, look.amplitude)
-        share = fits.amplitude / expected
+        return fits.amplitude / np.interp(places.length, look.length, look.amplitude)
+
+    def _flags(self, places: Stations, fits: Fits, share: Floats) -> npt.NDArray[np.uint8]:
+        """What does not look like the beam, each column by itself and its neighbours (n,)."""
         flags = np.zeros(len(places), np.uint8)
         # A beam that comes nearer to the camera looks wider than at rest, all along: what is
         # foreign differs from the columns about it.
@@ -105,6 +114,24 @@ class Beam:
         flags[~np.isfinite(fits.sigma)] = Flag.HIDDEN
         flags[(fits.saturated > 0) & (flags > 0)] = Flag.SATURATED
         return flags
+
+    def _oddly_lit(
+        self, places: Stations, share: Floats, flags: npt.NDArray[np.uint8], on_beam: Mask
+    ) -> Mask:
+        """Where something keeps light from the beam, or adds to it: brighter or darker than about.
+
+        What is close to the beam takes light from one of its flanks, and moves its centre.
+        """
+        odd = np.zeros(len(share), np.bool_)
+        course = median_filter(share[on_beam], ABOUT, mode="nearest")
+        known = flags[on_beam] == 0
+        sigma = np.where(known, ODD / 3, np.inf)
+        usual = smooth_curve(places.length[on_beam], course, sigma, degree=2, cut=2.5)
+        if usual is not None:
+            off = np.abs(course / usual - 1)
+            # Under a spotted light every place is odd, and none.
+            odd[on_beam] = off > max(ODD, 4.5 * float(np.median(off[known])))
+        return odd
 
 
 def learn_beam(images: Sequence[Grey], guide: Guide) -> Beam:

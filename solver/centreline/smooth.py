@@ -6,19 +6,25 @@ from numba import njit
 from solver.instrument.arrays import Floats
 
 FEWEST = 8
-ROUNDS = 8
+ROUNDS = 12
 # Tukey's biweight cuts off at this many times the points' own scatter.
 CUT = 6.0
 
 
 def smooth_curve(
-    x: Floats, y: Floats, sigma: Floats, at: Floats | None = None, degree: int = 7
+    x: Floats,
+    y: Floats,
+    sigma: Floats,
+    at: Floats | None = None,
+    degree: int = 7,
+    cut: float = CUT,
 ) -> Floats | None:
     """The curve at x (n,), or at `at` (m,), through y (n,) where sigma (n,) is finite.
 
     A polynomial of at most `degree`, less where points are few or span little of x, by iteratively
     reweighted least squares (Beaton and Tukey 1974). Beyond the outermost known points it stays
-    level. None with too few points.
+    level. Points farther off than `cut` times their typical scatter have no say. None with too few
+    points.
     """
     known = np.isfinite(sigma)
     count = int(np.count_nonzero(known))
@@ -33,7 +39,7 @@ def smooth_curve(
     most = 7 if spanned > 0.6 else 5 if spanned > 0.3 else 3 if spanned > 0.1 else 1
     terms = min(degree, most, count // 4) + 1
     place = 2 * (x[known] - low) / (high - low) - 1
-    coefficients = _reweighted(place, y[known], sigma[known], terms)
+    coefficients = _reweighted(place, y[known], sigma[known], terms, cut)
     if not np.isfinite(coefficients).all():
         return None
     inside = np.clip(2 * (where - low) / (high - low) - 1, -1.0, 1.0)
@@ -41,7 +47,7 @@ def smooth_curve(
 
 
 @njit(cache=True, error_model="numpy")
-def _reweighted(place: Floats, y: Floats, sigma: Floats, terms: int) -> Floats:
+def _reweighted(place: Floats, y: Floats, sigma: Floats, terms: int, cut: float) -> Floats:
     """Chebyshev coefficients (terms,); NaN where the points do not determine them."""
     n = len(place)
     basis = _chebyshev(place, terms)
@@ -65,7 +71,7 @@ def _reweighted(place: Floats, y: Floats, sigma: Floats, terms: int) -> Floats:
         off = np.abs(y - basis @ coefficients)
         scale = max(1.4826 * np.median(off), usual)
         for i in range(n):
-            u = off[i] / (CUT * scale)
+            u = off[i] / (cut * scale)
             weight[i] = (1 - u * u) ** 2 if u < 1 else 0.0
         if abs(scale - before) < 1e-3 * scale:
             break

@@ -12,6 +12,11 @@ from solver.instrument.arrays import Floats, Grey
 
 # Stations before the end that tell the beam's brightness, and beyond it that tell there is none.
 BEFORE, BEYOND = 12, 4
+# Columns at the beam's end, whole ones no more, may look like no beam: from the last good one on,
+# so many are sought for the first dark one. Lens and pixel spread the end a column beyond that.
+FADING, SPREAD = 4, 1
+# A column is dark below this share of the beam's brightness.
+DARK = 0.25
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ def find_tip(
     told = good[good <= last - 2][-BEFORE:]
     if len(told) < BEFORE // 2 or last - told[0] > 3 * BEFORE:
         return None
-    first, end = int(told[-1]) + 1, last + 1 + BEYOND + 1
+    first, end = int(told[-1]) + 1, last + FADING + SPREAD + BEYOND + 1
     if end > len(places) or len(np.unique(places.upright[first:end])) > 1:
         return None
     window = np.arange(first, end)
@@ -58,8 +63,12 @@ def find_tip(
     if not np.isfinite(amplitude).all():
         return None
     full = float(np.mean(fits.amplitude[told]))
-    after = window > last + 1
-    if np.any(np.abs(amplitude[after]) > 0.25 * abs(full)):
+    dark = window[(window > last) & (np.abs(amplitude) < DARK * abs(full))]
+    if not len(dark) or dark[0] > last + FADING:
+        return None
+    inside = window <= dark[0] + SPREAD
+    after = ~inside & (window <= dark[0] + SPREAD + BEYOND)
+    if np.any(np.abs(amplitude[after]) > DARK * abs(full)):
         return None
     before = float(np.median(fits.background[told]))
     step = abs(float(np.median(ground[after])) - before)
@@ -67,10 +76,16 @@ def find_tip(
         look.noise.variance(before)
     ):
         return None
-    inside = window <= last + 1
     covered = float(amplitude[inside].sum() / full)
     covered_variance = float(variance[inside].sum()) / full**2
-    covered_variance += (covered / full) ** 2 * float(np.var(fits.amplitude[told])) / len(told)
+    # Noise among the brightnesses averages out; where a shadow or a light makes them differ by
+    # more, that of the end differs from their mean as much.
+    scatter = float(np.var(fits.amplitude[told]))
+    uneven = max(scatter - float(np.mean(fits.amplitude_sigma[told] ** 2)), 0.0)
+    covered_variance += (covered / full) ** 2 * (scatter / len(told) + uneven)
+    # What the ground beyond the end imitates of the beam, it also does about the end.
+    faded = np.count_nonzero(inside & (window > last))
+    covered_variance += faded**2 * float(np.mean((amplitude[after] / full) ** 2))
     forward = 1.0 if places.along[last] >= places.along[told[0]] else -1.0
     along = places.along[first] - forward * 0.5 + forward * covered
     across = float(np.polyval(line, along))
