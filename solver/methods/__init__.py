@@ -6,8 +6,26 @@ from typing import Final
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
+from solver.methods.exact_fit_3d import exact_fit_3d
+from solver.methods.force_sensor import force_sensor
+from solver.methods.linear_fit import linear_fit
+from solver.methods.moment_sensor import moment_sensor
+from solver.methods.push_fit import push_fit
+from solver.methods.stiffness import stiffness
+from solver.methods.three_point import three_point
 from solver.methods.two_point import two_point
 
 Method = Callable[[Measurement], Estimate]
 
-METHODS: Final[dict[str, Method]] = {"two_point": two_point, "exact_fit": exact_fit}
+# The paper's, as published; linear theory at its best; the exact beam; the conventional antenna.
+METHODS: Final[dict[str, Method]] = {
+    "two_point": two_point,
+    "three_point": three_point,
+    "moment_sensor": moment_sensor,
+    "stiffness": stiffness,
+    "linear_fit": linear_fit,
+    "exact_fit": exact_fit,
+    "exact_fit_3d": exact_fit_3d,
+    "push_fit": push_fit,
+    "force_sensor": force_sensor,
+}

@@ -1,30 +1,39 @@
 """The paper's 2D-VBAA (section V-A): every pair of points gives a contact, the mean is the answer.
 
-Linear theory. For two points x1 < x2 the ratio rho = y2 / y1 determines x_c: it grows strictly
-from x2/x1 (contact at the clamp) to (x2/x1)^2 (contact at infinity), so a pair has one solution
-or none, and the paper's three cases are three stretches of one function.
+Linear theory, on the calibration plane or, where the rig knows the inclination of the plane in
+which the beam bends, on that plane: the points are un-projected first by (7) and (8). For two
+points x1 < x2 the ratio rho = y2 / y1 determines x_c: it grows strictly from x2/x1 (contact at the
+clamp) to (x2/x1)^2 (contact at infinity), so a pair has one solution or none, and the paper's
+three cases are three stretches of one function (`beam_models.linear.contact_of_pair`).
 
-    both on the curved part (15)   x_c = (x1 + (x2 - x1) q1 / (q1 - q2)) / 3 with q = y / x^2
-    both on the linear part (19)   x_c = 3 (x1 - y1 / m) with m = (y2 - y1) / (x2 - x1)
-    one on each (20)               the root of the cubic in [x1, x2]
-
-The force follows from (9) or (10) at the first point; on the linear part that equals (18) with
-the last factor of its denominator squared, which the paper's print omits.
+What is mended. The force follows from (9) or (10) at the first point; on the straight part that
+equals (18) with the last factor of its denominator squared, which the print omits. The root of
+(20) is taken in [x1, x2] alone; (24) reads 2 x2 - x_c in its first bracket, and its conclusion
+stands. "More than one candidate" cannot happen, noise or not: noise makes pairs with none. (11)
+drops the force's component along the beam, so that the force comes out 4 % low where the beam has
+turned by 17 degrees; that is the paper's approximation and is kept.
 
 The rule, fixed before any scoring: all pairs of image columns with x2 - x1 >= L / 4; pairs
 without a solution, or with one beyond the beam's tip, are invalid; the answer is the plain mean
 of the valid ones (the paper: "more than 500 data"). A beam that is straight within its noise is no
 contact, as the paper detects first contact from the shape before anything else. Biased where the
-beam leaves linear theory: +0.9 to +5 % of L at 20 % deflection.
+beam leaves linear theory: +0.9 to +5 % of L at 20 % deflection. The covariance is that of the
+noise, the clamp and the rig's tolerances; it knows nothing of this bias.
 """
 
-import numpy as np
+from dataclasses import dataclass
 
-from solver.beam_models.linear import unit_deflection
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_slope
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
+from solver.fitting.linear_answer import LinearContact, answer, errors_of_planar_fit
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.plane_d import known_plane
 
 LEAST_PAIRS = 500
 LEAST_POINTS = 33  # fewer cannot make so many pairs
@@ -32,117 +41,135 @@ LEAST_SEPARATION = 0.25  # of the beam's length
 
 
 def two_point(measurement: Measurement) -> Estimate:
-    """Contact distance x_c and force f, with the covariance that the points' noise gives them."""
-    beam, tolerances = measurement.rig.beam, measurement.rig.tolerances
+    """Contact distance x_c, force f and what follows from them, with their joint covariance."""
     if len(measurement.points) < LEAST_POINTS:
         return Estimate(
             Outcome.INVALID,
             f"{len(measurement.points)} visible points, needed are {LEAST_POINTS}",
         )
-    refusal = no_contact(nearest_linear_bend(measurement))
+    found = known_plane(measurement)
+    if isinstance(found, Estimate):
+        return found
+    planar, _ = found
+    bend = nearest_linear_bend(planar)
+    refusal = no_contact(bend)
     if refusal is not None:
         return refusal
-    ahead = measurement.points[:, 0] > 0
-    x, y = measurement.points[ahead].T
-    first, second = np.nonzero(x[None, :] - x[:, None] >= LEAST_SEPARATION * beam.length)
-    x_c = contact_distance(x[first], y[first], x[second], y[second])
-    with np.errstate(invalid="ignore"):
-        valid = (x_c > 0) & (x_c <= beam.length)
-    pairs = int(valid.sum())
+    mean = mean_of_pairs(planar)
+    if isinstance(mean, Estimate):
+        return mean
+    covariance = errors_of_planar_fit(planar, mean.noise * bend.widening, mean.by_base)
+    contact = LinearContact(mean.x_c, mean.load, covariance)
+    return answer(contact, planar, f"mean of {mean.pairs} pairs")
+
+
+@dataclass(frozen=True)
+class MeanOfPairs:
+    """Mean x_c [m] and load f / (6 EI) [1/m^2] of `pairs` valid pairs of points.
+
+    `rows` (n,) are the points' places in the measurement, `by_point` (2, n) the derivative of
+    x_c and load by their y, `slope` (n,) the mean beam's slope there, `noise` (2, 2) the
+    covariance that the points' errors give, `by_base` (2, 3) the derivative by the clamp's true
+    (dx, dy, tilt).
+    """
+
+    x_c: float
+    load: float
+    pairs: int
+    rows: npt.NDArray[np.int64]
+    by_point: Floats
+    slope: Floats
+    noise: Floats
+    by_base: Floats
+
+    def moved(self, steps: Floats) -> Floats:
+        """By how much x_c and load move (2,) if the points, by `rows`, move by `steps` (n, 2)."""
+        return np.asarray(self.by_point @ (steps[:, 1] - self.slope * steps[:, 0]))
+
+
+def mean_of_pairs(planar: Measurement) -> MeanOfPairs | Estimate:
+    """The mean over all valid pairs of points on the deformation plane, by the rule above."""
+    length = planar.rig.beam.length
+    ahead = np.flatnonzero(planar.points[:, 0] > 0)
+    rows = ahead[np.argsort(planar.points[ahead, 0], kind="stable")]
+    x, y = planar.points[rows].T
+    sums, by_point, tried = _sum_over_pairs(x, y, LEAST_SEPARATION * length, length)
+    pairs = int(sums[0])
     if pairs < LEAST_PAIRS:
         return Estimate(
             Outcome.INVALID,
-            f"{pairs} of {len(x_c)} pairs of points fit a point contact, needed are {LEAST_PAIRS}",
+            f"{pairs} of {tried} pairs of points fit a point contact, needed are {LEAST_PAIRS}",
         )
-    first, second, x_c = first[valid], second[valid], x_c[valid]
-    ei = beam.flexural_rigidity
-    force = 6 * ei * y[first] / unit_deflection(x[first], x_c)
-    mean_x_c, mean_force = float(x_c.mean()), float(force.mean())
-
+    x_c, load = float(sums[1]) / pairs, float(sums[2]) / pairs
     # The pairs share their points, so the scatter of pairs says nothing about the mean: the
-    # points' own errors are carried through instead, d(mean)/d(y_i), pair by pair.
-    x_c_by_1, x_c_by_2 = _gradient(x[first], y[first], x[second], y[second], x_c)
-    step = 1e-6 * x_c
-    per_load = 1 / unit_deflection(x[first], x_c)
-    per_load_by_x_c = (1 / unit_deflection(x[first], x_c + step) - per_load) / step
-    force_by_x_c = 6 * ei * y[first] * per_load_by_x_c
-    n = len(x)
-    by_point = np.vstack(
-        [
-            np.bincount(first, x_c_by_1, n) + np.bincount(second, x_c_by_2, n),
-            np.bincount(first, 6 * ei * per_load + force_by_x_c * x_c_by_1, n)
-            + np.bincount(second, force_by_x_c * x_c_by_2, n),
-        ]
-    )
+    # points' own errors are carried through instead, d(mean)/d(y_i), pair by pair. A point that
+    # errs along the beam, or a clamp displaced along it, shows the beam higher or lower by its
+    # slope there.
     by_point /= pairs
-    sigma = measurement.sigma_vectors[ahead][:, 1]
-    covariance = (by_point * sigma**2) @ by_point.T
-    # A clamp displaced by dx along the beam shows each point where the beam is lower by y' dx.
-    load = mean_force / (6 * ei)
-    here, there = unit_deflection(x, mean_x_c), unit_deflection(x + 1e-6, mean_x_c)
-    slope = load * (there - here) / 1e-6
-    by_base = -np.column_stack([by_point @ slope, by_point.sum(axis=1), by_point @ x])
-    covariance += by_base @ measurement.base_covariance @ by_base.T
-    by_scale = np.array([mean_x_c, -2 * mean_force])
-    covariance += np.outer(by_scale, by_scale) * measurement.scale_sigma**2
-    covariance[1, 1] += (mean_force / ei * tolerances.flexural_rigidity) ** 2
-    return Estimate(
-        Outcome.CONTACT,
-        f"mean of {pairs} pairs",
-        values={"x_c_m": mean_x_c, "force_n": mean_force},
-        covariance=covariance,
-    )
+    slope = load * unit_slope(x, x_c)
+    along, across = planar.sigma_vectors[rows].T
+    by_error = by_point * (across - slope * along)
+    by_base = np.column_stack([-by_point @ slope, by_point.sum(axis=1), by_point @ x])
+    noise = by_error @ by_error.T
+    return MeanOfPairs(x_c, load, pairs, rows, by_point, slope, noise, by_base)
 
 
 def contact_distance(x1: Floats, y1: Floats, x2: Floats, y2: Floats) -> Floats:
     """x_c (n,) [m] from pairs of points with 0 < x1 < x2; NaN for a pair without a solution."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rho, r = y2 / y1, x2 / x1
-        solvable = (y1 > 0) & (rho > r) & (rho < r**2)
-        # rho at x_c = x1 and at x_c = x2 separates the three cases.
-        linear = solvable & (rho <= (3 * x2 - x1) / (2 * x1))
-        curved = solvable & (rho >= 2 * x2**3 / ((3 * x2 - x1) * x1**2))
-        mixed = solvable & ~linear & ~curved
-        x_c = np.full(len(x1), np.nan)
-        slope = (y2 - y1) / (x2 - x1)
-        x_c[linear] = 3 * (x1 - y1 / slope)[linear]
-        q1, q2 = y1 / x1**2, y2 / x2**2
-        x_c[curved] = ((x1 + (x2 - x1) * q1 / (q1 - q2)) / 3)[curved]
-    x_c[mixed] = _mixed_case(x1[mixed], x2[mixed], rho[mixed])
+    return np.asarray(_contacts(x1, y1, x2, y2))
+
+
+@njit(cache=True, error_model="numpy")
+def _contacts(x1: Floats, y1: Floats, x2: Floats, y2: Floats) -> Floats:
+    x_c = np.full(len(x1), np.nan)
+    for i in range(len(x1)):
+        if y1[i] > 0:
+            c = contact_of_pair(x1[i], y1[i], x2[i], y2[i], 0.0)
+            if 0 < c < np.inf:
+                x_c[i] = c
     return x_c
 
 
-def _mixed_case(x1: Floats, x2: Floats, rho: Floats) -> Floats:
-    """Eq. (20), c^3 - 3 x2 c^2 + 3 x1^2 rho c - x1^3 rho = 0 for the root c in [x1, x2].
+@njit(cache=True, error_model="numpy")
+def _sum_over_pairs(
+    x: Floats, y: Floats, separation: float, farthest: float
+) -> tuple[Floats, Floats, int]:
+    """(valid pairs, sum of x_c, sum of load), the sums' derivatives by y (2, n), pairs tried.
 
-    Newton's steps, each kept inside a bracket that shrinks around the root.
+    `x` (n,) is in rising order. The contact of one pair is the guess for the next.
     """
-
-    def cubic(c: Floats) -> Floats:
-        return np.asarray(((c - 3 * x2) * c + 3 * x1**2 * rho) * c - x1**3 * rho)
-
-    low, high = x1.copy(), x2.copy()
-    c = (low + high) / 2
-    for _ in range(60):
-        value = cubic(c)
-        positive = value > 0  # g falls from g(x1) >= 0 to g(x2) <= 0
-        low, high = np.where(positive, c, low), np.where(positive, high, c)
-        slope = 3 * c**2 - 6 * x2 * c + 3 * x1**2 * rho
-        newton = c - value / np.where(slope == 0, 1.0, slope)
-        inside = (newton > low) & (newton < high)
-        following = np.where(inside, newton, (low + high) / 2)
-        if np.all(np.abs(following - c) <= 1e-13 * x2):
-            return following
-        c = following
-    return c
-
-
-def _gradient(x1: Floats, y1: Floats, x2: Floats, y2: Floats, x_c: Floats) -> tuple[Floats, Floats]:
-    """d x_c / d y1 and d x_c / d y2 [1] by the implicit function rho(x_c) = y2 / y1."""
-    step = 1e-6 * x_c
-
-    def rho(c: Floats) -> Floats:
-        return unit_deflection(x2, c) / unit_deflection(x1, c)
-
-    slope = (rho(x_c + step) - rho(x_c - step)) / (2 * step)
-    return -y2 / y1**2 / slope, 1 / (y1 * slope)
+    n = len(x)
+    sums, by_point = np.zeros(3), np.zeros((2, n))
+    tried, start = 0, 0
+    for i in range(n):
+        x1, y1 = x[i], y[i]
+        while start < n and x[start] - x1 < separation:
+            start += 1
+        tried += n - start
+        if y1 <= 0:
+            continue
+        c, inverse_y1 = 0.0, 1 / y1
+        for j in range(start, n):
+            x2, y2 = x[j], y[j]
+            found = contact_of_pair(x1, y1, x2, y2, c)
+            if not 0 < found <= farthest:
+                continue
+            c = found
+            if x1 <= c:  # (9) at the first point
+                unit, unit_by_c = (3 * c - x1) * x1**2, 3 * x1**2
+            else:  # (10)
+                unit, unit_by_c = (3 * x1 - c) * c**2, (6 * x1 - 3 * c) * c
+            inverse_unit = 1 / unit
+            load = y1 * inverse_unit
+            # The implicit function rho(x_c) = y2 / y1.
+            c_by_2 = 1 / (y1 * ratio_slope(x1, x2, c))
+            c_by_1 = -c_by_2 * y2 * inverse_y1
+            load_by_c = -load * unit_by_c * inverse_unit
+            sums[0] += 1
+            sums[1] += c
+            sums[2] += load
+            by_point[0, i] += c_by_1
+            by_point[0, j] += c_by_2
+            by_point[1, i] += inverse_unit + load_by_c * c_by_1
+            by_point[1, j] += load_by_c * c_by_2
+    return sums, by_point, tried

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import hyp2f1
 
 from solver.beam_models import exact, linear
 from tests.oracle import oracle
@@ -79,9 +80,25 @@ def test_lengths_scale_together(shape: tuple[float, float], scale: float) -> Non
         assert getattr(other, name) == pytest.approx(scale * getattr(one, name), rel=1e-12)
 
 
+def test_its_series_are_the_hypergeometric_functions() -> None:
+    sine = np.linspace(0, 0.995, 200)
+    q = 2 * sine  # at u = 1
+    p = np.array([exact.bend_at(1.0, one)[0] for one in q])
+    assert p == pytest.approx(sine / 3 * hyp2f1(0.5, 0.75, 1.75, sine**2), rel=1e-12)
+    assert exact.bend(np.ones(1), q[100])[0] == pytest.approx(p[100], rel=1e-14)
+    s_c = np.array([exact.contact(one, 1.0).s_c for one in q])
+    assert s_c == pytest.approx(hyp2f1(0.5, 0.25, 1.25, sine**2), rel=1e-12)
+    gentle = sine[sine < exact.GENTLE_SINE]
+    t = (1 - np.sqrt(1 - gentle**2)) * 2 / exact.GENTLE - 1
+    assert np.polynomial.polynomial.polyval(t, exact.BEND_GENTLE) == pytest.approx(
+        hyp2f1(0.5, 0.75, 1.75, gentle**2), rel=1e-14
+    )
+
+
 def test_a_vanishing_force_is_regular() -> None:
     at = exact.contact(0.0, 0.12)
-    assert (at.theta_c, at.x_c, at.y_c, at.s_c) == (0.0, 0.12, 0.0, 0.12)
+    assert (at.theta_c, at.x_c, at.y_c) == (0.0, 0.12, 0.0)
+    assert at.s_c == pytest.approx(0.12, rel=1e-15)
     misfit, _, by_shape = exact.misfit(np.array([0.1, 0.2]), np.array([0.0, 1e-3]), 0.0, 0.12)
     assert misfit == pytest.approx([0.0, 1e-3])
     assert np.isfinite(by_shape).all()

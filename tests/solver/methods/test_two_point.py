@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solver.beam_models.linear import unit_deflection
+from solver.beam_models.linear import ratio, ratio_slope, unit_deflection
 from solver.instrument.estimate import Estimate, Outcome
 from solver.methods.two_point import contact_distance, two_point
-from tests.simulated import BEAM, measurement
+from tests.inclined import VIEWPOINT, inclined, on_plane_c
+from tests.simulated import BEAM, columns, measurement
 
 EI = BEAM.flexural_rigidity
 PLACES = st.floats(0.004, 0.24)
@@ -88,12 +89,78 @@ def test_is_exact_on_a_noise_free_linear_beam(x_c: float) -> None:
 
 def test_its_covariance_is_that_of_the_noise() -> None:
     # Noise small enough that every pair keeps its solution: the mean is then linear in it.
-    found = np.array(
-        [list(linear_measurement(0.12, 0.05, 2e-8, seed).values.values()) for seed in range(60)]
-    )
-    answer = linear_measurement(0.12, 0.05, 2e-8)
-    stated = [answer.sigma(name) for name in ("x_c_m", "force_n")]
+    names = ["x_c_m", "force_n", "y_c_m", "contact_antenna_y_m"]
+    answers = [linear_measurement(0.12, 0.05, 2e-8, seed) for seed in range(60)]
+    found = np.array([[answer.values[name] for name in names] for answer in answers])
+    stated = np.mean([[answer.sigma(name) for name in names] for answer in answers], axis=0)
     assert found.std(axis=0, ddof=1) == pytest.approx(stated, rel=0.3)  # 60 trials: +-9 % per sigma
+
+
+@given(PLACES, PLACES, PLACES, PLACES)
+def test_the_ratio_grows_strictly_from_r_to_its_square(
+    x1: float, x2: float, one: float, other: float
+) -> None:
+    x1, x2 = sorted((x1, x2))
+    one, other = sorted((one, other))
+    if x2 < 1.05 * x1 or other < 1.01 * one:
+        return
+    low, high = ratio(x1, x2, one), ratio(x1, x2, other)
+    assert x2 / x1 < low < high < (x2 / x1) ** 2
+    assert ratio(x1, x2, 1e-9) == pytest.approx(x2 / x1)
+    assert ratio(x1, x2, 1e9) == pytest.approx((x2 / x1) ** 2)
+    step = 1e-6 * one
+    slope = (ratio(x1, x2, one + step) - ratio(x1, x2, one - step)) / (2 * step)
+    assert ratio_slope(x1, x2, one) == pytest.approx(slope, rel=1e-4, abs=1e-9 / one)
+
+
+@pytest.mark.parametrize("psi_deg", [-60.0, 30.0, 70.0])
+def test_a_flat_strip_is_un_projected_first(psi_deg: float) -> None:
+    psi = np.radians(psi_deg)
+    x = np.linspace(0, 0.24, 40_001)
+    load, x_c = 1.5, 0.12
+    on_c = on_plane_c(np.column_stack([x, load * unit_deflection(x, x_c)]), psi, VIEWPOINT)
+    points = columns(np.column_stack([x, on_c, x]))
+    values = two_point(inclined(points, 1e-8, known_psi=psi)).values
+    y_c = 2 * load * x_c**3
+    expected = {
+        "x_c_m": x_c,
+        "force_n": 6 * EI * load,
+        "displacement_y_m": y_c * np.cos(psi),  # (28)
+        "displacement_z_m": y_c * np.sin(psi),  # (29)
+        "contact_antenna_z_m": y_c * np.sin(psi),  # (5)
+        "force_y_n": 6 * EI * load * np.cos(psi),
+        "force_z_n": 6 * EI * load * np.sin(psi),
+    }
+    for name, value in expected.items():
+        assert values[name] == pytest.approx(value, rel=1e-5)
+
+
+def test_noise_biases_it_as_published() -> None:
+    # 5 % deflection, 0.3 px, x_c = 230 mm: pairs beyond the tip are refused, and what is left lies
+    # far inside. A large error, and an answer all the same.
+    x, random = np.arange(0.003, 0.24, 0.51e-3), np.random.default_rng(0)
+    y = 0.012 / float(unit_deflection(0.24, 0.23)) * unit_deflection(x, 0.23)
+    errors = []
+    for _ in range(10):
+        noise = 0.3 * 0.51e-3 * random.standard_normal(len(x))
+        answer = two_point(measurement(np.column_stack([x, y + noise]), 0.3 * 0.51e-3))
+        errors.append(100 * (answer.values["x_c_m"] - 0.23) / BEAM.length)
+    assert -45 < np.mean(errors) < -10
+
+
+def test_ratios_out_of_range_and_repeated_points_are_no_numbers() -> None:
+    x = np.linspace(0.01, 0.23, 200)
+    for y in (x, 0.3 * x, 5 * x**2, 50 * x**3, np.full_like(x, 0.01)):
+        answer = two_point(measurement(np.column_stack([x, y]), 1e-6))
+        assert not answer.values
+        assert answer.message
+    same = two_point(measurement(np.full((100, 2), 0.05), 1e-6))
+    assert not same.values
+    once = linear_measurement(0.12, 0.05, 0.0)
+    x = np.arange(0.003, 0.24, 0.51e-3).repeat(2)
+    y = 0.05 / (6 * EI) * unit_deflection(x, 0.12)
+    twice = two_point(measurement(np.column_stack([x, y]), 1e-9))
+    assert twice.values["x_c_m"] == pytest.approx(once.values["x_c_m"], rel=1e-9)
 
 
 def test_too_few_pairs_are_invalid() -> None:

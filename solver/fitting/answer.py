@@ -1,0 +1,146 @@
+"""What a fitted beam is called: an estimate with its values, or an outcome that says why not."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from solver.fitting.first_contact import nearest_linear_bend, no_contact
+from solver.fitting.minimise import DEFICIENT, STOPPED
+from solver.fitting.problem import FrameFit, Problem
+from solver.fitting.values import values_of
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+
+LEAST_POINTS = 8
+# A place known worse than this share of the beam's length is only an interval.
+WEAK_SIGMA = 1 / 7
+# More than this share of the points cannot be outliers: then the model is wrong.
+MOST_REJECTED = 0.45
+# Nor can so many that stand together, in runs of five and more: an occluder's edge hides less.
+MOST_COHERENT = 1 / 3
+# What stands beside such runs must fit well: a beam with two contacts does not.
+COHERENT = 0.1
+MOST_CHI2_BESIDE_RUNS = 1.4
+# Residuals twice as large as stated are no longer those of an exact beam at one contact.
+MOST_CHI2_PER_DOF = 4.0
+
+
+def refusal_of(measurement: Measurement, problem: Problem, fit: FrameFit | None) -> Estimate | None:
+    """The answer where no contact can be told from a frame; None where the fit stands.
+
+    Points that the fit rejects do not count when the beam is judged straight or bent.
+    """
+    if problem.points < LEAST_POINTS:
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points, needed are {LEAST_POINTS}"
+        )
+    refusal = no_contact(nearest_linear_bend(_of_kept(measurement, fit)))
+    if refusal is not None:
+        return refusal
+    if fit is None:
+        return Estimate(Outcome.NOT_CONVERGED, "no exact beam lies near the points")
+    if fit.status == DEFICIENT:
+        return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
+    rejected = problem.points - int(fit.kept.sum())
+    off = ~fit.kept[problem.order]
+    if max(off.mean() / MOST_REJECTED, _in_runs(off) / MOST_COHERENT) > 1:
+        return Estimate(
+            Outcome.INVALID,
+            f"{rejected} of {problem.points} points lie off every exact beam with one contact",
+            iterations=fit.iterations,
+        )
+    if fit.status == STOPPED:
+        return Estimate(Outcome.NOT_CONVERGED, iterations=fit.iterations)
+    return None
+
+
+def answer(
+    measurement: Measurement,
+    problem: Problem,
+    fit: FrameFit,
+    *,
+    psi_known: bool,
+    psi_fitted: bool = False,
+    spread: Any = None,
+) -> Estimate:
+    """The estimate of a converged fit.
+
+    `spread` (8,), in the fit's parameters, is by how much they might be elsewhere, as one sigma:
+    another minimum that fits almost as well.
+    """
+    arrays = problem.arrays
+    moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
+    data = int(fit.kept.sum()) + 2 * len(arrays[3]) + int(moment)
+    dof = max(data - 2 - int(psi_fitted), 1)
+
+    def said(outcome: Outcome, message: str = "") -> Estimate:
+        return Estimate(outcome, message, chi2=fit.chi2, dof=dof, iterations=fit.iterations)
+
+    in_runs = _in_runs(~fit.kept[problem.order]) > COHERENT
+    most = MOST_CHI2_BESIDE_RUNS if in_runs else MOST_CHI2_PER_DOF
+    if fit.chi2 / dof > most:
+        return said(
+            Outcome.INVALID,
+            f"the nearest exact beam with one contact leaves a chi2 of {fit.chi2 / dof:.1f} "
+            f"per degree of freedom in {int(fit.kept.sum())} of {problem.points} points",
+        )
+    if spread is not None:
+        fit = replace(fit, covariance=fit.covariance + np.outer(spread, spread))
+    values, covariance = values_of(measurement, problem, fit, psi_known)
+    beam_length = measurement.rig.beam.length
+    x_c, s_c = values["x_c_m"], values["s_c_m"]
+    x_sigma, s_sigma = _sigma(covariance, 0), _sigma(covariance, 2)
+    s_sigma = math.hypot(s_sigma, measurement.rig.tolerances.beam_length)
+    if s_c > beam_length + 3 * s_sigma:
+        return said(
+            Outcome.INVALID,
+            f"the shape would be touched at {s_c:.4g} m, beyond the tip at {beam_length:.4g} m",
+        )
+    if x_sigma > beam_length:
+        return said(Outcome.NOT_IDENTIFIABLE)
+    if x_c / 4 < x_sigma <= WEAK_SIGMA * beam_length:
+        # Of a short stretch the noise alone makes such shapes, and no sigma says so.
+        return said(
+            Outcome.NOT_IDENTIFIABLE, "the contact would lie within four sigma of the clamp"
+        )
+    outcome = Outcome.CONTACT
+    if x_sigma > WEAK_SIGMA * beam_length:
+        outcome = Outcome.WEAK_CONTACT
+    elif s_c > beam_length - 2 * s_sigma:
+        outcome = Outcome.TIP_CONTACT
+    rejected = problem.points - int(fit.kept.sum())
+    message = f"{rejected} of {problem.points} points were rejected" if rejected else ""
+    return Estimate(
+        outcome,
+        message,
+        values=values,
+        covariance=covariance,
+        chi2=fit.chi2,
+        dof=dof,
+        iterations=fit.iterations,
+    )
+
+
+def _in_runs(off: Any) -> float:
+    """Share of points in the middle of five that are all off."""
+    middle = off[2:-2] & off[1:-3] & off[3:-1] & off[:-4] & off[4:]
+    return float(middle.sum()) / max(len(off), 1)
+
+
+def _sigma(covariance: Floats, index: int) -> float:
+    return math.sqrt(max(float(covariance[index, index]), 0.0))
+
+
+def _of_kept(measurement: Measurement, fit: FrameFit | None) -> Measurement:
+    count = len(measurement.points)
+    if fit is None or fit.status == STOPPED or fit.kept[:count].all():
+        return measurement
+    kept = fit.kept[:count]
+    if kept.mean() < 1 - MOST_REJECTED:  # then it is not the points that are wrong
+        return measurement
+    view = measurement.view
+    fewer = replace(view, points=view.points[kept], sigma_vectors=view.sigma_vectors[kept])
+    return replace(measurement, view=fewer)

@@ -1,0 +1,130 @@
+"""Many frames at once: points to (q, lever) with covariance, without Python between frames."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, settle
+from solver.fitting.minimise import CONVERGED, DEFICIENT
+from solver.fitting.problem import base_whitening, view_row
+from solver.fitting.residuals import DX, DY, KNOWN, LEVER, PARAMETERS, TILT, Q
+from solver.fitting.starts import begin, workspace
+from solver.instrument.arrays import Floats
+from solver.instrument.beam import Beam
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Fits of m frames.
+
+    `parameters` (m, 5) are q [1/m^2], lever [m] of the exact beam and dx [m], dy [m], tilt [rad]
+    of the clamp, `covariances` (m, 5, 5) theirs; `chi2` (m,) on `kept` (m,) points that were not
+    rejected as outliers; `converged` (m,) says whether there is an answer: where there is none,
+    parameters and covariances are zero.
+    """
+
+    parameters: Floats
+    covariances: Floats
+    chi2: Floats
+    kept: Any
+    converged: Any
+
+
+def exact_fit_batch(
+    points: Floats,
+    sigma_vectors: Floats,
+    offsets: Any,
+    base_covariance: Floats,
+    beam: Beam,
+    *,
+    viewpoint: Floats | None = None,
+    psi: float = 0.0,
+) -> Batch:
+    """Least squares with the exact beam in each of m frames, as `exact_fit` does it in one.
+
+    `points` and `sigma_vectors` (n, 2) [m] hold all frames one after another, frame i from
+    `offsets[i]` to `offsets[i + 1]`, in the frame of the beam at rest; `base_covariance` (3, 3)
+    [m, m, rad] is the clamp's. `viewpoint` (4,) matters only where `psi` [rad] is not zero.
+    Raises ValueError where shapes do not fit or a value is not finite.
+    """
+    points, sigma_vectors = (
+        np.ascontiguousarray(values, dtype=np.float64) for values in (points, sigma_vectors)
+    )
+    offsets = np.asarray(offsets, dtype=np.int64)
+    if points.shape != sigma_vectors.shape or points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(
+            f"points have shape {points.shape}, sigma vectors {sigma_vectors.shape}, "
+            "allowed is (n, 2) for both"
+        )
+    rising = len(offsets) > 0 and bool((offsets[1:] >= offsets[:-1]).all())
+    if not rising or offsets[0] < 0 or offsets[-1] > len(points):
+        raise ValueError("offsets do not rise within the points")
+    length = beam.length
+    seen = np.array([0.0, 0.0, 1.0, 0.0]) if viewpoint is None else np.asarray(viewpoint)
+    views = view_row(seen, length)[None]
+    unit = np.array([length**-2, length, length, length, 1.0])
+    whitening = base_whitening(base_covariance, length)
+    base_tilt = float(np.asarray(base_covariance)[2, 2])
+    parameters, covariances, summary = _fit_all(
+        points, sigma_vectors, length, offsets, views, whitening, base_tilt, psi
+    )
+    if np.isnan(summary[:, CHI2]).any():
+        raise ValueError("a point or a sigma is not finite")
+    return Batch(
+        parameters * unit,
+        covariances * np.outer(unit, unit),
+        summary[:, CHI2],
+        summary[:, KEPT].astype(np.int64),
+        summary[:, STATUS] == CONVERGED,
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _fit_all(
+    points: Floats,
+    sigma_vectors: Floats,
+    length: float,
+    offsets: Any,
+    views: Floats,
+    whitening: Floats,
+    tilt_variance: float,
+    psi: float,
+) -> Any:
+    frames = len(offsets) - 1
+    parameters, covariances = np.zeros((frames, 5)), np.zeros((frames, 5, 5))
+    summary = np.zeros((frames, 5))
+    free = np.array([Q, LEVER, DX, DY, TILT])
+    tips, known = np.zeros((0, 7)), np.zeros(KNOWN)
+    p, covariance = np.zeros(PARAMETERS), np.zeros((PARAMETERS, PARAMETERS))
+    most = 0
+    for i in range(frames):
+        most = max(most, offsets[i + 1] - offsets[i])
+    kept = np.ones(most, dtype=np.bool_)
+    work = workspace(most)
+    rows, bounds = np.empty((4, most)), np.zeros(2, dtype=np.int64)
+    problem = (rows, bounds, views, tips, known, whitening)
+    for i in range(frames):
+        n = offsets[i + 1] - offsets[i]
+        bounds[1] = n
+        total = 0.0
+        for j in range(n):
+            for axis in range(2):
+                rows[axis, j] = points[offsets[i] + j, axis] / length
+                rows[2 + axis, j] = sigma_vectors[offsets[i] + j, axis] / length
+                total += rows[axis, j] + rows[2 + axis, j]
+        summary[i, STATUS] = DEFICIENT
+        if not np.isfinite(total):
+            summary[i, CHI2] = np.nan
+            continue
+        if n == 0 or not begin(problem, free, tilt_variance, psi, p):
+            continue
+        settle(p, problem, free, tilt_variance, work, covariance, kept[:n], summary[i])
+        if summary[i, STATUS] == CONVERGED:
+            widening = summary[i, WIDENING]
+            for a in range(5):
+                parameters[i, a] = p[free[a]]
+                for b in range(5):
+                    covariances[i, a, b] = widening * covariance[free[a], free[b]]
+    return parameters, covariances, summary

@@ -1,0 +1,146 @@
+"""One frame's fit of the exact beam, compiled: start, least squares, and what to do with outliers.
+
+A `problem` is (points, bounds, views, tips, known, base_whitening) in units of the beam's length,
+as `residuals` and `constraints` say. Plain least squares comes first and is the answer where its
+residuals look like noise, so that a clean frame pays nothing for robustness. Otherwise Tukey's
+weights with the stated sigmas are used, from two starts: the plain fit, and the best of many
+exact beams through a few points each (MSAC; Torr and Zisserman 2000), which sees through outliers
+that agree with one another.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numba import njit
+
+from solver.fitting.correlation import integrated_correlation
+from solver.fitting.minimise import (
+    CONVERGED,
+    STOPPED,
+    assemble,
+    invert,
+    linearise,
+    minimise,
+)
+from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
+from solver.fitting.robust import CUT, VARIANCE_FACTOR, scale
+from solver.fitting.starts import consensus
+from solver.instrument.arrays import Floats
+
+# Of white noise the largest of 500 residuals exceeds this in one frame of 3500; six sigmas of
+# chi2 show a run of outliers that least squares has bent towards.
+SUSPICIOUS: Final = 5.0
+# Sigmas that are too small by a factor between these are understated, and no sign of outliers.
+LEAST_SCALE: Final = 1.1
+MOST_SCALE: Final = 2.0
+# Most iterations before the last cut, and of an answer. A numpy scalar is compiled once, a
+# literal for every value.
+_WIDER, _ANSWER = np.int64(10), np.int64(40)
+# Rows of `summary`.
+STATUS, CHI2, KEPT, ITERATIONS, WIDENING = range(5)
+
+
+@njit(cache=True, error_model="numpy")
+def _robustly(p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats) -> Any:
+    """Tukey's minimum near p, from a wider cut down to `cut`: (status, cost, iterations)."""
+    total = 0
+    for widened in (4.0, 2.0):
+        _, _, iterations = minimise(p, problem, free, widened * cut, _WIDER, work, covariance)
+        total += iterations
+    status, cost, iterations = minimise(p, problem, free, cut, _ANSWER, work, covariance)
+    return status, cost, total + iterations
+
+
+@njit(cache=True, error_model="numpy")
+def _better(
+    p: Floats, other: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
+) -> Any:
+    """The better of Tukey's minima near p and near `other` into p: (status, iterations)."""
+    here = p.copy()
+    first, first_cost, count = _robustly(here, problem, free, cut, work, covariance)
+    status, cost, iterations = _robustly(other, problem, free, cut, work, covariance)
+    p[:] = other
+    if first == CONVERGED and (first_cost <= cost * (1 + 1e-6) or status != CONVERGED):
+        status, p[:] = first, here
+    return status, count + iterations
+
+
+@njit(cache=True, error_model="numpy")
+def settle(
+    p: Floats,
+    problem: Any,
+    free: Any,
+    tilt_variance: float,
+    work: Any,
+    covariance: Floats,
+    kept: Any,
+    summary: Floats,
+) -> None:
+    """From the start p to the answer, robust where need be.
+
+    Into `covariance` (8, 8), `kept` (n,), which points have a weight, and `summary` (5,): status,
+    chi2 of the kept points and the constraints, their number, iterations, and by what factor the
+    covariance, not yet multiplied, is too small.
+    """
+    points, bounds, views, _, known, _ = problem
+    residual = work[0][: bounds[-1] - bounds[0]]
+    status, chi2, iterations = minimise(p, problem, free, np.inf, _ANSWER, work, covariance)
+    kept[:] = True
+    largest = 0.0
+    for r in residual:
+        largest = max(largest, abs(r))
+    dof = max(len(residual) - 2, 1)
+    suspicious = largest > SUSPICIOUS or chi2 > dof * (1 + 6 * np.sqrt(2 / dof))
+    if suspicious or status == STOPPED:
+        # With the stated sigmas, and with larger ones only if most of what is kept asks for it.
+        cut = CUT
+        other = p.copy()
+        if consensus(problem, free, tilt_variance, p[PSI], cut, work, other):
+            status, iterations = _better(p, other, problem, free, cut, work, covariance)
+            point_residuals(p, points, bounds, views, known, False, residual, work[1])
+            inflation = scale(residual, MOST_SCALE)
+            if inflation > LEAST_SCALE:
+                cut = CUT * inflation
+                status, _, more = minimise(p, problem, free, cut, _ANSWER, work, covariance)
+                iterations += more
+        chi2 = _keep(p, problem, free, cut, work, covariance, kept)
+    summary[STATUS], summary[CHI2], summary[ITERATIONS] = status, chi2, iterations
+    summary[KEPT] = np.sum(kept)
+    summary[WIDENING] = _widening(residual[kept], chi2)
+
+
+@njit(cache=True, error_model="numpy")
+def _keep(
+    p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats, kept: Any
+) -> float:
+    """Which points have a weight at p, the covariance they give at Tukey's efficiency, chi2."""
+    normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
+    linearise(p, problem, free, cut, work, normal, gradient)
+    residual, _, weight, _ = work
+    chi2 = 0.0
+    for i in range(len(kept)):
+        kept[i] = abs(residual[i]) < cut
+        weight[i] = 1.0 if kept[i] else 0.0
+        chi2 += weight[i] * residual[i] ** 2
+    chi2 += assemble(p, problem, free, True, work, normal, gradient)
+    if invert(normal, free, covariance):
+        covariance *= VARIANCE_FACTOR
+    return chi2
+
+
+@njit(cache=True, error_model="numpy")
+def _widening(residual: Floats, chi2: float) -> float:
+    """By what the covariance for independent errors of the stated sigmas is too small; from 1.
+
+    chi2 per degree of freedom times how many neighbours err together is what the residuals say of
+    it. Each counts only where white noise would not show as much in one frame of a thousand, and
+    smaller residuals never narrow the answer.
+    """
+    dof = max(len(residual) - 2, 1)
+    widening = chi2 / dof
+    if abs(widening - 1) < 3 * np.sqrt(2 / dof):
+        widening = 1.0
+    correlation = integrated_correlation(residual)
+    if correlation > 1 + 6 / np.sqrt(dof):
+        widening *= correlation
+    return max(widening, 1.0)

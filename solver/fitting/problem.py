@@ -1,0 +1,201 @@
+"""A measurement as the arrays that the compiled fit takes, and the fit of one frame."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from solver.fitting.constraints import TIP_COLUMNS
+from solver.fitting.frame_fit import (
+    CHI2,
+    ITERATIONS,
+    STATUS,
+    WIDENING,
+    settle,
+)
+from solver.fitting.residuals import (
+    DX,
+    DY,
+    KNOWN,
+    LEVER,
+    MOMENT,
+    MOMENT_SIGMA,
+    MOMENT_UNIT,
+    PARAMETERS,
+    PIVOT_X,
+    PIVOT_Y,
+    PSI,
+    RIGIDITY,
+    RIGIDITY_SIGMA,
+    STRETCH,
+    STRETCH_SIGMA,
+    TILT,
+    Q,
+)
+from solver.fitting.starts import begin, workspace
+from solver.instrument.arrays import Floats
+from solver.instrument.measurement import Measurement, View
+from solver.instrument.transforms import invert
+
+# A millionth: no length and no rigidity is known better.
+_LEAST_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What the compiled fit takes: `arrays` as `frame_fit` says, in units of the beam's length.
+
+    `order` (n,) is where the measurement's points, those of all views, stand in it; `shape_free`
+    and `all_free` are the free parameters with psi held and with psi free. `in_world` says that
+    the clamp's tilt is the motor's angle, because the camera does not turn with the antenna.
+    """
+
+    arrays: Any
+    order: Any
+    shape_free: Any
+    all_free: Any
+    tilt_variance: float
+    in_world: bool
+
+    @property
+    def points(self) -> int:
+        """How many points there are, in all views."""
+        return len(self.order)
+
+
+@dataclass(frozen=True)
+class FrameFit:
+    """A fit in units of the beam's length: `p` (8,) and `covariance` (8, 8) as in `residuals`.
+
+    `status` is that of `minimise`; `chi2` that of the `kept` points (n,) and of the constraints;
+    `covariance` is widened by `widening` for residuals larger than stated and for neighbours that
+    err together.
+    """
+
+    p: Floats
+    covariance: Floats
+    status: int
+    chi2: float
+    kept: Any
+    iterations: int
+    widening: float
+
+
+def problem_of(measurement: Measurement) -> Problem:
+    """The arrays of a measurement. Raises ValueError if a viewpoint lies in plane C."""
+    rig, length = measurement.rig, measurement.rig.beam.length
+    views = (measurement.view, *measurement.other_views)
+    orders = [np.argsort(view.points[:, 0], kind="stable") for view in views]
+    counts = [len(view.points) for view in views]
+    bounds = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    rows = [
+        np.vstack([view.points[order].T, view.sigma_vectors[order].T])
+        for view, order in zip(views, orders, strict=True)
+    ]
+    known = np.zeros(KNOWN)
+    in_world = measurement.motor_angle is None and rig.camera_mount == "world"
+    if in_world:  # the motor turns the clamp about its axis, the origin of Sigma_a
+        known[[PIVOT_X, PIVOT_Y]] = invert(measurement.antenna_from_beam)[:2, 3] / length
+    tips = [_tip_row(view, i, length) for i, view in enumerate(views) if view.tip is not None]
+    shape_free = [Q, LEVER, DX, DY, TILT]
+    if tips:
+        shape_free.append(STRETCH)
+        known[STRETCH_SIGMA] = max(
+            float(np.hypot(rig.tolerances.beam_length / length, measurement.scale_sigma)),
+            _LEAST_TOLERANCE,
+        )
+    if measurement.moment_y is not None and rig.sensors.moment_y is not None:
+        shape_free.append(RIGIDITY)
+        rotation = measurement.antenna_from_beam[:3, :3]
+        rigidity = rig.beam.flexural_rigidity
+        # A moment is a pseudovector: the reflection of a beam that bends to -y turns it about.
+        known[MOMENT_UNIT] = rigidity / length * np.sign(np.linalg.det(rotation)) * rotation[1, 1]
+        known[MOMENT], known[MOMENT_SIGMA] = measurement.moment_y, rig.sensors.moment_y
+        known[RIGIDITY_SIGMA] = max(
+            float(np.hypot(rig.tolerances.flexural_rigidity / rigidity, measurement.scale_sigma)),
+            _LEAST_TOLERANCE,
+        )
+    arrays = (
+        np.ascontiguousarray(np.hstack(rows) / length),
+        bounds,
+        np.array([view_row(view.viewpoint, length) for view in views]),
+        np.array(tips).reshape(-1, TIP_COLUMNS),
+        known,
+        base_whitening(measurement.base_covariance, length),
+    )
+    order = np.concatenate([o + b for o, b in zip(orders, bounds[:-1], strict=True)])
+    return Problem(
+        arrays=arrays,
+        order=order,
+        shape_free=np.array(sorted(shape_free)),
+        all_free=np.array(sorted([*shape_free, PSI])),
+        tilt_variance=float(measurement.base_covariance[2, 2]),
+        in_world=in_world,
+    )
+
+
+def started(problem: Problem, psi: float) -> Floats | None:
+    """Parameters (8,) near the minimum at this psi, by a coarse choice of points; None if none."""
+    p = np.zeros(PARAMETERS)
+    if not begin(problem.arrays, problem.shape_free, problem.tilt_variance, psi, p):
+        return None
+    return p
+
+
+def settled(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
+    """The fit from a start, robust where its residuals ask for it."""
+    p = start.copy()
+    covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(5)
+    kept = np.ones(problem.points, dtype=np.bool_)
+    free = problem.all_free if psi_free else problem.shape_free
+    work = workspace(problem.points)
+    settle(p, problem.arrays, free, problem.tilt_variance, work, covariance, kept, summary)
+    of_measurement = np.empty_like(kept)
+    of_measurement[problem.order] = kept
+    return FrameFit(
+        p=p,
+        covariance=covariance * summary[WIDENING],
+        status=int(summary[STATUS]),
+        chi2=float(summary[CHI2]),
+        kept=of_measurement,
+        iterations=int(summary[ITERATIONS]),
+        widening=float(summary[WIDENING]),
+    )
+
+
+def without(problem: Problem, kept: Any) -> Problem:
+    """The problem with only the `kept` (n,) of the measurement's points."""
+    rows, bounds, *others = problem.arrays
+    here = kept[problem.order]
+    counts = [int(here[a:b].sum()) for a, b in pairwise(bounds)]
+    fewer = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    arrays = (np.ascontiguousarray(rows[:, here]), fewer, *others)
+    return Problem(
+        arrays, np.arange(int(here.sum())), problem.shape_free, problem.all_free,
+        problem.tilt_variance, problem.in_world,
+    )  # fmt: skip
+
+
+def view_row(viewpoint: Floats, length: float) -> Floats:
+    """A homogeneous viewpoint (4,) [m] as (x, y, w) with z = 1, lengths in units of `length`.
+
+    Raises ValueError if it lies in plane C.
+    """
+    x, y, z, w = viewpoint
+    if z == 0:
+        raise ValueError("the viewpoint lies in the calibration plane")
+    return np.array([x / z, y / z, w / z * length])
+
+
+def base_whitening(covariance: Floats, length: float) -> Floats:
+    """The matrix (3, 3) that makes the clamp's error white, with lengths in units of `length`."""
+    unit = np.array([1 / length, 1 / length, 1.0])
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance * np.outer(unit, unit))))
+
+
+def _tip_row(view: View, index: int, length: float) -> Floats:
+    tip = view.tip
+    assert tip is not None
+    whitening = np.linalg.inv(np.linalg.cholesky(tip.covariance / length**2))
+    return np.array([*(tip.point / length), *whitening.ravel(), index])

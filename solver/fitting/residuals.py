@@ -1,0 +1,213 @@
+"""What one frame tells of a beam, each residual divided by its sigma, with the exact Jacobian.
+
+All lengths are in units of the beam's length L. Parameters, in this order:
+
+    q, lever       the exact beam's shape
+    psi            inclination of the deformation plane D against the calibration plane C
+    dx, dy, tilt   where the clamp stands on C, and its tangent's turn
+    stretch        L is (1 + stretch) times its nominal value
+    rigidity       EI is (1 + rigidity) times its nominal value
+
+A point m of a view lies on the ray P = m + t (V_xyz - V_w m); with V_z = 1 the ray meets D at
+
+    y = m_y / (cos(psi) - W_y sin(psi)),    x = m_x + W_x y sin(psi),    W = V_xy - V_w m,
+
+in the clamp's axes: eqs. (7) and (8) of Kaneko, Kanayama and Tsuji (2001), for any viewpoint.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numba import njit
+
+from solver.beam_models.exact import (
+    BEND_GENTLE,
+    BEND_STEEP,
+    FAST,
+    GENTLE,
+    GENTLE_SINE,
+    STEEP,
+    bend_at,
+    horner,
+)
+from solver.instrument.arrays import Floats
+
+Q, LEVER, PSI, DX, DY, TILT, STRETCH, RIGIDITY = range(8)
+PARAMETERS: Final = 8
+# Rows of `points`: where the ray meets C, and the one-sigma vector there.
+X, Y, SIGMA_X, SIGMA_Y = range(4)
+# Entries of `known`.
+PIVOT_X, PIVOT_Y, MOMENT, MOMENT_SIGMA, MOMENT_UNIT, STRETCH_SIGMA, RIGIDITY_SIGMA = range(7)
+KNOWN: Final = 7
+# No beam has turned farther at its contact, nor do rays graze D more closely.
+MOST_SINE: Final = 0.995
+LEAST_GRAZING: Final = 0.02
+# A point is not known better than to a billionth of L.
+LEAST_SIGMA: Final = 1e-9
+
+
+@njit(cache=True, error_model="numpy")
+def possible(
+    p: Floats,
+    points: Floats,
+    bounds: Any,
+    views: Floats,
+    known: Floats,  # noqa: ARG001 - as `point_residuals` takes them
+) -> bool:
+    """Whether the shape exists, and every ray meets D on the side that the camera sees."""
+    if not (p[Q] >= 0 and p[LEVER] > 0 and p[Q] * p[LEVER] ** 2 / 2 < MOST_SINE):
+        return False
+    if abs(p[PSI]) >= np.pi / 2:
+        return False
+    if p[PSI] == 0:
+        return True
+    sine, cosine = np.sin(p[TILT]), np.cos(p[TILT])
+    for view in range(len(views)):
+        vx, vy, vw = views[view]
+        low, high = np.inf, -np.inf
+        for i in range(bounds[view], bounds[view + 1]):
+            across = cosine * (vy - vw * points[Y, i]) - sine * (vx - vw * points[X, i])
+            low, high = min(low, across), max(high, across)
+        for across in (low, high):
+            if np.cos(p[PSI]) - np.sin(p[PSI]) * across < LEAST_GRAZING:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _points_of_view(
+    p: Floats,
+    mx: Floats,
+    my: Floats,
+    sx: Floats,
+    sy: Floats,
+    view: Floats,
+    pivot_x: float,
+    pivot_y: float,
+    series: tuple[float, ...],
+    widest: float,
+    residual: Floats,
+    by_q: Floats,
+    by_lever: Floats,
+    by_psi: Floats,
+    by_dx: Floats,
+    by_dy: Floats,
+    by_tilt: Floats,
+) -> None:
+    q, lever = p[Q], p[LEVER]
+    vx, vy, vw = view[0], view[1], view[2]
+    cos_tilt, sin_tilt = np.cos(p[TILT]), np.sin(p[TILT])
+    cos_psi, sin_psi = np.cos(p[PSI]), np.sin(p[PSI])
+    sine = q * lever * lever / 2
+    cosine = np.sqrt(1 - sine * sine)
+    theta_q, theta_lever = lever * lever / 2 / cosine, q * lever / cosine
+    base, base_tangent, base_by_q = bend_at(lever, q)
+    # A point farther behind the clamp than the curve reaches is measured from the curve's end.
+    farthest = np.sqrt(2 * min(MOST_SINE, np.sqrt(widest * (2 - widest))) / max(q, 1e-300))
+    dx, dy = p[DX] + pivot_x, p[DY] + pivot_y
+    for i in range(mx.size):
+        turned_x = cos_tilt * (mx[i] - dx) + sin_tilt * (my[i] - dy)
+        turned_y = cos_tilt * (my[i] - dy) - sin_tilt * (mx[i] - dx)
+        ray_x = cos_tilt * (vx - vw * mx[i]) + sin_tilt * (vy - vw * my[i])
+        ray_y = cos_tilt * (vy - vw * my[i]) - sin_tilt * (vx - vw * mx[i])
+        k = 1 / (cos_psi - sin_psi * ray_y)
+        y = (turned_y + pivot_y) * k
+        x = turned_x + pivot_x + sin_psi * ray_x * y
+        # The misfit from the exact beam, as in `exact.misfit`.
+        along, across = x * cosine + y * sine, y * cosine - x * sine
+        u = min(max(lever - along, 0.0), farthest)
+        s = q * u * u / 2
+        c = np.sqrt(1 - s * s)
+        secant = 1 / c
+        tangent = s * secant
+        shape = horner((1 - c) * (2 / widest) - 1, series)
+        value = base + across - u * s / 3 * shape
+        by_theta = tangent * across - along
+        by_x, by_y = tangent * cosine - sine, cosine + tangent * sine
+        # By y where x follows along the ray, and by the ray's direction.
+        by_y += by_x * sin_psi * ray_x
+        by_ray_x, by_ray_y = by_x * sin_psi * y, by_y * k * y * sin_psi
+        by_k = by_y * k
+        turned_sx, turned_sy = (
+            cos_tilt * sx[i] + sin_tilt * sy[i],
+            cos_tilt * sy[i] - sin_tilt * sx[i],
+        )
+        sigma = (by_x - vw * by_ray_x) * turned_sx + (by_k - vw * by_ray_y) * turned_sy
+        # With its sign: the residual is by how many of its sigma vectors a point is off.
+        weight = 1 / (sigma if abs(sigma) > LEAST_SIGMA else LEAST_SIGMA)
+        residual[i] = value * weight
+        by_q[i] = (base_by_q - u * u * u / 12 * (3 * secant - shape) + by_theta * theta_q) * weight
+        by_lever[i] = (base_tangent - tangent + by_theta * theta_lever) * weight
+        by_psi[i] = (by_k * y * (sin_psi + cos_psi * ray_y) + by_x * cos_psi * ray_x * y) * weight
+        by_dx[i] = (sin_tilt * by_k - cos_tilt * by_x) * weight
+        by_dy[i] = -(sin_tilt * by_x + cos_tilt * by_k) * weight
+        by_tilt[i] = (
+            by_x * turned_y - by_k * turned_x + by_ray_x * ray_y - by_ray_y * ray_x
+        ) * weight
+
+
+@njit(cache=True, error_model="numpy")
+def _points(
+    p: Floats,
+    points: Floats,
+    bounds: Any,
+    views: Floats,
+    known: Floats,
+    residual: Floats,
+    jacobian: Floats,
+) -> None:
+    lever, q = p[LEVER], p[Q]
+    # A beam is gentle if even a point somewhat behind the clamp is.
+    behind = 1.3 * lever + 0.05
+    gentle = q * behind * behind / 2 < GENTLE_SINE
+    for view in range(len(views)):
+        first, last = bounds[view], bounds[view + 1]
+        to, end = first - bounds[0], last - bounds[0]
+        if gentle:
+            _points_of_view(
+                p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
+                points[SIGMA_Y, first:last], views[view], known[PIVOT_X], known[PIVOT_Y],
+                BEND_GENTLE, GENTLE, residual[to:end], jacobian[Q, to:end],
+                jacobian[LEVER, to:end], jacobian[PSI, to:end], jacobian[DX, to:end],
+                jacobian[DY, to:end], jacobian[TILT, to:end],
+            )  # fmt: skip
+        else:
+            _points_of_view(
+                p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
+                points[SIGMA_Y, first:last], views[view], known[PIVOT_X], known[PIVOT_Y],
+                BEND_STEEP, STEEP, residual[to:end], jacobian[Q, to:end],
+                jacobian[LEVER, to:end], jacobian[PSI, to:end], jacobian[DX, to:end],
+                jacobian[DY, to:end], jacobian[TILT, to:end],
+            )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def point_residuals(
+    p: Floats,
+    points: Floats,
+    bounds: Any,
+    views: Floats,
+    known: Floats,
+    spatial: bool,
+    residual: Floats,
+    jacobian: Floats,
+) -> None:
+    """Into `residual` (n,) and `jacobian` (6, n): the points of all views, one after another.
+
+    View i has the columns of `points` (4, ...) from `bounds[i]` to `bounds[i + 1]`, and is
+    (x, y, w) of its viewpoint, z being 1. `spatial` says that psi is sought: then the Jacobian is
+    taken where each point's ray would be without its error. Un-projection enlarges a point's
+    error by a factor that depends on psi, and a Jacobian that holds the error would correlate
+    with it and draw psi to one side.
+    """
+    _points(p, points, bounds, views, known, residual, jacobian)
+    if not spatial:
+        return
+    n = bounds[-1] - bounds[0]
+    moved, left = np.empty((4, n)), np.empty(n)
+    for i in range(n):
+        at = bounds[0] + i
+        moved[SIGMA_X, i], moved[SIGMA_Y, i] = points[SIGMA_X, at], points[SIGMA_Y, at]
+        moved[X, i] = points[X, at] - residual[i] * points[SIGMA_X, at]
+        moved[Y, i] = points[Y, at] - residual[i] * points[SIGMA_Y, at]
+    _points(p, moved, bounds - bounds[0], views, known, left, jacobian)

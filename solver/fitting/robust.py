@@ -1,0 +1,48 @@
+"""Tukey's biweight (Beaton and Tukey 1974) on residuals in sigmas."""
+
+from typing import Final
+
+from numba import njit
+
+from solver.beam_models.exact import FAST
+from solver.instrument.arrays import Floats
+
+# From here on a residual has no weight; of white noise the answer loses 5 % of its efficiency.
+CUT: Final = 4.685
+VARIANCE_FACTOR: Final = 1 / 0.95
+# Median of |x| for a standard normal variable.
+MEDIAN: Final = 0.6745
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def tukey(residual: Floats, cut: float, weight: Floats) -> float:
+    """Weights (n,) into `weight`; the robust sum of squares, r^2 where r is small."""
+    total = 0.0
+    for i in range(residual.size):
+        kept = max(1 - (residual[i] / cut) ** 2, 0.0)
+        weight[i] = kept * kept
+        total += 1 - kept * kept * kept
+    return total * cut * cut / 3
+
+
+@njit(cache=True, error_model="numpy")
+def scale(residual: Floats, most: float) -> float:
+    """By how much the stated sigmas are too small for half of the points; from 1 to `most`.
+
+    The median of |residual| over its expectation, to a twentieth, of those that are no outliers
+    if the stated sigmas are right.
+    """
+    count = 0
+    for r in residual:
+        if abs(r) < CUT:
+            count += 1
+    found = 1.0
+    while found < most:
+        within = 0
+        for r in residual:
+            if abs(r) <= MEDIAN * found:
+                within += 1
+        if 2 * within >= count:
+            break
+        found += 0.05
+    return min(found, most)

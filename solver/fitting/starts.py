@@ -1,0 +1,164 @@
+"""Where a frame's fit begins: from a few points, or, among outliers, from many draws of fewer.
+
+A `problem` and its units are those of `frame_fit`.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numba import njit
+
+from solver.fitting.minimise import DEFICIENT, minimise
+from solver.fitting.residuals import (
+    LEVER,
+    PARAMETERS,
+    PSI,
+    SIGMA_X,
+    SIGMA_Y,
+    TILT,
+    Q,
+    X,
+    Y,
+    point_residuals,
+    possible,
+)
+from solver.instrument.arrays import Floats
+
+_COARSE: Final = 32
+_DISTANCES: Final = 16
+_TRIALS: Final = 150
+# Most iterations of a start and of a draw. A numpy scalar is compiled once, a literal for every
+# value.
+_START, _DRAW = np.int64(3), np.int64(8)
+
+
+@njit(cache=True, error_model="numpy")
+def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
+    """The nearest linear beam through the `chosen` points into p: (q, lever) and tilt.
+
+    Eqs. (9), (10) over a grid of contact distances, with amplitude and tilt by linear least
+    squares; a second time in axes turned by the tilt that was found, if that was much.
+    """
+    turn = 0.0
+    for _ in range(3):
+        c, s = np.cos(turn), np.sin(turn)
+        best, lever, amplitude, tilt = np.inf, 0.5, 0.0, 0.0
+        for k in range(_DISTANCES):
+            x_c = (k + 0.7) / (_DISTANCES - 0.3)
+            ss, sx, xx, sy, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in chosen:
+                x = c * points[X, i] + s * points[Y, i]
+                y = c * points[Y, i] - s * points[X, i]
+                weight = points[SIGMA_X, i] ** 2 + points[SIGMA_Y, i] ** 2
+                weight = 1 / max(weight, 1e-18)
+                shape = (3 * x_c - x) * x * x if x < x_c else (3 * x - x_c) * x_c * x_c
+                ss += weight * shape * shape
+                sx += weight * shape * x
+                xx += weight * x * x
+                sy += weight * shape * y
+                xy += weight * x * y
+                yy += weight * y * y
+            # The tilt's prior is about zero in the unturned axes.
+            xx += 1 / tilt_variance
+            xy -= turn / tilt_variance
+            yy += turn * turn / tilt_variance
+            determinant = ss * xx - sx * sx
+            if not determinant > 1e-12 * ss * xx:
+                continue
+            a, b = (sy * xx - xy * sx) / determinant, (xy * ss - sy * sx) / determinant
+            if a <= 0:
+                continue
+            left = yy - a * sy - b * xy
+            if left < best:
+                best, lever, amplitude, tilt = left, x_c, a, b
+        turn += tilt
+        if abs(tilt) < 0.02:
+            break
+    p[:] = 0.0
+    p[TILT] = turn
+    p[LEVER] = lever
+    p[Q] = max(min(6 * amplitude, 1.6 / lever**2), 1e-9)
+
+
+@njit(cache=True, error_model="numpy")
+def subset(problem: Any, chosen: Any) -> Any:
+    """The problem with only the chosen points of its first view, and without further views."""
+    points, _, views, tips, known, base_whitening = problem
+    few = np.empty((4, len(chosen)))
+    for j in range(len(chosen)):
+        for row in range(4):
+            few[row, j] = points[row, chosen[j]]
+    bounds = np.full(len(views) + 1, len(chosen))
+    bounds[0] = 0
+    return few, bounds, views, tips, known, base_whitening
+
+
+@njit(cache=True, error_model="numpy")
+def workspace(n: int) -> Any:
+    """Residual, Jacobian, weight and scratch of n points."""
+    return np.empty(n), np.empty((6, n)), np.ones(n), np.empty(n)
+
+
+@njit(cache=True, error_model="numpy")
+def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) -> bool:
+    """A start from every so many points, refined by least squares on them. False if there is none.
+
+    `free` lacks psi; `p` gets it.
+    """
+    points, bounds, views, _, known, _ = problem
+    stride = max((bounds[1] - bounds[0]) // _COARSE, 1)
+    chosen = np.arange(bounds[0] + stride // 2, bounds[1], stride)
+    start(points, chosen, tilt_variance, p)
+    p[PSI] = psi
+    for _ in range(40):
+        if possible(p, points, bounds, views, known):
+            break
+        p[Q] *= 0.8
+    else:
+        return False
+    if stride > 1:
+        few = subset(problem, chosen)
+        covariance = np.empty((PARAMETERS, PARAMETERS))
+        minimise(p, few, free, np.inf, _START, workspace(len(chosen)), covariance)
+    return bool(possible(p, points, bounds, views, known))
+
+
+@njit(cache=True, error_model="numpy")
+def consensus(
+    problem: Any, free: Any, tilt_variance: float, psi: float, cut: float, work: Any, p: Floats
+) -> bool:
+    """MSAC: the best exact beam through a few points of the first view into p.
+
+    The draws are the same every time. False if no draw gives a beam.
+    """
+    points, bounds, views, _, known, _ = problem
+    residual, jacobian = work[0][: bounds[-1] - bounds[0]], work[1]
+    n = bounds[1] - bounds[0]
+    size = 2 if tilt_variance < 1e-4 else 3
+    chosen = np.empty(size, dtype=np.int64)
+    covariance = np.empty((PARAMETERS, PARAMETERS))
+    trial = np.empty(PARAMETERS)
+    few_work = workspace(size)
+    best, state = np.inf, 12345
+    for _ in range(_TRIALS):
+        for j in range(size):
+            # One from each part of the beam, so that they lie apart.
+            state = (1103515245 * state + 12345) % 2147483648
+            share = (j + state / 2147483648) / size
+            chosen[j] = bounds[0] + min(int(share * n), n - 1)
+        start(points, chosen, tilt_variance, trial)
+        trial[PSI] = psi
+        if not possible(trial, points, bounds, views, known):
+            continue
+        few = subset(problem, chosen)
+        status, _, _ = minimise(trial, few, free, np.inf, _DRAW, few_work, covariance)
+        if status == DEFICIENT or not possible(trial, points, bounds, views, known):
+            continue
+        point_residuals(trial, points, bounds, views, known, False, residual, jacobian)
+        cost = 0.0
+        for r in residual:
+            cost += min(r * r, cut * cut)
+        if cost < best:
+            best = cost
+            p[:] = trial
+    return best < np.inf

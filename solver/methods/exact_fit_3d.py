@@ -1,0 +1,109 @@
+"""Least squares with the exact beam where the plane in which it bends is not known either.
+
+Contact, force and the inclination psi together, from one image (the paper's section V-B), or with
+a moment sensor (V-C), further views, or the image of the tip, whichever the measurement holds. To
+first order an image shows only the deflection times cos(psi) - (y_v / z_v) sin(psi); psi is told by
+perspective of second order, or by how far in the image the tip of a beam of known length lies.
+chi2 may have several minima over psi: each is looked for.
+"""
+
+import math
+
+import numpy as np
+
+from solver.fitting.answer import LEAST_POINTS, answer, refusal_of
+from solver.fitting.minimise import CONVERGED
+from solver.fitting.problem import FrameFit, Problem, problem_of, settled, started, without
+from solver.fitting.residuals import PSI
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+
+STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
+# An inclination known worse than this is not known: force and plane are then open.
+MOST_SIGMA = math.radians(30)
+# Minima within three sigmas of the best are possible answers.
+CLOSE_CHI2 = 9.0
+
+
+def exact_fit_3d(measurement: Measurement) -> Estimate:
+    """Contact, force, displacement and psi, with their joint covariance."""
+    problem = problem_of(measurement)
+    minima = _minima(problem) if problem.points >= LEAST_POINTS else []
+    if minima and not minima[0].kept.all():
+        # Outliers draw every start astray: look again with what the first look has kept.
+        again = _minima(without(problem, minima[0].kept))
+        minima = [settled(problem, one.p, psi_free=True) for one in again] or minima
+        minima.sort(key=_rank)
+    best = minima[0] if minima else None
+    refusal = refusal_of(measurement, problem, best)
+    if best is None or (refusal is not None and refusal.outcome is not Outcome.NOT_CONVERGED):
+        return refusal or Estimate(Outcome.NOT_CONVERGED)
+    spread, others = _spread(best, minima[1:])
+    sigma = math.sqrt(best.covariance[PSI, PSI] + spread[PSI] ** 2)
+    psi = math.degrees(float(best.p[PSI]))
+    if sigma > MOST_SIGMA:
+        also = "".join(f", or {math.degrees(float(one.p[PSI])):.0f}" for one in others)
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE,
+            f"the inclination would be {psi:.0f} deg{also}, with a sigma of "
+            f"{math.degrees(sigma):.0f} deg",
+            chi2=best.chi2,
+            iterations=best.iterations,
+        )
+    if _edge_on(problem, float(best.p[PSI]), 2 * sigma):
+        return Estimate(
+            Outcome.EDGE_ON,
+            f"the inclination of {psi:.0f} deg, with a sigma of {math.degrees(sigma):.1f} deg, "
+            "may be that along which the camera looks",
+            chi2=best.chi2,
+            iterations=best.iterations,
+        )
+    if refusal is not None:
+        return refusal
+    return answer(measurement, problem, best, psi_known=True, psi_fitted=True, spread=spread)
+
+
+def _rank(fit: FrameFit) -> tuple[bool, int, float]:
+    """Converged fits first, then those that keep more points, then those that fit them better."""
+    return fit.status != CONVERGED, -int(fit.kept.sum()), fit.chi2
+
+
+def _minima(problem: Problem) -> list[FrameFit]:
+    """The distinct minima of chi2 that the starts lead to, best first."""
+    starts = [
+        start for start in (started(problem, float(psi)) for psi in STARTS) if start is not None
+    ]
+    found = sorted((settled(problem, start, psi_free=True) for start in starts), key=_rank)
+    distinct: list[FrameFit] = []
+    for fit in found:
+        near = 0.1 * math.sqrt(max(float(fit.covariance[PSI, PSI]), 0.0)) + 1e-6
+        if all(abs(fit.p[PSI] - other.p[PSI]) > near for other in distinct):
+            distinct.append(fit)
+    return distinct
+
+
+def _spread(best: FrameFit, others: list[FrameFit]) -> tuple[Floats, list[FrameFit]]:
+    """How far the parameters (8,) may be elsewhere, as one sigma, and the minima that say so.
+
+    Each further minimum counts with its likelihood, relative to the best's.
+    """
+    spread, close = np.zeros(len(best.p)), []
+    for one in others:
+        worse = (one.chi2 - best.chi2) / best.widening
+        if one.status == CONVERGED and worse < CLOSE_CHI2 and one.kept.sum() == best.kept.sum():
+            likelihood = math.exp(-max(worse, 0.0) / 2)
+            apart = math.sqrt(likelihood / (1 + likelihood)) * (one.p - best.p)
+            if abs(apart[PSI]) > abs(spread[PSI]):
+                spread = apart
+            close.append(one)
+    return spread, close
+
+
+def _edge_on(problem: Problem, psi: float, margin: float) -> bool:
+    """Whether psi may be a right angle, or that of the rays to the camera, tan psi = z_v / y_v."""
+    rays = problem.arrays[2][:, 1]
+    edges = [math.copysign(math.pi / 2, psi)]
+    if len(rays) == 1 and rays[0] != 0:
+        edges.append(math.atan(1 / rays[0]))
+    return any(abs(psi - edge) < margin for edge in edges)

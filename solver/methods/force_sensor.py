@@ -1,0 +1,135 @@
+"""The conventional antenna of section VII: force and moment at the clamp alone, no camera.
+
+The clamp exerts on the beam the reverse of the contact force F (-sin theta_c, cos theta_c) in the
+deformation plane, and of its moment F lever about the clamp; a contact without friction adds no
+torsion. By these six readings three unknowns are overdetermined: F, its lever arm and the plane's
+inclination psi. Their weighted least squares with the sensor's sigmas gives the exact beam's
+shape, whose sin theta_c = F lever^2 / (2 EI), and so the contact distance; the paper's moment over
+force is the same for small deflections. What no frictionless contact reads is refused.
+
+The sensor measures in the axes of the clamp, which are taken for those of the beam at rest.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2 as distribution
+
+from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
+from solver.fitting.push_answer import SHAPE, contact_quantities, judged
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+
+# A load is believed where noise alone would read as much as rarely as five sigmas.
+NOISE_ALONE: Final = 5.7e-7
+# A frictionless contact is refused once in so many frames.
+REFUSED: Final = 1e-4
+# No beam has turned farther at its contact.
+MOST_SINE: Final = 0.995
+
+
+def force_sensor(measurement: Measurement) -> Estimate:
+    """Contact, force and inclination psi from the readings at the clamp, with their covariance."""
+    sensors = measurement.rig.sensors
+    if (
+        measurement.base_force is None
+        or measurement.base_moment is None
+        or sensors.base_force is None
+        or sensors.base_moment is None
+    ):
+        return Estimate(Outcome.INVALID, "the rig has no sensor of force and moment at its clamp")
+    sigma = np.repeat([sensors.base_force, sensors.base_moment], 3)
+    load = _load_on_beam(measurement)
+    significance = float(((load / sigma) ** 2).sum())
+    if significance < distribution.isf(NOISE_ALONE, 6):
+        return Estimate(
+            Outcome.NO_CONTACT, f"a load of {math.sqrt(significance):.1f} sigmas at the clamp"
+        )
+    rigidity, length = measurement.rig.beam.flexural_rigidity, measurement.rig.beam.length
+
+    def residuals(p: Floats) -> Linearised | None:
+        predicted = _predicted(p, rigidity)
+        if predicted is None:
+            return None
+        return (predicted[0] - load) / sigma, predicted[1] / sigma[:, None]
+
+    force, moment = (float(np.linalg.norm(part)) for part in (load[:3], load[3:]))
+    # The moment stands across the plane; start inside the model's domain.
+    lever = min(max(moment / max(force, sensors.base_force), length / 100), length)
+    q = min(max(moment / lever / rigidity, 1e-9), 1.6 / lever**2)
+    fit = gauss_newton(
+        residuals, np.array([q, lever, math.atan2(-load[4], load[5])]), step_tolerance=1e-2
+    )
+    return _answer(measurement, fit)
+
+
+def _load_on_beam(measurement: Measurement) -> Floats:
+    """Force [N] and moment [N m] about the clamp of the object on the beam (6,), beam's axes."""
+    axes = measurement.antenna_from_beam[:3, :3]
+    # A moment is an axial vector: mirrored axes turn it the other way round.
+    mirrored = np.linalg.det(axes)
+    force = -axes.T @ np.asarray(measurement.base_force)
+    moment = -mirrored * axes.T @ np.asarray(measurement.base_moment)
+    return np.concatenate([force, moment])
+
+
+def _predicted(p: Floats, rigidity: float) -> Linearised | None:
+    """Force and moment on the beam (6,) and their Jacobian (6, 3) by (q, lever, psi)."""
+    q, lever, psi = (float(v) for v in p)
+    sine = q * lever**2 / 2
+    if not (q > 0 and lever > 0 and sine < MOST_SINE):
+        return None
+    cosine = math.sqrt(1 - sine**2)
+    sin_psi, cos_psi = math.sin(psi), math.cos(psi)
+    along, across = np.array([1.0, 0.0, 0.0]), np.array([0.0, cos_psi, sin_psi])
+    normal = np.array([0.0, -sin_psi, cos_psi])
+    force = rigidity * q
+    direction = -sine * along + cosine * across
+    by_sine = force * (-along - sine / cosine * across)
+    jacobian = np.empty((6, 3))
+    jacobian[:3, 0] = rigidity * direction + by_sine * lever**2 / 2
+    jacobian[:3, 1] = by_sine * q * lever
+    jacobian[:3, 2] = force * cosine * normal
+    jacobian[3:, 0] = rigidity * lever * normal
+    jacobian[3:, 1] = force * normal
+    jacobian[3:, 2] = -force * lever * across
+    return np.concatenate([force * direction, force * lever * normal]), jacobian
+
+
+def _answer(measurement: Measurement, fit: Fit) -> Estimate:
+    dof = 3
+
+    def refused(outcome: Outcome, message: str = "") -> Estimate:
+        return Estimate(outcome, message, chi2=fit.chi2, dof=dof, iterations=fit.iterations)
+
+    if fit.rank_deficient:
+        return refused(Outcome.NOT_IDENTIFIABLE)
+    if fit.chi2 > distribution.isf(REFUSED, dof):
+        return refused(
+            Outcome.INVALID,
+            f"force and moment are not those of one contact without friction: chi^2 is "
+            f"{fit.chi2:.3g} on {dof} degrees of freedom",
+        )
+    if not fit.converged:
+        return refused(Outcome.NOT_CONVERGED)
+    q, lever, psi = (float(v) for v in fit.parameters)
+    if abs(math.remainder(psi, math.tau)) > math.pi / 2 + 3 * math.sqrt(fit.covariance[2, 2]):
+        return refused(
+            Outcome.INVALID, "the beam is pushed from the side where the rig has no object"
+        )
+    rig = measurement.rig
+    shape = np.array([q, lever, math.remainder(psi, math.tau), 0.0, 0.0, 0.0])
+    values, by_shape = contact_quantities(measurement, shape, measurement.motor_angle)
+    # Force and lever are read; with another flexural rigidity they are another shape.
+    column = {name: i for i, name in enumerate(SHAPE)}
+    by_shape[:, column["rigidity"]] -= by_shape[:, 0] * q / rig.beam.flexural_rigidity
+    known = np.zeros((len(SHAPE), len(SHAPE)))
+    known[:3, :3] = fit.covariance
+    known[3:6, 3:6] = measurement.base_covariance
+    known[6, 6] = rig.tolerances.encoder**2
+    known[7, 7] = rig.tolerances.flexural_rigidity**2
+    known[9, 9] = rig.tolerances.base_position**2
+    covariance = by_shape @ known @ by_shape.T
+    return judged(rig, values, covariance, "", chi2=fit.chi2, dof=dof, iterations=fit.iterations)

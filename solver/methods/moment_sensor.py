@@ -1,0 +1,159 @@
+"""The paper's 3D-VBAA with a moment sensor (section V-C): one image and the moment at the base.
+
+The image gives contact distance and force by pairs of points, as in section V-A; the sensor reads
+the moment about y of what lies out of the calibration plane. Their proportion is the inclination
+psi of the deformation plane.
+
+What is mended. (27) reads m_y = x_c f_z; of a right-handed moment that the beam exerts on the
+sensor it is m_y = -x_c f_z. Its lever is x_c only to first order: a force normal to the beam,
+which has turned by theta_c at the contact, has the lever x_c cos(theta_c) + y_c sin(theta_c),
+1.2 % longer at x_c = 180 mm and 20 % deflection. "The deformation plane coincides with the
+calibration plane" holds for a camera infinitely far away, and even then f and x_c are not what the
+image shows on C. So the points are un-projected by (7) and (8) with
+
+    psi = atan2(-m_y / lever, F cos(psi)),
+
+iterated until it holds; F cos(psi) hardly depends on psi, so that this contracts at any
+inclination, where psi = arcsin(f_z / F) diverges above 45 degrees. Aitken's rule speeds it up and
+halving keeps it from overshooting. (28) and (29) give the displacement.
+
+Pairs and their mean are those of `two_point`, with its bias. The covariance is that of the points'
+noise, the sensor's, the clamp's and the rig's tolerances.
+"""
+
+import math
+
+import numpy as np
+
+from solver.fitting.first_contact import LEAST_SIGNIFICANCE, nearest_linear_bend, no_contact
+from solver.fitting.linear_answer import (
+    ERRORS,
+    LOAD,
+    PSI,
+    RIGIDITY,
+    SCALE,
+    X_C,
+    LinearContact,
+    answer,
+    errors_of_planar_fit,
+)
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.methods.two_point import LEAST_POINTS, MeanOfPairs, mean_of_pairs
+from solver.plane_d import on_deformation_plane, side, unproject
+
+MOST_ITERATIONS = 40
+TOLERANCE = 1e-9  # rad
+
+
+def moment_sensor(measurement: Measurement) -> Estimate:
+    """Contact distance x_c, force f, inclination psi and what follows, with their covariance."""
+    if measurement.moment_y is None:
+        return Estimate(Outcome.INVALID, "the frame has no reading of a moment sensor")
+    if len(measurement.points) < LEAST_POINTS:
+        return Estimate(
+            Outcome.INVALID,
+            f"{len(measurement.points)} visible points, needed are {LEAST_POINTS}",
+        )
+    # About the y axis of the beam's frame; the force has no moment about its x axis.
+    axis = side(measurement) * measurement.antenna_from_beam[1, 1]
+    moment = measurement.moment_y / axis
+    moment_sigma = (measurement.rig.sensors.moment_y or 0.0) / abs(axis)
+    refusal = no_contact(nearest_linear_bend(measurement))
+    if refusal is not None:
+        if refusal.outcome is Outcome.NO_CONTACT and abs(moment) > max(
+            LEAST_SIGNIFICANCE * moment_sigma, 0.0
+        ):
+            return Estimate(
+                Outcome.EDGE_ON, "the sensor feels a force, and the image shows no bend"
+            )
+        return refusal
+
+    rigidity = measurement.rig.beam.flexural_rigidity
+
+    def mean_at(psi: float) -> tuple[MeanOfPairs, Measurement] | Estimate:
+        planar = on_deformation_plane(measurement, psi)
+        if planar is None:
+            return Estimate(
+                Outcome.EDGE_ON,
+                f"a plane inclined by {math.degrees(psi):.1f} deg is seen edge-on",
+            )
+        mean = mean_of_pairs(planar)
+        return mean if isinstance(mean, Estimate) else (mean, planar)
+
+    psi, step, previous = 0.0, math.inf, None
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        found = mean_at(psi)
+        if isinstance(found, Estimate):
+            return found
+        mean, planar = found
+        excess = _inclination(mean.x_c, mean.load, psi, moment, rigidity) - psi
+        if abs(excess) < TOLERANCE:
+            covariance = _covariance(
+                measurement, planar, mean, psi, (moment, moment_sigma, rigidity)
+            )
+            contact = LinearContact(mean.x_c, mean.load, covariance, psi)
+            return answer(contact, planar, f"mean of {mean.pairs} pairs", iterations=iteration)
+        ahead = excess
+        if previous is not None and previous[1] != excess:  # Aitken: the secant through both
+            ahead = -excess * (psi - previous[0]) / (excess - previous[1])
+        if abs(ahead) > step / 2:
+            ahead = math.copysign(min(abs(ahead), step / 2), excess)
+        previous, step = (psi, excess), abs(ahead) if previous is not None else math.inf
+        psi += ahead
+    return Estimate(Outcome.NOT_CONVERGED, iterations=MOST_ITERATIONS)
+
+
+def _inclination(
+    x_c: float,
+    load: float,
+    psi: float,
+    moment: float,
+    rigidity: float,
+    scale_error: float = 0.0,
+    rigidity_error: float = 0.0,
+) -> float:
+    """The inclination [rad] of the force that the sensor and the image show together."""
+    y_c, theta_c = 2 * load * x_c**3, math.atan(3 * load * x_c**2)
+    lever = (x_c * math.cos(theta_c) + y_c * math.sin(theta_c)) * (1 + scale_error)
+    force = 6 * rigidity * load * (1 + rigidity_error) / (1 + scale_error) ** 2
+    return math.atan2(-moment / lever, force * math.cos(psi))
+
+
+def _covariance(
+    measurement: Measurement,
+    planar: Measurement,
+    mean: MeanOfPairs,
+    psi: float,
+    sensor: tuple[float, float, float],
+) -> Floats:
+    """Covariance (8, 8) of x_c, load and psi at the solution, by the implicit function theorem.
+
+    `sensor` is (moment [N m], its sigma, EI).
+    """
+    moment, moment_sigma, rigidity = sensor
+    widening = nearest_linear_bend(planar).widening
+    fixed_plane = errors_of_planar_fit(planar, mean.noise * widening, mean.by_base)
+    # How the mean moves with the plane onto which the points are carried.
+    _, _, turned = unproject(measurement.points, measurement.view.viewpoint, psi)
+    by_plane = mean.moved(turned[mean.rows])
+    # Of psi = inclination(x_c, load, psi, moment, scale, EI): each by central differences.
+    point = np.array([mean.x_c, mean.load, psi, moment, rigidity, 0.0, 0.0])
+    size = np.array([mean.x_c, mean.load, 1.0, max(abs(moment), 1e-12), 1.0, 1.0, 1.0]) * 1e-6
+    slopes = np.zeros(7)
+    for i in (0, 1, 2, 3, 5, 6):
+        ahead, behind = point.copy(), point.copy()
+        ahead[i] += size[i]
+        behind[i] -= size[i]
+        slopes[i] = (_inclination(*ahead) - _inclination(*behind)) / (2 * size[i])
+    by_x_c, by_load, by_psi, by_moment, _, by_scale, by_rigidity = slopes
+    stiffness = 1 - by_psi - by_x_c * by_plane[0] - by_load * by_plane[1]
+    row = np.zeros(ERRORS)
+    row[[X_C, LOAD, SCALE, RIGIDITY]] = np.array([by_x_c, by_load, by_scale, by_rigidity])
+    row /= stiffness
+    followed = np.zeros(ERRORS)
+    followed[[X_C, LOAD, PSI]] = [*by_plane, 1.0]
+    carried = np.eye(ERRORS) + np.outer(followed, row)
+    by_reading = followed * by_moment / stiffness
+    return carried @ fixed_plane @ carried.T + np.outer(by_reading, by_reading) * moment_sigma**2

@@ -1,0 +1,209 @@
+"""All frames of a push at once, with the exact beam: where the object stands, and how stiff it is.
+
+A push is planar (psi = 0), without friction, against one object that stays where it is or yields
+on a linear spring along the normal of the beam at first contact, as the paper's Fig. 10 has it.
+Then every frame's shape follows from four numbers and the motor's angle: the contact distance at
+rest, the motor angle of first contact, the object's compliance 1/k_s, and how round it is. The
+compliance, not the stiffness, is what is estimated: it is regular for a rigid object (Fig. 11, and
+(30), (31) with tan), of either sign, so that its interval covers zero where the object is rigid.
+
+Causal: a frame is answered from itself and those before it. Of a single frame the onset is not
+known, and the answer is that of `exact_fit`. Frames that do not fit one object are an outcome:
+it moved, slipped, or the contact is of another kind. Two things no push shows: an object that
+creeps along with the force looks like a softer one, and one that creeps towards the clamp like a
+rounder one.
+
+How well it can be known: a stiff object's compliance shows only in the difference between the
+motor's angle and the beam's, so that an encoder of 0.01 degrees leaves 0.09 % of the beam's own
+compliance x_c^3 / (3 EI) after seven frames from 3 to 15 degrees, whatever the camera.
+"""
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2 as distribution
+
+from solver.beam_models.linear import unit_deflection
+from solver.fitting.answer import refusal_of
+from solver.fitting.gauss_newton import Fit, gauss_newton
+from solver.fitting.problem import problem_of, settled, started, without
+from solver.fitting.push_answer import SHAPE, contact_quantities, judged
+from solver.fitting.push_joint import BASE, PUSH, Frame, Push
+from solver.fitting.residuals import LEVER
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.methods.exact_fit import exact_fit
+
+# A push with a single object is refused once in so many times.
+REFUSED: Final = 1e-4
+# An object whose compliance exceeds this many sigmas is told apart from a rigid one.
+SOFT: Final = 2.0
+# A radius or a compliance less than zero by so many sigmas is that of no object.
+IMPOSSIBLE: Final = 4.0
+# A motor that has turned by fewer sigmas of its encoder has not pushed on.
+TURNED: Final = 5.0
+# A step of so many sigmas is the last: the points' weights follow the shape, so that chi^2 does
+# not fall all the way to where the steps vanish.
+NEAR: Final = 0.05
+# What is said of the third dimension.
+SPATIAL: Final = frozenset({"psi_rad", "force_z_n", "displacement_z_m"})
+
+
+def push_fit(measurement: Measurement) -> Estimate:
+    """The last frame's contact, the object's compliance and the onset, with their covariance."""
+    alone = exact_fit(measurement)
+    if not alone.values or measurement.motor_angle is None or measurement.rig.known_psi:
+        return alone
+    frames, lever = _bent(measurement)
+    push = Push(tuple(frames), measurement.rig, measurement.base_covariance)
+    if len(frames) < 2 or np.ptp(push.motor_angles) < TURNED * push.encoder_sigma:
+        return alone
+    start = _start(push, lever)
+    if start is None or push.residuals(start) is None:
+        return Estimate(Outcome.INVALID, "the frames' shapes are not those of one push")
+    fit = gauss_newton(push.residuals, start, step_tolerance=NEAR)
+    return _judged(push, measurement, fit, alone)
+
+
+def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
+    """The frames with contact and a motor angle, without their outliers; the best one's lever [m].
+
+    Each is fitted by itself first: that shows which points are outliers, how much more than stated
+    the others scatter, and where the contact is.
+    """
+    frames, best, lever = [], math.inf, 0.0
+    for one in (*measurement.earlier, measurement):
+        problem = problem_of(one)
+        start = started(problem, 0.0) if problem.points else None
+        fit = None if start is None else settled(problem, start, psi_free=False)
+        if fit is None or one.motor_angle is None or refusal_of(one, problem, fit) is not None:
+            continue
+        kept = problem if fit.kept.all() else without(problem, fit.kept)
+        frames.append(Frame(one.motor_angle, kept, fit.widening))
+        if fit.covariance[LEVER, LEVER] < best:
+            best, lever = fit.covariance[LEVER, LEVER], fit.p[LEVER]
+    return frames, float(lever) * measurement.rig.beam.length
+
+
+def _start(push: Push, lever: float) -> Floats | None:
+    """Every frame touched at the same lever; the onset by a straight line. None if that fails."""
+    beam, side, angles = push.rig.beam, push.rig.deflects_towards, push.motor_angles
+    shapes = []
+    for frame in push.frames:
+        x, y = frame.problem.arrays[0][:2] * beam.length
+        unit = unit_deflection(x, lever)
+        q = 6 * float(unit @ y) / float(unit @ unit)
+        # Inside the model's domain, however steep the linear shape is.
+        shapes.append((min(max(q, 1e-9), 1.6 / max(lever - x.min(), lever) ** 2), lever))
+    known = [0.0] * BASE + [lever, 0.0, 0.0, beam.radius]
+    parameters = np.array([value for shape in shapes for value in shape] + known)
+    touches = push.touches(parameters)
+    if touches is None:
+        return None
+    # pushing angle = side (onset - motor angle), of which a spring takes compliance F / x0.
+    rigid = np.array([at.pushing_angle for at in touches])
+    force = beam.flexural_rigidity * np.array([q for q, _ in shapes])
+    design = np.column_stack([np.full(len(rigid), side), -force / lever])
+    onset, compliance = np.linalg.lstsq(design, rigid + side * angles, rcond=None)[0]
+    parameters[-PUSH:] = lever, onset, compliance, beam.radius
+    return parameters
+
+
+def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimate:
+    """The answer, unless the frames contradict each other or determine nothing."""
+    count, chi2 = len(push.frames), fit.chi2
+    dof = sum(frame.problem.points for frame in push.frames) + 1 - PUSH
+
+    def refused(outcome: Outcome, message: str = "") -> Estimate:
+        return Estimate(outcome, message, chi2=chi2, dof=dof, iterations=fit.iterations)
+
+    if fit.rank_deficient:
+        return replace(
+            alone, message=f"of the last frame alone: {count} frames leave the push open"
+        )
+    tension, equations = push.tension(fit.parameters)
+    if tension > distribution.isf(REFUSED, equations):
+        return refused(
+            Outcome.INVALID,
+            f"the {count} frames of the push are not those of one object at one place on a linear "
+            f"spring: chi^2 of the push is {tension:.3g} on {equations} degrees of freedom",
+        )
+    if not fit.converged:
+        return replace(
+            alone, message=f"of the last frame alone: the fit of {count} frames did not converge"
+        )
+    roundness = fit.parameters[-1] - last.rig.beam.radius
+    if roundness < -IMPOSSIBLE * math.sqrt(fit.covariance[-1, -1]):
+        return refused(
+            Outcome.INVALID,
+            "the contact moves along the beam as on no object that stands still without friction",
+        )
+    values, covariance = _quantities(push, last, fit)
+    row = list(values).index("compliance_m_per_n")
+    if values["compliance_m_per_n"] < -IMPOSSIBLE * math.sqrt(covariance[row, row]):
+        return refused(
+            Outcome.INVALID,
+            "the object comes towards the beam the more it is pushed: the motor turns about "
+            "another axis than the clamp's, or the beam is not the rig's",
+        )
+    return judged(
+        last.rig,
+        values,
+        covariance,
+        f"{count} frames",
+        chi2=chi2,
+        dof=dof,
+        iterations=fit.iterations,
+    )
+
+
+def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, float], Floats]:
+    """All values of the last frame and of the push, and their joint covariance."""
+    count = len(push.frames)
+    side, tolerances = last.rig.deflects_towards, last.rig.tolerances
+    rigidity = last.rig.beam.flexural_rigidity
+    onset, compliance = float(fit.parameters[-3]), float(fit.parameters[-2])
+    shape, base = slice(2 * count - 2, 2 * count), slice(2 * count, 2 * count + BASE)
+    touches = push.touches(fit.parameters)
+    assert touches is not None
+    # The encoder's reading, corrected by what the shapes tell: onset less the pushing angle.
+    angle = onset - side * touches[-1].pushing_angle
+    contact = np.concatenate([fit.parameters[shape], [0.0], fit.parameters[base]])
+    values, by_shape = contact_quantities(last, contact, angle)
+    # That plane D is plane C is assumed here: of the third dimension nothing is known.
+    told = [i for i, name in enumerate(values) if name not in SPATIAL]
+    by_shape = by_shape[told]
+    values = {name: value for name, value in values.items() if name not in SPATIAL}
+    rows = len(values)
+    n = len(fit.parameters)
+    # By the fit's parameters, the flexural rigidity, the scale of lengths, the clamp's height.
+    jacobian = np.zeros((rows + 2, n + 3))
+    column = {name: by_shape[:, i] for i, name in enumerate(SHAPE)}
+    jacobian[:rows, shape] = by_shape[:, :2]
+    jacobian[:rows, base] = by_shape[:, 3:6]
+    for i, name in enumerate(("rigidity", "scale", "height")):
+        jacobian[:rows, n + i] = column[name]
+    d_angle = np.zeros(n)
+    d_angle[shape] = -side * touches[-1].d_pushing_angle[:2]
+    d_angle[-2:] = -side * touches[-1].d_pushing_angle[2:]
+    d_angle[-PUSH + 1] = 1.0
+    jacobian[:rows, :n] += np.outer(column["motor_angle"], d_angle)
+    # Only compliance times EI is told by shapes; by similarity it grows as a length cubed.
+    jacobian[rows, n - 2] = 1.0
+    jacobian[rows, n : n + 2] = -compliance / rigidity, 3 * compliance
+    jacobian[rows + 1, n - 3] = 1.0
+    values |= {"compliance_m_per_n": compliance, "onset_angle_rad": onset}
+    known = np.zeros((n + 3, n + 3))
+    known[:n, :n] = fit.covariance
+    known[n, n] = tolerances.flexural_rigidity**2
+    known[n + 1, n + 1] = last.scale_sigma**2
+    known[n + 2, n + 2] = tolerances.base_position**2
+    covariance = jacobian @ known @ jacobian.T
+    if compliance > SOFT * math.sqrt(covariance[rows, rows]):
+        values["stiffness_n_per_m"] = 1 / compliance
+        jacobian = np.vstack([jacobian, -jacobian[rows] / compliance**2])
+        covariance = jacobian @ known @ jacobian.T
+    return values, covariance

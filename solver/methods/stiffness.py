@@ -1,0 +1,224 @@
+"""The paper's stiffness sensing (section VI-C): how far the object yields, from two-point contacts.
+
+The object's point has moved by w_s = w_p - y_c (30), where w_p is how far the beam would have gone
+there without it, and its stiffness is k_s = f / w_s (31). What is mended: w_p = x_c tan(dtheta) for
+a contact that stays where it is; the printed x_c dtheta is 2.3 % off at 15 degrees and makes stiff
+objects come out with negative stiffness. And what is estimated is the compliance 1/k_s = w_s / f,
+which is regular for a rigid object; the stiffness is told only where the compliance exceeds two
+sigma.
+
+The pushing angle dtheta counts from first contact, which no frame need show. The load that bends
+the beam to the shape of (9) and (10), fitted to each frame with the contact where the last frame
+has it, grows as tan(dtheta) for an object on a linear spring; the motor angle at which it vanishes,
+by least squares over the frames so far, is the onset. Where exactly the contact is taken to be
+changes all loads by nearly the same factor, and so hardly the onset. A single frame has none, and
+is answered without compliance.
+
+x_c and f are those of `two_point`, linear theory, with its bias at large deflections, of which the
+covariance knows nothing.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from solver.beam_models.linear import unit_deflection, unit_slope
+from solver.fitting.first_contact import LEAST_SIGNIFICANCE, nearest_linear_bend
+from solver.fitting.gauss_newton import Linearised, gauss_newton
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.methods.two_point import MeanOfPairs, mean_of_pairs, two_point
+from solver.plane_d import known_plane
+
+# An object whose compliance exceeds so many sigmas is told apart from a rigid one.
+SOFT: Final = 2.0
+# A motor that has turned by fewer sigmas of its encoder has not pushed on.
+TURNED: Final = 5.0
+# An encoder that claims to be exact errs by less than any shape tells [rad].
+LEAST_ENCODER: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class _Load:
+    """A frame's motor angle [rad], and its load f / (6 EI) [1/m^2] for a contact given.
+
+    `by_y` (n,) is its derivative by the points' y, `by_base` (3,) by the clamp's (dx, dy, tilt),
+    `sigma` what the points' errors make of it.
+    """
+
+    motor_angle: float
+    load: float
+    sigma: float
+    by_y: Floats
+    by_base: Floats
+
+
+@dataclass(frozen=True)
+class _Onset:
+    """Motor angle [rad] of first contact; its derivatives (n,) by each load and motor angle."""
+
+    angle: float
+    by_load: Floats
+    by_motor: Floats
+
+
+def stiffness(measurement: Measurement) -> Estimate:
+    """x_c, force, the object's compliance and the onset, with their joint covariance."""
+    alone = two_point(measurement)
+    found = known_plane(measurement)
+    if not alone.values or measurement.motor_angle is None or isinstance(found, Estimate):
+        return alone
+    mean = mean_of_pairs(found[0])
+    assert not isinstance(mean, Estimate)
+    loads = _loads(measurement, mean.x_c)
+    encoder = max(measurement.rig.tolerances.encoder, LEAST_ENCODER)
+    if len(loads) < 2 or np.ptp([load.motor_angle for load in loads]) < TURNED * encoder:
+        return alone
+    onset = _onset(loads, measurement.rig.deflects_towards, encoder)
+    if onset is None:
+        return Estimate(
+            Outcome.INVALID, "the load does not grow with the motor angle as from one first contact"
+        )
+    errors = _errors(loads, onset, mean, found[0], encoder)
+    values, covariance = _quantities(mean, onset, found[0], errors)
+    return Estimate(alone.outcome, f"{len(loads)} frames", values=values, covariance=covariance)
+
+
+def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
+    """The loads of the bent frames so far, the last of them the latest, for a contact at x_c."""
+    loads = []
+    for frame in (*measurement.earlier, measurement):
+        found = known_plane(frame)
+        if frame.motor_angle is None or isinstance(found, Estimate):
+            continue
+        planar = found[0]
+        if nearest_linear_bend(planar).significance < LEAST_SIGNIFICANCE:
+            continue
+        x, y = planar.points.T
+        unit = unit_deflection(x, x_c)
+        by_y = unit / float(unit @ unit)
+        load = float(by_y @ y)
+        slope = load * unit_slope(x, x_c)
+        along, across = planar.sigma_vectors.T
+        sigma = float(np.linalg.norm(by_y * (across - slope * along)))
+        by_base = np.array([-by_y @ slope, by_y.sum(), by_y @ x])
+        loads.append(_Load(frame.motor_angle, load, sigma, by_y, by_base))
+    return loads
+
+
+def _onset(loads: list[_Load], side: int, encoder: float) -> _Onset | None:
+    """Least squares of load = growth tan(side (onset - motor angle)); None where there is none."""
+    angles = np.array([load.motor_angle for load in loads])
+    measured = np.array([load.load for load in loads])
+    slope, level = np.polyfit(angles, measured, 1)
+    # The load grows as the motor turns the beam against the object.
+    growth = -side * float(slope)
+    if growth <= 0 or np.abs(angles + level / slope).max() >= math.pi / 2:
+        return None
+    sigma = np.hypot([load.sigma for load in loads], growth * encoder)
+
+    def residuals(p: Floats) -> Linearised | None:
+        growth, onset = p
+        pushing = side * (onset - angles)
+        if np.abs(pushing).max() >= math.pi / 2:
+            return None
+        tangent = np.tan(pushing)
+        by_onset = growth * side * (1 + tangent**2)
+        jacobian = np.column_stack([tangent, by_onset]) / sigma[:, None]
+        return (growth * tangent - measured) / sigma, jacobian
+
+    fit = gauss_newton(residuals, np.array([growth, -level / slope]))
+    here = residuals(fit.parameters)
+    if here is None or not fit.converged or fit.rank_deficient or fit.parameters[0] <= 0:
+        return None
+    by_load = (fit.covariance @ here[1].T)[1] / sigma
+    # A motor angle that reads more makes the residual what a smaller onset would.
+    return _Onset(float(fit.parameters[1]), by_load, by_load * here[1][:, 1] * sigma)
+
+
+def _quantities(
+    mean: MeanOfPairs, onset: _Onset, planar: Measurement, errors: Floats
+) -> tuple[dict[str, float], Floats]:
+    """Values of the last frame with their covariance, from that of `_errors`."""
+    x_c, load, rigidity = mean.x_c, mean.load, planar.rig.beam.flexural_rigidity
+    y_c, force = 2 * load * x_c**3, 6 * rigidity * load
+    assert planar.motor_angle is not None
+    tangent = math.tan(planar.rig.deflects_towards * (onset.angle - planar.motor_angle))
+    shift = x_c * tangent - y_c  # (30)
+    compliance = shift / force  # (31)
+    values = {
+        "x_c_m": x_c,
+        "y_c_m": y_c,
+        "force_n": force,
+        "f_n": force,
+        "compliance_m_per_n": compliance,
+        "onset_angle_rad": onset.angle,
+    }
+    by_force = [0.0, 6 * rigidity, 0.0, 6 * load, 0.0]
+    by_compliance = [
+        (tangent - 3 * y_c / x_c) / force,
+        -(2 * x_c**3 + shift / load) / force,
+        x_c * (1 + tangent**2) / force,
+        -compliance / rigidity,
+        0.0,
+    ]
+    rows = [
+        [1.0, 0.0, 0.0, 0.0, 0.0],
+        [3 * y_c / x_c, 2 * x_c**3, 0.0, 0.0, 0.0],
+        by_force,
+        by_force,
+        by_compliance,
+        [0.0, 0.0, 0.0, 0.0, 1.0],
+    ]
+    if compliance > SOFT * math.sqrt(float(by_compliance @ errors @ by_compliance)):
+        values["stiffness_n_per_m"] = 1 / compliance
+        rows.append([-part / compliance**2 for part in by_compliance])
+    jacobian = np.array(rows)
+    return values, jacobian @ errors @ jacobian.T
+
+
+def _errors(
+    loads: list[_Load], onset: _Onset, mean: MeanOfPairs, planar: Measurement, encoder: float
+) -> Floats:
+    """Covariance (5, 5) of the last x_c, load and pushing angle, of EI, and of the onset.
+
+    Each frame's points and motor angle err on their own; the clamp's pose, the scale of lengths
+    and EI are the same in all.
+    """
+    side, tolerances = planar.rig.deflects_towards, planar.rig.tolerances
+    final = len(loads) - 1
+
+    def row(x_c: Floats | float, load: Floats | float, onset: Floats | float) -> Floats:
+        """What errors do to the last shape, and by the onset to the pushing angle."""
+        return np.array([x_c + 0 * onset, load + 0 * onset, side * onset, 0 * onset, onset])
+
+    along, across = planar.sigma_vectors.T
+    clear = np.zeros_like(across)
+    covariance = np.zeros((5, 5))
+    of_clamp = row(mean.by_base[0], mean.by_base[1], np.zeros(3))
+    for i, load in enumerate(loads):
+        of_clamp += row(0.0, 0.0, onset.by_load[i] * load.by_base)
+        motor = row(0.0, 0.0, float(onset.by_motor[i]))
+        if i == final:
+            motor[2] -= side
+        covariance += np.outer(motor, motor) * encoder**2
+        if i < final:
+            alone = row(0.0, 0.0, float(onset.by_load[i]) * load.sigma)
+            covariance += np.outer(alone, alone)
+    # The last frame's points make both its contact and its part of the onset.
+    by_contact = np.vstack([clear, clear])
+    by_contact[:, mean.rows] = mean.by_point
+    slope = clear.copy()
+    slope[mean.rows] = mean.slope
+    points = row(by_contact[0], by_contact[1], onset.by_load[final] * loads[final].by_y)
+    points = points * (across - slope * along)
+    covariance += points @ points.T
+    covariance += of_clamp @ planar.base_covariance @ of_clamp.T
+    # The onset is an angle, which no scale changes.
+    scale = row(mean.x_c, -2 * mean.load, 0.0)
+    covariance += np.outer(scale, scale) * planar.scale_sigma**2
+    covariance[3, 3] += tolerances.flexural_rigidity**2
+    return covariance

@@ -1,0 +1,174 @@
+"""The paper's 3D-VBAA (section V-B): three points, and the plane on which they agree.
+
+For every inclination psi of the deformation plane the points are un-projected by (7) and (8), and
+each of the pairs (1, 2) and (1, 3) gives a contact distance by linear theory. Where they agree,
+g_3D(psi) = 0, psi may be true. It is told by perspective alone, to second order, and therefore
+badly.
+
+What is mended. (25) and (26) use (15), which holds only if all three points lie on the curved
+part; here each pair's contact is that of the monotone ratio y2 / y1, which covers all three cases
+of section V-A. And (26) has poles, where a pair's contact runs to infinity and returns from the
+other side; here g is the difference of w = x_c / (x_c + L), which is 1 from there on and 0 where
+the contact would lie behind the clamp. So g is a continuous function of psi wherever all points
+lie on the same side of the beam's rest, and no sign change of it is a pole.
+
+The rule, fixed before any scoring:
+- The visible beam is cut into 24 stretches of equally many columns, a parabola through each gives
+  one point in its middle: the averaging that the paper asks for, done where it is still linear.
+- All triples of these whose neighbours are at least L / 12 apart vote. The votes are averaged in
+  g, not in its roots, which scatter over the whole half circle. A triple weighs as much as its
+  signal dg/dpsi, over the variance of its noise, on the nearest linear beam at psi = 0.
+- All roots of the mean g in (-90, 90) deg are found: sign changes between neighbours on a grid of
+  one degree, each closed in by Brent's method. Of several the one nearest to psi = 0 is taken.
+- x_c and f are the mean of pairs (`two_point`) on that plane.
+
+What it costs. With a camera above the middle of the beam there is one root; above the clamp, half
+of the noisy frames have two to four, and the wrong one is then taken only where it is the nearer
+to the calibration plane: a plane inclined by more than about 50 deg may be missed. At 10 %
+deflection and 0.05 px of noise psi errs by some 25 deg (root mean square), a third of it the bias
+of linear theory. The covariance is that of noise and clamp; psi's sigma reaches to the
+farthest plane on which the mean g is zero within its noise, other roots included, and where that
+is more than a right angle away no answer is given. Of the bias it knows nothing.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from solver.fitting.first_contact import nearest_linear_bend, no_contact
+from solver.fitting.linear_answer import BASE, LinearContact, answer, stated_errors
+from solver.fitting.triples import STRETCHES, Nodes, Votes, by_sources, stretch_nodes, weighted_sum
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.methods.two_point import MeanOfPairs, mean_of_pairs
+from solver.plane_d import on_deformation_plane, opening, unproject
+
+LEAST_POINTS = 3 * STRETCHES
+GRID = np.radians(np.arange(-89.0, 89.5, 1.0))
+COARSE = 4  # every fourth plane of the grid decides how far psi is open
+
+
+def three_point(measurement: Measurement) -> Estimate:
+    """Inclination psi, contact distance x_c, force f and what follows, with their covariance."""
+    count = int((measurement.points[:, 0] > 0).sum())
+    if count < LEAST_POINTS:
+        return Estimate(Outcome.INVALID, f"{count} visible points, needed are {LEAST_POINTS}")
+    bend = nearest_linear_bend(measurement)
+    refusal = no_contact(bend)
+    if refusal is not None:
+        return refusal
+    viewpoint = measurement.view.viewpoint
+    length = measurement.rig.beam.length
+    nodes = stretch_nodes(measurement)
+    votes = Votes.at(nodes, viewpoint, 0.0, bend.x_c, bend.amplitude, length)
+    if not votes.weights.any():
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE,
+            "no three points far enough apart tell planes of different inclination apart",
+        )
+
+    def disagreement(psi: float) -> float:
+        on_d, _, _ = unproject(nodes.points, viewpoint, psi)
+        return float(weighted_sum(on_d[:, 0], on_d[:, 1], votes.weights, length))
+
+    scan = np.array([disagreement(psi) for psi in GRID])
+    roots = _roots(disagreement, scan, viewpoint)
+    if not roots:
+        return Estimate(Outcome.INVALID, "on no plane do three points show the same contact")
+    psi = min(roots, key=abs)
+    planar = on_deformation_plane(measurement, psi)
+    if planar is None:
+        return Estimate(Outcome.EDGE_ON, f"{math.degrees(psi):.1f} deg is seen edge-on")
+    mean = mean_of_pairs(planar)
+    if isinstance(mean, Estimate):
+        return mean
+    covariance = _covariance(measurement, planar, mean, nodes, votes.weights, psi, scan)
+    if covariance is None:
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE, "the image does not tell the inclination of the beam's plane"
+        )
+    others = "".join(f", {math.degrees(root):.0f}" for root in roots if root != psi)
+    message = f"mean of {mean.pairs} pairs" + (f"; other inclinations{others} deg" * bool(others))
+    contact = LinearContact(mean.x_c, mean.load, covariance, psi)
+    return answer(contact, planar, message)
+
+
+def _roots(disagreement: Callable[[float], float], scan: Floats, viewpoint: Floats) -> list[float]:
+    """All psi in (-90, 90) deg where the mean g changes its sign, on either side of edge-on.
+
+    `scan` is g on the grid.
+    """
+    roots = []
+    side = np.array([opening(viewpoint, psi) > 0 for psi in GRID])
+    together = (side[1:] == side[:-1]) & np.isfinite(scan[1:]) & np.isfinite(scan[:-1])
+    for i in np.flatnonzero(together):
+        here, there = scan[i], scan[i + 1]
+        if here == 0 and there != 0:
+            roots.append(float(GRID[i]))
+        elif here * there < 0:
+            roots.append(float(brentq(disagreement, GRID[i], GRID[i + 1], xtol=1e-12)))
+    return roots
+
+
+def _covariance(
+    measurement: Measurement,
+    planar: Measurement,
+    mean: MeanOfPairs,
+    nodes: Nodes,
+    weights: Floats,
+    psi: float,
+    scan: Floats,
+) -> Floats | None:
+    """Covariance (8, 8) of x_c, load and psi at the root; None where psi is open.
+
+    Points and clamp move psi by the implicit function g(psi) = 0, and with it x_c and load. As g
+    is far from straight and may have other roots, psi's sigma is at least its distance from the
+    farthest plane on the grid (`scan`) where g lies within its own sigma of zero.
+    """
+    bend = nearest_linear_bend(planar)  # not the mean of pairs, whose bias would enter the noise
+    viewpoint, length = measurement.view.viewpoint, measurement.rig.beam.length
+    here, lifted = by_sources(nodes, viewpoint, psi, bend.x_c, bend.amplitude, length, weights)
+    by_psi = here[-1]
+    if abs(by_psi) < 1e-12:
+        return None
+    count = len(measurement.points)
+    by_error = np.zeros((3, count))
+    by_base = np.zeros((3, 3))
+    by_error[2] = -here[:count] / by_psi
+    by_base[2] = -here[count:-1] / by_psi
+    seen = np.flatnonzero(np.isfinite(unproject(measurement.points, viewpoint, psi)[0][:, 0]))
+    along, across = planar.sigma_vectors[mean.rows].T
+    by_error[:2, seen[mean.rows]] = mean.by_point * (across - mean.slope * along)
+    by_base[:2] = mean.by_base
+    _, _, turned = unproject(measurement.points[seen], viewpoint, psi)
+    by_plane = mean.moved(turned[mean.rows])
+    base = planar.base_covariance
+
+    def variance(by_source: Floats) -> float:
+        noise, clamp = by_source[:count], by_source[count:-1]
+        return float(noise @ noise * bend.widening + clamp @ base @ clamp)
+
+    sigma = math.sqrt(variance(here)) / abs(by_psi)
+    farthest = sigma
+    for other, value in zip(GRID[::COARSE], scan[::COARSE], strict=True):
+        if abs(other - psi) > farthest and math.isfinite(value):
+            there, _ = by_sources(
+                nodes, viewpoint, other, bend.x_c, bend.amplitude, length, weights, lifted
+            )
+            if value**2 <= variance(there):
+                farthest = abs(other - psi)
+    if sigma <= 0 or farthest > math.pi / 2:
+        return None
+    by_error[2] *= farthest / sigma
+    by_base[2] *= farthest / sigma
+    carried = np.eye(3)
+    carried[:2, 2] = by_plane
+    by_error, by_base = carried @ by_error, carried @ by_base
+    covariance = stated_errors(planar)
+    covariance[:3, :3] = by_error @ by_error.T * bend.widening + by_base @ base @ by_base.T
+    covariance[:3, BASE] = -by_base @ base
+    covariance[BASE, :3] = covariance[:3, BASE].T
+    return covariance

@@ -1,0 +1,183 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from solver.beam_models.linear import unit_deflection
+from solver.fitting.first_contact import Bend, nearest_linear_bend, no_contact
+from solver.fitting.onset import onset
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Outcome
+from solver.instrument.measurement import Measurement
+from tests.simulated import BEAM, measurement, pushed_points
+from vbaa_bench.mechanics.planar import push
+
+SIGMA = 0.05 * 0.51e-3  # 0.05 px
+X = np.arange(0.003, 0.24, 0.51e-3)
+
+
+def seen(y: Floats, base_sigma: float = 0.0, tilt_sigma: float | None = None) -> Measurement:
+    plain = measurement(np.column_stack([X, y]), SIGMA, base_sigma)
+    if tilt_sigma is None:
+        return plain
+    base = plain.base_covariance.copy()
+    base[2, 2] = tilt_sigma**2
+    return dataclasses.replace(plain, base_covariance=base)
+
+
+def coloured(random: np.random.Generator, length: float) -> Floats:
+    """Noise of unit variance whose neighbours err together over `length` columns."""
+    kernel = np.exp(-(np.arange(-60, 61) ** 2) / (2 * length**2))
+    noise = np.convolve(random.standard_normal(len(X) + 120), kernel, mode="valid")
+    return np.asarray(noise / np.linalg.norm(kernel))
+
+
+@pytest.mark.parametrize("neighbours", [0.0, 3.0])
+@pytest.mark.parametrize("base_sigma", [0.0, 1e-5])
+def test_a_straight_beam_is_never_a_contact(base_sigma: float, neighbours: float) -> None:
+    random = np.random.default_rng(0)
+    largest = 0.0
+    for _ in range(750):
+        shift, turn = base_sigma * random.standard_normal(2) * [1, 10]
+        noise = coloured(random, neighbours) if neighbours else random.standard_normal(len(X))
+        bend = nearest_linear_bend(seen(SIGMA * noise + shift + turn * X, base_sigma))
+        largest = max(largest, abs(bend.significance))
+    # Of 3,000 frames in all none reaches five sigmas.
+    assert 2.5 < largest < 5
+
+
+def test_a_straight_line_at_any_angle_is_no_contact_if_the_clamp_may_be_turned() -> None:
+    random = np.random.default_rng(1)
+    for angle in np.radians([-80, -30, -5, 0, 20, 60, 85]):
+        along, across = (
+            np.array([np.cos(angle), np.sin(angle)]),
+            np.array([-np.sin(angle), np.cos(angle)]),
+        )
+        noise = SIGMA * random.standard_normal((len(X), 1))
+        points = X[:, None] * along + noise * across
+        loose = seen(X * 0, tilt_sigma=2.0)
+        view = dataclasses.replace(
+            loose.view, points=points, sigma_vectors=np.tile(SIGMA * across, (len(X), 1))
+        )
+        bend = nearest_linear_bend(dataclasses.replace(loose, view=view))
+        assert abs(bend.significance) < 5
+        assert bend.tilt == pytest.approx(angle, abs=0.05)
+
+
+@pytest.mark.parametrize("x_c", [0.1, 0.18])
+@pytest.mark.parametrize("tilt_sigma", [1e-8, 1e-4, 2.0])
+def test_a_bend_of_sixty_sigmas_is_always_found(x_c: float, tilt_sigma: float) -> None:
+    random = np.random.default_rng(2)
+    shape = unit_deflection(X, x_c)
+    strong = nearest_linear_bend(seen(shape, tilt_sigma=tilt_sigma))
+    load = 60 * strong.sigma / strong.widening**0.5
+    found = 0
+    for _ in range(200):
+        turn = min(tilt_sigma, 0.1) * random.standard_normal()
+        noise = SIGMA * random.standard_normal(len(X))
+        bend = nearest_linear_bend(seen(load * shape + noise + turn * X, tilt_sigma=tilt_sigma))
+        found += no_contact(bend) is None
+    assert found >= 198
+
+
+def test_the_amplitudes_sigma_is_honest() -> None:
+    random = np.random.default_rng(3)
+    x_c, base_sigma = 0.12, 5e-6
+    load = 0.02 * 0.24 / float(unit_deflection(0.24, x_c))
+    pulls = []
+    for _ in range(300):
+        shift, turn = base_sigma * random.standard_normal(2) * [1, 10]
+        y = load * unit_deflection(X, x_c) + shift + turn * X
+        bend = nearest_linear_bend(seen(y + SIGMA * random.standard_normal(len(X)), base_sigma))
+        tip = bend.amplitude * float(unit_deflection(0.24, bend.x_c))
+        pulls.append((tip / (0.02 * 0.24) - 1) * bend.significance)
+    # With a place that is free the deflection at the tip is known hardly worse than at a fixed one.
+    assert 0.7 < np.std(pulls) < 1.6
+
+
+def test_it_is_the_beam_that_made_the_points() -> None:
+    for place, deflection in ((0.05, 0.05), (0.15, 0.1)):
+        points, x_c, force = pushed_points(place, deflection)
+        bend = nearest_linear_bend(measurement(points, SIGMA))
+        assert bend.x_c == pytest.approx(x_c, abs=0.01 * BEAM.length)
+        assert 6 * BEAM.flexural_rigidity * bend.amplitude == pytest.approx(force, rel=0.1)
+    shuffled = np.random.default_rng(4).permutation(points)
+    again = nearest_linear_bend(measurement(shuffled, SIGMA))
+    assert again.x_c == pytest.approx(bend.x_c, rel=1e-9)
+    assert again.significance == pytest.approx(bend.significance, rel=1e-6)
+
+
+def test_repeated_points_do_not_count_twice() -> None:
+    y = SIGMA * np.random.default_rng(5).standard_normal(len(X)) + 1e-3 * X**2
+    once = nearest_linear_bend(seen(y))
+    twice = nearest_linear_bend(measurement(np.column_stack([X, y]).repeat(2, axis=0), SIGMA))
+    assert abs(twice.significance) == pytest.approx(abs(once.significance), rel=0.25)
+
+
+def test_a_scaled_world_gives_the_same_significance() -> None:
+    y = SIGMA * np.random.default_rng(6).standard_normal(len(X)) + 1e-2 * X**2
+    large = seen(y, 1e-6)
+    small = dataclasses.replace(
+        large,
+        view=dataclasses.replace(
+            large.view, points=large.points * 1e-3, sigma_vectors=large.sigma_vectors * 1e-3
+        ),
+        base_covariance=large.base_covariance * np.outer([1e-3, 1e-3, 1], [1e-3, 1e-3, 1]),
+        rig=dataclasses.replace(
+            large.rig, beam=dataclasses.replace(BEAM, length=BEAM.length * 1e-3)
+        ),
+    )
+    one, other = nearest_linear_bend(large), nearest_linear_bend(small)
+    assert other.significance == pytest.approx(one.significance, rel=1e-3)
+    assert other.x_c == pytest.approx(one.x_c * 1e-3, rel=1e-3)
+
+
+def test_answers_where_there_is_nothing_to_see() -> None:
+    for count in (0, 1, 3):
+        bend = nearest_linear_bend(measurement(np.zeros((count, 2)) + 0.01, SIGMA))
+        refusal = no_contact(bend)
+        assert refusal is not None
+        assert refusal.outcome is Outcome.NO_CONTACT
+    same = nearest_linear_bend(measurement(np.full((50, 2), 0.1), SIGMA))
+    assert np.isfinite([same.x_c, same.amplitude, same.significance]).all()
+    other_side = no_contact(Bend(0.1, -1.0, -100.0))
+    assert other_side is not None
+    assert other_side.outcome is Outcome.INVALID
+
+
+def pushed(first: float, last: float, frames: int, towards: float) -> tuple[Floats, Floats]:
+    """Motor angles and forces of a push against a rigid edge that begins at -0.3 rad."""
+    steps = np.linspace(first, last, frames)
+    forces = [
+        float(np.linalg.norm(push(BEAM, 0.15, pushing_angle=step).contact.force)) if step > 0 else 0
+        for step in steps
+    ]
+    return -0.3 + towards * steps, np.array(forces, dtype=float)
+
+
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+@pytest.mark.parametrize(("first", "last"), [(-3, 15), (3, 15), (-1, 1)])
+def test_onset_of_a_push(first: float, last: float, towards: float) -> None:
+    angles, forces = pushed(np.radians(first), np.radians(last), 13, towards)
+    sigma = 2e-3 * forces.max()
+    random = np.random.default_rng(7)
+    pulls = []
+    for _ in range(100):
+        found = onset(angles, forces + sigma * random.standard_normal(13), np.full(13, sigma))
+        assert found is not None
+        assert found.growth * towards > 0
+        pulls.append((found.angle + 0.3) / found.sigma)
+    # Frames before the onset bound it from one side, so sigma may be the larger.
+    assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.4
+
+
+def test_no_onset_without_a_push() -> None:
+    random = np.random.default_rng(8)
+    angles, sigmas = np.linspace(0, 0.2, 10), np.full(10, 1e-3)
+    assert onset(angles, 1e-3 * random.standard_normal(10), sigmas) is None
+    assert onset(np.zeros(10), np.full(10, 0.1), sigmas) is None
+    assert onset(np.empty(0), np.empty(0), np.empty(0)) is None
+    with pytest.raises(ValueError, match="sigma"):
+        onset(angles, angles, 0 * sigmas)
+    with pytest.raises(ValueError, match="length"):
+        onset(angles, angles[:5], sigmas)

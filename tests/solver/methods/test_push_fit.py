@@ -1,0 +1,318 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.fitting.push_answer import contact_quantities
+from solver.fitting.push_geometry import Touch, touch
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Outcome
+from solver.instrument.measurement import Measurement
+from solver.methods.exact_fit import exact_fit
+from solver.methods.push_fit import push_fit
+from tests.oracle import oracle
+from tests.simulated import BEAM
+from tests.solver.methods.pushes import (
+    ONSET,
+    Object,
+    beam_stiffness,
+    measured_push,
+    mirrored,
+    still,
+    with_tolerances,
+)
+from vbaa_bench.mechanics.planar import push
+
+RIGIDITY = BEAM.flexural_rigidity
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.01, 1.0])
+@pytest.mark.parametrize("radius", [0.0, 5e-3])
+@pytest.mark.parametrize("degrees", [2.0, 20.0])
+def test_the_world_presses_as_the_antenna_believes(
+    compliance: float, radius: float, degrees: float
+) -> None:
+    state = push(
+        BEAM,
+        0.11,
+        pushing_angle=math.radians(degrees),
+        object_radius=radius,
+        compliance=compliance,
+    )
+    force = float(np.linalg.norm(state.contact.force))
+    lever = -float(state.base_moment[2]) / force
+    at = touch(force / RIGIDITY, lever, compliance, radius + BEAM.radius, RIGIDITY)
+    assert at is not None
+    assert at.pushing_angle == pytest.approx(math.radians(degrees), abs=1e-12)
+    assert at.distance == pytest.approx(0.11, abs=1e-13)
+
+
+def test_a_sharp_rigid_edge_agrees_with_the_oracle() -> None:
+    case = oracle()["C_world_fixed_contact"][0]
+    q = float(case["F_N"]) / RIGIDITY
+    lever = math.sqrt(2 * math.sin(float(case["theta_c_rad"])) / q)
+    at = touch(q, lever, 0.0, 0.0, RIGIDITY)
+    assert at is not None
+    assert at.pushing_angle == pytest.approx(float(case["inputs"]["dtheta_rad"]), rel=1e-12)
+    assert at.distance == pytest.approx(float(case["inputs"]["x0_m"]), rel=1e-12)
+
+
+def test_the_gradients_of_a_push_are_its_derivatives() -> None:
+    def pushed(p: Floats) -> Touch | None:
+        q, lever, compliance, reach = (float(value) for value in p)
+        return touch(q, lever, compliance, reach, RIGIDITY)
+
+    p = np.array([15.0, 0.12, 0.05, 3e-3])
+    at = pushed(p)
+    assert at is not None
+    for i in range(4):
+        step = np.zeros(4)
+        step[i] = 1e-6 * p[i]
+        after, before = pushed(p + step), pushed(p - step)
+        assert after is not None
+        assert before is not None
+        slope = (after.pushing_angle - before.pushing_angle) / (2 * step[i])
+        assert at.d_pushing_angle[i] == pytest.approx(slope, rel=1e-6, abs=1e-9)
+        slope = (after.distance - before.distance) / (2 * step[i])
+        assert at.d_distance[i] == pytest.approx(slope, rel=1e-6, abs=1e-9)
+
+
+def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives() -> None:
+    measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(5.0,))
+    # Names of the arguments in SHAPE's order; the last three are the rig's, EI by its share.
+    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, RIGIDITY])
+
+    def values(p: Floats) -> tuple[Floats, Floats]:
+        beam = replace(measurement.rig.beam, flexural_rigidity=float(p[7]))
+        there = replace(measurement, rig=replace(measurement.rig, beam=beam))
+        told, jacobian = contact_quantities(mirrored(there), p[:6], float(p[6]))
+        return np.array(list(told.values())), jacobian
+
+    _, jacobian = values(at)
+    for i, step in enumerate(1e-6 * np.abs(at)):
+        moved = np.zeros(len(at))
+        moved[i] = step
+        slope = (values(at + moved)[0] - values(at - moved)[0]) / (2 * step)
+        assert jacobian[:, i] == pytest.approx(slope, rel=1e-5, abs=1e-7)
+    # Lengths that err by a share, all of them, but for where the clamp stands.
+    still_clamp = at * [1, 1, 1, 0, 0, 1, 1, 1]
+    larger, smaller = (still_clamp * [s**-2, s, 1, 1, 1, 1, 1, 1] for s in (1 + 1e-6, 1 - 1e-6))
+    slope = (values(larger)[0] - values(smaller)[0]) / 2e-6
+    assert values(still_clamp)[1][:, 8] == pytest.approx(slope, rel=1e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0, math.inf])
+@pytest.mark.parametrize("distance", [0.06, 0.2])
+def test_recovers_a_noise_free_push(distance: float, ratio: float) -> None:
+    own = 1 / beam_stiffness(distance)
+    # Stated to be so sharp that neither a prior nor the last step of the fit matters.
+    measurement, state = measured_push(
+        still(distance, own / ratio), sigma=1e-7, base_sigma=(1e-7, 1e-7, 1e-6), encoder=1e-6
+    )
+    answer = push_fit(measurement)
+    assert answer.outcome is Outcome.CONTACT
+    force = float(np.linalg.norm(state.contact.force))
+    for name, true, most in (
+        ("compliance_m_per_n", own / ratio, 1e-4 * own / min(ratio, 1.0)),
+        ("onset_angle_rad", ONSET, 1e-6),
+        ("x_c_m", state.contact.point[0], 2e-6),
+        ("y_c_m", state.contact.point[1], 2e-6),
+        ("s_c_m", state.contact.s, 2e-6),
+        ("theta_c_rad", state.contact.theta, 1e-5),
+        ("force_n", force, 1e-4 * force),
+    ):
+        assert answer.values[name] == pytest.approx(true, abs=most), name
+
+
+@pytest.mark.parametrize("ratio", [1.0, math.inf])
+def test_its_covariance_is_honest(ratio: float) -> None:
+    distance = 0.12
+    own = 1 / beam_stiffness(distance)
+    random = np.random.default_rng(5)
+    names = ("x_c_m", "force_n", "compliance_m_per_n", "onset_angle_rad")
+    squares, compliances, inside = [], [], []
+    trials = 60
+    for _ in range(trials):
+        measurement, state = measured_push(still(distance, own / ratio), random)
+        answer = push_fit(measurement)
+        assert answer.outcome is Outcome.CONTACT
+        true = np.array(
+            [
+                state.contact.point[0],
+                np.linalg.norm(state.contact.force),
+                own / ratio,
+                ONSET,
+            ]
+        )
+        error = np.array([answer.values[name] for name in names]) - true
+        rows = [list(answer.values).index(name) for name in names]
+        assert answer.covariance is not None
+        squares.append(error @ np.linalg.solve(answer.covariance[np.ix_(rows, rows)], error))
+        compliances.append(error[2])
+        inside.append(abs(error[2]) < 1.96 * answer.sigma("compliance_m_per_n"))
+    # chi^2 of four degrees of freedom, 60 trials: 4 +- 0.37.
+    assert 2.9 < np.mean(squares) < 5.2
+    assert np.mean(inside) > 0.86  # 0.95 +- 0.03
+    rmse = float(np.sqrt(np.mean(np.square(compliances))))
+    # A hundredth of the spring; of a rigid object what the encoder leaves, 0.094 % of the beam's.
+    assert rmse < (0.005 if ratio == 1.0 else 0.0014) * own
+    if math.isinf(ratio):
+        assert min(compliances) < 0 < max(compliances)
+
+
+def test_a_spring_is_told_apart_from_a_rigid_object() -> None:
+    random = np.random.default_rng(2)
+    own = 1 / beam_stiffness(0.12)
+    soft = push_fit(measured_push(still(0.12, own), random)[0])
+    assert soft.values["stiffness_n_per_m"] == pytest.approx(1 / own, rel=0.01)
+    assert soft.sigma("stiffness_n_per_m") / soft.values["stiffness_n_per_m"] == pytest.approx(
+        soft.sigma("compliance_m_per_n") / soft.values["compliance_m_per_n"]
+    )
+    told = [
+        "stiffness_n_per_m" in push_fit(measured_push(still(0.12, 0.0), random)[0]).values
+        for _ in range(10)
+    ]
+    assert sum(told) <= 2
+
+
+def test_every_frame_adds_to_what_is_known_of_the_object() -> None:
+    measurement, _ = measured_push(still(0.12, 0.05), np.random.default_rng(3))
+    frames = (*measurement.earlier, measurement)
+    sigmas = []
+    for count in (2, 4, 7):
+        so_far = replace(frames[count - 1], earlier=frames[: count - 1])
+        answer = push_fit(so_far)
+        sigmas.append(answer.sigma("compliance_m_per_n"))
+        assert abs(answer.values["compliance_m_per_n"] - 0.05) < 4 * sigmas[-1]
+    assert sigmas[0] > sigmas[1] > sigmas[2]
+    # Without friction a push has no memory: in whatever order the frames came.
+    shuffled = push_fit(replace(measurement, earlier=measurement.earlier[::-1]))
+    assert shuffled.values["compliance_m_per_n"] == pytest.approx(
+        push_fit(measurement).values["compliance_m_per_n"], abs=0.02 * sigmas[2]
+    )
+
+
+def test_a_push_places_the_contact_better_than_its_last_frame() -> None:
+    measurement, state = measured_push(still(0.12, 0.0), np.random.default_rng(4))
+    together, alone = push_fit(measurement), exact_fit(measurement)
+    assert together.sigma("x_c_m") < 0.8 * alone.sigma("x_c_m")
+    assert abs(together.values["x_c_m"] - state.contact.point[0]) < 4 * together.sigma("x_c_m")
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_contact_in_the_world(side: int) -> None:
+    measurement, state = measured_push(still(0.12, 0.0), radius=0.0)
+    answer = push_fit(measurement if side == 1 else mirrored(measurement))
+    x, y, _ = state.contact.point
+    angle = ONSET - math.radians(15)
+    values = answer.values
+    assert values["contact_antenna_x_m"] == pytest.approx(x, abs=2e-6)
+    assert values["contact_antenna_y_m"] == pytest.approx(side * y, abs=2e-6)
+    turned = (x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle))
+    assert values["contact_world_x_m"] == pytest.approx(turned[0], abs=3e-6)
+    assert values["contact_world_y_m"] == pytest.approx(side * turned[1], abs=3e-6)
+    force_x, force_y, _ = state.contact.force
+    assert values["force_x_n"] == pytest.approx(force_x, rel=1e-3)
+    assert values["force_y_n"] == pytest.approx(side * force_y, rel=1e-3)
+    assert values["displacement_y_m"] == pytest.approx(side * y, abs=2e-6)
+    assert values["f_n"] == pytest.approx(force_y, rel=1e-3)
+    assert values["onset_angle_rad"] == pytest.approx(side * ONSET, abs=2e-6)
+
+
+def test_tolerances_of_the_rig_enter_the_covariance() -> None:
+    measurement, _ = measured_push(still(0.12, 0.5), encoder=0.0, base_sigma=(1e-9, 1e-9, 1e-8))
+    sharp = push_fit(measurement)
+    vague = push_fit(with_tolerances(measurement, flexural_rigidity=0.05 * RIGIDITY))
+    scaled = push_fit(replace(measurement, scale_sigma=0.01))
+    name = "compliance_m_per_n"
+
+    def added(answer_sigma: float) -> float:
+        return math.sqrt(answer_sigma**2 - sharp.sigma(name) ** 2)
+
+    # A shape tells compliance times EI, in units of length cubed.
+    assert added(vague.sigma(name)) == pytest.approx(0.05 * 0.5, rel=0.01)
+    assert added(scaled.sigma(name)) == pytest.approx(0.03 * 0.5, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "touched",
+    [
+        lambda step: (0.12 + 3e-3 * step, 0.0),  # creeps along the beam
+        lambda step: (0.12 if step < 4 else 0.125, 0.0),  # jumps
+        lambda step: (0.12, 0.3 - 0.03 * step),  # a spring that hardens
+        lambda step: (0.2 if step == 0 else 0.08, 0.0),  # another object at first
+    ],
+)
+def test_what_is_not_one_object_on_a_linear_spring_is_refused(touched: Object) -> None:
+    measurement, _ = measured_push(touched, np.random.default_rng(6))
+    answer = push_fit(measurement)
+    assert answer.outcome is Outcome.INVALID
+    assert answer.message
+
+
+def test_an_impossible_object_is_refused() -> None:
+    measurement, _ = measured_push(still(0.12, 0.0), np.random.default_rng(11))
+    # A motor that turns by more than it says seems to push a thing that comes to meet it.
+    geared = [
+        replace(frame, motor_angle=ONSET + 0.97 * ((frame.motor_angle or 0.0) - ONSET))
+        for frame in (*measurement.earlier, measurement)
+    ]
+    answer = push_fit(replace(geared[-1], earlier=tuple(geared[:-1])))
+    assert answer.outcome is Outcome.INVALID
+    assert "axis" in answer.message
+    # A thing that creeps outwards would have to be hollow.
+    creeping, _ = measured_push(
+        lambda step: (0.12 + 5e-4 * step, 0.0), np.random.default_rng(12), radius=0.0
+    )
+    assert push_fit(creeping).outcome is Outcome.INVALID
+
+
+def test_outliers_do_not_move_the_object() -> None:
+    measurement, _ = measured_push(still(0.12, 0.05), np.random.default_rng(13))
+
+    def spoilt(frame: Measurement) -> Measurement:
+        points = frame.points.copy()
+        points[100:140, 1] += 2e-3
+        return replace(frame, view=replace(frame.view, points=points))
+
+    frames = [spoilt(frame) for frame in (*measurement.earlier, measurement)]
+    answer = push_fit(replace(frames[-1], earlier=tuple(frames[:-1])))
+    assert answer.outcome is Outcome.CONTACT
+    assert abs(answer.values["compliance_m_per_n"] - 0.05) < 4 * answer.sigma("compliance_m_per_n")
+    assert answer.sigma("compliance_m_per_n") < 1.3 * push_fit(measurement).sigma(
+        "compliance_m_per_n"
+    )
+
+
+def test_a_single_object_is_not_refused() -> None:
+    random = np.random.default_rng(8)
+    for distance, compliance, radius in ((0.05, 0.0, 0.0), (0.21, 0.3, 0.01), (0.12, 0.02, 0.005)):
+        measurement, _ = measured_push(still(distance, compliance), random, radius=radius)
+        assert push_fit(measurement).outcome is Outcome.CONTACT
+
+
+def test_without_a_push_it_answers_as_a_single_frame() -> None:
+    measurement, _ = measured_push(still(0.12, 0.0), np.random.default_rng(9))
+    first = measurement.earlier[0]
+    unmoved = replace(measurement, earlier=(measurement, measurement))
+    unread = replace(measurement, motor_angle=None)
+    for lone in (first, unmoved, unread):
+        answer = push_fit(lone)
+        assert answer.values == exact_fit(lone).values
+        assert "compliance_m_per_n" not in answer.values
+
+
+def test_frames_before_contact_are_left_out() -> None:
+    measurement, _ = measured_push(still(0.12, 0.1), np.random.default_rng(10))
+    x = measurement.points[:, 0]
+    straight = replace(
+        measurement,
+        view=replace(measurement.view, points=np.column_stack([x, 0 * x])),
+        motor_angle=ONSET + 0.05,
+        earlier=(),
+    )
+    longer = replace(measurement, earlier=(straight, *measurement.earlier))
+    assert push_fit(longer).values == push_fit(measurement).values
+    back: Measurement = replace(straight, earlier=(measurement,))
+    assert push_fit(back).outcome is Outcome.NO_CONTACT

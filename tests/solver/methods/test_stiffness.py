@@ -1,0 +1,141 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Outcome
+from solver.instrument.measurement import Measurement, View
+from solver.methods.stiffness import stiffness
+from solver.methods.two_point import two_point
+from tests.simulated import BEAM, rig
+from tests.solver.methods.pushes import (
+    ONSET,
+    beam_stiffness,
+    measured_push,
+    mirrored,
+    still,
+    with_tolerances,
+)
+
+DISTANCE = 0.12
+OWN = 1 / beam_stiffness(DISTANCE)
+# So little noise that the plain mean of all pairs is not biased by it.
+SIGMA, BASE_SIGMA, ENCODER = 1e-7, (1e-7, 1e-7, 1e-6), 1e-6
+ANGLES_DEG = (3.0, 5.0, 7.0, 9.0)
+
+
+def linear_push(compliance: float, random: np.random.Generator | None = None) -> Measurement:
+    """A push of the linear beam, eqs. (9) and (10), which is the method's own."""
+
+    def noise(*shape: int) -> Floats:
+        return np.zeros(shape) if random is None else random.standard_normal(shape)
+
+    x = np.arange(3e-3, BEAM.length, 0.51e-3)
+    dx, dy, tilt = np.array(BASE_SIGMA) * noise(3)
+    frames: tuple[Measurement, ...] = ()
+    for degrees in ANGLES_DEG:
+        angle = math.radians(degrees)
+        y_c = DISTANCE * math.tan(angle) / (1 + compliance / OWN)
+        near = (3 * DISTANCE - x) * x**2
+        beyond = (3 * x - DISTANCE) * DISTANCE**2
+        y = y_c / (2 * DISTANCE**3) * np.where(x < DISTANCE, near, beyond)
+        points = np.column_stack([x + dx, y + dy + tilt * x + SIGMA * noise(len(x))])
+        frame = Measurement(
+            view=View(points, SIGMA * np.tile([0.0, 1.0], (len(x), 1)), np.array([0.1, 0, 0.4, 1])),
+            base_covariance=np.diag(np.square(BASE_SIGMA)),
+            scale_sigma=0.0,
+            motor_angle=ONSET - angle + ENCODER * float(noise(1)[0]),
+            rig=rig(encoder=ENCODER),
+        )
+        frames = (*frames, frame)
+    return replace(frames[-1], earlier=frames[:-1])
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 10.0, math.inf])
+def test_recovers_a_linear_beam(ratio: float) -> None:
+    answer = stiffness(linear_push(OWN / ratio))
+    assert answer.outcome is Outcome.CONTACT
+    assert answer.values["compliance_m_per_n"] == pytest.approx(
+        OWN / ratio, rel=1e-4, abs=1e-6 * OWN
+    )
+    assert answer.values["onset_angle_rad"] == pytest.approx(ONSET, abs=1e-6)
+    assert answer.values["x_c_m"] == pytest.approx(DISTANCE, abs=1e-7)
+    assert ("stiffness_n_per_m" in answer.values) == math.isfinite(ratio)
+    if math.isfinite(ratio):
+        assert answer.values["stiffness_n_per_m"] == pytest.approx(ratio / OWN, rel=1e-4)
+
+
+@pytest.mark.parametrize("ratio", [1.0, math.inf])
+def test_its_covariance_is_honest(ratio: float) -> None:
+    random = np.random.default_rng(1)
+    # Not x_c or the force beside them: the mean of the pairs errs to second order in the noise, and
+    # with them the compliance is known so well in one direction that this shows.
+    names = ("compliance_m_per_n", "onset_angle_rad")
+    true = np.array([OWN / ratio, ONSET])
+    squares, distances = [], []
+    for _ in range(60):
+        answer = stiffness(linear_push(OWN / ratio, random))
+        error = np.array([answer.values[name] for name in names]) - true
+        rows = [list(answer.values).index(name) for name in names]
+        assert answer.covariance is not None
+        squares.append(error @ np.linalg.solve(answer.covariance[np.ix_(rows, rows)], error))
+        distances.append((answer.values["x_c_m"] - DISTANCE) / answer.sigma("x_c_m"))
+    # chi^2 of two degrees of freedom, 60 trials: 2 +- 0.26.
+    assert 1.3 < np.mean(squares) < 2.8
+    assert 0.75 < np.sqrt(np.mean(np.square(distances))) < 1.25
+
+
+def test_the_tangent_keeps_stiff_objects_from_coming_out_soft_or_negative() -> None:
+    # Linear theory on the real beam: biased, but by a few per cent of the beam's own compliance.
+    for ratio in (1.0, math.inf):
+        measurement, _ = measured_push(
+            still(DISTANCE, OWN / ratio), angles_deg=(1.0, 1.5, 2.0, 2.5, 3.0), radius=0.0
+        )
+        answer = stiffness(measurement)
+        assert answer.values["compliance_m_per_n"] == pytest.approx(OWN / ratio, abs=0.01 * OWN)
+        assert answer.values["onset_angle_rad"] == pytest.approx(ONSET, abs=2e-4)
+
+
+def test_a_mirrored_rig_answers_the_same() -> None:
+    measurement = linear_push(OWN, np.random.default_rng(2))
+    one, other = stiffness(measurement), stiffness(mirrored(measurement))
+    name = "compliance_m_per_n"
+    assert other.values[name] == pytest.approx(one.values[name], rel=1e-9)
+    assert other.sigma(name) == pytest.approx(one.sigma(name), rel=1e-9)
+    assert other.values["onset_angle_rad"] == pytest.approx(-one.values["onset_angle_rad"])
+
+
+def test_tolerances_of_the_rig_enter_the_covariance() -> None:
+    measurement = linear_push(OWN)
+    known = stiffness(measurement)
+    vague = stiffness(with_tolerances(measurement, flexural_rigidity=0.1 * BEAM.flexural_rigidity))
+    added = math.sqrt(
+        vague.sigma("compliance_m_per_n") ** 2 - known.sigma("compliance_m_per_n") ** 2
+    )
+    assert added == pytest.approx(0.1 * OWN, rel=0.01)
+
+
+def test_without_a_push_it_answers_as_two_point() -> None:
+    measurement = linear_push(OWN, np.random.default_rng(3))
+    unmoved = replace(measurement, earlier=(measurement,))
+    unread = replace(measurement, motor_angle=None)
+    for lone in (measurement.earlier[0], unmoved, unread):
+        answer = stiffness(lone)
+        assert answer.values == two_point(lone).values
+        assert "compliance_m_per_n" not in answer.values
+
+
+def test_outcomes() -> None:
+    measurement = linear_push(OWN, np.random.default_rng(4))
+    straight = replace(measurement.view, points=measurement.points * [1.0, 0.0])
+    assert stiffness(replace(measurement, view=straight)).outcome is Outcome.NO_CONTACT
+    # The load falls while the motor turns the beam against the object.
+    swapped = tuple(
+        replace(frame, motor_angle=2 * ONSET - (frame.motor_angle or 0.0))
+        for frame in (*measurement.earlier, measurement)
+    )
+    answer = stiffness(replace(swapped[-1], earlier=swapped[:-1]))
+    assert answer.outcome is Outcome.INVALID
+    assert answer.message
