@@ -1,60 +1,193 @@
 """`python -m solver OBSERVATIONS --method exact_fit`: images of a rig in, estimates out."""
 
 import importlib
-import statistics
 import sys
-import time
 import traceback
+from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import track
-from rich.table import Table
 
-from solver.estimate import Antenna, estimate, set_up
+from solver.calibrate.rigidity import HungWeight, flexural_rigidity
+from solver.console import busy, console, table, watched
+from solver.estimate import measure, see, set_up
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Estimate
-from solver.instrument.files import write_text
-from solver.instrument.observation import Frame, open_observations
+from solver.instrument.files import write_bytes
+from solver.instrument.images import png_bytes, read_grey
+from solver.instrument.observation import Observations, open_observations
+from solver.instrument.rig import read_rig
+from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
+from solver.live import answers, json_line, warm_up
 from solver.methods import METHODS, Method
-from solver.table import Row, csv_text, row
+from solver.overlay import OverlayWriter, draw
+from solver.shots import Files, Source
+from solver.sources import open_rig, open_source, rig_file
+from solver.table import Row, csv_text
+from solver.target import svg
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
+
+RigOption = Annotated[
+    Path, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
+]
 
 
 @app.command()
 def solve(
-    observations: Annotated[Path, typer.Argument(help="folder with rig.json, images and frames")],
+    sources: Annotated[
+        list[str],
+        typer.Argument(help="a folder of observations; or images, a video, a camera, with --rig"),
+    ],
+    rig: Annotated[
+        Path | None, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
+    ] = None,
     method: Annotated[
         str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
     ] = "exact_fit",
+    readings: Annotated[
+        Path | None, typer.Option(help="table like metadata.csv that lies beside the images")
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="CSV to write [default: estimates_<method>.csv]")
+        Path | None,
+        typer.Option(help="CSV to write [default: estimates_<method>.csv, of a camera none]"),
+    ] = None,
+    stream: Annotated[
+        bool, typer.Option("--stream", help="one line of JSON a frame on stdout, as they come")
+    ] = False,
+    overlay: Annotated[
+        Path | None, typer.Option(help="folder, .mp4 or .avi for images with what was seen")
     ] = None,
     repeats: Annotated[
         int, typer.Option(min=1, help="solve each frame this often and state the median time")
     ] = 1,
     quiet: Annotated[bool, typer.Option(help="no table, no progress")] = False,
 ) -> None:
-    """Estimate contact and force in every frame; print a table and write it as CSV."""
+    """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
     function = find_method(method)
-    opened = open_observations(observations)
-    antenna = set_up(opened)
-    warm_up = opened.frames[0]
-    estimate(antenna, warm_up.image(), function, warm_up.readings)
-    console = Console(stderr=True)
-    frames = track(opened.frames, "solving", console=console, disable=quiet)
-    rows = [_solve_frame(antenna, frame, function, repeats) for frame in frames]
-    target = out or Path(f"estimates_{method.replace(':', '.')}.csv")
+    opened, source = _open(sources, rig, readings)
+    with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
+        antenna = set_up(opened)
+        warm_up(antenna, function, read_grey(opened.rest_images[0]))
+    target = out or (
+        None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
+    )
+    rows: dict[int, Row] = {}
+    interrupted = False
     try:
-        write_text(target, csv_text(rows))
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror})") from error
-    if not quiet:
-        Console().print(_table(rows, method))
-        Console().print(f"{len(rows)} estimates in {target}")
+        with ExitStack() as stack:
+            writer = stack.enter_context(OverlayWriter(overlay, source.rate)) if overlay else None
+            given = stack.enter_context(closing(answers(source, antenna, function, repeats)))
+            for answer in stack.enter_context(watched(given, source, quiet or stream)):
+                if target:
+                    rows[answer.shot.number] = answer.row
+                if stream:
+                    print(json_line(answer), flush=True)
+                if writer:
+                    writer.write(draw(antenna, answer), answer.shot.number, answer.shot.name)
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        # As they came in, not as they were solved.
+        kept = [rows[number] for number in sorted(rows)]
+        if target and kept:
+            _write(target, csv_text(kept).encode())
+    if target and not (quiet or stream):
+        Console().print(table(kept, method))
+        Console(soft_wrap=True).print(f"{len(kept)} estimates in {target}", markup=False)
+    if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
+        console.print("interrupted: what was solved until then is kept")
+        raise typer.Exit(130)
+
+
+@app.command()
+def board(
+    out: Annotated[Path, typer.Argument(help="SVG to write")],
+    rig: Annotated[Path, typer.Option(help="rig.json, of which the board is read")],
+) -> None:
+    """Draw the rig's calibration board in its true size, to be printed at 100 %."""
+    _write(out, svg(read_rig(rig_file(rig)).board).encode())
+
+
+@app.command()
+def snap(
+    source: Annotated[str, typer.Argument(help="a camera, or an image to be made gray")],
+    out: Annotated[Path, typer.Argument(help="PNG to write, such as rest/rest_00.png")],
+) -> None:
+    """Keep one image of a camera as a gray PNG: of the board, or of the beam at rest."""
+    shot = next(iter(open_source([source])))
+    _write(out, png_bytes(shot.image))
+
+
+@app.command()
+def rigidity(
+    images: Annotated[list[str], typer.Argument(help="images of the beam under the weight")],
+    rig: RigOption,
+    weight_g: Annotated[float, typer.Option(min=0, help="the weight, thread included")],
+    at_mm: Annotated[float, typer.Option(min=0, help="where it hangs, along the beam")],
+    weight_sigma_g: Annotated[float, typer.Option(min=0)] = 0.01,
+    at_sigma_mm: Annotated[float, typer.Option(min=0)] = 0.5,
+    level_sigma_deg: Annotated[
+        float, typer.Option(min=0, help="how well the clamp is known to be level")
+    ] = 0.5,
+    gravity_m_s2: Annotated[float, typer.Option(min=0, help="of your place")] = 9.807,
+) -> None:
+    """Find EI from a weight that hangs on the beam, in the plane of the calibration board."""
+    if weight_g == 0 or gravity_m_s2 == 0:
+        raise InputError("--weight-g and --gravity-m-s2 are above 0")
+    opened, source = _open(images, rig, None)
+    if source.live:
+        raise InputError("EI is found from images: keep some with the command snap")
+    antenna = set_up(opened)
+    # What hangs down at rest is a load to be fitted, not a bow to be taken off.
+    antenna = replace(antenna, rest=replace(antenna.rest, bow=np.zeros(3)))
+    newton = gravity_m_s2 / 1e3
+    found = flexural_rigidity(
+        [measure(antenna, see(antenna, read_grey(path))) for path in opened.rest_images],
+        [measure(antenna, see(antenna, shot.image)) for shot in source],
+        HungWeight(
+            force=weight_g * newton,
+            force_sigma=weight_sigma_g * newton,
+            at=at_mm * MILLIMETRE,
+            at_sigma=at_sigma_mm * MILLIMETRE,
+            level_sigma=level_sigma_deg * DEGREE,
+        ),
+    )
+    value, sigma = found.value / NEWTON_SQUARE_MILLIMETRE, found.sigma / NEWTON_SQUARE_MILLIMETRE
+    nominal = opened.rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE
+    say = Console(highlight=False, soft_wrap=True)
+    say.print(
+        f"EI = {value:.5g} +- {sigma:.2g} N mm^2 ({100 * sigma / value:.2g} %), "
+        f"{100 * (value / nominal - 1):+.2f} % from the rig's {nominal:.5g}.\n"
+        f"The shape puts the weight at {found.at / MILLIMETRE:.2f} "
+        f"+- {found.at_sigma / MILLIMETRE:.2f} mm; by its own weight the tip sags "
+        f"{abs(found.sag) / MILLIMETRE:.2f} mm; points err by {found.misfit:.2g} sigma.\n"
+        f"In {rig_file(rig)}, under beam, write\n"
+        f'    "flexural_rigidity_n_mm2": {value:.6g},\n'
+        f'    "flexural_rigidity_sigma_n_mm2": {sigma:.3g},',
+        markup=False,
+    )
+
+
+def _open(
+    sources: list[str], rig: Path | None, readings: Path | None
+) -> tuple[Observations, Source]:
+    """The rig with its calibration and rest images, and where frames come from."""
+    if rig is not None:
+        return open_rig(rig), open_source(sources, readings)
+    root = Path(sources[0])
+    if len(sources) > 1 or not root.is_dir():
+        raise InputError(
+            f"{sources[0]}: is not a folder of observations, "
+            "and images, a video or a camera need --rig rig.json"
+        )
+    if readings is not None:
+        raise InputError("--readings is for images; a folder of observations has its own")
+    opened = open_observations(root)
+    return opened, Files(opened.frames)
 
 
 def find_method(name: str) -> Method:
@@ -81,36 +214,26 @@ def find_method(name: str) -> Method:
     return method
 
 
-def _solve_frame(antenna: Antenna, frame: Frame, method: Method, repeats: int) -> Row:
-    """One frame's row; the time runs from the image in memory to the estimate."""
-    image = frame.image()
-    times: list[float] = []
-    answer: Estimate | None = None
-    for _ in range(repeats):
-        began = time.perf_counter()
-        answer = estimate(antenna, image, method, frame.readings)
-        times.append(time.perf_counter() - began)
-    assert answer is not None
-    return row(frame.frame_id, answer, 1e3 * statistics.median(times))
-
-
-def _table(rows: list[Row], method: str) -> Table:
-    table = Table(title=method)
-    columns = ("frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
-    for column in (*columns, "image_ms"):
-        table.add_column(column)
-    for cells in rows:
-        shown = [cells[column] for column in (*columns, "image_ms")]
-        table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in shown))
-    return table
+def _write(path: Path, data: bytes) -> None:
+    try:
+        write_bytes(path, data)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
 
 
 def main() -> None:
-    """Run; a mistake in the input is one sentence and exit status 2."""
+    """Run `solve`, unless the first word names another command.
+
+    A mistake in the input is one sentence and exit status 2.
+    """
+    words = sys.argv[1:]
+    named = [command.callback.__name__ for command in app.registered_commands if command.callback]
+    if words and words[0] not in (*named, "--help"):
+        words = ["solve", *words]
     try:
-        app(standalone_mode=True)
+        app(words)
     except InputError as error:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
+        console.print(f"error: {error}", markup=False)
         sys.exit(2)
 
 

@@ -1,0 +1,202 @@
+"""The flexural rigidity EI from a known weight that hangs on the beam.
+
+A weight is a dead load: it keeps its direction while the beam turns under it, so it is not the
+frictionless contact of the methods. For a beam clamped level,
+
+    EI theta'' = -(W [s < s_w] + w (L - s)) cos(theta),   theta(0) = 0,   theta'(L) = 0,
+
+with W at arc length s_w and the beam's own weight w a metre (Bisshopp and Drucker 1945 for W at
+the end). Only W / EI and w / EI shape the beam. The images at rest and under the weight are
+fitted together: they share the clamp's pose and w / EI, and W / EI is what differs.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.integrate import solve_bvp
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import least_squares
+
+from solver.fitting.correlation import correlation_length
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.measurement import Measurement
+
+LEAST_POINTS = 20
+# Steeper, a place along the beam is no longer told by its x, and the weight slides.
+STEEPEST = math.radians(60)
+# A weight that bends the beam less than this many sigma tells nothing.
+LEAST_SNR = 20.0
+_NODES = np.linspace(0.0, 1.0, 60)
+
+
+@dataclass(frozen=True)
+class HungWeight:
+    """A weight `force` [N] at arc length `at` [m] from the clamp, with their sigmas.
+
+    `level_sigma` [rad] is how well the clamp is known to be level.
+    """
+
+    force: float
+    force_sigma: float
+    at: float
+    at_sigma: float
+    level_sigma: float
+
+
+@dataclass(frozen=True)
+class Rigidity:
+    """EI and its sigma [N m^2].
+
+    `at` and `at_sigma` [m]: where the weight hangs after the fit; `sag` [m]: how far the tip hangs
+    down by the beam's own weight; `misfit`: the points' scatter about the fitted beam in units of
+    their sigma, in that image where it is larger.
+    """
+
+    value: float
+    sigma: float
+    at: float
+    at_sigma: float
+    sag: float
+    misfit: float
+
+
+def flexural_rigidity(
+    rest: Sequence[Measurement], loaded: Sequence[Measurement], weight: HungWeight
+) -> Rigidity:
+    """EI from the beam at rest and under a weight, both in the frame of the beam at rest.
+
+    The weight pulls in the calibration plane, across the beam at rest. Raises InputError where
+    the images do not tell EI.
+    """
+    rig = loaded[0].rig
+    length = rig.beam.length
+    if not 0 < weight.at < length:
+        raise InputError(
+            f"the weight hangs at {1e3 * weight.at:g} mm, allowed is on the beam, "
+            f"above 0 and below {1e3 * length:g} mm"
+        )
+    groups = [_pooled(rest, "at rest"), _pooled(loaded, "under the weight")]
+    base = loaded[0].base_covariance
+    # Known beforehand: clamp along the beam, place of the weight, level, scale.
+    known = np.array([math.sqrt(base[0, 0]), weight.at_sigma, weight.level_sigma])
+    known = np.maximum(np.append(known, loaded[0].scale_sigma), 1e-9)
+    nominal = weight.force / rig.beam.flexural_rigidity
+
+    def residuals(p: Floats, widening: Floats) -> Floats:
+        load, own, y, tilt = p[0] * nominal, p[1] * nominal / length, p[2] * length, p[3]
+        along, shift, level, scale = p[4:] * known
+        parts = []
+        for (points, sigmas), hung, wide in zip(groups, (0.0, load), widening, strict=True):
+            # A large load while the fit is on its way: no shape, so a step that is refused.
+            at = weight.at + (shift if hung else 0.0)
+            curve = hung_beam(hung, own, at, level, length)
+            if curve is None:
+                parts.append(np.full(len(points), 1e6))
+                continue
+            turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
+            at_clamp = (points / (1 + scale) - [along, y]) @ turn
+            parts.append(_distances(curve, at_clamp, sigmas @ turn) / wide)
+        return np.concatenate([*parts, p[4:]])
+
+    start = np.zeros(8)
+    start[0] = _side(groups, weight.at)
+    sizes = [len(points) for points, _ in groups]
+    widening = np.ones(2)
+    # The first pass tells how far the points' errors exceed their sigmas, and how long they last.
+    for _ in range(2):
+        fit = least_squares(
+            residuals, start, loss="soft_l1", f_scale=3.0, diff_step=1e-4, args=(widening,)
+        )
+        start = fit.x
+        plain = residuals(fit.x, np.ones(2))
+        parts = (plain[: sizes[0]], plain[sizes[0] : sum(sizes)])
+        spread = [1.4826 * float(np.median(np.abs(part))) for part in parts]
+        widening = np.array(
+            [
+                max(s, 1.0) * math.sqrt(correlation_length(part))
+                for s, part in zip(spread, parts, strict=True)
+            ]
+        )
+    covariance = np.linalg.inv(fit.jac.T @ fit.jac)
+    ratio, ratio_sigma = abs(float(fit.x[0])), math.sqrt(covariance[0, 0])
+    if not fit.success or ratio < LEAST_SNR * ratio_sigma:
+        raise InputError(
+            "the weight bends the beam too little to tell EI: hang a heavier one, or nearer the tip"
+        )
+    value = weight.force / (ratio * nominal)
+    sigma = value * math.hypot(ratio_sigma / ratio, weight.force_sigma / weight.force)
+    resting = hung_beam(0.0, fit.x[1] * nominal / length, weight.at, 0.0, length)
+    assert resting is not None
+    return Rigidity(
+        value=value,
+        sigma=sigma,
+        at=weight.at + float(fit.x[5] * known[1]),
+        at_sigma=math.sqrt(covariance[5, 5]) * float(known[1]),
+        sag=float(resting(resting.x[-1])),
+        misfit=max(spread),
+    )
+
+
+# Half of what a fit varies moves the beam without bending it.
+@lru_cache(maxsize=64)
+def hung_beam(
+    load: float, own: float, at: float, level: float, length: float
+) -> CubicHermiteSpline | None:
+    """y(x) [m] of a clamped beam under `load` = W / EI [1/m^2] at arc length `at` [m].
+
+    `own` = w / EI [1/m^3] is its own weight's. The clamp points down by `level` [rad]. Accurate
+    to 1e-7 of the length; None where the beam turns too steeply or no shape is found.
+    """
+    spans = np.array([at, length - at])[:, None]
+
+    def slopes(t: Floats, state: Floats) -> Floats:
+        theta, moment = state[0:2], state[2:4]
+        ahead = own * np.vstack([length - at * t, (length - at) * (1 - t)])
+        ahead[0] += load
+        rates = [moment, -ahead * np.cos(theta + level), np.cos(theta), np.sin(theta)]
+        return np.vstack([spans * rate for rate in rates])
+
+    def ends(start: Floats, end: Floats) -> Floats:
+        # Clamped at the origin, continuous where the weight hangs, free at the tip.
+        joined = end[0::2] - start[1::2]
+        return np.array([start[0], start[4], start[6], end[3], *joined])
+
+    solution = solve_bvp(slopes, ends, np.linspace(0, 1, 11), np.zeros((8, 11)), tol=1e-6)
+    state = solution.sol(_NODES)
+    theta = np.concatenate([state[0], state[1][1:]])
+    if not solution.success or np.abs(theta).max() > STEEPEST:
+        return None
+    x, y = (np.concatenate([part[0], part[1][1:]]) for part in (state[4:6], state[6:8]))
+    return CubicHermiteSpline(x, y, np.tan(theta))
+
+
+def _pooled(measurements: Sequence[Measurement], when: str) -> tuple[Floats, Floats]:
+    """All points of several images and their sigma vectors, in order along the beam."""
+    points = np.vstack([one.points for one in measurements])
+    sigmas = np.vstack([one.sigma_vectors for one in measurements])
+    if len(points) < LEAST_POINTS:
+        raise InputError(
+            f"the images of the beam {when} show {len(points)} points, needed are {LEAST_POINTS}"
+        )
+    order = np.argsort(points[:, 0], kind="stable")
+    return points[order], sigmas[order]
+
+
+def _side(groups: Sequence[tuple[Floats, Floats]], at: float) -> float:
+    """1 or -1: to which side the weight has bent the outer half of the beam."""
+    outer = [points[points[:, 0] > at / 2, 1] for points, _ in groups]
+    if not all(len(y) for y in outer):
+        return 1.0
+    return 1.0 if np.median(outer[1]) >= np.median(outer[0]) else -1.0
+
+
+def _distances(curve: CubicHermiteSpline, points: Floats, sigmas: Floats) -> Floats:
+    """Distances (n,) of points from the curve along its normal, over their sigmas."""
+    slope = curve(points[:, 0], 1)
+    normal = np.column_stack([-slope, np.ones_like(slope)])
+    off = points[:, 1] - curve(points[:, 0])
+    return np.asarray(off / np.abs((sigmas * normal).sum(axis=1)))

@@ -1,0 +1,77 @@
+"""What a person sees: progress, the latest answer, a table. All but the table goes to stderr."""
+
+from collections.abc import Iterator, Sized
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import MofNCompleteColumn, Progress
+from rich.status import Status
+from rich.table import Table
+
+from solver.live import Answer
+from solver.shots import Source
+from solver.table import Row
+
+console = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def busy(text: str, quiet: bool) -> AbstractContextManager[object]:
+    """Say what is being waited for while it lasts."""
+    return nullcontext() if quiet else console.status(text)
+
+
+@contextmanager
+def watched(given: Iterator[Answer], source: Source, quiet: bool) -> Iterator[Iterator[Answer]]:
+    """The answers, while a person sees how far they are: a bar, or the latest of a camera."""
+    if quiet:
+        yield given
+    elif source.live:
+        with console.status("waiting for the camera; Ctrl-C ends") as status:
+            yield _shown(given, status)
+    else:
+        assert isinstance(source, Sized)
+        with Progress(
+            *Progress.get_default_columns(), MofNCompleteColumn(), console=console
+        ) as bars:
+            yield iter(bars.track(given, total=len(source) or None, description="solving"))
+
+
+def _shown(given: Iterator[Answer], status: Status) -> Iterator[Answer]:
+    for answer in given:
+        latency = f"{1e3 * answer.latency:.1f} ms"
+        status.update(escape(f"{answer.shot.name}  {sentence(answer.row)}  {latency}"))
+        yield answer
+
+
+def table(rows: list[Row], method: str) -> Table:
+    """The table of a method's answers, in short."""
+    shown_table = Table(title=method)
+    columns = ("frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
+    for column in (*columns, "image_ms"):
+        shown_table.add_column(column)
+    for cells in rows:
+        shown = [cells[column] for column in (*columns, "image_ms")]
+        shown_table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in shown))
+    return shown_table
+
+
+def sentence(cells: Row) -> str:
+    """A row in a few words, for a person who watches."""
+    if cells["x_c_mm"] is None and cells["force_n"] is None:
+        return f"{cells['outcome']}: {cells['message']}"
+    values = (
+        f"{name} {_with_sigma(cells[column], cells[sigma], scale)} {unit}"
+        for name, column, sigma, scale, unit in (
+            ("x_c", "x_c_mm", "x_c_sigma_mm", 1, "mm"),
+            ("F", "force_n", "force_sigma_n", 1000, "mN"),
+        )
+        if cells[column] is not None
+    )
+    return f"{cells['outcome']}: {', '.join(values)}"
+
+
+def _with_sigma(value: object, sigma: object, scale: float) -> str:
+    assert isinstance(value, float)
+    text = f"{scale * value:.4g}"
+    return text if not isinstance(sigma, float) else f"{text} +- {scale * sigma:.2g}"

@@ -1,0 +1,90 @@
+"""From shots to answers as they come, and what is said of each."""
+
+import copy
+import json
+import statistics
+import time
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solver.estimate import Antenna, answer, measure, see
+from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
+from solver.instrument.measurement import View
+from solver.methods import Method
+from solver.sequence import Sequence, Solved
+from solver.shots import Shot, Source
+from solver.table import Row, row
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One frame's answer, its row of the table, and its latency [s].
+
+    The latency runs from the image in memory to the estimate: a camera's frame may have waited.
+    """
+
+    shot: Shot
+    solved: Solved
+    row: Row
+    latency: float
+
+
+def answers(
+    source: Source, antenna: Antenna, method: Method, repeats: int = 1
+) -> Generator[Answer]:
+    """Solve each shot with the past of its push; `repeats` times, for a median time.
+
+    Raises InputError where an image is not of the calibrated camera's size.
+    """
+    sequence = Sequence(antenna, method)
+    for shot in source:
+        _check_size(shot, antenna)
+        waited = time.perf_counter() - shot.taken
+        # A repeat is solved by a copy, or the frame would meet itself in its own past.
+        shared = {id(part): part for part in (antenna, method)}
+        trials = [copy.deepcopy(sequence, dict(shared)) for _ in range(repeats - 1)]
+        runs = [one.solve(shot.image, shot.readings, shot.push_id) for one in (*trials, sequence)]
+        seconds = statistics.median(run.seconds for run in runs)
+        estimate = runs[-1].estimate
+        yield Answer(shot, runs[-1], row(shot.name, estimate, 1e3 * seconds), waited + seconds)
+
+
+def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
+    """Let a method meet a bent beam once, so that no frame waits for its compilation.
+
+    The beam at rest is bent by hand, its tip by 3 % of the length, as if touched in the middle.
+    """
+    resting = measure(antenna, see(antenna, rest_image))
+    length, view = resting.rig.beam.length, resting.view
+    x = np.clip(view.points[:, 0] / length, 0.0, 1.0)
+    y = 0.05 * length * np.where(x < 0.5, x**2 * (1.5 - x), 0.75 * x - 0.125)
+    bent = np.column_stack([view.points[:, 0], view.points[:, 1] + y])
+    tipless = View(bent, view.sigma_vectors, view.viewpoint)
+    answer(method, replace(resting, view=tipless))
+
+
+def json_line(given: Answer) -> str:
+    """One frame as one line of JSON: what is known of it, units in the names."""
+    said: Row = {
+        "frame": given.shot.number,
+        "name": given.shot.name,
+        "time_s": given.shot.seconds,
+        "latency_ms": 1e3 * given.latency,
+        "skipped": given.shot.skipped,
+    }
+    known = {key: value for key, value in given.row.items() if value is not None}
+    known.pop("frame_id")
+    return json.dumps({**said, **known})
+
+
+def _check_size(shot: Shot, antenna: Antenna) -> None:
+    camera = antenna.calibration.camera
+    height, width = shot.image.shape
+    if (width, height) != (camera.width, camera.height):
+        raise InputError(
+            f"{shot.name}: has {width} x {height} px, allowed is the size of the calibration's "
+            f"views, {camera.width} x {camera.height} px"
+        )

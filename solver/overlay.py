@@ -1,0 +1,201 @@
+"""What the antenna sees, drawn over its image: points, tip, contact, force."""
+
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from solver.centreline import Flag
+from solver.console import sentence
+from solver.estimate import Antenna, measure
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.images import eight_bit
+from solver.instrument.transforms import apply
+from solver.live import Answer
+from solver.sequence import Solved
+
+Picture = npt.NDArray[np.uint8]
+
+# Blue, green, red.
+MEASURED: Final = (80, 220, 80)
+REJECTED: Final = {
+    Flag.HIDDEN: (160, 160, 160),
+    Flag.SATURATED: (60, 220, 240),
+    Flag.FOREIGN: (220, 80, 220),
+}
+TIP: Final = (240, 200, 60)
+CONTACT: Final = (60, 60, 255)
+FORCE: Final = (60, 150, 255)
+WIDTH = 1000  # smaller images are enlarged by a whole number to about this [px]
+_SHIFT = 4  # OpenCV draws at sixteenths of a pixel
+_FOURCC: Final = {".mp4": "mp4v", ".m4v": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "MJPG"}
+
+
+def draw(antenna: Antenna, given: Answer) -> Picture:
+    """The picture (height, width, 3), BGR: the image with what was measured and estimated.
+
+    Measured points are green, rejected ones gray (hidden), yellow (saturated) or purple
+    (foreign); the tip is a blue ring, the estimated contact a red one. The arrow is the object's
+    force on the beam; it grows with the force and never exceeds a quarter of the height.
+    """
+    image = given.shot.image
+    factor = max(1, round(WIDTH / image.shape[1]))
+    large = eight_bit(image).repeat(factor, axis=0).repeat(factor, axis=1)
+    picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    line = given.solved.line
+    if line is not None:
+        _dots(picture, line.points, factor, MEASURED)
+        for flag, colour in REJECTED.items():
+            _dots(picture, line.rejected[line.flags == flag], factor, colour)
+        if line.tip is not None:
+            _ring(picture, line.tip, factor, TIP)
+    pushed = _pushed(antenna, given.solved)
+    if pushed is not None:
+        at, towards = pushed
+        _arrow(picture, at, towards, factor, _arrow_px(antenna, given.solved, len(picture)))
+        _ring(picture, at, factor, CONTACT)
+    name = f"{Path(given.shot.name).name}  {1e3 * given.latency:.1f} ms"
+    for number, text in enumerate((sentence(given.row), name)):
+        _write(picture, text, number)
+    return picture
+
+
+def _pushed(antenna: Antenna, solved: Solved) -> tuple[Floats, Floats] | None:
+    """Where the contact appears (2,) [px], and the unit direction (2,) in which it is pushed."""
+    values, rig = solved.estimate.values, antenna.rig
+    if solved.line is None or not values:
+        return None
+    frame = "world" if rig.camera_mount == "world" else "antenna"
+    names = [f"contact_{frame}_{axis}_m" for axis in "xyz"]
+    pose = measure(antenna, solved.line).antenna_from_beam
+    if all(name in values for name in names):
+        at = np.array([values[name] for name in names])
+    elif frame == "antenna" and "x_c_m" in values and "y_c_m" in values:
+        psi = values.get("psi_rad", 0.0)
+        y = values["y_c_m"]
+        in_beam = np.array([values["x_c_m"], y * math.cos(psi), y * math.sin(psi)])
+        at = apply(pose, in_beam[None])[0]
+    else:
+        return None
+    if "force_x_n" in values and "force_y_n" in values:
+        force = np.array([values.get(f"force_{axis}_n", 0.0) for axis in "xyz"])
+    else:
+        theta, psi = values.get("theta_c_rad", 0.0), values.get("psi_rad", 0.0)
+        normal = [
+            -math.sin(theta),
+            math.cos(theta) * math.cos(psi),
+            math.cos(theta) * math.sin(psi),
+        ]
+        force = pose[:3, :3] @ np.array(normal)
+    step = 1e-3 * rig.beam.length * force / max(float(np.linalg.norm(force)), 1e-12)
+    ends = antenna.calibration.camera.project(np.vstack([at, at + step]))
+    towards = ends[1] - ends[0]
+    size = float(np.linalg.norm(towards))
+    if not np.isfinite(ends).all() or size < 1e-9:
+        return None
+    return ends[0], towards / size
+
+
+def _arrow_px(antenna: Antenna, solved: Solved, height: int) -> float:
+    """A quarter of the height for endless force, half of that for 10 % deflection at the tip."""
+    force = abs(solved.estimate.values.get("force_n", 0.0))
+    beam = antenna.rig.beam
+    unit = 0.3 * beam.flexural_rigidity / beam.length**2
+    return height / 4 * force / (force + unit)
+
+
+def _place(point: Floats, factor: int) -> tuple[int, int]:
+    """A pixel of the image in the enlarged picture, in sixteenths; far-off ones at its rim."""
+    enlarged = (np.asarray(point) + 0.5) * factor - 0.5
+    u, v = np.clip(np.rint(enlarged * 2**_SHIFT), -1e6, 1e6)
+    return int(u), int(v)
+
+
+def _dots(picture: Any, points: Floats, factor: int, colour: tuple[int, int, int]) -> None:
+    for point in points:
+        radius = round(0.25 * factor * 2**_SHIFT)
+        cv2.circle(picture, _place(point, factor), radius, colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+
+
+def _ring(picture: Any, point: Floats, factor: int, colour: tuple[int, int, int]) -> None:
+    cv2.circle(picture, _place(point, factor), 9 << _SHIFT, colour, 2, cv2.LINE_AA, _SHIFT)
+
+
+def _arrow(picture: Any, at: Floats, towards: Floats, factor: int, length: float) -> None:
+    """An arrow whose head touches the contact, coming from the object's side."""
+    if length < 1:
+        return
+    tail = at - towards * (length + 12) / factor
+    head = at - towards * 12 / factor
+    cv2.arrowedLine(
+        picture,
+        _place(tail, factor),
+        _place(head, factor),
+        FORCE,
+        2,
+        cv2.LINE_AA,
+        _SHIFT,
+        min(0.3, 10 / length),
+    )
+
+
+def _write(picture: Any, text: str, number: int) -> None:
+    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.55
+    plain = text.encode("ascii", "replace").decode()
+    width = cv2.getTextSize(plain, font, size, 1)[0][0]
+    shown = plain[: int(len(plain) * min(1.0, (picture.shape[1] - 20) / max(width, 1)))]
+    at = (10, 24 + 22 * number)
+    shade = at[0] + 1, at[1] + 1
+    cv2.putText(picture, shown, shade, font, size, (0, 0, 0), 1, cv2.LINE_AA)
+    cv2.putText(picture, shown, at, font, size, (255, 255, 255), 1, cv2.LINE_AA)
+
+
+class OverlayWriter:
+    """Pictures into a folder as PNG, or into a video where the path ends in .mp4, .avi or .mkv.
+
+    Raises InputError where nothing can be written.
+    """
+
+    def __init__(self, path: Path, frames_per_second: float = 25.0) -> None:
+        self._path, self._rate = path, frames_per_second
+        self._fourcc = _FOURCC.get(path.suffix.lower())
+        self._video: Any = None
+        try:
+            (path.parent if self._fourcc else path).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._video is not None:
+            self._video.release()
+
+    def write(self, picture: Picture, number: int, name: str) -> None:
+        """One more frame; in a folder it is called by its number and name."""
+        if self._fourcc is None:
+            target = self._path / f"{number:06d}_{Path(name).stem}.png"
+            _, data = cv2.imencode(".png", picture)
+            try:
+                target.write_bytes(bytes(data))
+            except OSError as error:
+                raise InputError(f"{target}: cannot be written ({error.strerror})") from error
+            return
+        if self._video is None:
+            height, width = picture.shape[:2]
+            code = cv2.VideoWriter.fourcc(*self._fourcc)
+            self._video = cv2.VideoWriter(str(self._path), code, self._rate, (width, height))
+            if not self._video.isOpened():
+                raise InputError(f"{self._path}: cannot be written as a video")
+        self._video.write(picture)

@@ -1,0 +1,104 @@
+"""EI from a hung weight: the shape by three roads, then what noise and nuisances leave of EI."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from solver.calibrate.rigidity import HungWeight, flexural_rigidity, hung_beam
+from solver.instrument.errors import InputError
+from solver.instrument.measurement import Measurement
+from tests.oracle import oracle
+from tests.simulated import BEAM, measurement
+from vbaa_bench.mechanics.pushing import rest
+from vbaa_bench.mechanics.rod import Rod
+
+LENGTH, EI = BEAM.length, BEAM.flexural_rigidity
+STEEL = 7850 * 9.807 * math.pi * (BEAM.diameter / 2) ** 2  # a metre's weight [N/m]
+SIGMA = 2.5e-5  # 0.05 px of half a millimetre
+AT = 0.2
+WEIGHT = HungWeight(
+    force=5e-3 * 9.807, force_sigma=0.0, at=AT, at_sigma=0.5e-3, level_sigma=math.radians(0.5)
+)
+
+
+@pytest.mark.parametrize("row", oracle()["classical_cantilever"][:4], ids=lambda row: row["alpha"])
+def test_a_weight_bends_the_beam_as_bisshopp_and_drucker_say(row: dict[str, str]) -> None:
+    bent = hung_beam(float(row["alpha"]) / AT**2, 0.0, AT, 0.0, LENGTH)
+    assert bent is not None
+    x = AT * (1 - float(row["u_over_L"]))
+    assert float(bent(x)) == pytest.approx(AT * float(row["w_over_L"]), abs=1e-7 * LENGTH)
+    slope = math.tan(float(row["theta0_rad"]))
+    assert float(bent(x, 1)) == pytest.approx(slope, abs=1e-6)
+    # Nothing hangs beyond it, where the beam is straight.
+    assert float(bent(bent.x[-1], 1)) == pytest.approx(slope, abs=1e-6)
+
+
+def test_the_beam_sags_as_the_rod_in_space_does() -> None:
+    sag = hung_beam(0.0, STEEL / EI, AT, 0.0, LENGTH)
+    assert sag is not None
+    rod = rest(Rod(BEAM, weight=(0.0, STEEL, 0.0)), 480).centreline
+    assert np.abs(sag(rod[:, 1]) - rod[:, 2]).max() < 1e-7 * LENGTH
+    assert rod[-1, 2] > 3.9e-3
+
+
+def test_a_clamp_that_points_down_is_bent_less_across_itself() -> None:
+    level, down = (hung_beam(12.0, 0.0, AT, angle, LENGTH) for angle in (0.0, 0.1))
+    assert level is not None
+    assert down is not None
+    # To first order in the load only the weight's component across the clamp bends.
+    slight = [hung_beam(1e-3, 0.0, AT, angle, LENGTH) for angle in (0.0, 0.1)]
+    assert slight[0] is not None
+    assert slight[1] is not None
+    assert float(slight[1](AT) / slight[0](AT)) == pytest.approx(math.cos(0.1), rel=1e-4)
+    assert float(down(AT)) < float(level(AT)) * math.cos(0.1)  # the axial part pulls it straight
+
+
+def seen(
+    shape: CubicHermiteSpline | None, random: np.random.Generator, y: float, tilt: float
+) -> Measurement:
+    """Image columns of a shape whose clamp is off by `y` [m] and `tilt` [rad]."""
+    assert shape is not None
+    x = np.arange(3e-3, shape.x[-1], 0.51e-3)
+    turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
+    points = np.column_stack([x, shape(x)]) @ turn.T + [0.0, y]
+    points[:, 1] += SIGMA * random.standard_normal(len(x))
+    return measurement(points, SIGMA)
+
+
+def test_ei_is_found_within_its_sigma_whatever_the_rig_says() -> None:
+    random = np.random.default_rng(8)
+    errors = []
+    for trial in range(4):
+        true = EI * (0.9, 1.07)[trial % 2]
+        at = AT + WEIGHT.at_sigma * random.standard_normal()
+        level = WEIGHT.level_sigma * random.standard_normal()
+        side = (1, -1)[trial // 2]
+        shapes = (
+            hung_beam(side * load, side * STEEL / true, at, side * level, LENGTH)
+            for load in (0.0, WEIGHT.force / true)
+        )
+        at_rest, loaded = (seen(shape, random, 1e-4, -0.02) for shape in shapes)
+        found = flexural_rigidity([at_rest], [loaded], WEIGHT)
+        assert found.sigma < 0.003 * true
+        assert found.misfit == pytest.approx(1.0, abs=0.15)
+        assert abs(found.sag) == pytest.approx(4.0e-3 * EI / true, rel=0.05)
+        errors.append((found.value - true) / found.sigma)
+    # Two seeds in a thousand lie outside either bound.
+    assert 0.2 < np.sqrt(np.mean(np.square(errors))) < 2.1
+
+
+def test_a_weight_that_tells_nothing_is_refused() -> None:
+    random = np.random.default_rng(9)
+    still = hung_beam(0.0, 0.0, AT, 0.0, LENGTH)
+    hardly = hung_beam(1e-3, 0.0, AT, 0.0, LENGTH)
+    at_rest = seen(still, random, 0.0, 0.0)
+    with pytest.raises(InputError, match="too little to tell EI"):
+        flexural_rigidity([at_rest], [seen(hardly, random, 0.0, 0.0)], WEIGHT)
+    few = measurement(at_rest.points[:5], SIGMA)
+    with pytest.raises(InputError, match="under the weight show 5 points, needed are 20"):
+        flexural_rigidity([at_rest], [few], WEIGHT)
+    beyond = HungWeight(0.05, 0.0, 0.25, 0.0, 0.0)
+    with pytest.raises(InputError, match=r"hangs at 250 mm, .* below 240 mm"):
+        flexural_rigidity([at_rest], [at_rest], beyond)

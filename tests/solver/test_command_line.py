@@ -1,0 +1,315 @@
+"""`python -m solver` beside a real camera: images, videos, streams, overlays, EI, the board."""
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pytest
+
+from solver.__main__ import main
+from solver.calibrate.rigidity import hung_beam
+from solver.estimate import set_up
+from solver.instrument.arrays import Grey
+from solver.instrument.images import png_bytes, read_grey
+from solver.instrument.observation import open_observations
+
+
+class Ended(NamedTuple):
+    status: int
+    out: str
+    err: str
+
+
+class Command:
+    """The real command line in this process, in a folder of its own."""
+
+    def __init__(
+        self, patch: pytest.MonkeyPatch, capture: pytest.CaptureFixture[str], folder: Path
+    ) -> None:
+        self._patch, self._capture = patch, capture
+        patch.chdir(folder)
+
+    def __call__(self, *words: str | Path) -> Ended:
+        self._patch.setattr(sys, "argv", ["solver", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        code = ended.value.code
+        return Ended(code if isinstance(code, int) else 0, *self._capture.readouterr())
+
+    def refused(self, *words: str | Path) -> str:
+        """What a mistake gets: one sentence on stderr, exit status 2."""
+        ended = self(*words)
+        assert ended.status == 2, ended
+        assert ended.out == ""
+        assert ended.err.startswith("error: ")
+        assert ended.err.count("\n") == 1
+        return ended.err
+
+
+@pytest.fixture
+def command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Command:
+    return Command(monkeypatch, capsys, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def root(dataset: Path) -> Path:
+    return dataset / "observations"
+
+
+@pytest.fixture(scope="module")
+def images(root: Path) -> list[Path]:
+    return [frame.path for frame in open_observations(root).frames]
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_folder_of_observations_gives_a_table_in_its_own_order(
+    command: Command, root: Path
+) -> None:
+    ended = command(root, "--repeats", "2")
+    assert ended.status == 0
+    assert "4 estimates in estimates_exact_fit.csv" in ended.out
+    rows = table(Path("estimates_exact_fit.csv"))
+    assert [row["frame_id"] for row in rows] == [f.frame_id for f in open_observations(root)]
+    assert {row["outcome"] for row in rows} == {"contact"}
+
+
+def test_images_and_a_rig_give_what_the_folder_gives(
+    command: Command, root: Path, images: list[Path]
+) -> None:
+    assert command(root, "--quiet", "--out", "whole.csv").status == 0
+    ended = command(*images, "--rig", root / "rig.json", "--quiet", "--out", "single.csv")
+    assert ended == (0, "", "")
+    for one, other in zip(table(Path("whole.csv")), table(Path("single.csv")), strict=True):
+        assert Path(other["frame_id"]).stem == one["frame_id"]
+        assert other["x_c_mm"] == one["x_c_mm"]
+
+
+def test_a_stream_is_json_and_nothing_else(
+    command: Command, root: Path, images: list[Path]
+) -> None:
+    colour = cv2.cvtColor(read_grey(images[0]), cv2.COLOR_GRAY2BGR)
+    cv2.imwrite("colour.png", colour)
+    readings: list[str | Path] = ["--readings", images[0].parent / "metadata.csv"]
+    ended = command("colour.png", *images[:1], "--rig", root, "--stream", "--overlay", "seen")
+    assert (ended.status, ended.err) == (0, "")
+    said = [json.loads(line) for line in ended.out.splitlines()]
+    assert [one["frame"] for one in said] == [0, 1]
+    assert said[0]["name"] == "colour.png"
+    assert said[0]["x_c_mm"] == said[1]["x_c_mm"]  # colour changes nothing
+    assert all(one["latency_ms"] > 0 for one in said)
+    assert len(list(Path("seen").glob("*.png"))) == 2
+    assert not list(Path().glob("*.csv"))
+    assert "colour.png" in command.refused("colour.png", "--rig", root, *readings)
+    assert command(*images[:1], "--rig", root, "--stream", *readings).status == 0
+
+
+def test_a_video_in_and_a_video_out(command: Command, root: Path, images: list[Path]) -> None:
+    writer = cv2.VideoWriter("in.avi", cv2.VideoWriter.fourcc(*"FFV1"), 10, (512, 176))
+    for path in images:
+        writer.write(cv2.cvtColor(read_grey(path), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    ended = command("in.avi", "--rig", root, "--stream", "--overlay", "out.mp4", "--out", "v.csv")
+    assert ended.status == 0
+    said = [json.loads(line) for line in ended.out.splitlines()]
+    assert [one["time_s"] for one in said] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert command(*images, "--rig", root, "--quiet", "--out", "images.csv").status == 0
+    for one, other in zip(said, table(Path("images.csv")), strict=True):
+        assert one["outcome"] == other["outcome"]
+        # A lossless video in YUV keeps gray to within a level.
+        assert one["x_c_mm"] == pytest.approx(float(other["x_c_mm"]), abs=0.5)
+    assert len(table(Path("v.csv"))) == 4
+    capture = cv2.VideoCapture("out.mp4")
+    assert int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) == 4
+    assert capture.get(cv2.CAP_PROP_FPS) == 10
+
+
+class Plugged:
+    """A camera that shows images in turn, 50 a second, until its cable is pulled."""
+
+    def __init__(self, images: list[Path]) -> None:
+        self._images = [cv2.cvtColor(read_grey(path), cv2.COLOR_GRAY2BGR) for path in images]
+
+    def read(self) -> tuple[bool, object]:
+        time.sleep(0.02)
+        return bool(self._images), self._images.pop(0) if self._images else None
+
+    def get(self, _prop: int) -> float:
+        return 50.0
+
+    def release(self) -> None:
+        self._images = []
+
+
+@pytest.mark.parametrize("words", [["--stream", "--out", "kept.csv"], ["--out", "kept.csv"]])
+def test_a_camera_is_read_until_it_is_lost(
+    command: Command,
+    root: Path,
+    images: list[Path],
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+) -> None:
+    monkeypatch.setattr("solver.sources.open_capture", lambda _address: Plugged(images * 5))
+    ended = command("0", "--rig", root, *words)
+    assert ended.status == 2
+    assert ended.err.endswith("error: camera 0 gives no more images\n")
+    kept = table(Path("kept.csv"))
+    assert 1 < len(kept) <= 20
+    if "--stream" not in words:
+        assert ended.out == ""
+        return
+    said = [json.loads(line) for line in ended.out.splitlines()]
+    assert [str(one["frame"]) for one in said] == [row["frame_id"] for row in kept]
+    assert len(said) + sum(one["skipped"] for one in said) == said[-1]["frame"] + 1
+    times = [one["time_s"] for one in said]
+    assert times == sorted(times)
+
+
+def test_a_mistake_is_one_sentence(command: Command, root: Path, images: list[Path]) -> None:
+    rig: list[str | Path] = ["--rig", root / "rig.json"]
+    assert "images, a video or a camera need --rig" in command.refused(*images)
+    assert "is not a folder of observations" in command.refused("nowhere")
+    assert "none.json: cannot be read" in command.refused(images[0], "--rig", "none.json")
+    assert "none.png: there is no such image" in command.refused("none.png", *rig)
+    assert "camera 97: cannot be opened" in command.refused("97", *rig, "--stream")
+    assert "method 'magic' is unknown" in command.refused(images[0], *rig, "--method", "magic")
+    assert "folder of observations has its own" in command.refused(root, "--readings", "x.csv")
+    shutil.copytree(root, "lab")
+    shutil.rmtree("lab/rest")
+    assert "holds no rest/rest_*.png" in command.refused(images[0], "--rig", "lab/rig.json")
+    Path("broken.mp4").write_text("no video")
+    assert "broken.mp4: cannot be opened" in command.refused("broken.mp4", *rig)
+    Path("blocked").write_text("")
+    assert "cannot be written" in command.refused(images[0], *rig, "--overlay", "blocked")
+
+
+def test_what_was_solved_before_a_mistake_is_kept(
+    command: Command, root: Path, images: list[Path]
+) -> None:
+    Path("small.png").write_bytes(png_bytes(np.zeros((40, 50), np.uint8)))
+    said = command.refused(
+        *images[:2], "small.png", images[2], "--rig", root, "--quiet", "--out", "kept.csv"
+    )
+    assert "small.png: has 50 x 40 px, allowed is the size of the calibration's views" in said
+    assert len(table(Path("kept.csv"))) == 2
+
+
+INTERRUPTED = """
+from solver.methods import METHODS
+
+def third(measurement, count=[0]):
+    count[0] += 1
+    if count[0] == 4:  # the first is the warm-up
+        raise KeyboardInterrupt
+    return METHODS["exact_fit"](measurement)
+"""
+
+
+def test_what_was_solved_before_an_interrupt_is_kept(
+    command: Command, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("pressed_ctrl_c.py").write_text(INTERRUPTED)
+    monkeypatch.syspath_prepend(str(Path.cwd()))
+    ended = command(root, "--method", "pressed_ctrl_c:third", "--quiet", "--out", "kept.csv")
+    assert ended == (130, "", "interrupted: what was solved until then is kept\n")
+    assert len(table(Path("kept.csv"))) == 2
+
+
+def test_a_stream_that_nobody_reads_any_more_ends_quietly(
+    root: Path, images: list[Path], tmp_path: Path
+) -> None:
+    words = [*map(str, images * 500), "--rig", str(root), "--stream"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "solver", *words],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(Path(__file__).parents[2]), "PATH": ""},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert json.loads(process.stdout.readline())["frame"] == 0
+        process.stdout.close()
+        assert process.stderr.read() == ""
+
+
+def test_the_board_of_a_rig_is_drawn(command: Command, root: Path) -> None:
+    assert command("board", "board.svg", "--rig", root) == (0, "", "")
+    assert Path("board.svg").read_text().startswith("<svg")
+    assert "cannot be written" in command.refused("board", "no/board.svg", "--rig", root)
+
+
+def test_the_readme_starts_with_a_rig_that_can_be_read(command: Command) -> None:
+    text = (Path(__file__).parents[2] / "solver" / "README.md").read_text(encoding="utf-8")
+    Path("rig.json").write_text(text.split("```json")[1].split("```")[0])
+    assert command("board", "board.svg", "--rig", "rig.json") == (0, "", "")
+    # The card fits on a sheet of A4.
+    assert 'width="280.0000mm" height="192.0000mm"' in Path("board.svg").read_text()
+
+
+def test_an_image_is_kept_in_gray(command: Command, images: list[Path]) -> None:
+    grey = read_grey(images[0])
+    cv2.imwrite("colour.jpg", cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
+    assert command("snap", "colour.jpg", "rest_00.png") == (0, "", "")
+    kept = read_grey(Path("rest_00.png"))
+    assert kept.shape == grey.shape
+    assert np.abs(kept.astype(int) - grey).mean() < 3
+    assert "camera 97: cannot be opened" in command.refused("snap", "97", "x.png")
+
+
+def under_weight(root: Path, rigidity: float, force: float, at: float) -> Grey:
+    """A picture of the rig's beam with a weight on it: a line as wide and as bright as at rest."""
+    opened = open_observations(root)
+    camera, beam = set_up(opened).calibration.camera, opened.rig.beam
+    at_rest = read_grey(opened.rest_images[0]).astype(float)
+    ground = float(np.median(at_rest))
+    shape = hung_beam(force / rigidity, 0.0, at, 0.0, beam.length)
+    assert shape is not None
+    x = np.linspace(0.0, shape.x[-1], 4000)
+    line = camera.project(np.column_stack([x, shape(x), np.zeros_like(x)]))
+    u = np.arange(camera.width)
+    v = np.interp(u, line[:, 0], line[:, 1])
+    beside = (u < line[0, 0]) | (u > line[-1, 0])
+    width = beam.diameter * camera.pixels_per_metre(np.zeros((1, 3)))[0]
+    sub = (np.arange(16) + 0.5) / 16 - 0.5
+    off = (np.arange(camera.height)[:, None, None] + sub) - v[None, :, None]
+    # A round beam is brightest along its middle.
+    profile = 4 / np.pi * np.sqrt((1 - (2 * off / width) ** 2).clip(0)).mean(axis=2)
+    profile[:, beside] = 0.0
+    row = at_rest[:, 200].argmax()
+    bright = (at_rest[row - 3 : row + 4, 200] - ground).sum() / width
+    noise = 0.7 * np.random.default_rng(2).standard_normal(profile.shape)
+    return np.asarray((ground + bright * profile + noise).round().clip(0, 255), np.uint8)
+
+
+def test_a_hung_weight_gives_ei(command: Command, root: Path) -> None:
+    nominal = open_observations(root).rig.beam.flexural_rigidity
+    picture = under_weight(root, 1.06 * nominal, 4e-3 * 9.807, 0.19)
+    Path("hung.png").write_bytes(png_bytes(picture))
+    rig = root / "rig.json"
+    words: list[str | Path] = ["rigidity", "hung.png", "--rig", rig, "--weight-g", "4"]
+    ended = command(*words, "--at-mm", "190")
+    assert (ended.status, ended.err) == (0, "")
+    found = [
+        float(line.split(":")[1].rstrip(","))
+        for line in ended.out.splitlines()
+        if line.strip().startswith('"flexural_rigidity')
+    ]
+    value, sigma = found
+    assert abs(value - 1.06e6 * nominal) < 4 * sigma
+    assert sigma < 0.006 * value
+    assert 5 < float(ended.out.split("(")[1].split("%), ")[1].split(" %")[0]) < 7
+    assert "hangs at 300 mm" in command.refused(*words, "--at-mm", "300")

@@ -1,0 +1,179 @@
+"""Where images come from: order, gray, the newest frame, and clear words where there is none."""
+
+import queue
+import shutil
+import threading
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from solver.capture import Camera
+from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
+from solver.instrument.images import png_bytes
+from solver.instrument.observation import Frame, open_observations
+from solver.shots import Files, read_image, to_grey
+from solver.sources import open_rig, open_source
+
+
+def test_frames_come_push_by_push_and_step_by_step(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
+    laid = [("p", 2), ("q", 1), ("p", 0), ("q", 0), ("p", 1)]
+    frames = [Frame(f"{push}{step}", path, push_id=push, step=step) for push, step in laid]
+    shots = list(Files(frames))
+    assert [shot.name for shot in shots] == ["p0", "p1", "p2", "q0", "q1"]
+    assert [shot.number for shot in shots] == [2, 4, 0, 3, 1]  # where each was laid
+    alone = [Frame(name, path) for name in "cab"]
+    assert [shot.name for shot in Files(alone)] == ["c", "a", "b"]  # as named: no push, no step
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_colour_becomes_gray_and_bits_stay(kind: type, channels: int, tmp_path: Path) -> None:
+    grey: Grey = np.random.default_rng(3).integers(0, np.iinfo(kind).max, (7, 9)).astype(kind)
+    coloured = np.repeat(grey[:, :, None], channels, axis=2)
+    found = to_grey(coloured, "x")
+    assert found.dtype == kind
+    assert np.array_equal(found, grey)  # the weights of the three colours add up to one
+    path = tmp_path / "x.png"
+    cv2.imwrite(str(path), coloured)
+    assert np.array_equal(read_image(path), grey)
+
+
+def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"x: has shape \(3, 3\) and type float64"):
+        to_grey(np.zeros((3, 3)), "x")
+    with pytest.raises(InputError, match="allowed are gray or colour"):
+        to_grey(np.zeros((3, 3, 2), np.uint8), "x")
+    (tmp_path / "text.png").write_text("no image")
+    with pytest.raises(InputError, match=r"text\.png: is not an image"):
+        read_image(tmp_path / "text.png")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_image(tmp_path / "none.png")
+
+
+class Scripted:
+    """A camera that shows what is put into its queue, and is lost at None."""
+
+    def __init__(self) -> None:
+        self.frames: queue.Queue[int | None] = queue.Queue()
+        self.all_fetched = threading.Event()
+        self.released = False
+
+    def read(self) -> tuple[bool, Any]:
+        if self.frames.empty():
+            self.all_fetched.set()
+        value = self.frames.get()
+        return value is not None, np.full((2, 2, 3), value or 0, np.uint8)
+
+    def get(self, prop: int) -> float:
+        return 30.0 if prop == cv2.CAP_PROP_FPS else 0.0
+
+    def release(self) -> None:
+        self.released = True
+
+    def show(self, *values: int | None) -> None:
+        self.all_fetched.clear()
+        for value in values:
+            self.frames.put(value)
+
+
+def test_a_slow_reader_gets_the_newest_frame_and_is_told_what_it_missed() -> None:
+    device = Scripted()
+    camera = Camera("camera 0", device)
+    assert (camera.live, camera.rate) == (True, 30.0)
+    shots = iter(camera)
+    device.show(10)
+    first = next(shots)
+    assert (first.number, first.skipped, int(first.image[0, 0])) == (0, 0, 10)
+    device.show(20, 30, 40)
+    assert device.all_fetched.wait(10)
+    late = next(shots)
+    assert (late.number, late.skipped, int(late.image[0, 0])) == (3, 2, 40)
+    assert late.seconds is not None
+    assert first.seconds is not None
+    assert late.seconds >= first.seconds > 1.7e9
+    assert late.taken >= first.taken
+    device.show(None)
+    with pytest.raises(InputError, match="camera 0 gives no more images"):
+        next(shots)
+    assert device.released
+
+
+def video(path: Path, count: int = 5) -> Path:
+    """A lossless gray video whose frame k has the value 40 k."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 20, (64, 48))
+    for number in range(count):
+        writer.write(np.full((48, 64, 3), 40 * number, np.uint8))
+    writer.release()
+    return path
+
+
+def test_a_video_shows_every_frame_with_its_time(tmp_path: Path) -> None:
+    source = open_source([str(video(tmp_path / "a.avi"))])
+    assert not source.live
+    assert source.rate == 20
+    shots = list(source)
+    assert [shot.number for shot in shots] == [0, 1, 2, 3, 4]
+    assert [shot.seconds for shot in shots] == pytest.approx([0, 0.05, 0.1, 0.15, 0.2])
+    assert [int(shot.image.mean()) for shot in shots] == pytest.approx([0, 40, 80, 120, 160], abs=1)
+
+
+def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:
+    def refused(*names: str) -> str:
+        with pytest.raises(InputError) as caught:
+            open_source(names)
+        return str(caught.value)
+
+    broken = tmp_path / "broken.mp4"
+    broken.write_bytes(b"not a video")
+    assert "broken.mp4: cannot be opened" in refused(str(broken))
+    assert "none.avi: there is no such video" in refused(str(tmp_path / "none.avi"))
+    assert "camera 97: cannot be opened" in refused("97")
+    assert "a.png: there is no such image" in refused("a.png", "b.png")
+    assert "name the images in it" in refused(str(tmp_path))
+    image = tmp_path / "a.png"
+    image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
+    assert "one video at a time" in refused(str(image), str(broken))
+
+
+def test_readings_are_found_by_the_images_they_belong_to(dataset: Path) -> None:
+    shard = dataset / "observations" / "shard_00000"
+    known = {frame.path.name: frame for frame in open_observations(dataset / "observations")}
+    images = sorted(str(path) for path in shard.glob("*.png"))
+    for shot in open_source(images, shard / "metadata.csv"):
+        frame = known[Path(shot.name).name]
+        assert (shot.readings, shot.push_id) == (frame.readings, frame.push_id)
+        assert shot.readings.motor_angle is not None
+    for shot in open_source(images):
+        assert shot.readings.motor_angle is None
+    other = next((dataset / "observations" / "rest").glob("*.png"))
+    with pytest.raises(InputError, match=r"metadata\.csv: holds no row for rest_00\.png"):
+        open_source([str(other)], shard / "metadata.csv")
+
+
+def test_a_rig_needs_its_images(dataset: Path, tmp_path: Path) -> None:
+    whole = open_observations(dataset / "observations")
+    opened = open_rig(dataset / "observations" / "rig.json")
+    assert (opened.board_views, opened.rest_images) == (whole.board_views, whole.rest_images)
+    assert not opened.frames
+    root = tmp_path / "rig"
+    with pytest.raises(InputError, match=r"rig: cannot be read"):
+        open_rig(root)
+    root.mkdir()
+    with pytest.raises(InputError, match=r"rig\.json: cannot be read"):
+        open_rig(root)
+    shutil.copy(whole.root / "rig.json", root)
+    with pytest.raises(InputError, match=r"holds no calibration/view_\*\.png"):
+        open_rig(root)
+    shutil.copytree(whole.root / "calibration", root / "calibration")
+    with pytest.raises(InputError, match=r"holds no rest/rest_\*\.png"):
+        open_rig(root)
+    (root / "rest").mkdir()
+    (root / "rest" / "rest_00.png").write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
+    with pytest.raises(InputError, match=r"rest_00\.png: has 5 x 4 px, allowed is the size"):
+        open_rig(root)
