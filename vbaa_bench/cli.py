@@ -1,4 +1,4 @@
-"""`vbaa-bench`: run (generate, solve, score, report), contact-sheet, speed, doctor."""
+"""`vbaa-bench`: run (generate, solve, score, report), table, contact-sheet, speed, doctor."""
 
 import os
 import sys
@@ -26,13 +26,18 @@ from vbaa_bench.options import (
     Workers,
 )
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
+from vbaa_bench.score.accuracy import accuracy, markdown
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import Results
+from vbaa_bench.score.metrics import CONDITIONS
 from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.speed import speed_app
 from vbaa_bench.workers import WorkerDiedError
+
+# What `--method` understands beside names of methods; and what it is if nothing is said.
+ALL = "all"
 
 app = typer.Typer(
     add_completion=False,
@@ -114,6 +119,22 @@ def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
     say({"report": str(page)}, str(page), as_json)
 
 
+@app.command()
+def table(
+    datasets: Annotated[list[Path], typer.Argument(help="folders of scored datasets")],
+    by: Annotated[
+        str | None, typer.Option(help=f"a row for each value of one of {', '.join(CONDITIONS)}")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print the scores of several datasets as one Markdown table, remarks below."""
+    rows = accuracy(datasets, by)
+    if as_json:
+        say({"rows": rows}, "", True)
+    else:
+        print(markdown(rows, by))
+
+
 @app.command("contact-sheet")
 def contact_sheet(
     scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
@@ -157,11 +178,11 @@ def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = Fa
     if as_json:
         say(record, "", True)
     else:
-        table = Table("quantity", "error", "allowed", "passes")
+        shown = Table("quantity", "error", "allowed", "passes")
         for one in tested:
             row = f"{one.error:.3g} {one.unit}", f"{one.allowed:g} {one.unit}"
-            table.add_row(one.quantity, *row, "yes" if one.passed else "no")
-        Console().print(table)
+            shown.add_row(one.quantity, *row, "yes" if one.passed else "no")
+        Console().print(shown)
     if not record["passed"]:
         raise typer.Exit(1)
 
@@ -180,14 +201,14 @@ def doctor(
         if quiet:
             return
     found = checks.diagnose()
-    table = Table("variant", "works", "said")
+    shown = Table("variant", "works", "said")
     for probe in found.probes:
-        table.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
+        shown.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
     if as_json:
         say(found.record(), "", True)
     else:
         if not quiet:
-            Console().print(table)
+            Console().print(shown)
         console.print(found.advice)
     if not found.healthy:
         raise typer.Exit(1)
@@ -235,7 +256,10 @@ def _report(results: Results) -> Path:
 
 def _solve(results: Results, methods: list[str] | None, repeats: int) -> dict[str, Path]:
     written = {}
-    for method in methods or list(METHODS):
+    asked = methods or [ALL]
+    for method in dict.fromkeys(
+        one for name in asked for one in (METHODS if name == ALL else [name])
+    ):
         name = method.replace(":", ".")
         target = results.predictions / f"{name}.csv"
         with console.status(f"solving with {method}"):

@@ -1,16 +1,22 @@
-"""`vbaa-bench speed`: mechanics, render."""
+"""`vbaa-bench speed`: mechanics, render, solve."""
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from vbaa_bench.console import console, say
-from vbaa_bench.options import AsJson, Out, ScenePath, Variant
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.manifest import verify_observations
+from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.options import AsJson, Out, Repeats, ScenePath, Variant
 from vbaa_bench.render.variant import choose
+from vbaa_bench.score.speed import judged
 from vbaa_bench.spec.load import load_scene
 
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
@@ -58,3 +64,82 @@ def render(
     with console.status("rendering frames"):
         record = speed_render.measure(load_scene(scene), choose(variant), seconds, root)
     say(record, speed_curves.sentence(record, root), as_json)
+
+
+QUICKSTART = Path("scenes/quickstart.yaml")
+
+
+@speed_app.command()
+def solve(
+    dataset: Annotated[
+        Path | None, typer.Argument(help=f"a dataset [default: one of {QUICKSTART}, rendered]")
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(help="a method of the solver's own; repeatable [default: all]"),
+    ] = None,
+    frames: Annotated[int, typer.Option(min=1, help="at most so many, of whole pushes")] = 120,
+    repeats: Repeats = 3,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Milliseconds of every method against its error: from an image in memory, and from points."""
+    # Imported late: no other command needs the methods' compiler here.
+    from vbaa_bench.checks import speed_solve
+
+    layout = Layout(dataset or _quickstart(variant))
+    truth = open_truth(layout.truth)
+    verify_observations(layout)
+    with console.status("measuring on one core"):
+        measured = speed_solve.measure_apart(layout.observations, method, frames, repeats)
+    record = {"dataset": str(layout.root), **judged(truth, measured)}
+    if as_json:
+        say(record, "", True)
+    else:
+        show_speeds(record)
+
+
+def show_speeds(record: dict[str, Any]) -> None:
+    """The table of `vbaa-bench speed solve`."""
+    width, height = record["image_px"]
+    title = (
+        f"{record['frames']} frames of {width} x {height} px, one core; beside these times: "
+        f"decoding {record['decode_ms_per_frame']:.2g} ms a frame, "
+        f"calibration {record['set_up_s']:.2g} s"
+    )
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    heads = ("ms/image", "us/points", "us batched", "x_c, % of L", "force, %", "cold start, s")
+    table.add_column("method", no_wrap=True)
+    for head in heads:
+        table.add_column(head, justify="right")
+    for name, found in record["methods"].items():
+        numbers = (
+            found["image_ms_per_frame"],
+            found["points_us_per_frame"],
+            found["points_us_per_frame_batched"],
+            found["x_c_rmse_pct_L"],
+            found["force_rmse_pct"],
+            found["cold_start"]["total_s"],
+        )
+        shown = ("–" if number is None else f"{float(f'{number:.3g}'):,g}" for number in numbers)
+        table.add_row(name, *shown)
+    Console().print(table)
+    Console().print("Errors are RMSEs of the frames that were answered.")
+    for name, found in record["methods"].items():
+        if set(found["outcomes"]) != {"contact"}:
+            said = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
+            Console(soft_wrap=True).print(f"{name}: {said}", highlight=False, markup=False)
+
+
+def _quickstart(variant: str | None) -> Path:
+    # Imported late: doctor must run where the renderer cannot even be loaded.
+    from vbaa_bench.generate import generate
+
+    root = Path("runs") / QUICKSTART.stem
+    with console.status(f"rendering {QUICKSTART}"):
+        generate(load_scene(QUICKSTART), root, choose(variant), os.cpu_count() or 1, _quiet)
+    return root
+
+
+def _quiet(_done: int, _total: int) -> None:
+    """No progress: a status says enough."""

@@ -7,11 +7,15 @@ import altair as alt
 import numpy as np
 import polars as pl
 
+from vbaa_bench.report.labels import spread
+
 Summary = dict[str, Any]
 Chart = alt.LayerChart | alt.FacetChart
 
 _PUSH = alt.Color("push:N", title="pushed to", sort=None).legend(orient="bottom")
-_WIDTH = 430
+_WIDTH, _HEIGHT = 430, 300
+# From one label's middle to the next, of letters 12 px high.
+LABEL_GAP_PX = 16
 MOST_PUSHES, CLASSES = 12, 6
 
 
@@ -36,7 +40,7 @@ def is_fig8(scores: pl.DataFrame) -> bool:
 def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
     """Milliseconds per frame against the median error of x_c, with 95 % bootstrap intervals.
 
-    `colours` gives each method's, as CSS writes it.
+    `colours` gives each method's, as CSS writes it. Labels stand in a column beside the plot.
     """
     rows = []
     for name, found in summary["methods"].items():
@@ -58,12 +62,18 @@ def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
                 "error_high": errors[1],
             }
         )
-    texts, numbers = ("method", "label"), ("ms", "ms_low", "ms_high")
-    schema: dict[str, Any] = dict.fromkeys(texts, pl.String)
-    schema |= dict.fromkeys((*numbers, "error", "error_low", "error_high"), pl.Float64)
-    base = alt.Chart(pl.DataFrame(rows, schema=schema))
-    span_x = _decades([r["ms"] for r in rows], 10)
+    span_x = _decades([r["ms"] for r in rows], 3)
     span_y = _decades([r["error"] for r in rows], 3)
+    per_px = np.log(span_y[1] / span_y[0]) / _HEIGHT
+    places = np.exp(spread(np.log([r["error"] for r in rows]), LABEL_GAP_PX * per_px))
+    for row, place in zip(rows, places, strict=True):
+        row["label_at"] = float(place)
+        row["label_from"] = span_x[1]
+    texts = ("method", "label")
+    numbers = ("ms", "ms_low", "ms_high", "label_from", "error", "error_low", "error_high")
+    schema: dict[str, Any] = dict.fromkeys(texts, pl.String)
+    schema |= dict.fromkeys((*numbers, "label_at"), pl.Float64)
+    base = alt.Chart(pl.DataFrame(rows, schema=schema))
     x = alt.X("ms:Q", title="time per frame, image to estimate [ms]").scale(
         type="log", domain=span_x, nice=False
     )
@@ -74,13 +84,16 @@ def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
         domain=list(colours), range=list(colours.values())
     )
     return alt.layer(
+        base.mark_rule(strokeWidth=1, opacity=0.35).encode(
+            x=x, y=y, x2="label_from:Q", y2="label_at:Q", color=colour
+        ),
         base.mark_rule(strokeWidth=2).encode(x=x, y="error_low:Q", y2="error_high:Q", color=colour),
         base.mark_rule(strokeWidth=2).encode(x="ms_low:Q", x2="ms_high:Q", y=y, color=colour),
         base.mark_circle(size=120, opacity=1).encode(x=x, y=y, color=colour),
-        base.mark_text(align="left", dx=10, dy=-8, fontSize=12).encode(
-            x=x, y=y, text="label:N", color=colour
+        base.mark_text(align="left", dx=5, baseline="middle", fontSize=12).encode(
+            x="label_from:Q", y="label_at:Q", text="label:N", color=colour
         ),
-    ).properties(width=_WIDTH, height=300, title="Speed against error")
+    ).properties(width=_WIDTH, height=_HEIGHT, title="Speed against error")
 
 
 def fig8_contact_distance(scores: pl.DataFrame, method: str) -> Chart:

@@ -13,7 +13,18 @@ from vbaa_bench.score.overlay import Overlay
 # BGR. Truth is green, extracted points yellow; methods take the others in order.
 TRUTH: Final = (90, 200, 60)
 POINTS: Final = (40, 220, 255)
-METHODS: Final = ((60, 60, 255), (255, 150, 60), (255, 80, 220), (200, 200, 60))
+METHODS: Final = (
+    (60, 60, 255),
+    (255, 150, 60),
+    (255, 80, 220),
+    (200, 200, 60),
+    (0, 130, 255),
+    (230, 70, 120),
+    (70, 100, 150),
+    (180, 130, 255),
+    (140, 140, 140),
+    (120, 60, 0),
+)
 _FRACTION_BITS = 4
 
 
@@ -21,7 +32,7 @@ Colours = Mapping[str, tuple[int, int, int]]
 
 
 def colours_of(methods: Sequence[str]) -> dict[str, tuple[int, int, int]]:
-    """One colour a method, the same in every picture; they repeat after the fourth."""
+    """One colour a method, the same in every picture; they repeat after the tenth."""
     return {name: METHODS[i % len(METHODS)] for i, name in enumerate(methods)}
 
 

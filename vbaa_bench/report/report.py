@@ -13,7 +13,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.report import figures, gallery
+from vbaa_bench.report import calibration, figures, gallery
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.overlay import Overlay, overlay
 
@@ -31,6 +31,8 @@ def report(results: Results) -> Path:
         scores = pl.read_parquet(results.scores / "scores.parquet")
     except (OSError, pl.exceptions.PolarsError) as error:
         raise InputError(f"{results.scores / 'scores.parquet'}: cannot be read") from error
+    if "honest" not in scores.columns:
+        raise InputError(f"{results.scores}: is of an older version; score the dataset again")
     scores = figures.few_pushes(scores)
     methods = list(summary["methods"])
     colours = gallery.colours_of(methods)
@@ -56,6 +58,8 @@ def report(results: Results) -> Path:
             )
             for name in (methods if figures.is_fig8(scores) else [])
         ],
+        further_errors=[_svg(chart) for chart in calibration.further_errors(scores, css)],
+        calibrations=[_svg(chart) for chart in calibration.calibrations(scores, css)],
         errors=[_svg(figures.error_against_distance(scores, name)) for name in methods],
         truth_colour=gallery.colour_name(gallery.TRUTH),
         legend=css.items(),
@@ -116,6 +120,10 @@ def _template() -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["g"] = lambda value: "–" if value is None else f"{value:.3g}"
+    environment.filters["percent"] = lambda share: "–" if share is None else f"{100 * share:.3g}"
+    environment.filters["has"] = lambda methods, key: any(
+        found[key] is not None for found in methods.values()
+    )
     environment.filters["span"] = lambda pair: (
         "–" if pair is None else f"{pair[0]:.3g} … {pair[1]:.3g}"
     )

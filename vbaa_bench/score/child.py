@@ -73,7 +73,7 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     kept = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
     # One thread: times are of one core, whatever the machine.
-    environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+    environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
     module, colon, _ = method.partition(":")
     top = module.partition(".")[0]

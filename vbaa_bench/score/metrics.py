@@ -7,8 +7,9 @@ import polars as pl
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.score.judged import JUDGED, NUMBERS, VECTORS, Judged, components
+from vbaa_bench.score.refusals import right_refusals
 
-_NUMBERS = ("x_c_mm", "x_c_sigma_mm", "s_c_mm", "force_n", "force_sigma_n", "image_ms")
 _TEXTS = ("outcome", "message")
 _LARGEST = 1e12
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
@@ -27,15 +28,23 @@ def read_predictions(path: Path) -> pl.DataFrame:
     except (OSError, pl.exceptions.PolarsError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is not a CSV or Parquet table ({reason})") from error
+    return checked_predictions(table, str(path))
+
+
+def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
+    """The same of a table that was read from `source`."""
     if "frame_id" not in table.columns:
-        raise InputError(f"{path}: the column frame_id is missing")
+        raise InputError(f"{source}: the column frame_id is missing")
     absent = [name for name in ("x_c_mm", "force_n") if name not in table.columns]
     if len(absent) == 2:
-        raise InputError(f"{path}: the columns x_c_mm and force_n are both missing, needed is one")
-    known = [name for name in (*_NUMBERS, *_TEXTS) if name in table.columns]
-    for name in _NUMBERS:
-        if name in known and not (table[name].dtype.is_numeric() or table[name].dtype == pl.String):
-            raise InputError(f"{path}: {name} holds {table[name].dtype}, allowed are numbers")
+        raise InputError(
+            f"{source}: the columns x_c_mm and force_n are both missing, needed is one"
+        )
+    known = [name for name in (*NUMBERS, *_TEXTS) if name in table.columns]
+    for name in [name for name in NUMBERS if name in known]:
+        kind = table[name].dtype
+        if not (kind.is_numeric() or kind in (pl.String, pl.Null)):
+            raise InputError(f"{source}: {name} holds {kind}, allowed are numbers")
     try:
         table = table.select(
             pl.col("frame_id").cast(pl.String),
@@ -43,16 +52,20 @@ def read_predictions(path: Path) -> pl.DataFrame:
         )
     except pl.exceptions.PolarsError as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{path}: a column does not hold numbers ({reason})") from error
+        raise InputError(f"{source}: a column does not hold numbers ({reason})") from error
     missing: list[pl.Expr] = [
         pl.lit(None, pl.String if n in _TEXTS else pl.Float64).alias(n)
-        for n in (*_NUMBERS, *_TEXTS)
+        for n in (*NUMBERS, *_TEXTS)
         if n not in known
     ]
     table = table.with_columns(missing)
     # inf, NaN and numbers beyond all sense are no answers.
     table = table.with_columns(
-        pl.when(pl.col(name).abs() < _LARGEST).then(pl.col(name)).alias(name) for name in _NUMBERS
+        pl.when(pl.col(name).abs() < _LARGEST).then(pl.col(name)).alias(name) for name in NUMBERS
+    )
+    # A standard deviation that is not positive says nothing.
+    table = table.with_columns(
+        pl.when(pl.col(one.sigma) > 0).then(pl.col(one.sigma)).alias(one.sigma) for one in JUDGED
     )
     given = pl.col("x_c_mm").is_not_null() | pl.col("force_n").is_not_null()
     stated = pl.col("outcome")
@@ -63,7 +76,24 @@ def read_predictions(path: Path) -> pl.DataFrame:
         .when(given)
         .then(contact)
         .otherwise(crashed)
-    ).select("frame_id", *_NUMBERS, *_TEXTS)
+    ).select("frame_id", *NUMBERS, *_TEXTS)
+
+
+# What tells frames of a dataset apart, and goes with their scores.
+CONDITIONS = (
+    "push",
+    "push_id",
+    "step",
+    "contact_distance_at_rest_mm",
+    "deflection_pct",
+    "pushing_angle_deg",
+    "normal_deg",
+    "k_s_n_m",
+    "k_s_over_k_beam",
+    "hidden_by",
+    "hidden_place",
+    "availability_asked",
+)
 
 
 def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: str) -> pl.DataFrame:
@@ -71,9 +101,50 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
 
     A frame without a prediction is a crashed one; one that lacks a quantity which the method
     answers elsewhere has failed too. Where nothing is touched, "no contact" alone is right.
-    Errors: x_c and s_c in mm and in % of L, force in %. Raises InputError for frames that are not
-    of this dataset, or answered twice.
+    `refused` frames are failures whose outcome says that there is no number to give;
+    `rightly_refused` are those of which that is true, as `refusals` tells; `honest` are these, a
+    right "no contact", and an x_c within three stated sigmas. Errors are of frames
+    that have not failed: each quantity of `judged` in its own unit and in stated sigmas, x_c and
+    s_c also in % of L, forces and the compliance of springs in %, and the lengths of the errors
+    of vectors. Raises InputError for frames that are not of this dataset, or answered twice.
     """
+    _refuse_strangers(truth, predictions, source)
+    true = truth.frames.select(
+        "frame_id",
+        *CONDITIONS,
+        # Where no frame touches anything the columns have no type.
+        *(one.true.cast(pl.Float64).alias(one.truth) for one in JUDGED),
+        *(
+            pl.col(column).cast(pl.List(pl.Float64)).alias(f"true_{name}_{unit}_xyz")
+            for name, unit, column in VECTORS
+        ),
+    ).join(right_refusals(truth), on="frame_id")
+    joined = true.join(predictions, on="frame_id", how="left").with_columns(
+        pl.lit(method).alias("method"),
+        pl.col("outcome").fill_null(str(Outcome.CRASHED)),
+        pl.when(pl.col("outcome").is_null())
+        .then(pl.lit("no prediction for this frame"))
+        .otherwise(pl.col("message"))
+        .alias("message"),
+        last_step=pl.col("step") == pl.col("step").max().over("push_id"),
+    )
+    unknown_outcomes = set(joined["outcome"]) - {str(outcome) for outcome in Outcome}
+    if unknown_outcomes:
+        raise InputError(
+            f"{source}: outcome '{min(unknown_outcomes)}' is unknown, allowed is one of "
+            f"{', '.join(str(outcome) for outcome in Outcome)}"
+        )
+    judged = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, JUDGED))
+    near = (pl.col("x_c_error_mm").abs() <= 3 * pl.col("x_c_sigma_mm")).fill_null(value=False)
+    return judged.with_columns(
+        *(_in_sigmas(one) for one in JUDGED),
+        (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | near).alias("honest"),
+        *_shares(truth.manifest["true_rig"]["beam_length_mm"]),
+        *(_vector_error(name, unit) for name, unit, _ in VECTORS),
+    ).drop("may_say", *(f"true_{name}_{unit}_xyz" for name, unit, _ in VECTORS))
+
+
+def _refuse_strangers(truth: Truth, predictions: pl.DataFrame, source: str) -> None:
     ids = predictions["frame_id"]
     if ids.is_duplicated().any():
         twice = ids.filter(ids.is_duplicated())[0]
@@ -84,51 +155,59 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
             f"{source}: frame_id {unknown['frame_id'][0]} and {unknown.height - 1} more are "
             "not of this dataset"
         )
-    true = truth.frames.select(
-        "frame_id",
-        "push",
-        "contact_distance_at_rest_mm",
-        "deflection_pct",
-        "pushing_angle_deg",
-        "normal_deg",
-        "k_s_n_m",
-        pl.col("x_c_mm").alias("true_x_c_mm"),
-        pl.col("s_c_mm").alias("true_s_c_mm"),
-        pl.col("force_n").alias("true_force_n"),
-    )
-    length_mm: float = truth.manifest["true_rig"]["beam_length_mm"]
-    joined = true.join(predictions, on="frame_id", how="left").with_columns(
-        pl.lit(method).alias("method"),
-        pl.col("outcome").fill_null(str(Outcome.CRASHED)),
-        pl.when(pl.col("outcome").is_null())
-        .then(pl.lit("no prediction for this frame"))
-        .otherwise(pl.col("message"))
-        .alias("message"),
-    )
-    unknown_outcomes = set(joined["outcome"]) - {str(outcome) for outcome in Outcome}
-    if unknown_outcomes:
-        raise InputError(
-            f"{source}: outcome '{min(unknown_outcomes)}' is unknown, allowed is one of "
-            f"{', '.join(str(outcome) for outcome in Outcome)}"
-        )
+
+
+def _verdicts(predictions: pl.DataFrame) -> dict[str, pl.Expr]:
     # What a method answers anywhere it must answer everywhere, or it could choose its frames.
     owed = [name for name in ("x_c_mm", "force_n") if predictions[name].is_not_null().any()]
     lacking = pl.any_horizontal(pl.lit(not owed), *(pl.col(name).is_null() for name in owed))
     free = pl.col("true_x_c_mm").is_null()
-    right = (
+    failed = (
         pl.when(free)
-        .then(pl.col("outcome") == str(Outcome.NO_CONTACT))
-        .otherwise(~(pl.col("outcome").is_in(_FAILED) | lacking))
+        .then(pl.col("outcome") != str(Outcome.NO_CONTACT))
+        .otherwise(pl.col("outcome").is_in(_FAILED) | lacking)
     )
-    failed = ~right
-    return joined.with_columns(
-        failed=failed,
-        x_c_error_mm=pl.when(~failed).then(pl.col("x_c_mm") - pl.col("true_x_c_mm")),
-        s_c_error_mm=pl.when(~failed).then(pl.col("s_c_mm") - pl.col("true_s_c_mm")),
-        force_error_pct=pl.when(~failed).then(
-            100 * (pl.col("force_n") - pl.col("true_force_n")) / pl.col("true_force_n")
-        ),
-    ).with_columns(
-        x_c_error_pct_L=100 * pl.col("x_c_error_mm") / length_mm,
-        s_c_error_pct_L=100 * pl.col("s_c_error_mm") / length_mm,
-    )
+    crashed = pl.col("outcome") == str(Outcome.CRASHED)
+    refused = failed & pl.col("outcome").is_in(_FAILED) & ~crashed
+    return {
+        "free": free,
+        "failed": failed,
+        "crashed": crashed,
+        "refused": refused,
+        "rightly_refused": refused & pl.col("may_say").list.contains(pl.col("outcome")),
+    }
+
+
+def _error(one: Judged) -> pl.Expr:
+    error = pl.col(one.column) - pl.col(one.truth)
+    if one.unit == "deg":  # the shorter way round
+        error = (error + 180) % 360 - 180
+    return pl.when(~pl.col("failed")).then(error).alias(one.error)
+
+
+def _in_sigmas(one: Judged) -> pl.Expr:
+    return (pl.col(one.error) / pl.col(one.sigma)).alias(one.in_sigmas)
+
+
+def _shares(length_mm: float) -> list[pl.Expr]:
+    """Errors in per cent."""
+    spring = pl.col("k_s_n_m").is_not_null()
+    return [
+        (100 * pl.col("x_c_error_mm") / length_mm).alias("x_c_error_pct_L"),
+        (100 * pl.col("s_c_error_mm") / length_mm).alias("s_c_error_pct_L"),
+        (100 * pl.col("force_error_n") / pl.col("true_force_n")).alias("force_error_pct"),
+        (100 * pl.col("f_error_n") / pl.col("true_f_n")).alias("f_error_pct"),
+        pl.when(spring)
+        .then(100 * pl.col("compliance_error_mm_per_n") / pl.col("true_compliance_mm_per_n"))
+        .alias("compliance_error_pct"),
+    ]
+
+
+def _vector_error(name: str, unit: str) -> pl.Expr:
+    """The length of the error of a vector, of which all three components are answered."""
+    squares = [
+        (pl.col(column) - pl.col(f"true_{name}_{unit}_xyz").list.get(axis)) ** 2
+        for axis, column in enumerate(components(name, unit))
+    ]
+    error = pl.sum_horizontal(squares, ignore_nulls=False).sqrt()
+    return pl.when(~pl.col("failed")).then(error).alias(f"{name}_vector_error_{unit}")

@@ -9,10 +9,11 @@ from solver.centreline.area_weighted import area_weighted
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.images import eight_bit, read_grey
-from solver.instrument.transforms import apply, turn_about_z
+from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.score.layout import Results
+from vbaa_bench.score.stage import camera_frame_from_clamp
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,11 @@ def overlay(results: Results, truth: Truth, scores: pl.DataFrame, frame_id: str)
     image = read_grey(paths[0])
     row = truth.frames.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
     x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
-    camera_frame_from_clamp = _stage(truth, row["pushing_angle_deg"] * DEGREE)
+    stage = camera_frame_from_clamp(truth, row["pushing_angle_deg"] * DEGREE)
 
     def pixels(at: Floats) -> Floats:
         points = np.column_stack([at, np.interp(at, x, y), np.interp(at, x, z)])
-        return truth.camera.project(apply(camera_frame_from_clamp, points * MILLIMETRE))
+        return truth.camera.project(apply(stage, points * MILLIMETRE))
 
     answered = scores.filter((pl.col("frame_id") == frame_id) & ~pl.col("failed"))
     estimates = {
@@ -64,19 +65,11 @@ def overlay(results: Results, truth: Truth, scores: pl.DataFrame, frame_id: str)
         image=eight_bit(image),
         centreline=pixels(x),
         contact=contact,
-        points=area_weighted(image).points,
+        points=_extracted(image),
         estimates=estimates,
     )
 
 
-def _stage(truth: Truth, pushing_angle: float) -> Floats:
-    """From the clamp's frame into that in which the camera stands still (4, 4)."""
-    scene = truth.manifest["scene"]
-    base = np.array(truth.manifest["true_rig"]["base_position_mm"]) * MILLIMETRE
-    stage = np.eye(4)
-    if scene["camera"]["mount"] == "world":
-        axis = -np.array(scene["adaptor_mm"]) * MILLIMETRE
-        stage = turn_about_z(-pushing_angle)
-        stage[:3, 3] = axis - stage[:3, :3] @ axis
-    stage[:3, 3] += base
-    return stage
+def _extracted(image: Grey) -> Floats:
+    """The points (m, 2) that the solver's extraction finds."""
+    return area_weighted(image).points

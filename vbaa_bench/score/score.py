@@ -10,6 +10,7 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
+from solver.methods import METHODS
 from vbaa_bench.dataset.manifest import verify_observations, verify_truth
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.score.layout import Results
@@ -47,5 +48,7 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def found_predictions(results: Results) -> dict[str, Path]:
-    """The prediction files that `solve` left beside the dataset, by method."""
-    return {path.stem: path for path in sorted(results.predictions.glob("*.csv"))}
+    """The prediction files that `solve` left beside the dataset, by method; the solver's first."""
+    found = {path.stem: path for path in sorted(results.predictions.glob("*.csv"))}
+    own = [name for name in METHODS if name in found]
+    return {name: found[name] for name in [*own, *found]}

@@ -11,7 +11,13 @@ import polars as pl
 from scipy.stats import bootstrap
 
 from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.manifest import versions
+from vbaa_bench.score.judged import COMPLIANCE, JUDGED, Judged
+from vbaa_bench.score.refusals import SURE_SNR
+
+CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
+_TWO_SIDED_95 = 1.96
 
 
 def summarise(scores: pl.DataFrame) -> dict[str, Any]:
@@ -21,28 +27,103 @@ def summarise(scores: pl.DataFrame) -> dict[str, Any]:
     if there is none. Intervals are 95 % bootstrap intervals of the medians over pushes.
     """
     methods = {
-        str(name): _method(rows) for (name,), rows in scores.group_by("method", maintain_order=True)
+        str(name): facts(rows) | _intervals(rows)
+        for (name,), rows in scores.group_by("method", maintain_order=True)
     }
     return {"methods": methods, "machine": machine(), "versions": versions()}
 
 
-def _method(rows: pl.DataFrame) -> dict[str, Any]:
-    x_c = np.abs(_values(rows, "x_c_error_pct_L"))
-    s_c = _values(rows, "s_c_error_pct_L")
-    force = _values(rows, "force_error_pct")
-    times = _values(rows, "image_ms")
+def facts(rows: pl.DataFrame) -> dict[str, Any]:
+    """All numbers that sum up some frames of one method, but for bootstrap intervals.
+
+    Rates are shares of all frames, 0 to 1, but for `false_contact_rate`, of the frames that touch
+    nothing, and `detection_rate`, of those that touch something with a bend of SURE_SNR or more:
+    null where there are none. `refused_rate` counts outcomes that say there is no number to give,
+    `rightly_refused_rate` those of them of which that is true, `crashed_rate` frames without any
+    answer; all three are part of `failure_rate`. `honest_rate` is the share of frames that were
+    answered by an outcome that is right, or by an x_c within three stated sigmas; null where no
+    sigma is stated. `compliance_last_rmse_pct` is that of the last frames of pushes.
+    """
+    x_c, force = np.abs(_values(rows, "x_c_error_pct_L")), _values(rows, "force_error_pct")
+    psi, compliance = _values(rows, "psi_error_deg"), _values(rows, "compliance_error_pct")
+    times, touched = _values(rows, "image_ms"), rows.filter(~pl.col("free"))
+    sure = touched.filter(pl.col("snr") >= SURE_SNR)
+    last, rigid = rows.filter("last_step"), touched.filter(pl.col("k_s_n_m").is_null())
+    counts = rows["outcome"].value_counts(sort=True)
     return {
         "x_c_rmse_pct_L": _rms(x_c),
         "x_c_median_abs_pct_L": _quantile(x_c, 0.5),
-        "x_c_median_abs_pct_L_95": median_interval(_grouped(rows, "x_c_error_pct_L")),
         "x_c_p95_abs_pct_L": _quantile(x_c, 0.95),
-        "s_c_rmse_pct_L": _rms(s_c),
+        "s_c_rmse_pct_L": _rms(_values(rows, "s_c_error_pct_L")),
         "force_rmse_pct": _rms(force),
         "force_median_abs_pct": _quantile(np.abs(force), 0.5),
-        "failure_rate": float(rows["failed"].mean() or 0.0),  # type: ignore[arg-type]
+        "f_rmse_pct": _rms(_values(rows, "f_error_pct")),
+        "theta_c_rmse_deg": _rms(_values(rows, "theta_c_error_deg")),
+        "psi_rmse_deg": _rms(psi),
+        "psi_median_abs_deg": _quantile(np.abs(psi), 0.5),
+        "motor_angle_rmse_deg": _rms(_values(rows, "motor_angle_error_deg")),
+        "compliance_rmse_pct": _rms(compliance),
+        "compliance_median_abs_pct": _quantile(np.abs(compliance), 0.5),
+        "compliance_last_rmse_pct": _rms(_values(last, "compliance_error_pct")),
+        "compliance_rigid_rmse_mm_per_n": _rms(_values(rigid, "compliance_error_mm_per_n")),
+        "contact_antenna_rmse_mm": _rms(_values(rows, "contact_antenna_vector_error_mm")),
+        "contact_world_rmse_mm": _rms(_values(rows, "contact_world_vector_error_mm")),
+        "force_vector_rmse_n": _rms(_values(rows, "force_vector_error_n")),
+        "calibration": {
+            **{one.name: calibration(rows, one) for one in JUDGED},
+            "compliance_rigid": calibration(rigid, COMPLIANCE),
+        },
+        "failure_rate": _share(rows, "failed"),
+        "refused_rate": _share(rows, "refused"),
+        "rightly_refused_rate": _share(rows, "rightly_refused"),
+        "crashed_rate": _share(rows, "crashed"),
+        "honest_rate": _honest(rows),
+        "false_contact_rate": _share(rows.filter("free"), pl.col("outcome").is_in(CONTACTS)),
+        "free_frames": rows.height - touched.height,
+        "detection_rate": _share(sure, pl.col("outcome").is_in(CONTACTS)),
+        "outcomes": dict(counts.iter_rows()),
         "ms_per_frame_median": _quantile(times, 0.5),
-        "ms_per_frame_median_95": median_interval(_grouped(rows, "image_ms")),
         "n": rows.height,
+    }
+
+
+def calibration(rows: pl.DataFrame, one: Judged) -> dict[str, Any] | None:
+    """Stated standard deviations against errors; None where the method states none.
+
+    Of honest Gaussian errors `coverage_95`, the share within 1.96 sigmas, is 0.95,
+    `within_3_sigma` 0.997 and `nees`, the mean squared error in sigmas, 1. `sigma_over_rmse` is
+    the mean stated sigma over the RMSE: 1 if all frames are alike, else less.
+    """
+    stated = rows.drop_nulls(one.in_sigmas)
+    if stated.is_empty():
+        return None
+    error, in_sigmas = _values(stated, one.error), np.abs(_values(stated, one.in_sigmas))
+    rmse, sigma = _rms(error), float(np.mean(_values(stated, one.sigma)))
+    return {
+        "n": stated.height,
+        "coverage_95": float(np.mean(in_sigmas <= _TWO_SIDED_95)),
+        "within_3_sigma": float(np.mean(in_sigmas <= 3)),
+        "nees": float(np.mean(in_sigmas**2)),
+        "sigma_over_rmse": sigma / rmse if rmse else None,
+    }
+
+
+def _honest(rows: pl.DataFrame) -> float | None:
+    """The share of honest frames; None where numbers were answered, but never with a sigma."""
+    answered = rows.drop_nulls("x_c_error_mm")
+    unstated = answered.height > 0 and answered["x_c_sigma_mm"].is_null().all()
+    return None if unstated else _share(rows, "honest")
+
+
+def _share(rows: pl.DataFrame, condition: str | pl.Expr) -> float | None:
+    """The share of rows that meet a condition; None of no rows."""
+    return None if rows.is_empty() else rows.filter(condition).height / rows.height
+
+
+def _intervals(rows: pl.DataFrame) -> dict[str, Any]:
+    return {
+        "x_c_median_abs_pct_L_95": median_interval(_grouped(rows, "x_c_error_pct_L")),
+        "ms_per_frame_median_95": median_interval(_grouped(rows, "image_ms")),
     }
 
 

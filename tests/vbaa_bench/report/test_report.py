@@ -1,0 +1,44 @@
+"""What a report shows depends on what methods answer."""
+
+import shutil
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from solver.instrument.errors import InputError
+from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.report.report import report
+from vbaa_bench.score.layout import Results
+from vbaa_bench.score.score import score
+
+
+def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
+    dataset: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(dataset, tmp_path / "small")
+    results = Results(tmp_path / "small")
+    true = open_truth(results.dataset.truth).frames
+    plain = true.select("frame_id", x_c_mm=pl.col("x_c_mm") + 0.1)
+    plain.write_csv(tmp_path / "plain.csv")
+    more = plain.with_columns(
+        psi_deg=pl.lit(2.0),
+        psi_sigma_deg=pl.lit(1.0),
+        x_c_sigma_mm=pl.lit(0.2),
+        compliance_mm_per_n=pl.lit(0.03),
+    )
+    more.write_csv(tmp_path / "more.csv")
+    score(results, {"plain": tmp_path / "plain.csv"})
+    page = report(results).read_text(encoding="utf-8")
+    for absent in ("psi RMSE", "Stated errors", "Inclination and stiffness", "false contact"):
+        assert absent not in page
+    score(results, {name: tmp_path / f"{name}.csv" for name in ("plain", "more")})
+    page = report(results).read_text(encoding="utf-8")
+    for title in ("psi RMSE", "1/k_s, rigid", "Error of psi", "Stated errors of contact distance"):
+        assert title in page
+    # No spring, so no chart of compliance; psi's and x_c's stated errors; Fig. 8 and errors.
+    assert page.count("<svg") == 1 + 1 + 2 + 2 * 2 + 2
+    table = results.scores / "scores.parquet"
+    pl.read_parquet(table).drop("honest").write_parquet(table)
+    with pytest.raises(InputError, match="score the dataset again"):
+        report(results)

@@ -1,0 +1,120 @@
+"""The table over several datasets, and what is said below it."""
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from solver.instrument.errors import InputError
+from tests.vbaa_bench.score.worlds import FREE, MANIFEST, truth
+from vbaa_bench.score.accuracy import accuracy, markdown
+from vbaa_bench.score.metrics import checked_predictions, score_frames
+from vbaa_bench.score.remarks import remarks
+from vbaa_bench.spec.load import load_scene
+
+SCENES = Path(__file__).parents[3] / "scenes"
+
+
+def scene(name: str) -> dict[str, object]:
+    dumped: dict[str, object] = load_scene(SCENES / name).scene.model_dump(mode="json")
+    return dumped
+
+
+@pytest.fixture
+def scored(tmp_path: Path) -> Path:
+    """Two methods on three frames at two deflections and one free frame."""
+    true = truth({}, {"push": "20 %"}, {"push": "20 %"}, {**FREE, "push": "-3°"})
+    rows: dict[str, list[float | str]] = {
+        "good": [120.24, 120.24, 119.76, "no contact"],
+        "bad": [130.0, 130.0, "crashed", 110.0],
+    }
+    scores = []
+    for name, answers in rows.items():
+        table = pl.DataFrame(
+            {
+                "frame_id": [f"f{i}" for i in range(4)],
+                "x_c_mm": [None if isinstance(said, str) else said for said in answers],
+                "x_c_sigma_mm": [None if isinstance(said, str) else 0.3 for said in answers],
+                "outcome": [said if isinstance(said, str) else None for said in answers],
+            }
+        )
+        scores.append(score_frames(true, checked_predictions(table, name), name, name))
+    root = tmp_path / "taper"
+    (root / "scores").mkdir(parents=True)
+    pl.concat(scores).write_parquet(root / "scores" / "scores.parquet")
+    (root / "truth" / "shard_00000").mkdir(parents=True)
+    true.frames.write_parquet(root / "truth" / "shard_00000" / "truth.parquet")
+    manifest = {**MANIFEST, "scene": scene("hard/taper.yaml")}
+    (root / "truth" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    return root
+
+
+def test_a_row_for_every_dataset_and_method(scored: Path) -> None:
+    good, bad = accuracy([scored])
+    assert (good["scene"], good["method"], good["n"]) == ("taper", "good", 4)
+    assert good["x_c_rmse_pct_L"] == pytest.approx(0.1)
+    assert (good["x_c_within_3_sigma_pct"], good["honest_pct"]) == (100, 100)
+    assert good["x_c_sigma_over_rmse"] == pytest.approx(0.3 / 0.24)
+    assert (bad["x_c_within_3_sigma_pct"], bad["honest_pct"]) == (0, 0)
+    assert bad["outcomes"] == {"contact": 3, "crashed": 1}
+    assert "tapered" in good["remark"]
+
+
+def test_rows_by_a_condition_come_in_its_order(scored: Path) -> None:
+    rows = accuracy([scored], "push")
+    assert [(row["push"], row["method"], row["n"]) for row in rows] == [
+        ("-3°", "good", 1),
+        ("-3°", "bad", 1),
+        ("10 %", "good", 1),
+        ("10 %", "bad", 1),
+        ("20 %", "good", 2),
+        ("20 %", "bad", 2),
+    ]
+    with pytest.raises(InputError, match="'colour' is unknown, allowed is one of push"):
+        accuracy([scored], "colour")
+
+
+def test_the_markdown_is_a_table_with_remarks_below(scored: Path) -> None:
+    text = markdown(accuracy([scored, scored]))
+    lines = text.splitlines()
+    widths = {line.count("|") for line in lines[:6]}
+    assert len(widths) == 1
+    assert lines[2].startswith("| taper | good | 0.1 |")
+    assert "psi" not in lines[0]  # nobody answers it
+    assert lines[4].startswith("| taper | good |")
+    assert lines[6] == ""
+    assert [line for line in lines[7:] if "tapered" in line] == lines[7:]
+
+
+def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no scores"):
+        accuracy([tmp_path / "none"])
+    table = scored / "scores" / "scores.parquet"
+    pl.read_parquet(table).drop("honest").write_parquet(table)
+    with pytest.raises(InputError, match="score the dataset again"):
+        accuracy([scored])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("hard/taper.yaml", "tapered"),
+        ("hard/elliptic.yaml", "elliptic"),
+        ("hard/stretch.yaml", "stretches"),
+        ("hard/bow.yaml", "bow"),
+        ("hard/gravity.yaml", "sag"),
+        ("hard/friction.yaml", "friction"),
+        ("hard/moving_object.yaml", "moves by itself"),
+        ("hard/two_pegs.yaml", "second peg"),
+        ("free_beam.yaml", "nothing is touched"),
+    ],
+)
+def test_a_scene_that_breaks_an_assumption_says_so(name: str, said: str) -> None:
+    found = remarks(scene(name))
+    assert any(said in sentence for sentence in found)
+
+
+@pytest.mark.parametrize("name", ["fig8_rigid", "quickstart", "hard/tiny_deflection"])
+def test_a_scene_that_keeps_them_says_nothing(name: str) -> None:
+    assert remarks(scene(f"{name}.yaml")) == []

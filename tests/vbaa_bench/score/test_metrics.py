@@ -1,0 +1,199 @@
+"""Errors, refusals and stated errors, of truths written by hand."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solver.instrument.estimate import Outcome
+from tests.vbaa_bench.score.worlds import FREE, truth
+from vbaa_bench.score.metrics import checked_predictions, score_frames
+from vbaa_bench.score.refusals import right_refusals
+from vbaa_bench.score.summary import facts
+
+
+def scored(true: list[dict[str, Any]], answers: list[dict[str, Any] | None]) -> pl.DataFrame:
+    """Scores of answers to frames in order; None is a frame without an answer."""
+    rows = [
+        {"frame_id": f"f{i}", "x_c_mm": None, "outcome": None, **answer}
+        for i, answer in enumerate(answers)
+        if answer is not None
+    ]
+    table = checked_predictions(pl.DataFrame(rows, infer_schema_length=None), "mine")
+    return score_frames(truth(*true), table, "mine", "mine").sort("frame_id")
+
+
+def one(true: dict[str, Any], answer: dict[str, Any]) -> dict[str, Any]:
+    return scored([true], [answer]).row(0, named=True)
+
+
+@given(st.floats(-180, 180), st.floats(-180, 180))
+def test_the_error_of_an_angle_is_the_shorter_way_round(true: float, stated: float) -> None:
+    row = one({"psi_deg": true}, {"x_c_mm": 120.0, "psi_deg": stated})
+    apart = np.exp(1j * np.radians(stated)) / np.exp(1j * np.radians(true))
+    assert abs(row["psi_error_deg"]) <= 180
+    assert np.exp(1j * np.radians(row["psi_error_deg"])) == pytest.approx(apart, abs=1e-9)
+
+
+def test_compliance_is_judged_in_per_cent_of_springs_and_in_mm_per_n_of_rigid_objects() -> None:
+    contact = {"x_c_mm": 120.0, "compliance_sigma_mm_per_n": 0.02}
+    rows = scored(
+        [{"k_s_n_m": 100.0}, {}, FREE],
+        [
+            {**contact, "compliance_mm_per_n": 10.5},
+            {**contact, "compliance_mm_per_n": -0.01},
+            {"outcome": "no contact"},
+        ],
+    )
+    assert rows["true_compliance_mm_per_n"].to_list() == [10.0, 0.0, None]
+    assert rows["compliance_error_pct"].to_list() == [pytest.approx(5.0), None, None]
+    found = facts(rows)
+    assert found["compliance_rmse_pct"] == pytest.approx(5.0)
+    assert found["compliance_rigid_rmse_mm_per_n"] == pytest.approx(0.01)
+    assert found["calibration"]["compliance_rigid"]["coverage_95"] == 1
+    assert found["calibration"]["compliance"]["coverage_95"] == 0.5
+
+
+def test_of_a_push_the_last_frame_counts_by_itself() -> None:
+    steps = [{"k_s_n_m": 100.0, "push_id": "p", "step": step} for step in (2, 0, 1)]
+    stated = [10.1, 20.0, 15.0]
+    answers = [{"x_c_mm": 120.0, "compliance_mm_per_n": value} for value in stated]
+    found = facts(scored(steps, list(answers)))
+    assert found["compliance_last_rmse_pct"] == pytest.approx(1.0)
+    assert found["compliance_rmse_pct"] > 50
+
+
+def test_errors_of_vectors_are_lengths() -> None:
+    names = {
+        f"contact_antenna_{axis}_mm": at for axis, at in zip("xyz", (123.0, 8.0, 4.0), strict=True)
+    }
+    row = one({}, {"x_c_mm": 123.0, **names, "force_x_n": -0.02, "force_y_n": 0.098})
+    assert row["contact_antenna_vector_error_mm"] == pytest.approx(5.0)
+    assert row["force_vector_error_n"] is None  # a component is missing
+    assert row["contact_world_vector_error_mm"] is None
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, None, float("nan")])
+def test_a_sigma_that_is_not_positive_states_nothing(sigma: float | None) -> None:
+    rows = scored([{}], [{"x_c_mm": 121.0, "x_c_sigma_mm": sigma}])
+    assert rows["x_c_error_in_sigmas"].to_list() == [None]
+    found = facts(rows)
+    assert found["calibration"]["x_c"] is None
+    assert found["honest_rate"] is None
+
+
+def test_stated_sigmas_are_held_against_errors() -> None:
+    errors = np.random.default_rng(5).normal(0, 0.3, 4000)
+
+    def found(sigma: float) -> dict[str, float]:
+        answers = [{"x_c_mm": 120 + error, "x_c_sigma_mm": sigma} for error in errors]
+        calibration: dict[str, float] = facts(scored([{}] * len(errors), list(answers)))[
+            "calibration"
+        ]["x_c"]
+        return calibration
+
+    honest, bold = found(0.3), found(0.15)
+    # The share's own standard error is 0.0035.
+    assert honest["coverage_95"] == pytest.approx(0.95, abs=0.012)
+    assert honest["within_3_sigma"] == pytest.approx(0.9973, abs=0.003)
+    assert honest["nees"] == pytest.approx(1, abs=0.07)
+    assert honest["sigma_over_rmse"] == pytest.approx(1, abs=0.04)
+    assert bold["coverage_95"] == pytest.approx(0.673, abs=0.025)
+    assert bold["nees"] == pytest.approx(4 * honest["nees"])
+    assert bold["sigma_over_rmse"] == pytest.approx(honest["sigma_over_rmse"] / 2)
+
+
+def test_what_crashed_what_was_refused_and_what_was_missed_are_told_apart() -> None:
+    contact = {"x_c_mm": 120.1, "x_c_sigma_mm": 0.1}
+    rows = scored(
+        [{}, {}, {}, {}, {}, FREE, FREE],
+        [
+            contact,
+            {"x_c_mm": 130.0, "x_c_sigma_mm": 0.1},
+            {"outcome": "not identifiable"},
+            {"outcome": "no contact"},
+            None,
+            {"outcome": "no contact"},
+            contact,
+        ],
+    )
+    assert rows["failed"].to_list() == [False, False, True, True, True, False, True]
+    assert rows["honest"].to_list() == [True, False, False, False, False, True, False]
+    found = facts(rows)
+    assert found["failure_rate"] == 4 / 7
+    assert found["refused_rate"] == 2 / 7
+    assert found["rightly_refused_rate"] == 0
+    assert found["crashed_rate"] == 1 / 7
+    assert found["honest_rate"] == 2 / 7
+    assert found["false_contact_rate"] == 1 / 2
+    assert found["free_frames"] == 2
+    assert found["detection_rate"] == 2 / 5
+    assert found["outcomes"] == {
+        "contact": 3,
+        "no contact": 2,
+        "not identifiable": 1,
+        "crashed": 1,
+    }
+    assert sum(found["outcomes"].values()) == found["n"]
+
+
+def test_rates_of_frames_that_are_not_there_are_null() -> None:
+    touched = facts(scored([{}], [{"x_c_mm": 120.0}]))
+    assert touched["false_contact_rate"] is None
+    free = facts(scored([FREE], [{"outcome": "no contact", "x_c_mm": None}]))
+    assert free["detection_rate"] is None
+    assert (free["failure_rate"], free["honest_rate"], free["x_c_rmse_pct_L"]) == (0, 1, None)
+
+
+# The tip's shift, of one per cent of L, over what all 467 columns together err by.
+PINHOLE_SNR_PER_PCT = 2.4 * (700 / 360) * np.sqrt(240 * 700 / 360) / 0.05
+EDGE_ON = {"edge-on", "not identifiable"}
+
+
+@pytest.mark.parametrize(
+    ("true", "right"),
+    [
+        ({}, set()),
+        (FREE, {"no contact"}),
+        ({"deflection_pct": 4.9 / PINHOLE_SNR_PER_PCT}, {"no contact", "not identifiable"}),
+        ({"deflection_pct": 5.1 / PINHOLE_SNR_PER_PCT}, {"not identifiable"}),
+        ({"deflection_pct": 61 / PINHOLE_SNR_PER_PCT}, set()),
+        ({"visible_share": 0.2}, {"not identifiable"}),
+        ({"visible_share": None}, set()),
+        ({"second_s_c_mm": 190.0}, {"invalid", "not identifiable"}),
+        ({"psi_deg": 60.0, "contact_antenna_mm": [120.0, 4.0, 6.9]}, set()),
+        ({"psi_deg": 80.0, "contact_antenna_mm": [120.0, 1.4, 7.9]}, EDGE_ON),
+        ({"psi_deg": -85.0, "contact_antenna_mm": [120.0, 0.7, -8.0]}, EDGE_ON),
+    ],
+)
+def test_when_an_answer_without_numbers_is_right(true: dict[str, Any], right: set[str]) -> None:
+    assert set(right_refusals(truth(true))["may_say"][0]) == right
+    for outcome in Outcome:
+        if outcome.has_values:
+            continue
+        row = one(true, {"outcome": str(outcome)})
+        assert row["honest"] == (str(outcome) in right)
+        if row["true_x_c_mm"] is not None:
+            assert row["failed"]
+            assert row["rightly_refused"] == (str(outcome) in right)
+
+
+def test_numbers_with_an_honest_sigma_are_right_where_a_refusal_would_be() -> None:
+    weak = {"x_c_mm": 150.0, "x_c_sigma_mm": 40.0, "outcome": "weak contact"}
+    row = one({"deflection_pct": 0.01}, weak)
+    assert row["honest"]
+    assert not row["failed"]
+
+
+def test_a_camera_beside_the_beam_looks_along_plane_c() -> None:
+    true = truth({"psi_deg": 0.0})
+    side = np.array([[1.0, 0, 0, -0.12], [0, 0, -1, 0], [0, 1, 0, 0.36], [0, 0, 0, 1]])
+    rig = true.manifest["true_rig"]
+    camera = {**rig["camera"], "camera_from_antenna": side.tolist()}
+    beside = replace(true, manifest={**true.manifest, "true_rig": {**rig, "camera": camera}})
+    assert right_refusals(true)["may_say"][0].is_empty()
+    assert set(right_refusals(beside)["may_say"][0]) == EDGE_ON

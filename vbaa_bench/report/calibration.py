@@ -1,0 +1,98 @@
+"""Charts of what methods state of their own errors, and of the errors of psi and compliance."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import altair as alt
+import numpy as np
+import polars as pl
+from scipy.special import erf
+
+from vbaa_bench.report.figures import Chart
+from vbaa_bench.score.judged import JUDGED, Judged
+
+_SHOWN: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
+_MOST_SIGMAS = 4.0
+_WIDTH, _HEIGHT = 300, 240
+
+
+def _colour(scores: pl.DataFrame, colours: Mapping[str, str]) -> alt.Color:
+    names = scores["method"].unique(maintain_order=True).to_list()
+    scale = alt.Scale(domain=names, range=[colours[name] for name in names])
+    return alt.Color("method:N", title=None, scale=scale).legend(orient="bottom", columns=3)
+
+
+def calibrations(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart]:
+    """For each quantity whose error is stated: the share of frames within so many sigmas.
+
+    The black line is what honest Gaussian errors give; above it sigmas are too large, below it
+    too small.
+    """
+    stated = [one for one in JUDGED if one.name in _SHOWN and one.in_sigmas in scores.columns]
+    return [
+        _coverage(scores.drop_nulls(one.in_sigmas), one, colours)
+        for one in stated
+        if scores[one.in_sigmas].is_not_null().any()
+    ]
+
+
+def _coverage(scores: pl.DataFrame, one: Judged, colours: Mapping[str, str]) -> Chart:
+    at = np.linspace(0, _MOST_SIGMAS, 81)
+    curves = []
+    for (name,), rows in scores.group_by("method", maintain_order=True):
+        size = np.sort(np.abs(rows[one.in_sigmas].to_numpy()))
+        share = np.searchsorted(size, at, side="right") / len(size)
+        curves.append(pl.DataFrame({"method": [str(name)] * len(at), "sigmas": at, "share": share}))
+    honest = pl.DataFrame({"sigmas": at, "share": erf(at / np.sqrt(2))})
+    x = alt.X("sigmas:Q", title="stated sigmas")
+    y = alt.Y("share:Q", title="share of frames within").scale(domain=[0, 1])
+    return alt.layer(
+        alt.Chart(honest).mark_line(color="black", strokeWidth=1.2).encode(x=x, y=y),
+        alt.Chart(pl.concat(curves))
+        .mark_line(strokeWidth=1.8)
+        .encode(x=x, y=y, color=_colour(scores, colours)),
+    ).properties(width=_WIDTH, height=_HEIGHT, title=f"Stated errors of {_SHOWN[one.name]}")
+
+
+def further_errors(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart]:
+    """Errors of psi against psi and of compliance against compliance, where they are answered."""
+    return [
+        chart
+        for chart in (
+            _dots(scores, colours, ("true_psi_deg", "psi [deg]"), ("psi_error_deg", "deg")),
+            _dots(
+                scores.filter(pl.col("k_s_n_m").is_not_null()),
+                colours,
+                ("true_compliance_mm_per_n", "1/k_s [mm/N]"),
+                ("compliance_error_pct", "%"),
+                logarithmic=True,
+            ),
+        )
+        if chart is not None
+    ]
+
+
+def _dots(
+    scores: pl.DataFrame,
+    colours: Mapping[str, str],
+    true: tuple[str, str],
+    error: tuple[str, str],
+    *,
+    logarithmic: bool = False,
+) -> Chart | None:
+    """Every frame a dot at (truth, error), sizes of errors on a logarithmic axis."""
+    rows = scores.drop_nulls([true[0], error[0]]).select(
+        "method", pl.col(true[0]).alias("true"), pl.col(error[0]).abs().alias("error")
+    )
+    rows = rows.filter(pl.col("error") > 0)
+    if rows.is_empty():
+        return None
+    quantity = true[1].partition(" ")[0]
+    x = alt.X("true:Q", title=f"true {true[1]}").scale(
+        type="log" if logarithmic else "linear", zero=False
+    )
+    y = alt.Y("error:Q", title=f"|error| of {quantity} [{error[1]}]").scale(type="log")
+    dots = alt.Chart(rows).mark_circle(size=20, opacity=0.6)
+    return alt.layer(dots.encode(x=x, y=y, color=_colour(rows, colours))).properties(
+        width=_WIDTH, height=_HEIGHT, title=f"Error of {quantity}"
+    )

@@ -1,0 +1,78 @@
+"""The quantities that are judged: where an answer and where the truth hold them."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One quantity: its columns in a predictions table, and its true value as of `Truth.frames`.
+
+    `unit` ends the names of its columns in the scores: `<name>_error_<unit>`.
+    """
+
+    name: str
+    unit: str
+    true: pl.Expr
+
+    @property
+    def column(self) -> str:
+        """The answer."""
+        return f"{self.name}_{self.unit}"
+
+    @property
+    def sigma(self) -> str:
+        """The answer's stated standard deviation."""
+        return f"{self.name}_sigma_{self.unit}"
+
+    @property
+    def truth(self) -> str:
+        """The truth, beside the answer."""
+        return f"true_{self.column}"
+
+    @property
+    def error(self) -> str:
+        """The answer less the truth."""
+        return f"{self.name}_error_{self.unit}"
+
+    @property
+    def in_sigmas(self) -> str:
+        """The normalised error: over the stated standard deviation."""
+        return f"{self.name}_error_in_sigmas"
+
+
+# A rigid object gives way by nothing; what is not touched has no compliance.
+_TOUCHED = pl.col("x_c_mm").is_not_null()
+_COMPLIANCE = pl.when(_TOUCHED).then((1e3 / pl.col("k_s_n_m")).fill_null(0.0))
+COMPLIANCE: Final = Judged("compliance", "mm_per_n", _COMPLIANCE)
+
+JUDGED: Final = (
+    Judged("x_c", "mm", pl.col("x_c_mm")),
+    Judged("s_c", "mm", pl.col("s_c_mm")),
+    Judged("theta_c", "deg", pl.col("theta_c_deg")),
+    Judged("force", "n", pl.col("force_n")),
+    Judged("f", "n", pl.col("f_n")),
+    Judged("psi", "deg", pl.col("psi_deg")),
+    COMPLIANCE,
+    Judged("motor_angle", "deg", pl.col("motor_angle_deg")),
+)
+# Vectors: (name, unit, the truth's column of three numbers).
+VECTORS: Final = (
+    ("contact_antenna", "mm", "contact_antenna_mm"),
+    ("contact_world", "mm", "contact_world_mm"),
+    ("force", "n", "force_antenna_n"),
+)
+
+
+def components(name: str, unit: str) -> list[str]:
+    """The columns of a vector in a predictions table."""
+    return [f"{name}_{axis}_{unit}" for axis in "xyz"]
+
+
+NUMBERS: Final = (
+    *(name for one in JUDGED for name in (one.column, one.sigma)),
+    *(column for name, unit, _ in VECTORS for column in components(name, unit)),
+    "image_ms",
+)

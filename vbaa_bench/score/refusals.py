@@ -1,0 +1,90 @@
+"""Where an answer without numbers is a right one: what even a good method cannot tell from a frame.
+
+Of such a frame numbers with honest sigmas are right too. What is allowed follows from the truth:
+
+- nothing is touched: "no contact", and nothing else;
+- the bend is lost in noise: "no contact" below `LEAST_SNR`, "not identifiable" below `SURE_SNR`;
+- little of the beam is seen: "not identifiable";
+- the camera looks along the plane in which the beam bends, eqs. (7), (8): "edge-on";
+- a second object is touched, so that no point contact makes the shape: "invalid".
+"""
+
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from solver.instrument.estimate import Outcome
+from solver.instrument.transforms import apply, invert
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.score.stage import camera_frame_from_clamp
+
+# The tip's shift over the error of the mean of all columns, if one column errs by COLUMN_SIGMA_PX,
+# as the paper's area-weighted average does: below five a bend is not seen, and from sixty on the
+# information limit of x_c is better than a seventh of the beam.
+LEAST_SNR: Final = 5.0
+SURE_SNR: Final = 60.0
+COLUMN_SIGMA_PX: Final = 0.05
+# Less of the beam than this share, and the rest of it can lie anywhere.
+LEAST_VISIBLE: Final = 0.25
+# A line of sight this close to the deformation plane [deg] is edge-on.
+EDGE_ON_DEG: Final = 15.0
+
+
+def right_refusals(truth: Truth) -> pl.DataFrame:
+    """For each frame_id: `snr` of its bend, and `may_say`, the outcomes without numbers allowed."""
+    rows = [
+        {"frame_id": row["frame_id"], "snr": snr, "may_say": _may_say(truth, row, snr)}
+        for row in truth.frames.iter_rows(named=True)
+        for snr in [_snr(truth, row)]
+    ]
+    schema = pl.Schema(
+        {"frame_id": pl.String(), "snr": pl.Float64(), "may_say": pl.List(pl.String())}
+    )
+    return pl.DataFrame(rows, schema=schema)
+
+
+def _snr(truth: Truth, row: dict[str, Any]) -> float:
+    """The tip's shift in the image, over what all visible columns together err by."""
+    length = truth.manifest["true_rig"]["beam_length_mm"] * MILLIMETRE
+    psi = (row["psi_deg"] or 0.0) * DEGREE
+    shift = row["deflection_pct"] / 100 * length * np.array([np.cos(psi), np.sin(psi)])
+    ends = np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0], [length, *shift]])
+    stage = camera_frame_from_clamp(truth, row["pushing_angle_deg"] * DEGREE)
+    clamp, tip, moved = truth.camera.project(apply(stage, ends))
+    columns = np.linalg.norm(tip - clamp) * _visible(row)
+    return float(np.linalg.norm(moved - tip) * np.sqrt(columns) / COLUMN_SIGMA_PX)
+
+
+def _may_say(truth: Truth, row: dict[str, Any], snr: float) -> list[str]:
+    if row["x_c_mm"] is None:
+        return [str(Outcome.NO_CONTACT)]
+    allowed = set[Outcome]()
+    if snr < LEAST_SNR:
+        allowed |= {Outcome.NO_CONTACT}
+    if snr < SURE_SNR or _visible(row) < LEAST_VISIBLE:
+        allowed |= {Outcome.NOT_IDENTIFIABLE}
+    if _sight_against_plane_deg(truth, row) < EDGE_ON_DEG:
+        allowed |= {Outcome.EDGE_ON, Outcome.NOT_IDENTIFIABLE}
+    if row["second_s_c_mm"] is not None:
+        allowed |= {Outcome.INVALID, Outcome.NOT_IDENTIFIABLE}
+    return sorted(map(str, allowed))
+
+
+def _visible(row: dict[str, Any]) -> float:
+    """The share of the beam that is seen; all of it where no layer tells."""
+    share = row.get("visible_share")
+    return 1.0 if share is None else float(share)
+
+
+def _sight_against_plane_deg(truth: Truth, row: dict[str, Any]) -> float:
+    """The angle between the ray to the contact and the deformation plane."""
+    stage = camera_frame_from_clamp(truth, row["pushing_angle_deg"] * DEGREE)
+    viewpoint = invert(stage) @ truth.camera.viewpoint
+    psi = row["psi_deg"] * DEGREE
+    across = np.array([-np.sin(psi), np.cos(psi)])
+    base = np.array(truth.manifest["true_rig"]["base_position_mm"])
+    contact = (np.array(row["contact_antenna_mm"]) - base) * MILLIMETRE
+    sight = viewpoint[:3] - viewpoint[3] * contact
+    return float(np.arcsin(abs(sight[1:] @ across) / np.linalg.norm(sight)) / DEGREE)
