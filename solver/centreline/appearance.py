@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -20,6 +21,8 @@ from solver.instrument.transforms import turn_about_z
 
 # How far a mounted beam may lie askew [rad].
 ASKEW = 0.12
+# A flat strip looks wider than it is thick: times the rig's diameter.
+WIDTHS = (1, 2, 4, 8)
 LEAST_STATIONS = 20
 
 
@@ -53,11 +56,15 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
     noise = noise_of(images)
     image = images[0]
     full_scale = 255 if image.dtype == np.uint8 else _full_scale(images)
-    found = [(find(image, guide, p, noise, ASKEW, bends=False), p) for p in (1, -1)]
-    seen = [(path, polarity) for path, polarity in found if path is not None]
+    seen = []
+    for times, polarity in product(WIDTHS, (1, -1)):
+        wider = replace(guide, radius=times * guide.radius)
+        path = find(image, wider, polarity, noise, ASKEW, bends=False)
+        if path is not None:
+            seen.append((path.contrast * path.support**2, path, polarity, wider))
     if not seen:
         raise InputError("the rest images show no beam where the rig says that it is")
-    path, polarity = max(seen, key=lambda one: one[0].contrast * one[0].support ** 2)
+    _, path, polarity, guide = max(seen, key=lambda one: one[0])
     on_beam = path.places[(path.places[:, 0] > 0) & (path.places[:, 0] < 0.98 * guide.length)]
     places = stations(guide.pixels(on_beam), image.shape)
     if len(places) < LEAST_STATIONS:
@@ -66,8 +73,9 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
         )
     slope = float(np.polyfit(on_beam[:, 0], on_beam[:, 1], 1)[0])
     turned = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
-    rested = _Rested(images, places, noise, polarity, guide.radius_px, full_scale)
-    return rested.appearance(), replace(guide, antenna_from_beam=turned)
+    look = _Rested(images, places, noise, polarity, guide.radius_px, full_scale).appearance()
+    seen_radius = look.section.radius * guide.pixel
+    return look, replace(guide, antenna_from_beam=turned, radius=seen_radius)
 
 
 def _full_scale(images: Sequence[Grey]) -> int:
@@ -105,14 +113,14 @@ class _Rested:
             left = sum(np.log1p(f.chi2[kept] / f.dof[kept] / 9).sum() * 36 for f in fits)
             return float(rough + left)
 
-        starts = [np.array([0.3, 1.0, 0.0]), np.array([0.8, 0.5, 0.0])]
+        starts = [np.array([1.0, 0.3, 1.0, 0.0]), np.array([1.0, 0.8, 0.5, 0.0])]
         start = min(starts, key=cost)
-        simplex = start + np.vstack([np.zeros(3), np.diag([0.2, 0.4, 0.1])])
+        simplex = start + np.vstack([np.zeros(4), np.diag([0.1, 0.2, 0.4, 0.1])])
         found = minimize(
             cost,
             start,
             method="Nelder-Mead",
-            options={"initial_simplex": simplex, "maxfev": 60, "xatol": 5e-3, "fatol": 1.0},
+            options={"initial_simplex": simplex, "maxfev": 90, "xatol": 5e-3, "fatol": 1.0},
         )
         section = self._section(found.x)
         if section is None:
@@ -143,10 +151,11 @@ class _Rested:
         )
 
     def _section(self, p: Floats) -> Section | None:
-        spread, roundness, skew = (float(v) for v in p)
-        if not (0 <= spread <= 4 and 0 <= roundness <= 4 and abs(skew) < 0.9):
+        times, spread, roundness, skew = (float(v) for v in p)
+        possible = 0.4 < times < 2.5 and 0 <= spread <= 4 and 0 <= roundness <= 4
+        if not (possible and abs(skew) < 0.9):
             return None
-        return Section(self.radius, spread, roundness, skew)
+        return Section(times * self.radius, spread, roundness, skew)
 
     def _half(self, section: Section) -> int:
         return int(np.ceil(section.radius + 2.5 * section.spread + 0.5)) + 1 + MARGIN

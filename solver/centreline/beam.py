@@ -107,8 +107,12 @@ class Beam:
         # A beam that comes nearer to the camera looks wider than at rest, all along: what is
         # foreign differs from the columns about it.
         misfit = self._misfit(fits)
-        usual = median_filter(np.minimum(misfit, WORST_MISFIT), NEIGHBOURHOOD, mode="nearest")
-        flags[misfit > WORST_MISFIT * np.maximum(usual, 1.0)] = Flag.FOREIGN
+        usual = median_filter(np.minimum(misfit, 30.0), NEIGHBOURHOOD, mode="nearest")
+        # On a rough ground every column leaves more, and is known that much less.
+        plausible = (share > DIMMEST) & (share < BRIGHTEST)
+        rough = float(np.median(misfit[plausible])) if plausible.any() else 1.0
+        usual = np.maximum(usual, max(rough, 1.0))
+        flags[misfit > WORST_MISFIT * usual] = Flag.FOREIGN
         flags[share > BRIGHTEST] = Flag.FOREIGN
         flags[share < DIMMEST] = Flag.HIDDEN
         flags[~np.isfinite(fits.sigma)] = Flag.HIDDEN
