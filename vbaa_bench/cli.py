@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from solver.instrument.errors import InputError
+from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
 from vbaa_bench.console import console, outcomes, progress_bars, say, show_scores
@@ -27,6 +28,7 @@ from vbaa_bench.options import (
 )
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.accuracy import accuracy, markdown
+from vbaa_bench.score.applicable import applicable
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.metrics import CONDITIONS
@@ -36,7 +38,7 @@ from vbaa_bench.spec.load import load_scene
 from vbaa_bench.speed import speed_app
 from vbaa_bench.workers import WorkerDiedError
 
-# What `--method` understands beside names of methods; and what it is if nothing is said.
+# What `--method` understands beside names of methods.
 ALL = "all"
 
 app = typer.Typer(
@@ -256,7 +258,7 @@ def _report(results: Results) -> Path:
 
 def _solve(results: Results, methods: list[str] | None, repeats: int) -> dict[str, Path]:
     written = {}
-    asked = methods or [ALL]
+    asked = methods or applicable(open_observations(results.dataset.observations))
     for method in dict.fromkeys(
         one for name in asked for one in (METHODS if name == ALL else [name])
     ):

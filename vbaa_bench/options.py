@@ -20,7 +20,8 @@ Variant = Annotated[
 Method = Annotated[
     list[str] | None,
     typer.Option(
-        help=f"{', '.join(METHODS)} or package.module:function; repeatable [default: all]"
+        help=f"{', '.join(METHODS)}, all, or package.module:function; repeatable "
+        "[default: those that the dataset has readings for]"
     ),
 ]
 Repeats = Annotated[int, typer.Option(min=1, help="times each frame is solved; median time counts")]

@@ -27,6 +27,8 @@ DIMMEST, BRIGHTEST = 0.4, 2.2
 # degrees of freedom one in 300 leaves more.
 WORST_MISFIT = 3.0
 NEIGHBOURHOOD = 61
+# An amplitude of fewer of its sigmas is none.
+LEAST_SIGNIFICANCE = 5.0
 # A brightness off its smooth course by this share, over the median of so many columns, is odd.
 ODD, ABOUT = 0.012, 21
 # Where two columns running are foreign, so many on either side are not trusted either: a shadow's
@@ -34,6 +36,8 @@ ODD, ABOUT = 0.012, 21
 SPOILT = 3
 # A centre may lie this many of its sigmas, and this far [px], off the smooth curve of all.
 FARTHEST_SIGMAS, FARTHEST_PX = 6.0, 0.15
+# A tip must lie so far along the beam, over its length.
+SHORTEST, LONGEST = 0.75, 1.3
 # The beam turned about its clamp by another camera's mount [rad].
 ANY_TILT = 0.6
 
@@ -63,8 +67,12 @@ class Beam:
         fits = fit_profiles(image, places, look.profile, look.noise, look.half, look.full_scale)
         share = self._share(places, fits)
         flags = self._flags(places, fits, share)
+        whole = self.guide.length / self.guide.pixel
         tip = find_tip(image, places, flags, fits, look)
-        end = self.guide.length / self.guide.pixel if tip is None else tip.length
+        # Bent towards the camera or away from it, a beam looks longer or shorter, but not so much.
+        if tip is not None and not SHORTEST < tip.length / whole < LONGEST:
+            tip = None
+        end = whole if tip is None else tip.length
         # The last columns of a beam are not whole ones.
         on_beam = places.length < end - (0 if tip is None else 1.5)
         flags[~on_beam & (flags == 0)] = Flag.FOREIGN
@@ -82,12 +90,14 @@ class Beam:
         spoilt = np.convolve(np.append(running, False), np.ones(2 * SPOILT + 1), "same") > 0
         flags[spoilt & (flags == 0)] = Flag.FOREIGN
         good = flags == 0
-        rejected = ~good & on_beam
+        course = places.pixels(places.start + places.sense * smooth)
+        in_image = ((course > -0.5) & (course < np.array(image.shape)[::-1] - 0.5)).all(axis=1)
+        rejected = ~good & on_beam & in_image
         return Centreline(
             points=places.pixels(fits.centre)[good],
             directions=places.directions[good],
             sigma=sigma[good],
-            rejected=places.pixels(places.start + places.sense * smooth)[rejected],
+            rejected=course[rejected],
             flags=flags[rejected],
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
@@ -115,6 +125,9 @@ class Beam:
         flags[misfit > WORST_MISFIT * usual] = Flag.FOREIGN
         flags[share > BRIGHTEST] = Flag.FOREIGN
         flags[share < DIMMEST] = Flag.HIDDEN
+        # In a rough ground a beam must stand out all the more.
+        doubt = fits.amplitude_sigma * np.sqrt(np.maximum(misfit, 1.0))
+        flags[np.abs(fits.amplitude) < LEAST_SIGNIFICANCE * doubt] = Flag.HIDDEN
         flags[~np.isfinite(fits.sigma)] = Flag.HIDDEN
         flags[(fits.saturated > 0) & (flags > 0)] = Flag.SATURATED
         return flags

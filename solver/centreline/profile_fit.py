@@ -257,17 +257,19 @@ def _fit_amplitudes(
         first = int(np.rint(centre[i])) - half
         if not _read(image, along[i], upright[i], first, gray):
             continue
+        # All pixels weigh the same: by their own noise the dark side of a column that the beam's
+        # end cuts in two would weigh more than the bright one, and the end come out too near.
         for k in range(size):
-            bright = gray[k] >= full_scale
-            weight[k] = 0.0 if bright else 1.0 / max(dark + per_gray * gray[k], ROUNDING)
+            weight[k] = 0.0 if gray[k] >= full_scale else 1.0
         _tabulated(value, climb[i], sense[i], first - centre[i], p)
         p0, p1 = _ground(weight, p, half)
-        left = left_gray = 0.0
+        left = left_gray = noise = 0.0
         for k in range(size):
             clear_p = weight[k] * (p[k] - p0 - p1 * (k - half))
             left += clear_p * p[k]
             left_gray += clear_p * gray[k]
+            noise += clear_p * clear_p * max(dark + per_gray * gray[k], ROUNDING)
         g0, _ = _ground(weight, gray, half)
         a = left_gray / left
-        out[i, 0], out[i, 1], out[i, 2] = a, 1 / left, g0 - a * p0
+        out[i, 0], out[i, 1], out[i, 2] = a, noise / left**2, g0 - a * p0
     return out

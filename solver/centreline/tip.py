@@ -17,6 +17,10 @@ BEFORE, BEYOND = 12, 4
 FADING, SPREAD = 4, 1
 # A column is dark below this share of the beam's brightness.
 DARK = 0.25
+# The ground may differ by so many times its own scatter, and by rounding.
+STEP_SIGMAS = 5.0
+# chi^2 per degree of freedom that a column leaves by chance.
+WORST_MISFIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,9 @@ def find_tip(
     told = good[good <= last - 2][-BEFORE:]
     if len(told) < BEFORE // 2 or last - told[0] > 3 * BEFORE:
         return None
-    first, end = int(told[-1]) + 1, last + FADING + SPREAD + BEYOND + 1
+    # The end of a thick beam that climbs takes part in many columns.
+    fading = FADING + int(look.section.radius)
+    first, end = int(told[-1]) + 1, last + fading + SPREAD + BEYOND + 1
     if end > len(places) or len(np.unique(places.upright[first:end])) > 1:
         return None
     window = np.arange(first, end)
@@ -64,17 +70,15 @@ def find_tip(
         return None
     full = float(np.mean(fits.amplitude[told]))
     dark = window[(window > last) & (np.abs(amplitude) < DARK * abs(full))]
-    if not len(dark) or dark[0] > last + FADING:
+    if not len(dark) or dark[0] > last + fading:
         return None
     inside = window <= dark[0] + SPREAD
     after = ~inside & (window <= dark[0] + SPREAD + BEYOND)
     if np.any(np.abs(amplitude[after]) > DARK * abs(full)):
         return None
-    before = float(np.median(fits.background[told]))
-    step = abs(float(np.median(ground[after])) - before)
-    if step > 0.1 * abs(full) / (2 * look.section.radius) + 4 * np.sqrt(
-        look.noise.variance(before)
-    ):
+    before = fits.background[told]
+    step = abs(float(np.median(ground[after]) - np.median(before)))
+    if step > STEP_SIGMAS * float(before.std()) + 0.5:
         return None
     covered = float(amplitude[inside].sum() / full)
     covered_variance = float(variance[inside].sum()) / full**2
@@ -83,6 +87,10 @@ def find_tip(
     scatter = float(np.var(fits.amplitude[told]))
     uneven = max(scatter - float(np.mean(fits.amplitude_sigma[told] ** 2)), 0.0)
     covered_variance += (covered / full) ** 2 * (scatter / len(told) + uneven)
+    # What touches the beam near its end adds to all columns alike, or takes from them.
+    misfit = fits.chi2[window] / np.maximum(fits.dof[window], 1) / look.misfit
+    excess = np.sqrt(variance * np.clip(misfit - WORST_MISFIT, 0, None))
+    covered_variance += float(excess[inside & (window <= last)].sum() / full) ** 2
     # What the ground beyond the end imitates of the beam, it also does about the end.
     faded = np.count_nonzero(inside & (window > last))
     covered_variance += faded**2 * float(np.mean((amplitude[after] / full) ** 2))

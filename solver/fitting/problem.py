@@ -82,8 +82,11 @@ class FrameFit:
     widening: float
 
 
-def problem_of(measurement: Measurement) -> Problem:
-    """The arrays of a measurement. Raises ValueError if a viewpoint lies in plane C."""
+def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
+    """The arrays of a measurement, on request without the tips that its views show.
+
+    Raises ValueError if a viewpoint lies in plane C.
+    """
     rig, length = measurement.rig, measurement.rig.beam.length
     views = (measurement.view, *measurement.other_views)
     orders = [np.argsort(view.points[:, 0], kind="stable") for view in views]
@@ -97,7 +100,8 @@ def problem_of(measurement: Measurement) -> Problem:
     in_world = measurement.motor_angle is None and rig.camera_mount == "world"
     if in_world:  # the motor turns the clamp about its axis, the origin of Sigma_a
         known[[PIVOT_X, PIVOT_Y]] = invert(measurement.antenna_from_beam)[:2, 3] / length
-    tips = [_tip_row(view, i, length) for i, view in enumerate(views) if view.tip is not None]
+    shown = [(i, view) for i, view in enumerate(views) if with_tips and view.tip is not None]
+    tips = [_tip_row(view, i, length) for i, view in shown]
     shape_free = [Q, LEVER, DX, DY, TILT]
     if tips:
         shape_free.append(STRETCH)

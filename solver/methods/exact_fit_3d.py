@@ -24,17 +24,23 @@ STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
 MOST_SIGMA = math.radians(30)
 # Minima within three sigmas of the best are possible answers.
 CLOSE_CHI2 = 9.0
+# By so much more chi2 than without it does a fit take the tip: five sigmas.
+MOST_TIP_CHI2 = 25.0
 
 
 def exact_fit_3d(measurement: Measurement) -> Estimate:
-    """Contact, force, displacement and psi, with their joint covariance."""
+    """Contact, force, displacement and psi, with their joint covariance.
+
+    A tip that no beam of the rig's length can show, beside the points, is an occluder's edge: it is
+    left out.
+    """
     problem = problem_of(measurement)
-    minima = _minima(problem) if problem.points >= LEAST_POINTS else []
-    if minima and not minima[0].kept.all():
-        # Outliers draw every start astray: look again with what the first look has kept.
-        again = _minima(without(problem, minima[0].kept))
-        minima = [settled(problem, one.p, psi_free=True) for one in again] or minima
-        minima.sort(key=_rank)
+    minima = _robust_minima(problem)
+    if len(problem.arrays[3]):
+        tipless = problem_of(measurement, with_tips=False)
+        freely = _robust_minima(tipless)
+        if _contradicted(minima, freely):
+            problem, minima = tipless, freely
     best = minima[0] if minima else None
     refusal = refusal_of(measurement, problem, best)
     if best is None or (refusal is not None and refusal.outcome is not Outcome.NOT_CONVERGED):
@@ -62,6 +68,28 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
     if refusal is not None:
         return refusal
     return answer(measurement, problem, best, psi_known=True, psi_fitted=True, spread=spread)
+
+
+def _robust_minima(problem: Problem) -> list[FrameFit]:
+    """The distinct minima of chi2, best first, outliers left out; none without enough points."""
+    minima = _minima(problem) if problem.points >= LEAST_POINTS else []
+    if minima and not minima[0].kept.all():
+        # Outliers draw every start astray: look again with what the first look has kept.
+        again = _minima(without(problem, minima[0].kept))
+        minima = [settled(problem, one.p, psi_free=True) for one in again] or minima
+        minima.sort(key=_rank)
+    return minima
+
+
+def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool:
+    """Whether the tip does not belong to the beam that the points show."""
+    if not without_tip or without_tip[0].status != CONVERGED:
+        return False
+    if not with_tip or with_tip[0].status != CONVERGED:
+        return True
+    tip, free = with_tip[0], without_tip[0]
+    fewer = int(free.kept.sum()) - int(tip.kept.sum())
+    return fewer > 0.05 * len(free.kept) or tip.chi2 - free.chi2 > MOST_TIP_CHI2 * free.widening
 
 
 def _rank(fit: FrameFit) -> tuple[bool, int, float]:

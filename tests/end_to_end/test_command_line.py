@@ -12,6 +12,8 @@ import pytest
 from solver.instrument.images import png_bytes, read_grey
 from tests.conftest import SMALL_SCENE
 
+SOLVED = {"two_point", "exact_fit"}
+
 Finished = subprocess.CompletedProcess[str]
 
 
@@ -40,7 +42,8 @@ def finished(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(dataset, root)
     scene = root.parent / "small.yaml"
     scene.write_text(SMALL_SCENE, encoding="utf-8")
-    done = command("run", scene, "--out", root, "--repeats", "1")
+    methods = [word for name in SOLVED for word in ("--method", name)]
+    done = command("run", scene, "--out", root, "--repeats", "1", *methods)
     assert done.returncode == 0, done.stderr
     assert "exact_fit" in done.stdout
     assert f"report: {root / 'report' / 'report.html'}" in done.stdout
@@ -49,7 +52,7 @@ def finished(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_run_ends_with_scores_and_a_report(finished: Path) -> None:
     summary = json.loads((finished / "scores" / "summary.json").read_text())
-    assert set(summary["methods"]) == {"exact_fit", "two_point"}
+    assert set(summary["methods"]) == SOLVED
     for found in summary["methods"].values():
         assert found["n"] == 4
         assert found["failure_rate"] == 0
@@ -69,7 +72,7 @@ def test_the_report_fetches_nothing_and_shows_everything(finished: Path) -> None
     assert "<script" not in page
     for title in ("Speed against error", "Fig. 8 (a)", "Fig. 8 (b)", "Frames", "Failures"):
         assert title in page
-    assert page.count("<svg") == 1 + 2 * 2 + 2
+    assert page.count("<svg") == 1 + 2 * 2 + 2 + 2
     assert page.count("<figure>") == 4
     for name in ("overlay.png", "speed_against_error.png"):
         assert (finished / "report" / name).read_bytes().startswith(b"\x89PNG")
@@ -77,7 +80,7 @@ def test_the_report_fetches_nothing_and_shows_everything(finished: Path) -> None
 
 def test_json_is_one_object_and_nothing_else(finished: Path) -> None:
     scored = command("score", finished, "--json")
-    assert set(json.loads(scored.stdout)["methods"]) == {"exact_fit", "two_point"}
+    assert set(json.loads(scored.stdout)["methods"]) == SOLVED
     reported = command("report", finished, "--json")
     assert json.loads(reported.stdout)["report"].endswith("report.html")
     healthy = command("doctor", "--json")

@@ -156,7 +156,8 @@ def test_calibration_returns_the_true_camera(dataset: Path) -> None:
     points = np.column_stack([x, y, np.zeros_like(x)])
     back, _ = on_plane(found.camera, true.project(points), np.ones((len(x), 2)))
     assert np.abs(back - points[:, :2]).max() < 2.5e-5
-    assert abs(antenna.rest.slope) < 4 * np.sqrt(antenna.rest.covariance[1, 1])
+    # The calibration itself is not known better than this.
+    assert abs(antenna.rest.slope) < 4 * np.sqrt(antenna.rest.covariance[1, 1]) + 3e-5
     assert abs(antenna.rest.y_at_clamp) < 4 * np.sqrt(antenna.rest.covariance[0, 0]) + 1e-5
 
 
@@ -170,24 +171,27 @@ def test_the_extracted_points_lie_on_the_true_centreline(dataset: Path) -> None:
         line: Floats = truth.camera.project(np.column_stack([x, y, np.zeros_like(x)]))
         found = antenna.extract(frame.image())
         error = found.points[:, 1] - np.interp(found.points[:, 0], line[:, 0], line[:, 1])
-        assert np.sqrt(np.mean(error**2)) < 0.08  # px
-        assert np.abs(error).max() < 0.4
-        assert len(error) > 440
+        assert np.sqrt(np.mean(error**2)) < 0.02  # px
+        assert np.abs(error).max() < 0.1
+        assert len(error) > 350
 
 
-@pytest.mark.parametrize("method", sorted(METHODS))
+# By how much of L a method may err: linear theory is biased at 20 % deflection.
+WORST = {"two_point": 0.1, "linear_fit": 0.06, "exact_fit": 0.003, "exact_fit_3d": 0.005}
+
+
+@pytest.mark.parametrize("method", WORST)
 def test_estimates_agree_with_the_truth(dataset: Path, method: str) -> None:
     layout = Layout(dataset)
     observations, truth = open_observations(layout.observations), open_truth(layout.truth)
     antenna = set_up(observations)
-    worst = {"two_point": 0.1, "exact_fit": 0.003}[method] * 0.24
     for frame in observations:
         row = truth.frames.row(by_predicate=pl.col("frame_id") == frame.frame_id, named=True)
         answer = estimate(antenna, frame.image(), METHODS[method], frame.readings)
-        assert answer.outcome is Outcome.CONTACT
+        assert answer.outcome.has_values, answer
         error = answer.values["x_c_m"] - row["x_c_mm"] / 1e3
-        assert abs(error) < worst
-        if method == "exact_fit":
+        assert abs(error) < WORST[method] * 0.24
+        if method.startswith("exact_fit"):
             assert abs(error) < 5 * answer.sigma("x_c_m")
             assert answer.values["force_n"] == pytest.approx(row["force_n"], rel=0.02)
 

@@ -1,0 +1,298 @@
+"""The beam in drawn images: found, measured, judged; truth is the line along which it was drawn."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from solver.centreline import Centreline, Flag
+from solver.centreline.background_subtracted import Centroid, learn_centroid
+from solver.centreline.beam import Beam, learn_beam
+from solver.instrument.arrays import Floats, Grey, Mask
+from solver.instrument.errors import InputError
+from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
+
+# The beam lies a little askew, as any beam does.
+TILT = 3e-3
+SENSOR = Sensor()
+BRIGHT, DARK = Look(), Look().dark
+UP, DIAGONAL = np.pi / 2, np.pi / 4
+
+
+@cache
+def rest_images(
+    look: Look = BRIGHT, roll: float = 0.0, tilt: float = TILT, sensor: Sensor = SENSOR
+) -> tuple[Grey, ...]:
+    light = drawn(guide(roll), bent(0.0, tilt=tilt), look)
+    random = np.random.default_rng(1)
+    return tuple(sensor(light, random) for _ in range(2))
+
+
+@cache
+def learned(
+    look: Look = BRIGHT, roll: float = 0.0, tilt: float = TILT, sensor: Sensor = SENSOR
+) -> Beam:
+    return learn_beam(rest_images(look, roll, tilt, sensor), guide(roll))
+
+
+def pushed(
+    theta: float,
+    look: Look = BRIGHT,
+    roll: float = 0.0,
+    s_c: float = 0.6,
+    ground: Floats | None = None,
+    hidden: Mask | None = None,
+    occluder: float = 0.1,
+) -> tuple[Floats, Floats]:
+    """The light of a pushed beam, and its pixels (n, 2)."""
+    shape = bent(theta, s_c, TILT)
+    light = drawn(guide(roll), shape, look, ground, hidden, occluder)
+    return light, guide(roll).pixels(shape)
+
+
+def seen(light: Floats, beam: Beam, seed: int = 2) -> Centreline:
+    return beam(SENSOR(light, np.random.default_rng(seed)))
+
+
+def errors(line: Centreline, pixels: Floats) -> Floats:
+    """Signed errors (n,) across the beam, over the sigma across it."""
+    tangent = np.gradient(pixels, axis=0)
+    tangent /= np.hypot(*tangent.T)[:, None]
+    # A column crosses an inclined beam aslant.
+    nearest = np.argmin(np.hypot(*(line.points[:, None] - pixels[None, ::8]).transpose(2, 0, 1)), 1)
+    along = tangent[::8][nearest]
+    across = np.abs(line.directions[:, 0] * along[:, 1] - line.directions[:, 1] * along[:, 0])
+    return np.asarray(distances(line.points, pixels) / (line.sigma * across))
+
+
+def visible(pixels: Floats, roll: float) -> int:
+    """Columns, or rows, that the beam crosses within the image."""
+    camera = guide(roll).camera
+    inside = ((pixels > 6) & (pixels < [camera.width - 7, camera.height - 7])).all(axis=1)
+    steps = np.abs(np.diff(pixels[inside], axis=0)).max(axis=1)
+    return int(steps.sum())
+
+
+@pytest.mark.parametrize(
+    ("look", "roll", "theta"),
+    [
+        (BRIGHT, 0.0, 0.3),
+        (BRIGHT, 0.0, 0.6),
+        (BRIGHT, UP, 0.25),
+        (BRIGHT, DIAGONAL, 0.3),
+        (BRIGHT, DIAGONAL, -0.3),
+        (BRIGHT, -0.57, 0.5),
+        (DARK, 0.0, 0.25),
+        (DARK, -0.57, 0.5),
+    ],
+)
+def test_the_beam_is_measured_wherever_it_goes(look: Look, roll: float, theta: float) -> None:
+    """Bright and dark, level, steep, and bent from the one to the other beyond 45 degrees."""
+    light, pixels = pushed(theta, look, roll)
+    beam = learned(look, roll)
+    line = seen(light, beam)
+    assert len(line.points) > 0.85 * visible(pixels, roll)
+    off = errors(line, pixels)
+    assert np.abs(off - off.mean()).max() < 5
+    assert 0.75 < off.std() < 1.2
+    assert np.median(line.sigma) < 0.02
+    # Which side shines more is known to some hundredths of a pixel; at rest and bent it is the
+    # same side.
+    at_rest = guide(roll).pixels(bent(0.0, tilt=TILT))
+    before = np.mean([distances(beam(i).points, at_rest).mean() for i in rest_images(look, roll)])
+    assert abs(before) < 0.04
+    assert abs(distances(line.points, pixels).mean() - before) < 0.004
+
+
+def test_the_scatter_is_that_of_the_paper_s_conditions() -> None:
+    light, pixels = pushed(0.25)
+    beam = learned()
+    assert 0.66 < light.max() < 0.74
+    off = np.concatenate([distances(seen(light, beam, n).points, pixels) for n in range(5)])
+    assert 0.005 < off.std() < 0.0085
+    assert abs(off.mean()) < 0.006
+
+
+def test_a_rest_line_along_the_rows_teaches_as_well() -> None:
+    beam = learned(tilt=0.0)
+    assert beam.appearance.misfit < 1.5
+    light, pixels = pushed(0.25)
+    off = distances(seen(light, beam).points, pixels)
+    assert off.std() < 0.011
+    assert abs(off.mean()) < 0.02
+
+
+def test_sixteen_bits_say_what_eight_do() -> None:
+    deep = Sensor(bits=16)
+    light, pixels = pushed(0.25)
+    line = learned(sensor=deep)(deep(light, np.random.default_rng(2)))
+    assert distances(line.points, pixels).std() < 0.011
+    shallow = seen(light, learned())
+    # The same electrons, but for rounding.
+    columns, a, b = np.intersect1d(line.points[:, 0], shallow.points[:, 0], return_indices=True)
+    assert len(columns) > 220
+    assert np.std(line.points[a, 1] - shallow.points[b, 1]) < 0.006
+
+
+@pytest.mark.parametrize("occluder", [0.02, 0.12, 0.6])
+def test_hidden_stretches_are_rejected_and_nothing_else(occluder: float) -> None:
+    hidden = np.zeros((HEIGHT, WIDTH), bool)
+    hidden[:, 90:110] = True
+    # An edge that runs along the beam for a while, and over it at last.
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    light, pixels = pushed(0.2)
+    middle = np.interp(u, pixels[:, 0], pixels[:, 1])
+    hidden |= (u > 170) & (u < 205) & (v < middle - 1.0 + 0.15 * (u - 180))
+    light, pixels = pushed(0.2, hidden=hidden, occluder=occluder)
+    line = seen(light, learned())
+    column = np.rint(line.points[:, 0]).astype(int)
+    row = np.rint(line.points[:, 1]).astype(int)
+    assert not hidden[row, column].any()
+    off = distances(line.points, pixels)
+    assert np.abs(off).max() < 0.08
+    assert off.std() < 0.013
+    clear = np.r_[26:84, 116:165, 212:285]
+    assert np.isin(clear, column).mean() > 0.9
+    rejected = np.rint(line.rejected[:, 0]).astype(int)
+    assert np.isin(np.arange(91, 109), rejected).all()
+    inside = line.flags[(rejected > 92) & (rejected < 107)]
+    assert np.isin(inside, [Flag.HIDDEN, Flag.FOREIGN]).all()
+    assert np.mean(inside == Flag.HIDDEN) > 0.5
+
+
+def test_a_glare_beside_the_beam_pulls_no_point_away() -> None:
+    light, pixels = pushed(0.25)
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    at = pixels[np.argmin(np.abs(pixels[:, 0] - 150))] + [0.0, 3.0]
+    glare = 1.5 * np.exp(-((u - at[0]) ** 2 + (v - at[1]) ** 2) / (2 * 4.0**2))
+    line = seen(light + glare, learned())
+    off = distances(line.points, pixels)
+    assert np.abs(off).max() < 0.1
+    far = np.abs(line.points[:, 0] - at[0]) > 25
+    assert np.count_nonzero(far) > 0.9 * (visible(pixels, 0.0) - 50)
+    lost = np.abs(line.rejected[:, 0] - at[0]) < 4
+    assert np.isin(line.flags[lost], [Flag.SATURATED, Flag.FOREIGN]).all()
+    assert np.count_nonzero(line.flags[lost] == Flag.SATURATED) >= 3
+
+
+def test_an_overexposed_beam_is_measured_by_its_flanks() -> None:
+    look = Look(beam=1.6)
+    light, pixels = pushed(0.25, look)
+    assert np.count_nonzero(light > 1) > 100
+    line = seen(light, learned(look))
+    assert len(line.points) > 0.8 * visible(pixels, 0.0)
+    off = errors(line, pixels)
+    assert np.abs(off).max() < 5.5
+    assert off.std() < 1.4
+
+
+@pytest.mark.parametrize("size", [5, 16])
+def test_a_textured_ground_is_no_beam(size: int) -> None:
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    chequered = 0.05 + 0.1 * (((u // size) + (v // size)) % 2)
+    light, pixels = pushed(0.25, ground=chequered)
+    line = seen(light, learned())
+    off = distances(line.points, pixels)
+    assert len(off) > 0.6 * visible(pixels, 0.0)
+    assert np.abs(off).max() < 0.4
+    assert np.sqrt(np.mean(errors(line, pixels) ** 2)) < 1.8
+
+
+def test_other_thin_things_are_not_the_beam() -> None:
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    # A brighter cable across the image, and one beside the beam.
+    cables = 0.9 * (np.abs(v - 10 - 0.33 * u) < 1.2) + 0.9 * (np.abs(v - 100 + 0.1 * u) < 0.8)
+    light, pixels = pushed(0.25, ground=0.05 + 0.9 * np.minimum(cables, 1.0))
+    off = distances(seen(light, learned()).points, pixels)
+    assert len(off) > 0.8 * visible(pixels, 0.0)
+    assert np.abs(off).max() < 0.1
+
+
+def test_a_beam_that_leaves_the_image_is_measured_within_it() -> None:
+    light, pixels = pushed(0.6, s_c=0.4)
+    assert pixels[-1, 1] < -20
+    line = seen(light, learned())
+    assert len(line.points) > 0.85 * visible(pixels, 0.0)
+    assert (line.points[:, 1] > 2).all()
+    assert (line.rejected > -0.5).all()
+    assert line.tip is None
+    assert np.abs(errors(line, pixels)).max() < 5
+
+
+@pytest.mark.parametrize("kind", ["black", "white", "ground", "noise", "edge"])
+def test_an_image_without_the_beam_shows_none(kind: str) -> None:
+    v = np.mgrid[:HEIGHT, :WIDTH][0]
+    light = {
+        "black": np.zeros((HEIGHT, WIDTH)),
+        "white": np.full((HEIGHT, WIDTH), 2.0),
+        "ground": np.full((HEIGHT, WIDTH), 0.05),
+        "noise": np.random.default_rng(3).uniform(0, 0.6, (HEIGHT, WIDTH)),
+        "edge": np.where(v > HEIGHT / 2, 0.8, 0.05),
+    }[kind]
+    line = seen(light, learned())
+    assert len(line.points) <= 3
+    assert line.tip is None
+
+
+@pytest.mark.parametrize("light", [0.0, 0.05, 2.0])
+def test_rest_images_without_a_beam_are_refused(light: float) -> None:
+    images = [SENSOR(np.full((HEIGHT, WIDTH), light), np.random.default_rng(n)) for n in (1, 2)]
+    with pytest.raises(InputError, match="beam"):
+        learn_beam(images, guide())
+
+
+def test_the_mirrored_image_has_the_mirrored_beam() -> None:
+    light, _ = pushed(0.25)
+    image = SENSOR(light, np.random.default_rng(2))
+    line = learned()(image)
+    rests = [np.ascontiguousarray(rest[::-1]) for rest in rest_images()]
+    mirrored = learn_beam(rests, guide())(np.ascontiguousarray(image[::-1]))
+    columns, a, b = np.intersect1d(line.points[:, 0], mirrored.points[:, 0], return_indices=True)
+    assert len(columns) > 0.97 * len(line.points)
+    apart = line.points[a, 1] - (HEIGHT - 1 - mirrored.points[b, 1])
+    # The side that shines more is known to some thousandths of a pixel, and may be either.
+    assert np.abs(apart).max() < 0.01
+
+
+def test_gain_and_offset_of_the_gray_values_change_nothing() -> None:
+    light, pixels = pushed(0.25)
+    image = SENSOR(light, np.random.default_rng(2))
+    line = learned()(image)
+
+    def other(gray: Grey) -> Grey:
+        return np.asarray(100 * gray.astype(np.uint16) + 3000, np.uint16)
+
+    # A pixel at full scale, by which the depth of the image is known.
+    rests = [other(rest) for rest in rest_images()]
+    for rest in rests:
+        rest[0, 0] = 65535
+    found = learn_beam(rests, guide())(other(image))
+    columns, a, b = np.intersect1d(line.points[:, 0], found.points[:, 0], return_indices=True)
+    assert len(columns) > 0.97 * len(line.points)
+    assert np.abs(line.points[a, 1] - found.points[b, 1]).max() < 0.01
+    assert np.abs(distances(found.points, pixels)).max() < 0.05
+
+
+@pytest.mark.parametrize(("look", "roll"), [(BRIGHT, 0.0), (DARK, 0.0), (BRIGHT, UP)])
+def test_the_centroid_finds_the_same_beam_less_sharply(look: Look, roll: float) -> None:
+    light, pixels = pushed(0.25, look, roll)
+    image = SENSOR(light, np.random.default_rng(2))
+    fitted = learned(look, roll)(image)
+    line = Centroid(learned(look, roll))(image)
+    assert len(line.points) == len(fitted.points)
+    off = distances(line.points, pixels)
+    assert 0.007 < off.std() < (0.03 if look is BRIGHT else 0.12)
+    assert off.std() > 1.1 * distances(fitted.points, pixels).std()
+    assert 0.85 < errors(line, pixels).std() < 1.15
+    assert abs(off.mean()) < 0.006 + 3 * off.std() / np.sqrt(len(off))
+
+
+def test_the_centroid_rejects_what_is_overexposed() -> None:
+    look = Look(beam=1.6)
+    light, pixels = pushed(0.25, look)
+    line = learn_centroid(rest_images(look), guide())(SENSOR(light, np.random.default_rng(2)))
+    over = np.unique(np.nonzero(light > 1.05)[1])
+    assert len(over) > 50
+    assert not np.isin(over, np.rint(line.points[:, 0])).any()
+    assert np.count_nonzero(line.flags == Flag.SATURATED) > 50
+    assert np.abs(errors(line, pixels)).max() < 5

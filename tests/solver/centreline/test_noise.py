@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+from solver.centreline.noise import noise_of
+from solver.instrument.arrays import Floats
+from tests.beam_images import Sensor
+
+SENSOR = Sensor()
+PER_GRAY = 255 / SENSOR.full_well
+DARK = (SENSOR.read_noise * PER_GRAY) ** 2 + 1 / 12
+
+
+def wedge(edges: bool) -> Floats:
+    """From dark to bright (200, 300); with `edges`, squares of another brightness on it."""
+    light = np.tile(np.linspace(0.04, 0.9, 300), (200, 1))
+    if edges:
+        light[40:80, 30:270] *= 0.6
+        light[120:124] *= 0.3
+    return light
+
+
+@pytest.mark.parametrize("images", [2, 4])
+def test_several_images_give_the_photon_transfer_line(images: int) -> None:
+    random = np.random.default_rng(1)
+    noise = noise_of([SENSOR(wedge(edges=True), random) for _ in range(images)])
+    assert noise.per_gray == pytest.approx(PER_GRAY, rel=0.05)
+    assert noise.variance(128.0) == pytest.approx(DARK + PER_GRAY * 128, rel=0.03)
+    assert noise.variance(12.0) == pytest.approx(DARK + PER_GRAY * 12, rel=0.1)
+
+
+@pytest.mark.parametrize("edges", [False, True])
+def test_one_image_gives_it_too(edges: bool) -> None:
+    noise = noise_of([SENSOR(wedge(edges), np.random.default_rng(2))])
+    for gray in (20.0, 100.0, 200.0):
+        assert noise.variance(gray) == pytest.approx(DARK + PER_GRAY * gray, rel=0.15)
+
+
+def test_a_deep_image_has_the_noise_of_its_own_unit() -> None:
+    random = np.random.default_rng(3)
+    deep = Sensor(bits=16)
+    noise = noise_of([deep(wedge(edges=False), random) for _ in range(3)])
+    assert noise.per_gray == pytest.approx(65535 / deep.full_well, rel=0.05)
+
+
+@pytest.mark.parametrize("gray", [0, 255])
+def test_an_even_image_has_rounding_s_noise(gray: int) -> None:
+    even = np.full((40, 60), gray, np.uint8)
+    for images in ([even], [even, even]):
+        assert noise_of(images).variance(float(gray)) == pytest.approx(1 / 12)

@@ -1,0 +1,22 @@
+from dataclasses import replace
+from pathlib import Path
+
+from solver.instrument.observation import Frame, Observations
+from solver.instrument.rig import Sensors
+from solver.methods import METHODS
+from tests.simulated import rig
+from vbaa_bench.score.applicable import applicable
+
+
+def observations(tmp: str, sensors: Sensors, pushes: list[str]) -> Observations:
+    frames = tuple(Frame(str(i), Path(tmp), push_id=push) for i, push in enumerate(pushes))
+    return Observations(Path(tmp), replace(rig(), sensors=sensors), (), (), frames)
+
+
+def test_methods_without_readings_are_left_out() -> None:
+    visual = applicable(observations(".", Sensors(), ["a", "b"]))
+    assert set(METHODS) - set(visual) == {"moment_sensor", "force_sensor", "stiffness", "push_fit"}
+    pushed = applicable(observations(".", Sensors(), ["a", "a"]))
+    assert set(METHODS) - set(pushed) == {"moment_sensor", "force_sensor"}
+    every = Sensors(moment_y=1e-4, base_force=1e-3, base_moment=1e-4)
+    assert applicable(observations(".", every, ["a", "a"])) == list(METHODS)
