@@ -22,6 +22,7 @@ from solver.instrument.transforms import invert
 from solver.methods import Method
 from solver.plane import on_plane
 from solver.rest import Rest, learn_rest
+from solver.sag import raised, scale_error
 
 # From images of the beam at rest to what finds it in any image.
 Learn = Callable[[Sequence[Grey], Guide], Extractor]
@@ -80,6 +81,7 @@ def measure(
     """
     camera, rig, rest = antenna.calibration.camera, antenna.rig, antenna.rest
     points, sigmas = on_plane(camera, line.points, line.directions * line.sigma[:, None])
+    points = raised(points, camera.viewpoint, rig)
     if readings.removed is not None:
         low, high = readings.removed
         kept = (points[:, 0] < low) | (points[:, 0] > high)
@@ -97,7 +99,7 @@ def measure(
     tolerance = rig.tolerances
     base_covariance = np.zeros((3, 3))
     base_covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
-    base_covariance[1:, 1:] = rest.covariance[:2, :2]
+    base_covariance[1:, 1:] = rest.line_covariance
     # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
     base_covariance += np.diag([1e-18, 1e-18, 1e-18])
     in_world = rig.camera_mount == "world"
@@ -106,7 +108,7 @@ def measure(
     return Measurement(
         view=View((points - clamp) @ axes, sigmas @ axes, viewpoint, _tip(antenna, line, axes)),
         base_covariance=base_covariance,
-        scale_sigma=_scale_sigma(antenna),
+        scale_sigma=math.hypot(_scale_sigma(antenna), _bow_error(points, rest)),
         motor_angle=None if in_world else readings.motor_angle,
         rig=rig,
         antenna_from_beam=antenna_from_beam,
@@ -128,7 +130,7 @@ def _tip(antenna: Antenna, line: Centreline, axes: Floats) -> Tip | None:
     camera, rig = antenna.calibration.camera, antenna.rig
     root = np.asarray(np.linalg.cholesky(line.tip_covariance), dtype=np.float64)
     points, sigmas = on_plane(camera, np.tile(line.tip, (2, 1)), root.T)
-    viewpoint, point = camera.viewpoint, points[0]
+    viewpoint, point = camera.viewpoint, raised(points[:1], camera.viewpoint, rig)[0]
     lift = rig.beam.radius * math.pi / 4
     outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
     clamp = np.array([rig.base_position[0], antenna.rest.y_at_clamp])
@@ -154,6 +156,19 @@ def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floa
     return points - bow[:, None] * normal, sigmas * (np.hypot(size, bow_sigma) / size)[:, None]
 
 
+def _bow_error(points: Floats, rest: Rest) -> float:
+    """What taking a bow off leaves, a relative sigma of lengths.
+
+    A bow also moves the bent beam along itself, by about its size times the slope there, and the
+    force's lever with it.
+    """
+    if rest.straight or len(points) < 3:
+        return 0.0
+    bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
+    slope = np.ptp(points[:, 1]) / max(float(np.ptp(points[:, 0])), 1e-12)
+    return float(np.sqrt(np.mean(bow**2)) * slope / rest.length)
+
+
 def _scale_sigma(antenna: Antenna) -> float:
     """What the rig's tolerances leave open of all lengths, a relative sigma.
 
@@ -168,7 +183,8 @@ def _scale_sigma(antenna: Antenna) -> float:
         return tolerance.board_rotation**2
     height = float(invert(camera.camera_from_antenna)[2, 3])
     tilted = tolerance.board_rotation * rig.beam.length / 2
-    return math.hypot(tolerance.base_position, tolerance.board_translation, tilted) / height
+    off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted) / height
+    return math.hypot(off_plane, scale_error(camera.viewpoint, rig))
 
 
 def see(antenna: Antenna, image: Grey) -> Centreline:

@@ -17,6 +17,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 from solver.plane import on_plane
+from solver.sag import raised
 
 LEAST_POINTS = 10
 # A beam is bowed if straight it would leave this much more chi^2, for three coefficients.
@@ -43,11 +44,28 @@ class Rest:
         """Whether no bow was found."""
         return not self.bow.any()
 
+    @property
+    def line_covariance(self) -> Floats:
+        """Covariance (2, 2) of the line through the whole curve's error: offset at x = 0, slope.
+
+        Slope and bow are known much better together than each by itself.
+        """
+        curve, line = self._basis(np.linspace(0.0, self.length, 50))
+        project = np.linalg.pinv(line) @ curve
+        return np.asarray(project @ self.covariance @ project.T)
+
     def bow_at(self, x: Floats) -> tuple[Floats, Floats]:
-        """The bow (n,) [m] at distances x (n,) [m] from the clamp, and its sigma."""
-        powers = _bow_powers(x / self.length)
-        variance = np.einsum("ni,ij,nj->n", powers, self.covariance[2:, 2:], powers)
-        return np.asarray(powers @ self.bow), np.sqrt(np.maximum(variance, 0.0))
+        """The bow (n,) [m] at distances x (n,) [m] from the clamp, and its sigma about a line."""
+        curve, line = self._basis(np.linspace(0.0, self.length, 50))
+        project = np.linalg.pinv(line) @ curve
+        here, line_here = self._basis(x)
+        off = here - line_here @ project
+        variance = np.einsum("ni,ij,nj->n", off, self.covariance, off)
+        return np.asarray(here[:, 2:] @ self.bow), np.sqrt(np.maximum(variance, 0.0))
+
+    def _basis(self, x: Floats) -> tuple[Floats, Floats]:
+        line = np.column_stack([np.ones_like(x), x])
+        return np.column_stack([line, _bow_powers(x / self.length)]), line
 
 
 def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> Rest:
@@ -58,6 +76,7 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     they show too little of the beam.
     """
     points, sigma = _mean_line(lines, calibration)
+    points = raised(points, calibration.camera.viewpoint, rig)
     if len(points) < LEAST_POINTS:
         raise InputError(
             f"the rest images show {len(points)} columns of the beam, needed are {LEAST_POINTS}"

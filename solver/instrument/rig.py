@@ -5,6 +5,7 @@ Every quantity carries a one-sigma tolerance; methods use them as priors. On dis
 """
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,8 @@ class Rig:
     `telecentric` says which kind of camera looks on, `distortion_coefficients` how many numbers
     describe its lens (0, 5 or 8), `camera_mount` whether it rides on the "antenna" or stands in
     the "world", where Sigma_a is that at first contact. `known_psi` [rad] is
-    the inclination of the only plane in which a flat strip bends; None for a round beam.
+    the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
+    is how far the tip at rest hangs below plane C by the beam's weight.
     """
 
     beam: Beam
@@ -70,6 +72,7 @@ class Rig:
     known_psi: float | None = None
     sensors: Sensors = Sensors()
     distortion_coefficients: int = 0
+    sag: float = 0.0
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
@@ -110,6 +113,8 @@ def rig_to_json(rig: Rig) -> str:
             "distortion_coefficients": rig.distortion_coefficients,
         },
     }
+    if rig.sag:
+        document["beam"]["sag_mm"] = rig.sag / mm
     if rig.known_psi is not None:
         document["beam"]["known_psi_deg"] = rig.known_psi / DEGREE
     if rig.sensors.moment_y is not None:
@@ -187,6 +192,7 @@ def read_rig(path: Path) -> Rig:
         known_psi=key.number("beam.known_psi_deg", low=-90, high=90) * DEGREE
         if key.has("beam.known_psi_deg")
         else None,
+        sag=key.number("beam.sag_mm", low=-math.inf) * mm if key.has("beam.sag_mm") else 0.0,
         sensors=_sensors(key),
         distortion_coefficients=_distortion_coefficients(key, telecentric),
     )

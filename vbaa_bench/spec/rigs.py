@@ -1,5 +1,6 @@
 """The rig as the laboratory states it, and as it truly is."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +59,16 @@ def nominal_rig(scene: Scene) -> Rig:
             base_moment=None if force is None else force.moment_sigma_n_mm * MILLIMETRE,
         ),
         distortion_coefficients=len(scene.camera.distortion),
+        sag=_sag(scene, rigidity),
     )
+
+
+def _sag(scene: Scene, rigidity: float) -> float:
+    """How far the tip hangs below plane C by the beam's weight, as one would work it out [m]."""
+    beam, diameter = scene.beam, scene.beam.diameter_mm * MILLIMETRE
+    area = diameter**2 * beam.aspect * (1.0 if beam.section == "strip" else math.pi / 4)
+    weight = -scene.gravity_m_s2[2] * beam.density_kg_m3 * area
+    return weight * (beam.length_mm * MILLIMETRE) ** 4 / (8 * rigidity)
 
 
 def _board(card: CalibrationSpec) -> Board:

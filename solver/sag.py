@@ -1,0 +1,33 @@
+"""A beam that hangs below plane C by its own weight, told from one that lies in it."""
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.rig import Rig
+
+# Bent aside, the beam hangs a little less than straight; by what share that is not known.
+UNKNOWN_SHARE = 0.02
+
+
+def raised(points: Floats, viewpoint: Floats, rig: Rig) -> Floats:
+    """Points (n, 2) [m] on C where a beam that sags would be seen if it lay in C.
+
+    `points` are where the rays from `viewpoint` (4,), homogeneous, to the sagging beam meet C, in
+    Sigma_a. At arc length s a cantilever hangs by sag (s^4 - 4 L s^3 + 6 L^2 s^2) / (3 L^4) under
+    its weight (Euler and Bernoulli). The chord from the clamp stands for the arc.
+    """
+    if rig.sag == 0:
+        return points
+    *centre, height, near = viewpoint
+    place = points
+    for _ in range(2):
+        chord = np.hypot(*(place - rig.base_position[:2]).T) / rig.beam.length
+        depth = rig.sag * chord**2 * (chord**2 - 4 * chord + 6) / 3
+        # The ray from V through the point on C meets the beam below it.
+        place = points - (depth / height)[:, None] * (np.array(centre) - near * points)
+    return np.asarray(place)
+
+
+def scale_error(viewpoint: Floats, rig: Rig) -> float:
+    """The relative sigma of lengths that what is not known of the sag leaves."""
+    return float(UNKNOWN_SHARE * abs(rig.sag * viewpoint[3] / viewpoint[2]))
