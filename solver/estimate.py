@@ -116,6 +116,7 @@ def measure(
         base_force=readings.base_force,
         base_moment=readings.base_moment,
         earlier=tuple(earlier),
+        viewpoint_known=antenna.calibration.viewpoint_known,
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.measurement import Measurement, View
+from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement, View
 
 # Sine of the least angle between the line of sight and D. There errors grow fifty times, and a
 # degree in psi decides which side of the beam is seen.
@@ -98,6 +98,8 @@ def known_plane(measurement: Measurement) -> tuple[Measurement, float] | Estimat
     (section V-A). The inclination is counted in the frame of the beam at rest, a reflection of
     Sigma_a where the rig deflects towards -y. An Estimate says that the camera sees it edge-on.
     """
+    if measurement.rig.known_psi and not measurement.viewpoint_known:
+        return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
     psi = (measurement.rig.known_psi or 0.0) * side(measurement)
     planar = on_deformation_plane(measurement, psi)
     if planar is None:

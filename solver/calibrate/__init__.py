@@ -1,8 +1,8 @@
 """Board views -> camera: intrinsics, distortion, and the pose of the calibration plane C.
 
 View 0 shows the board lying in plane C at the pose that the rig states. The other views tilt the
-board, which is what makes a pinhole's focal length observable. A telecentric camera has no focal
-length and is found from view 0 alone.
+board, which is what makes a pinhole's focal length observable; with view 0 alone, plane C is
+known and the viewpoint is not. A telecentric camera has no focal length and is found from view 0.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,6 +14,7 @@ import numpy as np
 from solver.calibrate.calibration import Calibration as Calibration
 from solver.calibrate.lines import line_network
 from solver.calibrate.pinhole import pinhole
+from solver.calibrate.plane_alone import plane_alone
 from solver.calibrate.saddles import charuco, chessboard
 from solver.calibrate.sighting import Sighting
 from solver.calibrate.telecentric import telecentric
@@ -43,7 +44,7 @@ def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
     """Camera from gray images (height, width) of the rig's board, of 8 or 16 bits.
 
     Raises InputError if the views differ in size, view 0 does not show the board (a chessboard as
-    a whole, another target in good part), or, for a pinhole, fewer than three views do.
+    a whole, another target in good part), or, of several views of a pinhole, fewer than three do.
     """
     sizes = {view.shape for view in board_views}
     if len(sizes) != 1:
@@ -55,6 +56,8 @@ def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
         raise InputError(f"calibration view 0, which defines plane C, does not show {whole}")
     if rig.telecentric:
         return telecentric(lying, width, height, rig)
+    if len(board_views) == 1 and not rig.distortion_coefficients:
+        return plane_alone(lying, width, height, rig)
     tilted = [sighting(view, rig.board) for view in board_views[1:]]
     return pinhole([lying, *(seen for seen in tilted if seen is not None)], width, height, rig)
 

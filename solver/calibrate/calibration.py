@@ -13,9 +13,10 @@ class Calibration:
     `covariance` (n, n) is that of (focal length, cx, cy [px], the distortion's coefficients,
     rotation (3,) [rad], shift (3,) [m]). The last six are the pose of the board in view 0, which
     defines plane C, about the board's middle and along the camera's axes. It is None for a
-    telecentric camera.
+    telecentric camera. `viewpoint_known` is False where plane C alone was calibrated.
     """
 
     camera: Camera
     reprojection_px: float
     covariance: Floats | None = None
+    viewpoint_known: bool = True

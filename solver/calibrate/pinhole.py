@@ -61,9 +61,9 @@ def pinhole(seen: Sequence[Sighting], width: int, height: int, rig: Rig) -> Cali
     return Calibration(camera, float(np.sqrt(left @ left / points)), bundle.covariance(found))
 
 
-def _adjusted(rig: Rig, seen: Sequence[Sighting], width: int, height: int) -> tuple["_Bundle", Any]:
+def _adjusted(rig: Rig, seen: Sequence[Sighting], width: int, height: int) -> tuple["Bundle", Any]:
     """The bundle of all views, and the least squares' answer."""
-    bundle = _Bundle(rig.board, seen, rig.distortion_coefficients)
+    bundle = Bundle(rig.board, seen, rig.distortion_coefficients)
     found: Any = least_squares(
         bundle.residuals,
         bundle.start(width, height),
@@ -89,7 +89,7 @@ def _without_strays(seen: Sequence[Sighting], residuals: Floats) -> list[Sightin
     ]
 
 
-class _Bundle:
+class Bundle:
     """Residuals of all views' points by focal length, principal point, distortion, and poses."""
 
     def __init__(self, board: Board, seen: Sequence[Sighting], coefficients: int) -> None:
@@ -115,6 +115,15 @@ class _Bundle:
         known = [matrix[0, 0], matrix[0, 2], matrix[1, 2], *lens.ravel(), 0.0, 0.0, 0.0]
         poses = [np.vstack(pose).ravel() for pose in zip(rotations, shifts, strict=True)]
         return np.concatenate([known[: self.lens], *poses])
+
+    def posed(self, lens: Floats) -> Floats:
+        """Rotation vector and shift (6,) of view 0 under a lens (focal length, cx, cy)."""
+        focal, cx, cy = lens
+        matrix = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
+        _, rotation, shift = cv2.solvePnP(
+            self.points[0], self.seen[0].pixels, matrix, np.zeros(5), flags=cv2.SOLVEPNP_IPPE
+        )
+        return np.vstack([rotation, shift]).ravel().astype(np.float64)
 
     def pose(self, values: Floats, view: int) -> tuple[Floats, Floats]:
         """Rotation vector (3,) [rad] and shift (3,) [m] of a view's camera_from_board."""

@@ -1,5 +1,6 @@
 """What a method is given: the beam as measured in one frame, and the rig."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,10 +8,15 @@ import numpy as np
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.rig import Rig
 
+UNKNOWN_VIEWPOINT = "plane C alone was calibrated; more views of the board tell the viewpoint"
+
 
 @dataclass(frozen=True)
 class Tip:
-    """The image of the beam's free end on plane C (2,) [m], and its covariance (2, 2) [m^2]."""
+    """The image of the beam's free end on plane C (2,) [m], and its covariance (2, 2) [m^2].
+
+    Raises ValueError unless the covariance is positive definite.
+    """
 
     point: Floats
     covariance: Floats
@@ -18,6 +24,7 @@ class Tip:
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", frozen_floats("tip", self.point, (2,)))
         covariance = frozen_floats("tip covariance", self.covariance, (2, 2))
+        _check_positive_definite("tip covariance", covariance)
         object.__setattr__(self, "covariance", covariance)
 
 
@@ -29,7 +36,8 @@ class View:
     point's one-sigma displacement: a point is measured across the beam and errs along that
     direction only. `viewpoint` (4,) is V in homogeneous coordinates: (x, y, z, 1) [m] of a
     pinhole, (x, y, z, 0), the direction towards it, of a telecentric camera. `tip` is None where
-    the free end was not seen. Raises ValueError.
+    the free end was not seen. Raises ValueError, also for a viewpoint in plane C, which shows
+    nothing of it.
     """
 
     points: Floats
@@ -42,7 +50,10 @@ class View:
         object.__setattr__(self, "points", points)
         sigmas = frozen_floats("sigma_vectors", self.sigma_vectors, (len(points), 2))
         object.__setattr__(self, "sigma_vectors", sigmas)
-        object.__setattr__(self, "viewpoint", frozen_floats("viewpoint", self.viewpoint, (4,)))
+        viewpoint = frozen_floats("viewpoint", self.viewpoint, (4,))
+        object.__setattr__(self, "viewpoint", viewpoint)
+        if viewpoint[2] == 0:
+            raise ValueError("the viewpoint lies in the calibration plane")
 
 
 @dataclass(frozen=True)
@@ -60,7 +71,8 @@ class Measurement:
     where there is none. `moment_y` [N m] about Sigma_a's y axis and `base_force` (3,) [N],
     `base_moment` (3,) [N m] in Sigma_a are sensors' readings, None where there are none; the
     former is what the beam exerts on the sensor, the latter what the clamp exerts on the beam.
-    `earlier` holds the frames of the same push before this one, in order. Raises ValueError.
+    `viewpoint_known` is False where only plane C was calibrated: then nothing that leaves C can be
+    told. `earlier` holds the frames of the same push before this one, in order. Raises ValueError.
     """
 
     view: View
@@ -74,12 +86,20 @@ class Measurement:
     base_moment: tuple[float, float, float] | None = None
     other_views: tuple[View, ...] = ()
     earlier: tuple["Measurement", ...] = ()
+    viewpoint_known: bool = True
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_covariance", self.base_covariance, (3, 3))
         object.__setattr__(self, "base_covariance", base)
+        _check_positive_definite("base_covariance", base)
         pose = frozen_floats("antenna_from_beam", self.antenna_from_beam, (4, 4))
         object.__setattr__(self, "antenna_from_beam", pose)
+        if not 0 <= self.scale_sigma < math.inf:
+            raise ValueError(f"scale_sigma is {self.scale_sigma}, allowed is a number from 0 on")
+        for name in ("motor_angle", "moment_y", "base_force", "base_moment"):
+            reading = getattr(self, name)
+            if reading is not None and not np.isfinite(reading).all():
+                raise ValueError(f"{name} holds a value that is not finite")
 
     @property
     def points(self) -> Floats:
@@ -90,3 +110,12 @@ class Measurement:
     def sigma_vectors(self) -> Floats:
         """The view's one-sigma vectors (n, 2) [m]."""
         return self.view.sigma_vectors
+
+
+def _check_positive_definite(name: str, covariance: Floats) -> None:
+    try:
+        np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            f"{name} is not positive definite: what is known exactly needs a small variance"
+        ) from None

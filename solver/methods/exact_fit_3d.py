@@ -17,7 +17,7 @@ from solver.fitting.problem import FrameFit, Problem, problem_of, settled, start
 from solver.fitting.residuals import PSI
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.measurement import Measurement
+from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 
 STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
 # An inclination known worse than this is not known: force and plane are then open.
@@ -34,6 +34,8 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
     A tip that no beam of the rig's length can show, beside the points, is an occluder's edge: it is
     left out.
     """
+    if not measurement.viewpoint_known:
+        return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
     problem = problem_of(measurement)
     minima = _robust_minima(problem)
     if len(problem.arrays[3]):

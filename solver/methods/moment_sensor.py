@@ -39,7 +39,7 @@ from solver.fitting.linear_answer import (
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.measurement import Measurement
+from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 from solver.methods.two_point import LEAST_POINTS, MeanOfPairs, mean_of_pairs
 from solver.plane_d import on_deformation_plane, side, unproject
 
@@ -51,6 +51,8 @@ def moment_sensor(measurement: Measurement) -> Estimate:
     """Contact distance x_c, force f, inclination psi and what follows, with their covariance."""
     if measurement.moment_y is None:
         return Estimate(Outcome.INVALID, "the frame has no reading of a moment sensor")
+    if not measurement.viewpoint_known:
+        return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
     if len(measurement.points) < LEAST_POINTS:
         return Estimate(
             Outcome.INVALID,
@@ -140,7 +142,8 @@ def _covariance(
     by_plane = mean.moved(turned[mean.rows])
     # Of psi = inclination(x_c, load, psi, moment, scale, EI): each by central differences.
     point = np.array([mean.x_c, mean.load, psi, moment, rigidity, 0.0, 0.0])
-    size = np.array([mean.x_c, mean.load, 1.0, max(abs(moment), 1e-12), 1.0, 1.0, 1.0]) * 1e-6
+    natural = rigidity * mean.load * mean.x_c  # the moment's order, whatever the rig's size
+    size = np.array([mean.x_c, mean.load, 1.0, natural, 1.0, 1.0, 1.0]) * 1e-6
     slopes = np.zeros(7)
     for i in (0, 1, 2, 3, 5, 6):
         ahead, behind = point.copy(), point.copy()

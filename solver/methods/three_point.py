@@ -42,7 +42,7 @@ from solver.fitting.linear_answer import BASE, LinearContact, answer, stated_err
 from solver.fitting.triples import STRETCHES, Nodes, Votes, by_sources, stretch_nodes, weighted_sum
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.measurement import Measurement
+from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 from solver.methods.two_point import MeanOfPairs, mean_of_pairs
 from solver.plane_d import on_deformation_plane, opening, unproject
 
@@ -53,7 +53,10 @@ COARSE = 4  # every fourth plane of the grid decides how far psi is open
 
 def three_point(measurement: Measurement) -> Estimate:
     """Inclination psi, contact distance x_c, force f and what follows, with their covariance."""
-    count = int((measurement.points[:, 0] > 0).sum())
+    if not measurement.viewpoint_known:
+        return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
+    # A column that is repeated shows no other place of the beam.
+    count = len(np.unique(measurement.points[measurement.points[:, 0] > 0, 0]))
     if count < LEAST_POINTS:
         return Estimate(Outcome.INVALID, f"{count} visible points, needed are {LEAST_POINTS}")
     bend = nearest_linear_bend(measurement)

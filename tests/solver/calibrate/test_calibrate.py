@@ -58,7 +58,7 @@ def test_the_true_camera_is_found_within_its_stated_errors(name: str) -> None:
     found = calibrate(views, rig(board, len(lens)))
     assert found.reprojection_px < 0.05
     points = on_c(0.15, 0.1, BOARD_POSE[:3, 3])
-    back, _ = on_plane(found.camera, true.project(points), np.ones(len(points)))
+    back, _ = on_plane(found.camera, true.project(points), np.ones((len(points), 2)))
     # A fiftieth of a pixel of 0.7 mm.
     assert np.abs(back - points[:, :2]).max() < 15e-6
     assert found.covariance is not None
@@ -106,7 +106,7 @@ def test_one_view_is_enough_for_a_telecentric_camera(lean_deg: float) -> None:
     assert found.reprojection_px < 0.05
     assert found.camera.fx == pytest.approx(true.fx, rel=1e-3)
     points = on_c(10e-3, 6e-3, MIDDLE)
-    back, _ = on_plane(found.camera, true.project(points), np.ones(len(points)))
+    back, _ = on_plane(found.camera, true.project(points), np.ones((len(points), 2)))
     assert np.abs(back - points[:, :2]).max() < 1e-4 * FIELD
     # It looks down from above, and a lean shows as itself, to what noise makes of a cosine.
     right, down, forward = found.camera.camera_from_antenna[:3, :3]
@@ -116,8 +116,8 @@ def test_one_view_is_enough_for_a_telecentric_camera(lean_deg: float) -> None:
 
 
 def test_a_pinhole_needs_three_views() -> None:
-    with pytest.raises(InputError, match="1 calibration views show enough of the board"):
-        calibrate([micro_view(0.0)], replace(micro_rig(), telecentric=False))
+    with pytest.raises(InputError, match="2 calibration views show enough of the board"):
+        calibrate([micro_view(0.0)] * 2, replace(micro_rig(), telecentric=False))
 
 
 @pytest.mark.parametrize(

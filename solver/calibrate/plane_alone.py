@@ -1,0 +1,52 @@
+"""Plane C from one view of the board that lies in it: the homography, as the paper calibrates.
+
+One view of a plane tells how pixels lie on that plane, and hardly anything of where the camera
+stands: focal length and height trade against each other. What is measured in plane C does not
+care; what needs the viewpoint must not rely on it.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from solver.calibrate.calibration import Calibration
+from solver.calibrate.pinhole import Bundle
+from solver.calibrate.sighting import Sighting
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+from solver.instrument.rig import Rig
+from solver.instrument.transforms import invert, rigid
+
+# What is believed of a lens about which nothing is known, one sigma over the image's width: its
+# focal length about the width, its axis about the middle. It weighs as much as an error of:
+FOCAL_SHARE, AXIS_SHARE = 0.5, 0.05
+_BELIEF_PX: Final = 0.02
+
+
+def plane_alone(lying: Sighting, width: int, height: int, rig: Rig) -> Calibration:
+    """A camera with square pixels that shows the board of view 0 where it is seen.
+
+    Its mapping of plane C is that of the best homography; its viewpoint is not known.
+    """
+    bundle = Bundle(rig.board, [lying], 0)
+    believed = np.array([width, (width - 1) / 2, (height - 1) / 2])
+    sigma = width * np.array([FOCAL_SHARE, AXIS_SHARE, AXIS_SHARE])
+
+    def residuals(values: Floats) -> Floats:
+        known = _BELIEF_PX * (values[:3] - believed) / sigma
+        return np.concatenate([bundle.residuals(values), known])
+
+    def jacobian(values: Floats) -> Floats:
+        known = np.zeros((3, len(values)))
+        known[:, :3] = np.diag(_BELIEF_PX / sigma)
+        return np.vstack([bundle.jacobian(values), known])
+
+    start = np.concatenate([believed, bundle.posed(believed)])
+    found: Any = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")
+    focal, cx, cy = (float(v) for v in found.x[:3])
+    pose = rigid(*bundle.pose(found.x, 0)) @ invert(rig.antenna_from_board)
+    camera = Camera(width, height, focal, focal, cx, cy, pose)
+    left = found.fun[: 2 * len(lying)]
+    reprojection = float(np.sqrt(left @ left / len(lying)))
+    return Calibration(camera, reprojection, bundle.covariance(found), viewpoint_known=False)

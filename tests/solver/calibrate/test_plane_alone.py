@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from solver.calibrate import calibrate
+from solver.instrument.board import Chessboard
+from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import camera_looking_at
+from solver.plane import on_plane
+from tests.drawn import drawn
+from tests.solver.calibrate.rigs import BOARD_POSE, board_pose, camera, rig
+
+BOARD = Chessboard(12, 9, 0.013)
+OBLIQUE = Camera(
+    320,
+    280,
+    480.0,
+    480.0,
+    158.0,
+    141.0,
+    camera_looking_at(np.array([0.05, -0.12, 0.33]), np.array([0.12, 0.02, 0.0]), 0.05),
+)
+
+
+@pytest.mark.parametrize("true", [camera(), OBLIQUE], ids=["from above", "aslant"])
+def test_one_view_tells_plane_c_and_says_that_it_tells_no_viewpoint(true: Camera) -> None:
+    view = drawn(BOARD, true, BOARD_POSE, np.random.default_rng(0), samples=34, generator=21)
+    found = calibrate([view], rig(BOARD))
+    assert not found.viewpoint_known
+    assert found.reprojection_px < 0.05
+    x, y = np.meshgrid(np.linspace(0.05, 0.19, 9), np.linspace(-0.03, 0.06, 5))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    back, _ = on_plane(found.camera, true.project(points), np.zeros((len(points), 2)))
+    assert np.abs(back - points[:, :2]).max() < 2e-5  # a thirtieth of a pixel
+
+
+def test_a_lens_that_distorts_needs_more_views() -> None:
+    view = drawn(BOARD, camera(), board_pose(0), np.random.default_rng(0), samples=34, generator=21)
+    with pytest.raises(InputError, match="needed are 3"):
+        calibrate([view], rig(BOARD, 5))
