@@ -8,6 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from solver.calibrate import Calibration, calibrate
+from solver.calibrate.certainty import certainty
 from solver.centreline import Centreline, Extractor
 from solver.centreline.beam import learn_beam
 from solver.centreline.guide import Guide
@@ -34,12 +35,17 @@ ANY_TILT = 0.5
 
 @dataclass(frozen=True)
 class Antenna:
-    """All that is learned once per rig: calibrated camera and the beam at rest."""
+    """All that is learned once per rig: calibrated camera and the beam at rest.
+
+    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam.
+    """
 
     rig: Rig
     calibration: Calibration
     rest: Rest
     extract: Extractor
+    clamp_sigma: float = 0.0
+    scale_sigma: float = 0.0
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
@@ -64,7 +70,7 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     guide = Guide(calibration.camera, nominal, rig.beam.length, rig.beam.radius, in_world)
     extract = learn(images, guide)
     rest = learn_rest([extract(image) for image in images], calibration, rig)
-    return Antenna(rig, calibration, rest, extract)
+    return Antenna(rig, calibration, rest, extract, *certainty(calibration, rig))
 
 
 def measure(
@@ -99,6 +105,7 @@ def measure(
     tolerance = rig.tolerances
     base_covariance = np.zeros((3, 3))
     base_covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
+    base_covariance[0, 0] += antenna.clamp_sigma**2
     base_covariance[1:, 1:] = rest.line_covariance
     # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
     base_covariance += np.diag([1e-18, 1e-18, 1e-18])
@@ -175,17 +182,16 @@ def _scale_sigma(antenna: Antenna) -> float:
 
     A clamp off plane C, or a board that did not lie in it, is nearer to the camera or farther from
     it than believed: all lengths err by the same share. A board tilted about its middle is off by
-    its angle times half the beam. The calibration's own scale error, a hundredth of a per cent for
-    a board that fills the view, is neglected.
+    its angle times half the beam. The calibration's own error comes to that.
     """
     camera, rig = antenna.calibration.camera, antenna.rig
     tolerance = rig.tolerances
     if camera.telecentric:  # distance does not change its scale, and tilt but to second order
-        return tolerance.board_rotation**2
+        return math.hypot(tolerance.board_rotation**2, antenna.scale_sigma)
     height = float(invert(camera.camera_from_antenna)[2, 3])
     tilted = tolerance.board_rotation * rig.beam.length / 2
     off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted) / height
-    return math.hypot(off_plane, scale_error(camera.viewpoint, rig))
+    return math.hypot(off_plane, scale_error(camera.viewpoint, rig), antenna.scale_sigma)
 
 
 def see(antenna: Antenna, image: Grey) -> Centreline:
@@ -219,6 +225,8 @@ def estimate(
         measurement = measure(antenna, see(antenna, image), readings, earlier)
     except (InputError, ValueError) as error:
         return Estimate(Outcome.INVALID, str(error))
+    except Exception as error:  # noqa: BLE001 - any failure is a row in the table
+        return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
     return answer(method, measurement)
 
 

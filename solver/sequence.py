@@ -52,6 +52,9 @@ class Sequence:
         except (InputError, ValueError) as error:
             invalid = Estimate(Outcome.INVALID, str(error))
             return Solved(invalid, line, time.perf_counter() - began)
+        except Exception as error:  # noqa: BLE001 - any failure is a row in the table
+            crashed = Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
+            return Solved(crashed, line, time.perf_counter() - began)
         estimate = answer(self._method, measurement)
         seconds = time.perf_counter() - began
         if estimate.outcome is Outcome.NO_CONTACT and not push_id:

@@ -1,0 +1,57 @@
+"""How well a calibration places the beam: what its covariance means on plane C."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from solver.calibrate.calibration import Calibration
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+from solver.instrument.rig import Rig
+from solver.instrument.transforms import invert, rigid
+from solver.plane import on_plane
+
+
+def certainty(calibration: Calibration, rig: Rig) -> tuple[float, float]:
+    """One-sigma errors along the beam: of a place at the clamp [m], and relative, of lengths.
+
+    Across the beam the rest images take such errors off. Zero where the calibration states no
+    covariance.
+    """
+    if calibration.covariance is None:
+        return 0.0, 0.0
+    camera = calibration.camera
+    x = rig.beam.length * np.linspace(0.05, 0.95, 10)
+    places = rig.base_position + np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+    pixels = camera.project(places)
+    # The line through the errors along the beam: what it says at the clamp, and its slope.
+    line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))
+    sigma = np.sqrt(np.diag(calibration.covariance))
+    slopes = np.empty((2, len(sigma)))
+    # Steps so small that they are linear; together parameters are known better than each alone.
+    for i, step in enumerate(1e-3 * sigma):
+        moved = np.zeros_like(sigma)
+        moved[i] = step
+        seen, _ = on_plane(_moved(camera, moved, rig), pixels, np.zeros_like(pixels))
+        slopes[:, i] = line @ (seen[:, 0] - places[:, 0]) / (step or 1.0)
+    variance = np.diag(slopes @ calibration.covariance @ slopes.T)
+    at_clamp, relative = np.sqrt(np.maximum(variance, 0.0))
+    return float(at_clamp), float(relative)
+
+
+def _moved(camera: Camera, change: Floats, rig: Rig) -> Camera:
+    """The camera with its parameters changed, in the order of Calibration.covariance."""
+    lens = len(camera.distortion)
+    camera_from_board = camera.camera_from_antenna @ rig.antenna_from_board
+    turn, shift = change[3 + lens : 6 + lens], change[6 + lens :]
+    turned = rigid(turn, np.zeros(3)) @ camera_from_board
+    turned[:3, 3] = camera_from_board[:3, 3] + shift
+    return replace(
+        camera,
+        fx=camera.fx + change[0],
+        fy=camera.fy + change[0],
+        cx=camera.cx + change[1],
+        cy=camera.cy + change[2],
+        distortion=tuple(np.asarray(camera.distortion) + change[3 : 3 + lens]),
+        camera_from_antenna=turned @ invert(rig.antenna_from_board),
+    )

@@ -1,0 +1,36 @@
+import numpy as np
+
+from solver.calibrate import calibrate
+from solver.calibrate.certainty import certainty
+from solver.instrument.board import Chessboard
+from solver.plane import on_plane
+from tests.drawn import drawn
+from tests.solver.calibrate.rigs import board_pose, camera, rig
+
+BOARD = Chessboard(12, 9, 0.013)
+
+
+def test_what_a_calibration_leaves_open_along_the_beam_is_what_it_errs_by() -> None:
+    """Calibrations from independent noise scatter by what each says of itself."""
+    true, nominal, errors = camera(), rig(BOARD), []
+    x = nominal.beam.length * np.linspace(0.05, 0.95, 10)
+    places = np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+    line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))
+    for trial in range(4):
+        views = [
+            drawn(
+                BOARD,
+                true,
+                board_pose(view),
+                np.random.default_rng([trial, view]),
+                samples=21,
+                generator=13,
+                noise=0.01,
+            )
+            for view in range(3)
+        ]
+        found = calibrate(views, nominal)
+        seen, _ = on_plane(found.camera, true.project(places), np.zeros((len(x), 2)))
+        errors.append(line @ (seen[:, 0] - x) / certainty(found, nominal))
+    # Eight numbers, whose mean square is 1 +- 0.5; errors of the pixel grid are in it too.
+    assert 0.1 < np.mean(np.square(errors)) < 3.0
