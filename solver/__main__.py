@@ -8,26 +8,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import cv2
 import numpy as np
 import typer
 from rich.console import Console
 
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity
-from solver.console import busy, console, table, watched
+from solver.centreline.extractors import EXTRACTORS
 from solver.estimate import measure, see, set_up
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes
 from solver.instrument.images import png_bytes, read_grey
-from solver.instrument.observation import Observations, open_observations
+from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
 from solver.instrument.rig import read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
-from solver.live import answers, json_line, warm_up
+from solver.lab.check import checked
+from solver.lab.console import busy, console, table, watched
+from solver.lab.live import answers, json_line, warm_up
+from solver.lab.overlay import OverlayWriter, draw
+from solver.lab.shots import Files, Source
+from solver.lab.sources import open_source
+from solver.lab.target import svg
+from solver.lab.writing import make_room, write
 from solver.methods import METHODS, Method
-from solver.overlay import OverlayWriter, draw
-from solver.shots import Files, Source
-from solver.sources import open_rig, open_source, rig_file
 from solver.table import Row, csv_text
-from solver.target import svg
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -48,6 +51,9 @@ def solve(
     method: Annotated[
         str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
     ] = "exact_fit",
+    centreline: Annotated[
+        str, typer.Option(help=f"how the beam is measured: {', '.join(EXTRACTORS)}")
+    ] = "profile_fit",
     readings: Annotated[
         Path | None, typer.Option(help="table like metadata.csv that lies beside the images")
     ] = None,
@@ -68,13 +74,19 @@ def solve(
 ) -> None:
     """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
     function = find_method(method)
+    if centreline not in EXTRACTORS:
+        raise InputError(
+            f"centreline '{centreline}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
+        )
     opened, source = _open(sources, rig, readings)
-    with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
-        antenna = set_up(opened)
-        warm_up(antenna, function, read_grey(opened.rest_images[0]))
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
+    if target:
+        make_room(target)
+    with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
+        antenna = set_up(opened, EXTRACTORS[centreline])
+        warm_up(antenna, function, read_grey(opened.rest_images[0]))
     rows: dict[int, Row] = {}
     interrupted = False
     try:
@@ -86,7 +98,7 @@ def solve(
                     rows[answer.shot.number] = answer.row
                 if stream:
                     print(json_line(answer), flush=True)
-                if writer:
+                if writer and answer.solved.line is not None:
                     writer.write(draw(antenna, answer), answer.shot.number, answer.shot.name)
     except KeyboardInterrupt:
         interrupted = True
@@ -94,7 +106,7 @@ def solve(
         # As they came in, not as they were solved.
         kept = [rows[number] for number in sorted(rows)]
         if target and kept:
-            _write(target, csv_text(kept).encode())
+            write(target, csv_text(kept).encode())
     if target and not (quiet or stream):
         Console().print(table(kept, method))
         Console(soft_wrap=True).print(f"{len(kept)} estimates in {target}", markup=False)
@@ -109,7 +121,7 @@ def board(
     rig: Annotated[Path, typer.Option(help="rig.json, of which the board is read")],
 ) -> None:
     """Draw the rig's calibration board in its true size, to be printed at 100 %."""
-    _write(out, svg(read_rig(rig_file(rig)).board).encode())
+    write(out, svg(read_rig(rig_file(rig)).board).encode())
 
 
 @app.command()
@@ -119,7 +131,17 @@ def snap(
 ) -> None:
     """Keep one image of a camera as a gray PNG: of the board, or of the beam at rest."""
     shot = next(iter(open_source([source])))
-    _write(out, png_bytes(shot.image))
+    write(out, png_bytes(shot.grey()))
+
+
+@app.command()
+def check(
+    rig: RigOption,
+    json: Annotated[bool, typer.Option("--json", help="the figures as one line of JSON")] = False,
+) -> None:
+    """Say how good the calibration is, and what the images at rest have taught."""
+    facts = checked(set_up(open_rig(rig)))
+    print(facts.json() if json else facts.text())
 
 
 @app.command()
@@ -147,7 +169,7 @@ def rigidity(
     newton = gravity_m_s2 / 1e3
     found = flexural_rigidity(
         [measure(antenna, see(antenna, read_grey(path))) for path in opened.rest_images],
-        [measure(antenna, see(antenna, shot.image)) for shot in source],
+        [measure(antenna, see(antenna, shot.grey())) for shot in source],
         HungWeight(
             force=weight_g * newton,
             force_sigma=weight_sigma_g * newton,
@@ -214,18 +236,13 @@ def find_method(name: str) -> Method:
     return method
 
 
-def _write(path: Path, data: bytes) -> None:
-    try:
-        write_bytes(path, data)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
-
-
 def main() -> None:
     """Run `solve`, unless the first word names another command.
 
     A mistake in the input is one sentence and exit status 2.
     """
+    # What is wrong with an image is our sentence, not a line of OpenCV's.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     words = sys.argv[1:]
     named = [command.callback.__name__ for command in app.registered_commands if command.callback]
     if words and words[0] not in (*named, "--help"):

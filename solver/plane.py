@@ -1,9 +1,13 @@
 """Pixels -> metric points on the calibration plane C (z = 0 of Sigma_a)."""
 
+from typing import Any
+
 import numpy as np
+from numba import njit
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
+from solver.instrument.distortion import distort
 
 
 def homography(camera: Camera) -> Floats:
@@ -11,9 +15,13 @@ def homography(camera: Camera) -> Floats:
 
     Affine for a telecentric camera: its homogeneous coordinate is 1 where a pinhole's is depth.
     """
-    x, y, depth, one = camera.camera_from_antenna
-    rows = np.stack([x, y, one if camera.telecentric else depth])
-    return np.asarray(np.linalg.inv(rows[:, [0, 1, 3]]), dtype=np.float64)
+    return np.asarray(np.linalg.inv(normalised_from_plane(camera)), dtype=np.float64)
+
+
+def normalised_from_plane(camera: Camera) -> Floats:
+    """The inverse (3, 3) of `homography`."""
+    rows = camera.camera_from_antenna[[0, 1, 3 if camera.telecentric else 2]]
+    return np.ascontiguousarray(rows[:, [0, 1, 3]])
 
 
 def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
@@ -23,10 +31,49 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
     and the projection: d(point)/d(pixel) sigma. Raises ValueError where the lens's distortion is
     not one-to-one.
     """
-    h, normalised = homography(camera), camera.normalised(pixels)
-    x, y, w = h @ np.column_stack([normalised, np.ones(len(pixels))]).T
-    points = np.column_stack([x / w, y / w])
-    # d(normalised), then d(point), along the error.
-    along = (np.linalg.inv(camera.pixel_slopes(normalised)) @ sigmas[:, :, None])[:, :, 0]
-    moved = (along @ h[:2, :2].T - points * (along @ h[2, :2])[:, None]) / w[:, None]
+    h, seen, along = homography(camera), pixels, sigmas
+    if camera.distortion:
+        seen = camera.normalised(pixels)
+        _, jacobian = distort(seen, camera.distortion)
+        along = _undone(jacobian, sigmas / [camera.fx, camera.fy])
+    else:
+        h = h @ np.linalg.inv(camera.matrix)
+    points, moved = _moved(np.asarray(h, dtype=np.float64), seen, along)
     return points, moved
+
+
+@njit(cache=True, error_model="numpy")
+def through(h: Floats, points: Floats) -> Floats:
+    """Points (n, 2) carried by a homography (3, 3)."""
+    to = np.empty((len(points), 2))
+    for i in range(len(points)):
+        x, y = points[i]
+        w = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+        to[i, 0] = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / w
+        to[i, 1] = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / w
+    return to
+
+
+@njit(cache=True, error_model="numpy")
+def _moved(h: Floats, points: Floats, vectors: Floats) -> Any:
+    """Points (n, 2) carried by a homography (3, 3), and small vectors (n, 2) at them."""
+    to, moved = through(h, points), np.empty((len(points), 2))
+    for i in range(len(points)):
+        a, b = vectors[i]
+        w = h[2, 0] * points[i, 0] + h[2, 1] * points[i, 1] + h[2, 2]
+        shrunk = h[2, 0] * a + h[2, 1] * b
+        for k in range(2):
+            moved[i, k] = (h[k, 0] * a + h[k, 1] * b - to[i, k] * shrunk) / w
+    return to, moved
+
+
+@njit(cache=True, error_model="numpy")
+def _undone(jacobian: Floats, vectors: Floats) -> Floats:
+    """Vectors (n, 2) that Jacobians (n, 2, 2) carry to these."""
+    before = np.empty((len(vectors), 2))
+    for i in range(len(vectors)):
+        (a, b), (c, d) = jacobian[i]
+        x, y = vectors[i]
+        determinant = a * d - b * c
+        before[i, 0], before[i, 1] = (d * x - b * y) / determinant, (a * y - c * x) / determinant
+    return before

@@ -100,15 +100,10 @@ def known_plane(measurement: Measurement) -> tuple[Measurement, float] | Estimat
     """
     if measurement.rig.known_psi and not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
-    psi = (measurement.rig.known_psi or 0.0) * side(measurement)
+    psi = (measurement.rig.known_psi or 0.0) * measurement.handedness
     planar = on_deformation_plane(measurement, psi)
     if planar is None:
         return Estimate(
             Outcome.EDGE_ON, f"the plane inclined by {math.degrees(psi):.1f} deg is seen edge-on"
         )
     return planar, psi
-
-
-def side(measurement: Measurement) -> float:
-    """+1, or -1 where the frame of the beam is a reflection of Sigma_a."""
-    return float(np.sign(np.linalg.det(measurement.antenna_from_beam[:3, :3])))

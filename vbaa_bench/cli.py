@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -187,6 +188,33 @@ def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = Fa
         Console().print(shown)
     if not record["passed"]:
         raise typer.Exit(1)
+
+
+@app.command()
+def stability(as_json: AsJson = False) -> None:
+    """What every method makes of noise and of rounding in its points, and how well it is posed."""
+    # Imported late: no other command needs the methods' compiler here.
+    from vbaa_bench.checks import stability as methods
+
+    with console.status("perturbing points"):
+        record = methods.measure()
+    if as_json:
+        say(record, "", True)
+        return
+    contacts = sorted({case["contact"] for case in record["methods"]["exact_fit"]})
+    places = ", ".join(f"{contact:g}" for contact in contacts)
+    shown = Table(
+        title=f"per pixel of noise, for contacts at x_c / L = {places}; condition; rounding",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    shown.add_column("method", no_wrap=True)
+    for head in ("deflection", "x_c, % of L", "force, %", "condition", "x_c / L by 1 ulp"):
+        shown.add_column(head, justify="right")
+    for row in methods.rows(record):
+        shown.add_row(*row)
+    Console().print(shown)
 
 
 @app.command()

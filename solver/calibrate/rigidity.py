@@ -13,7 +13,7 @@ fitted together: they share the clamp's pose and w / EI, and W / EI is what diff
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.integrate import solve_bvp
@@ -30,6 +30,12 @@ LEAST_POINTS = 20
 STEEPEST = math.radians(60)
 # A weight that bends the beam less than this many sigma tells nothing.
 LEAST_SNR = 20.0
+# A weight that hangs, or a clamp that points, so many sigma off what was said was not said rightly.
+FARTHEST_OFF = 4.0
+# Points that scatter about the fitted beam by so many of their sigma are not of a hung weight.
+WORST_MISFIT = 3.0
+# A point that is off by more of its sigmas counts for less.
+_ROBUST = 3.0
 _NODES = np.linspace(0.0, 1.0, 60)
 
 
@@ -70,7 +76,7 @@ def flexural_rigidity(
     """EI from the beam at rest and under a weight, both in the frame of the beam at rest.
 
     The weight pulls in the calibration plane, across the beam at rest. Raises InputError where
-    the images do not tell EI.
+    the images do not tell EI, or show something else than that weight at that place.
     """
     rig = loaded[0].rig
     length = rig.beam.length
@@ -109,7 +115,12 @@ def flexural_rigidity(
     # The first pass tells how far the points' errors exceed their sigmas, and how long they last.
     for _ in range(2):
         fit = least_squares(
-            residuals, start, loss="soft_l1", f_scale=3.0, diff_step=1e-4, args=(widening,)
+            residuals,
+            start,
+            loss=partial(_loss, sum(sizes)),
+            f_scale=_ROBUST,
+            diff_step=1e-4,
+            args=(widening,),
         )
         start = fit.x
         plain = residuals(fit.x, np.ones(2))
@@ -127,6 +138,7 @@ def flexural_rigidity(
         raise InputError(
             "the weight bends the beam too little to tell EI: hang a heavier one, or nearer the tip"
         )
+    _refuse_another(fit.x[5:7], known[1:3], max(spread))
     value = weight.force / (ratio * nominal)
     sigma = value * math.hypot(ratio_sigma / ratio, weight.force_sigma / weight.force)
     resting = hung_beam(0.0, fit.x[1] * nominal / length, weight.at, 0.0, length)
@@ -138,6 +150,41 @@ def flexural_rigidity(
         at_sigma=math.sqrt(covariance[5, 5]) * float(known[1]),
         sag=float(resting(resting.x[-1])),
         misfit=max(spread),
+    )
+
+
+def _loss(points: int, z: Floats) -> Floats:
+    """Soft L1 of the first `points` squared residuals, and what is known beforehand as it is.
+
+    A robust prior would let go of what was stated as soon as the images disagree with it.
+    """
+    root = np.sqrt(1 + z)
+    robust = np.array([2 * (root - 1), 1 / root, -0.5 / root**3])
+    robust[:, points:] = [z[points:], np.ones(len(z) - points), np.zeros(len(z) - points)]
+    return robust
+
+
+def _refuse_another(off: Floats, sigmas: Floats, misfit: float) -> None:
+    """Raise InputError where the weight's place or the clamp's level is `off` (2,) by too many
+    `sigmas` (2,), [m] and [rad], or the points lie off the fitted shape."""
+    place, level = off * sigmas
+    if misfit > WORST_MISFIT:
+        raise InputError(
+            f"the points lie {misfit:.1f} sigma off the best beam under a hung weight, allowed is "
+            f"{WORST_MISFIT:g}: it alone may bend the beam, and nothing may touch it"
+        )
+    worst = int(np.argmax(np.abs(off)))
+    if abs(off[worst]) <= FARTHEST_OFF:
+        return
+    if worst == 0:
+        raise InputError(
+            f"the shape puts the weight {1e3 * abs(place):.2g} mm nearer to the "
+            f"{'tip' if place > 0 else 'clamp'} than stated, which is {abs(off[0]):.0f} sigma: "
+            "is it the weight alone that bends the beam, and where does it hang?"
+        )
+    raise InputError(
+        f"the shape tilts the clamp by {math.degrees(abs(level)):.2g} deg from level, which is "
+        f"{abs(off[1]):.0f} sigma: does the weight pull down in the board's plane, across the beam?"
     )
 
 

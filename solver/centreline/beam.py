@@ -9,14 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import median_filter
 
 from solver.centreline import Centreline, Flag, down_columns
 from solver.centreline.appearance import Appearance, learn
 from solver.centreline.finding import Path, find
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import Fits, fit_profiles
-from solver.centreline.smooth import FEWEST, smooth_curve
+from solver.centreline.smooth import FEWEST, running_median, smooth_curve
 from solver.centreline.stations import Stations, stations
 from solver.centreline.tip import find_tip
 from solver.instrument.arrays import Floats, Grey, Mask
@@ -117,7 +116,7 @@ class Beam:
         # A beam that comes nearer to the camera looks wider than at rest, all along: what is
         # foreign differs from the columns about it.
         misfit = self._misfit(fits)
-        usual = median_filter(np.minimum(misfit, 30.0), NEIGHBOURHOOD, mode="nearest")
+        usual = running_median(np.minimum(misfit, 30.0), NEIGHBOURHOOD)
         # On a rough ground every column leaves more, and is known that much less.
         plausible = (share > DIMMEST) & (share < BRIGHTEST)
         rough = float(np.median(misfit[plausible])) if plausible.any() else 1.0
@@ -140,7 +139,7 @@ class Beam:
         What is close to the beam takes light from one of its flanks, and moves its centre.
         """
         odd = np.zeros(len(share), np.bool_)
-        course = median_filter(share[on_beam], ABOUT, mode="nearest")
+        course = running_median(share[on_beam], ABOUT)
         known = flags[on_beam] == 0
         sigma = np.where(known, ODD / 3, np.inf)
         usual = smooth_curve(places.length[on_beam], course, sigma, degree=2, cut=2.5)

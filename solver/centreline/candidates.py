@@ -11,6 +11,8 @@ from solver.instrument.arrays import Floats, Grey
 MOST = 6
 # A place must stand out by this many sigmas of the noise.
 LEAST_SIGNIFICANCE = 5.0
+# Pixels on either side that tell the surroundings, and between them and the core.
+SIDE, GAP = 2, 1
 
 
 def candidates(
@@ -28,10 +30,7 @@ def candidates(
     that edges, which are higher than one side only, are no candidates. Places are refined by a
     parabola.
     """
-    return np.asarray(
-        _scan(image, lines, upright, core, polarity, noise.dark, noise.per_gray),
-        dtype=np.float64,
-    )
+    return _scan(image, lines, upright, core, polarity, noise.dark, noise.per_gray)
 
 
 @njit(cache=True, error_model="numpy")
@@ -44,51 +43,91 @@ def _scan(
     dark: float,
     per_gray: float,
 ) -> Floats:
-    size = image.shape[0] if upright else image.shape[1]
-    side, gap = 2, 1
-    reach = core // 2 + gap + side
-    out = np.empty((len(lines) * MOST, 4))
-    total = 0
-    summed = np.zeros(size + 1)
-    response = np.zeros(size)
-    level = np.zeros(size)
-    for line in lines:
-        for v in range(size):
-            gray = float(image[v, line]) if upright else float(image[line, v])
-            summed[v + 1] = summed[v] + polarity * gray
-        for v in range(reach, size - reach):
-            low = v - core // 2
-            middle = (summed[low + core] - summed[low]) / core
-            before = (summed[low - gap] - summed[low - gap - side]) / side
-            after = (summed[low + core + gap + side] - summed[low + core + gap]) / side
-            level[v] = max(before, after)
-            response[v] = middle - level[v]
-        found = 0
-        for v in range(reach + 1, size - reach - 1):
-            r = response[v]
-            if r <= 0 or r < response[v - 1] or r <= response[v + 1]:
+    response, level = _responses(_summed(image, lines, upright, polarity), core)
+    reach = core // 2 + GAP + SIDE
+    # In units of `response`: whatever the noise, less than this is not significant.
+    scale = 1.0 / (core * SIDE)
+    least = LEAST_SIGNIFICANCE * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
+    out, found = np.empty((len(lines), MOST, 4)), np.zeros(len(lines), np.int64)
+    for v in range(reach + 1, len(response) - reach - 1):
+        before, here, after = response[v - 1], response[v], response[v + 1]
+        if here.max() < least:
+            continue
+        for j in range(len(lines)):
+            if here[j] < least or here[j] < before[j] or here[j] <= after[j]:
                 continue
-            gray = abs(level[v]) + r / 2
-            variance = max(dark + per_gray * gray, ROUNDING) * (1.0 / core + 1.0 / side)
+            r = here[j] * scale
+            gray = abs(level[v, j]) / SIDE + r / 2
+            variance = max(dark + per_gray * gray, ROUNDING) * (1.0 / core + 1.0 / SIDE)
             if r * r < LEAST_SIGNIFICANCE**2 * variance:
                 continue
-            bend = response[v - 1] - 2 * r + response[v + 1]
-            place = v + (0.5 * (response[v - 1] - response[v + 1]) / bend if bend < 0 else 0.0)
+            bend = before[j] - 2 * here[j] + after[j]
+            place = v + (0.5 * (before[j] - after[j]) / bend if bend < 0 else 0.0)
             if core % 2 == 0:
                 place -= 0.5
-            if found < MOST:
-                slot = total + found
-                found += 1
-            else:
-                slot = total
-                for k in range(total + 1, total + MOST):
-                    if out[k, 2] < out[slot, 2]:
-                        slot = k
-                if out[slot, 2] >= r:
-                    continue
-            out[slot, 0] = line
-            out[slot, 1] = place
-            out[slot, 2] = r
-            out[slot, 3] = np.sqrt(variance)
-        total += found
-    return out[:total].copy()
+            slot = _slot(out[j, :, 2], found[j], r)
+            if slot == MOST:
+                continue
+            found[j] = max(found[j], slot + 1)
+            out[j, slot, 0], out[j, slot, 1] = lines[j], place
+            out[j, slot, 2], out[j, slot, 3] = r, np.sqrt(variance)
+    return _packed(out, found)
+
+
+@njit(cache=True, error_model="numpy")
+def _summed(
+    image: Grey, lines: npt.NDArray[np.int64], upright: bool, polarity: int
+) -> npt.NDArray[np.int32]:
+    """Gray values along every line, summed up from its beginning (size + 1, lines).
+
+    Place by place, all lines side by side: so the image is read as it lies in memory.
+    """
+    size = image.shape[0] if upright else image.shape[1]
+    summed = np.zeros((size + 1, len(lines)), np.int32)
+    for v in range(size):
+        before, here = summed[v], summed[v + 1]
+        pixels = image[v] if upright else image[:, v]
+        for j in range(len(lines)):
+            here[j] = before[j] + polarity * np.int32(pixels[lines[j]])
+    return summed
+
+
+@njit(cache=True, error_model="numpy")
+def _responses(
+    summed: npt.NDArray[np.int32], core: int
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """By how much each place stands out, times core x SIDE, and its surroundings, times SIDE."""
+    response = np.zeros((len(summed) - 1, summed.shape[1]), np.int32)
+    level = np.zeros_like(response)
+    reach = core // 2 + GAP + SIDE
+    inner, outer = np.int32(core), np.int32(SIDE)
+    for v in range(reach, len(response) - reach):
+        low = v - core // 2
+        high = low + core
+        a, b, c = summed[low - GAP - SIDE], summed[low - GAP], summed[low]
+        d, e, f = summed[high], summed[high + GAP], summed[high + GAP + SIDE]
+        stands, about = response[v], level[v]
+        for j in range(len(stands)):
+            about[j] = max(b[j] - a[j], f[j] - e[j])
+            stands[j] = (d[j] - c[j]) * outer - about[j] * inner
+    return response, level
+
+
+@njit(cache=True, error_model="numpy")
+def _slot(strengths: Floats, found: int, strength: float) -> int:
+    """Where of the MOST places a candidate is kept: a free one, or the weakest if weaker."""
+    if found < MOST:
+        return found
+    weakest = int(np.argmin(strengths))
+    return weakest if strengths[weakest] < strength else MOST
+
+
+@njit(cache=True, error_model="numpy")
+def _packed(out: Floats, found: npt.NDArray[np.int64]) -> Floats:
+    packed = np.empty((found.sum(), 4))
+    total = 0
+    for j in range(len(found)):
+        for k in range(found[j]):
+            packed[total] = out[j, k]
+            total += 1
+    return packed

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from solver.beam_models.linear import unit_deflection
+from solver.beam_models.exact import FAST
 from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
@@ -54,61 +54,68 @@ def find(
     lines = _scan_lines(guide, image.shape)
     core = max(2, round(2 * guide.radius_px))
     seen = candidates(image, lines, guide.upright, core, polarity, noise)
-    if len(seen) < LEAST_LINES:
-        return None
     pixels = seen[:, [0, 1]] if guide.upright else seen[:, [1, 0]]
-    places = guide.places(np.ascontiguousarray(pixels))
-    inside = (places[:, 0] > 0.02 * guide.length) & (places[:, 0] < 1.02 * guide.length)
-    inside &= np.abs(places[:, 1]) < 0.8 * guide.length
-    seen, places = seen[inside], places[inside]
-    if len(seen) < LEAST_LINES:
+    places = guide.places(pixels)
+    inside = _within(places, guide.length)
+    if np.count_nonzero(inside) < LEAST_LINES:
         return None
+    seen, (x, y) = seen[inside], places[inside].T.copy()
     near = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
-    line = np.searchsorted(lines, seen[:, 0].astype(np.int64))
+    line = np.searchsorted(lines, seen[:, 0])
     distances = guide.length * np.linspace(0.08, 1.0, DISTANCES) if bends else np.array([STRAIGHT])
     # Anchors far out tell most; the strongest come first.
-    order = np.argsort(-seen[:, 2] * places[:, 0])[:ANCHORS]
+    order = np.argsort(-seen[:, 2] * x)[:ANCHORS]
     # A thing much brighter than most is no better a candidate.
     weight = np.minimum(seen[:, 2], np.median(seen[:, 2]))
-    load, tilt, x_c, score = _consensus(
-        places[:, 0], places[:, 1], line, weight, len(lines), order, distances, near, most_tilt
-    )
+    load, tilt, x_c, score = _consensus(x, y, line, weight, order, distances, near, most_tilt)
     if score <= 0:
         return None
-    offset = places[:, 1] - _shape(places[:, 0], load, tilt, x_c)
+    offset = y - _shape(x, load, tilt, x_c)
     agreed = np.abs(offset) < near
-    if len(np.unique(line[agreed])) < LEAST_LINES:
+    agreeing = len(np.unique(line[agreed]))
+    if agreeing < LEAST_LINES:
         return None
-    x, contrast = places[agreed, 0], float(np.median(seen[agreed, 2]))
     along = np.linspace(0.0, 1.06 * guide.length, 96)
-    half_px = np.full(len(x), 0.5 * guide.pixel)
-    correction = smooth_curve(x, offset[agreed], half_px, along, degree=3)
+    half_px = np.full(np.count_nonzero(agreed), 0.5 * guide.pixel)
+    correction = smooth_curve(x[agreed], offset[agreed], half_px, along, degree=3)
     across = _shape(along, load, tilt, x_c)
     if correction is not None:
         across += correction
-    support = len(np.unique(line[agreed])) / len(lines)
-    return Path(np.column_stack([along, across]), contrast, support)
+    contrast = float(np.median(seen[agreed, 2]))
+    return Path(np.column_stack([along, across]), contrast, agreeing / len(lines))
 
 
 def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
     """Pixel columns (rows of a beam that stands upright) that cross the beam's length."""
-    ends = guide.pixels(np.array([[0.02 * guide.length, 0.0], [guide.length, 0.0]]))
     axis = 0 if guide.upright else 1
-    low, high = np.sort(ends[:, axis])
+    near, far = guide.ends[:, axis]
+    low, high = min(near, far), max(near, far)
     if guide.free_tilt:
-        low, high = ends[0, axis] - (high - low), ends[0, axis] + (high - low)
+        low, high = near - (high - low), near + (high - low)
     limit = shape[1] if guide.upright else shape[0]
     low, high = max(low, 0), min(high, limit - 1)
-    return np.unique(np.linspace(low, high, LINES).astype(np.int64))
+    lines = np.linspace(low, high, LINES).astype(np.int64)
+    return np.asarray(lines[np.append(True, lines[1:] != lines[:-1])])
 
 
+@njit(cache=True, error_model="numpy")
+def _within(places: Floats, length: float) -> npt.NDArray[np.bool_]:
+    """Which places (n, 2) a beam of this length can reach."""
+    x, y = places[:, 0], places[:, 1]
+    return (x > 0.02 * length) & (x < 1.02 * length) & (np.abs(y) < 0.8 * length)
+
+
+@njit(cache=True, error_model="numpy")
 def _shape(x: Floats, load: float, tilt: float, x_c: float) -> Floats:
-    bent = load * unit_deflection(x, x_c) if load else np.zeros_like(x)
-    return np.asarray(bent + tilt * x)
+    y = np.empty(len(x))
+    for i in range(len(x)):
+        y[i] = load * _unit(x[i], x_c) + tilt * x[i]
+    return y
 
 
 @njit(cache=True, error_model="numpy")
 def _unit(x: float, x_c: float) -> float:
+    """The unit deflection of eqs. (9) and (10); none of a beam that does not bend."""
     if x_c >= STRAIGHT:
         return 0.0
     return (3 * x_c - x) * x * x if x <= x_c else (3 * x - x_c) * x_c * x_c
@@ -120,7 +127,6 @@ def _consensus(
     y: Floats,
     line: npt.NDArray[np.int64],
     weight: Floats,
-    lines: int,
     anchors: npt.NDArray[np.int64],
     distances: Floats,
     near: float,
@@ -129,16 +135,20 @@ def _consensus(
     """(load, tilt, x_c, score) of the shape on which most lines agree."""
     best_load = best_tilt = best = 0.0
     best_distance = distances[0]
-    got = np.zeros(lines)
+    unit, gain = np.empty(len(x)), np.empty(len(x))
     for x_c in distances:
+        for k in range(len(x)):
+            unit[k] = _unit(x[k], x_c)
         for i in range(len(anchors)):
             # A pair of one candidate with itself is the straight beam through it.
             partners = len(anchors) if most_tilt > 0 and x_c < STRAIGHT else i + 1
             for j in range(i, partners):
-                load, tilt = _through(x, y, anchors[i], anchors[j], x_c, most_tilt)
+                load, tilt = _through(x, y, unit, anchors[i], anchors[j], x_c, most_tilt)
                 if abs(tilt) > most_tilt:
                     continue
-                score = _agreement(x, y, line, weight, got, near, load, tilt, x_c)
+                if _gains(x, y, unit, weight, near, load, tilt, gain) <= best:
+                    continue
+                score = _best_of_lines(gain, line)
                 if score > best:
                     best, best_load, best_tilt, best_distance = score, load, tilt, x_c
     return best_load, best_tilt, best_distance, best
@@ -146,40 +156,49 @@ def _consensus(
 
 @njit(cache=True, error_model="numpy")
 def _through(
-    x: Floats, y: Floats, a: int, b: int, x_c: float, most_tilt: float
+    x: Floats, y: Floats, unit: Floats, a: int, b: int, x_c: float, most_tilt: float
 ) -> tuple[float, float]:
     """Load and tilt of the beam through two candidates; without tilt, through the first.
 
     A tilt beyond all bounds where they do not tell.
     """
-    ua = _unit(x[a], x_c)
     if most_tilt <= 0:
-        return y[a] / ua, 0.0
+        return y[a] / unit[a], 0.0
     if a == b:
         return 0.0, y[a] / x[a]
-    ub = _unit(x[b], x_c)
-    det = ua * x[b] - ub * x[a]
-    if abs(det) < 1e-3 * abs(ua * x[b]) or abs(x[a] - x[b]) < 0.1 * x_c:
+    det = unit[a] * x[b] - unit[b] * x[a]
+    if abs(det) < 1e-3 * abs(unit[a] * x[b]) or abs(x[a] - x[b]) < 0.1 * x_c:
         return 0.0, np.inf
-    return (y[a] * x[b] - y[b] * x[a]) / det, (ua * y[b] - ub * y[a]) / det
+    return (y[a] * x[b] - y[b] * x[a]) / det, (unit[a] * y[b] - unit[b] * y[a]) / det
 
 
-@njit(cache=True, error_model="numpy")
-def _agreement(
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _gains(
     x: Floats,
     y: Floats,
-    line: npt.NDArray[np.int64],
+    unit: Floats,
     weight: Floats,
-    got: Floats,
     near: float,
     load: float,
     tilt: float,
-    x_c: float,
+    gain: Floats,
 ) -> float:
-    """Sum over scan lines of the best candidate near the shape; `got` is room to work in."""
-    got[:] = 0.0
-    for k in range(len(x)):
-        r = (y[k] - load * _unit(x[k], x_c) - tilt * x[k]) / near
-        if r * r < 1:
-            got[line[k]] = max(got[line[k]], weight[k] * (1 - r * r))
-    return float(got.sum())
+    """What each candidate says for a shape, into `gain`; their sum."""
+    total = 0.0
+    for k in range(x.size):
+        r = (y[k] - load * unit[k] - tilt * x[k]) / near
+        gain[k] = weight[k] * max(1 - r * r, 0.0)
+        total += gain[k]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _best_of_lines(gain: Floats, line: npt.NDArray[np.int64]) -> float:
+    """Sum over scan lines, which come one after another, of the best candidate of each."""
+    total = best = 0.0
+    for k in range(len(gain)):
+        if k > 0 and line[k] != line[k - 1]:
+            total += best
+            best = 0.0
+        best = max(best, gain[k])
+    return total + best

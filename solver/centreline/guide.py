@@ -1,13 +1,14 @@
 """Between image and beam: where a place of the beam's plane is seen, and the other way."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
-from solver.instrument.transforms import apply, invert
-from solver.plane import on_plane
+from solver.instrument.transforms import apply
+from solver.plane import normalised_from_plane, through
 
 
 @dataclass(frozen=True)
@@ -26,16 +27,29 @@ class Guide:
 
     def pixels(self, places: Floats) -> Floats:
         """Pixels (n, 2) of places (n, 2) [m] of the beam's frame in plane C."""
+        if not self.camera.distortion:
+            return through(self._image_from_beam, places)
         points = np.column_stack([places, np.zeros(len(places))])
         return self.camera.project(apply(self.antenna_from_beam, points))
 
     def places(self, pixels: Floats) -> Floats:
         """Places (n, 2) [m] of the beam's frame that are seen at pixels (n, 2)."""
-        points, _ = on_plane(self.camera, pixels, np.zeros_like(pixels))
-        beam_from_antenna = invert(self.antenna_from_beam)
-        return np.asarray(points @ beam_from_antenna[:2, :2].T + beam_from_antenna[:2, 3])
+        if self.camera.distortion:
+            pixels = self.camera.undistorted_pixels(pixels)
+        return through(self._beam_from_image, pixels)
 
-    @property
+    @cached_property
+    def _image_from_beam(self) -> Floats:
+        """The homography (3, 3) from places to pixels, without the lens's distortion."""
+        antenna_from_beam = self.antenna_from_beam[np.ix_([0, 1, 3], [0, 1, 3])]
+        plane = normalised_from_plane(self.camera)
+        return np.asarray(self.camera.matrix @ plane @ antenna_from_beam)
+
+    @cached_property
+    def _beam_from_image(self) -> Floats:
+        return np.asarray(np.linalg.inv(self._image_from_beam), dtype=np.float64)
+
+    @cached_property
     def pixel(self) -> float:
         """Size [m] of a pixel at the middle of the beam."""
         middle = np.array([[self.length / 2, 0.0, 0.0]])
@@ -46,8 +60,13 @@ class Guide:
         """Radius of the beam's section in the image [px]."""
         return self.radius / self.pixel
 
-    @property
+    @cached_property
+    def ends(self) -> Floats:
+        """Pixels (2, 2) of the beam at rest just beyond its clamp, and of its tip."""
+        return self.pixels(np.array([[0.02 * self.length, 0.0], [self.length, 0.0]]))
+
+    @cached_property
     def upright(self) -> bool:
         """Whether the beam at rest runs rather along the image's rows, and columns cross it."""
-        (u0, v0), (u1, v1) = self.pixels(np.array([[0.0, 0.0], [self.length, 0.0]]))
-        return bool(abs(u1 - u0) >= abs(v1 - v0))
+        along, down = np.abs(self.ends[1] - self.ends[0])
+        return bool(along >= down)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from solver.beam_models.exact import FAST
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import STEP, Profile
 from solver.centreline.stations import Stations
@@ -63,14 +64,14 @@ def fit_profiles(
         full_scale,
     )
     return Fits(
-        centre=found[:, 0],
-        sigma=found[:, 1],
-        amplitude=found[:, 2],
-        amplitude_sigma=found[:, 3],
-        background=found[:, 4],
-        chi2=found[:, 5],
-        dof=found[:, 6].astype(np.int64),
-        saturated=found[:, 7].astype(np.int64),
+        centre=found[0],
+        sigma=found[1],
+        amplitude=found[2],
+        amplitude_sigma=found[3],
+        background=found[4],
+        chi2=found[5],
+        dof=found[6].astype(np.int64),
+        saturated=found[7].astype(np.int64),
     )
 
 
@@ -101,11 +102,16 @@ def fit_amplitudes(
         half,
         full_scale,
     )
-    return found[:, 0], found[:, 1], found[:, 2]
+    return found[0], found[1], found[2]
+
+
+# Rows of what a column of pixels is compared with: the ground (1, x), the profile, its derivative
+# by the centre, and the gray values themselves.
+GROUND, TILT, SHAPE, MOVE, GRAY = range(5)
 
 
 @njit(cache=True, error_model="numpy")
-def _fit(  # noqa: PLR0912, PLR0915 - one compiled loop over stations; calls would copy arrays
+def _fit(
     image: Grey,
     along: npt.NDArray[np.int64],
     start: Floats,
@@ -119,76 +125,128 @@ def _fit(  # noqa: PLR0912, PLR0915 - one compiled loop over stations; calls wou
     half: int,
     full_scale: int,
 ) -> Floats:
+    """The columns of `Fits` (8, n)."""
     n, size = len(along), 2 * half + 1
-    out = np.zeros((n, 8))
-    out[:, 1] = np.inf
-    out[:, 3] = np.inf
-    gray, weight, p, d = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
+    out, row = np.zeros((8, n)), np.empty(8)
+    rows, weight, gram = np.empty((5, size)), np.empty(size), np.empty((5, 5))
     for i in range(n):
+        row[:] = 0.0
+        row[1] = row[3] = np.inf
         first = int(np.rint(start[i])) - half
-        if not _read(image, along[i], upright[i], first, gray):
-            continue
-        used = 0
-        for k in range(size):
-            bright = gray[k] >= full_scale
-            used += not bright
-            weight[k] = 0.0 if bright else 1.0 / max(dark + per_gray * gray[k], ROUNDING)
-        out[i, 7] = size - used
-        if used < LEAST_PIXELS:
-            continue
-        c, a, b, s = start[i], 0.0, 0.0, 0.0
-        information = left = 0.0
-        for step in range(STEPS + 1):
-            _tabulated(value, climb[i], sense[i], first - c, p)
-            _tabulated(slope, climb[i], sense[i], first - c, d)
-            # Amplitude and ground at this centre are linear. What of the profile and of its
-            # derivative the ground (1, x) can imitate is cleared away first.
-            p0, p1 = _ground(weight, p, half)
-            d0, d1 = _ground(weight, d, half)
-            left = left_gray = dp = dd = 0.0
-            for k in range(size):
-                x = k - half
-                clear_p = weight[k] * (p[k] - p0 - p1 * x)
-                left += clear_p * p[k]
-                left_gray += clear_p * gray[k]
-                dp += clear_p * d[k]
-                dd += weight[k] * (d[k] - d0 - d1 * x) * d[k]
-            if not left > 0:
-                break
-            a = left_gray / left
-            g0, g1 = _ground(weight, gray, half)
-            b, s = g0 - a * p0, g1 - a * p1
-            # d(gray)/d(centre) = -sense a d, cleared of the amplitude too.
-            information = a * a * (dd - dp * dp / left)
-            if not information > 0:
-                break
-            if step == STEPS:
-                break
-            gradient = 0.0
-            for k in range(size):
-                gradient += weight[k] * d[k] * (gray[k] - a * p[k] - b - s * (k - half))
-            move = -sense[i] * a * gradient / information
-            c += min(max(move, -0.5), 0.5)
-            if abs(c - start[i]) > half - 2:
-                information = 0.0
-                break
-            if step < 2:
-                # Weights by what the model expects, not by what noise made of it.
-                for k in range(size):
-                    if weight[k] > 0:
-                        expected = max(a * p[k] + b + s * (k - half), 0.0)
-                        weight[k] = 1.0 / max(dark + per_gray * expected, ROUNDING)
-            elif abs(move) < CLOSE_ENOUGH_PX:
-                break
-        if not (left > 0 and information > 0):
-            continue
-        chi2 = 0.0
-        for k in range(size):
-            chi2 += weight[k] * (gray[k] - a * p[k] - b - s * (k - half)) ** 2
-        out[i, 0], out[i, 1] = c, 1 / np.sqrt(information)
-        out[i, 2], out[i, 3], out[i, 4] = a, 1 / np.sqrt(left), b
-        out[i, 5], out[i, 6] = chi2, used - 4
+        if _read(image, along[i], upright[i], first, rows[GRAY]):
+            used = _weigh(rows[GRAY], rows[GRAY], full_scale, dark, per_gray, weight)
+            row[7] = size - used
+            if used >= LEAST_PIXELS:
+                _fit_column(
+                    start[i], first, half, min(climb[i], 1.0), sense[i], value, slope,
+                    dark, per_gray, full_scale, rows, weight, gram, row,
+                )  # fmt: skip
+                row[6] = used - 4
+        out[:, i] = row
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _fit_column(
+    start: float,
+    first: int,
+    half: int,
+    climb: float,
+    sense: float,
+    value: Floats,
+    slope: Floats,
+    dark: float,
+    per_gray: float,
+    full_scale: int,
+    rows: Floats,
+    weight: Floats,
+    gram: Floats,
+    found: Floats,
+) -> None:
+    """Gauss-Newton from `start` into `found`, which stays as it is where that fails.
+
+    Ground, amplitude and gray values are linear in one another: clearing rows of the Gram matrix
+    (`_clear`) one after another is their least squares, for every centre anew.
+    """
+    c = start
+    for step in range(STEPS + 1):
+        _tabulated(value, climb, sense, first - c, rows[SHAPE])
+        _tabulated(slope, climb, sense, first - c, rows[MOVE])
+        _gram(weight, rows, half, gram)
+        w0, w1, w2 = gram[GROUND, GROUND], gram[TILT, GROUND], gram[TILT, TILT]
+        v0, v1 = gram[GRAY, GROUND], gram[GRAY, TILT]
+        p0, p1 = gram[SHAPE, GROUND], gram[SHAPE, TILT]
+        _clear(gram, GROUND)
+        _clear(gram, TILT)
+        left = gram[SHAPE, SHAPE]
+        if not left > 0:
+            return
+        a = gram[GRAY, SHAPE] / left
+        _clear(gram, SHAPE)
+        # d(gray)/d(centre) = -sense a d.
+        information = a * a * gram[MOVE, MOVE]
+        if not information > 0:
+            return
+        v0, v1, det = v0 - a * p0, v1 - a * p1, w0 * w2 - w1 * w1
+        b, s = (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
+        if step == STEPS:
+            break
+        move = -sense * a * gram[GRAY, MOVE] / information
+        c += min(max(move, -0.5), 0.5)
+        if abs(c - start) > half - 2:
+            return
+        if step < 2:
+            # Weights by what the model expects, not by what noise made of it.
+            expected = rows[SHAPE]
+            for k in range(len(expected)):
+                expected[k] = max(a * expected[k] + b + s * (k - half), 0.0)
+            _weigh(rows[GRAY], expected, full_scale, dark, per_gray, weight)
+        elif abs(move) < CLOSE_ENOUGH_PX:
+            break
+    found[0], found[1], found[2] = c, 1 / np.sqrt(information), a
+    found[3], found[4], found[5] = 1 / np.sqrt(left), b, max(gram[GRAY, GRAY], 0.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
+    """Weighted products of (1, x, profile, derivative, gray), each with each (5, 5)."""
+    p, d, g = rows[SHAPE], rows[MOVE], rows[GRAY]
+    w0 = w1 = w2 = p0 = p1 = pp = d0 = d1 = dp = dd = 0.0
+    g0 = g1 = gp = gd = gg = 0.0
+    for k in range(weight.size):
+        w, x = weight[k], float(k - half)
+        wx, wp, wd, wg = w * x, w * p[k], w * d[k], w * g[k]
+        w0, w1, w2 = w0 + w, w1 + wx, w2 + wx * x
+        p0, p1, pp = p0 + wp, p1 + wp * x, pp + wp * p[k]
+        d0, d1, dp, dd = d0 + wd, d1 + wd * x, dp + wd * p[k], dd + wd * d[k]
+        g0, g1, gp, gd, gg = g0 + wg, g1 + wg * x, gp + wg * p[k], gd + wg * d[k], gg + wg * g[k]
+    gram[GROUND, GROUND], gram[TILT, GROUND], gram[TILT, TILT] = w0, w1, w2
+    gram[SHAPE, GROUND], gram[SHAPE, TILT], gram[SHAPE, SHAPE] = p0, p1, pp
+    gram[MOVE, GROUND], gram[MOVE, TILT], gram[MOVE, SHAPE], gram[MOVE, MOVE] = d0, d1, dp, dd
+    gram[GRAY, GROUND], gram[GRAY, TILT], gram[GRAY, SHAPE] = g0, g1, gp
+    gram[GRAY, MOVE], gram[GRAY, GRAY] = gd, gg
+
+
+@njit(cache=True, error_model="numpy")
+def _clear(gram: Floats, row: int) -> None:
+    """Take out of all later rows what the `row` can imitate of them (lower triangle)."""
+    for a in range(row + 1, 5):
+        share = gram[a, row] / gram[row, row]
+        for b in range(row + 1, a + 1):
+            gram[a, b] -= share * gram[b, row]
+
+
+@njit(cache=True, error_model="numpy")
+def _weigh(
+    gray: Floats, expected: Floats, full_scale: int, dark: float, per_gray: float, weight: Floats
+) -> int:
+    """Weights by the noise of expected gray values, none at full scale; how many have one."""
+    used = 0
+    for k in range(len(gray)):
+        bright = gray[k] >= full_scale
+        used += not bright
+        weight[k] = 0.0 if bright else 1.0 / max(dark + per_gray * expected[k], ROUNDING)
+    return used
 
 
 @njit(cache=True, error_model="numpy")
@@ -206,19 +264,21 @@ def _read(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bo
 @njit(cache=True, error_model="numpy")
 def _tabulated(table: Floats, climb: float, sense: float, offset: float, out: Floats) -> None:
     """The table at a climb and at pixels offset, offset + 1, ... from the centre."""
-    row = min(climb, 1.0) * (table.shape[0] - 1)
+    row = climb * (table.shape[0] - 1)
     low = min(int(row), table.shape[0] - 2)
-    part, middle = row - low, table.shape[1] // 2
+    part, last = row - low, table.shape[1] - 1
+    # A pixel is a whole number of the table's steps: all lie between its entries alike.
+    t = sense * offset / STEP + table.shape[1] // 2
+    j = int(np.floor(t))
+    f = t - j
+    stride = int(sense / STEP)
+    flatter, steeper = table[low], table[low + 1]
     for k in range(len(out)):
-        t = sense * (offset + k) / STEP + middle
-        j = int(t)
-        if t < 0 or j >= table.shape[1] - 1:
-            out[k] = 0.0
-            continue
-        f = t - j
-        flatter = table[low, j] * (1 - f) + table[low, j + 1] * f
-        steeper = table[low + 1, j] * (1 - f) + table[low + 1, j + 1] * f
-        out[k] = flatter * (1 - part) + steeper * part
+        out[k] = 0.0
+        if 0 <= j < last:
+            out[k] = (1 - part) * ((1 - f) * flatter[j] + f * flatter[j + 1])
+            out[k] += part * ((1 - f) * steeper[j] + f * steeper[j + 1])
+        j += stride
 
 
 @njit(cache=True, error_model="numpy")
@@ -251,7 +311,7 @@ def _fit_amplitudes(
     full_scale: int,
 ) -> Floats:
     n, size = len(along), 2 * half + 1
-    out = np.full((n, 3), np.nan)
+    out = np.full((3, n), np.nan)
     gray, weight, p = np.empty(size), np.empty(size), np.empty(size)
     for i in range(n):
         first = int(np.rint(centre[i])) - half
@@ -261,7 +321,7 @@ def _fit_amplitudes(
         # end cuts in two would weigh more than the bright one, and the end come out too near.
         for k in range(size):
             weight[k] = 0.0 if gray[k] >= full_scale else 1.0
-        _tabulated(value, climb[i], sense[i], first - centre[i], p)
+        _tabulated(value, min(climb[i], 1.0), sense[i], first - centre[i], p)
         p0, p1 = _ground(weight, p, half)
         left = left_gray = noise = 0.0
         for k in range(size):
@@ -271,5 +331,5 @@ def _fit_amplitudes(
             noise += clear_p * clear_p * max(dark + per_gray * gray[k], ROUNDING)
         g0, _ = _ground(weight, gray, half)
         a = left_gray / left
-        out[i, 0], out[i, 1], out[i, 2] = a, noise / left**2, g0 - a * p0
+        out[0, i], out[1, i], out[2, i] = a, noise / left**2, g0 - a * p0
     return out

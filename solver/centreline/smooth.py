@@ -1,8 +1,9 @@
-"""A smooth curve through scattered centres, which the outer ones do not pull."""
+"""Smooth courses along the beam, which outliers do not pull: a curve, and a running median."""
 
 import numpy as np
 from numba import njit
 
+from solver.beam_models.exact import FAST
 from solver.instrument.arrays import Floats
 
 FEWEST = 8
@@ -26,49 +27,50 @@ def smooth_curve(
     level. Points farther off than `cut` times their typical scatter have no say. None with too few
     points.
     """
-    known = np.isfinite(sigma)
-    count = int(np.count_nonzero(known))
-    if count < FEWEST:
-        return None
-    low, high = x[known].min(), x[known].max()
-    where = x if at is None else at
-    extent = max(x.max() - x.min(), 1e-300)
-    spanned = (high - low) / extent
-    if spanned <= 0:
-        return None
-    most = 7 if spanned > 0.6 else 5 if spanned > 0.3 else 3 if spanned > 0.1 else 1
-    terms = min(degree, most, count // 4) + 1
-    place = 2 * (x[known] - low) / (high - low) - 1
-    coefficients = _reweighted(place, y[known], sigma[known], terms, cut)
-    if not np.isfinite(coefficients).all():
-        return None
-    inside = np.clip(2 * (where - low) / (high - low) - 1, -1.0, 1.0)
-    return np.asarray(_chebyshev(inside, terms) @ coefficients)
+    curve: Floats = _curve(x, y, sigma, x if at is None else at, degree, cut)
+    return curve if len(curve) else None
 
 
 @njit(cache=True, error_model="numpy")
-def _reweighted(place: Floats, y: Floats, sigma: Floats, terms: int, cut: float) -> Floats:
-    """Chebyshev coefficients (terms,); NaN where the points do not determine them."""
-    n = len(place)
-    basis = _chebyshev(place, terms)
-    weight = np.ones(n)
+def _curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: int, cut: float) -> Floats:
+    """As `smooth_curve`; of length 0 where there is none."""
+    none = np.empty(0)
+    known = np.flatnonzero(np.isfinite(sigma))
+    if len(known) < FEWEST:
+        return none
+    low, high = x[known].min(), x[known].max()
+    spanned = (high - low) / max(x.max() - x.min(), 1e-300)
+    if spanned <= 0:
+        return none
+    most = 7 if spanned > 0.6 else 5 if spanned > 0.3 else 3 if spanned > 0.1 else 1
+    terms = min(degree, most, len(known) // 4) + 1
+    basis = _chebyshev(2 * (x[known] - low) / (high - low) - 1, terms)
+    coefficients = _reweighted(basis, y[known], sigma[known], cut)
+    if not np.isfinite(coefficients).all():
+        return none
+    inside = 2 * (np.minimum(np.maximum(at, low), high) - low) / (high - low) - 1
+    return coefficients @ _chebyshev(inside, terms)
+
+
+@njit(cache=True, error_model="numpy")
+def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
+    """Coefficients of a basis (terms, n); NaN where the points do not determine them."""
+    terms, n = basis.shape
+    weight, weighted = np.ones(n), np.empty(n)
     usual = np.median(sigma)
+    normal, right = np.empty((terms, terms)), np.empty(terms)
     coefficients = np.full(terms, np.nan)
     before = np.inf
     for _ in range(ROUNDS):
         if np.count_nonzero(weight) <= terms + 1:
             return np.full(terms, np.nan)
-        normal, right = np.zeros((terms, terms)), np.zeros(terms)
-        for i in range(n):
-            for j in range(terms):
-                wb = weight[i] * basis[i, j]
-                right[j] += wb * y[i]
-                for k in range(terms):
-                    normal[j, k] += wb * basis[i, k]
         for j in range(terms):
+            right[j] = _weighted(weight, basis[j], y, weighted)
+            for k in range(j + 1):
+                normal[j, k] = normal[k, j] = _dot(weighted, basis[k])
             normal[j, j] *= 1 + 1e-12
         coefficients = np.linalg.solve(normal, right)
-        off = np.abs(y - basis @ coefficients)
+        off = np.abs(y - coefficients @ basis)
         scale = max(1.4826 * np.median(off), usual)
         for i in range(n):
             u = off[i] / (cut * scale)
@@ -79,11 +81,60 @@ def _reweighted(place: Floats, y: Floats, sigma: Floats, terms: int, cut: float)
     return coefficients
 
 
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _weighted(weight: Floats, row: Floats, y: Floats, weighted: Floats) -> float:
+    """A weighted row into `weighted`, and its product with y."""
+    total = 0.0
+    for i in range(row.size):
+        weighted[i] = weight[i] * row[i]
+        total += weighted[i] * y[i]
+    return total
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _dot(a: Floats, b: Floats) -> float:
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
 @njit(cache=True, error_model="numpy")
 def _chebyshev(place: Floats, terms: int) -> Floats:
-    basis = np.ones((len(place), terms))
-    for i in range(len(place)):
-        for j in range(1, terms):
-            below = place[i] if j == 1 else basis[i, j - 2]
-            basis[i, j] = place[i] if j == 1 else 2 * place[i] * basis[i, j - 1] - below
+    """Chebyshev's polynomials (terms, n) at places of -1 to 1."""
+    basis = np.ones((terms, len(place)))
+    if terms > 1:
+        basis[1] = place
+    for j in range(2, terms):
+        basis[j] = 2 * place * basis[j - 1] - basis[j - 2]
     return basis
+
+
+@njit(cache=True, error_model="numpy")
+def running_median(values: Floats, width: int) -> Floats:
+    """The median (n,) of the odd number `width` of values (n,) about each; the ends go on level."""
+    n, half = len(values), width // 2
+    medians = np.empty(n)
+    window = np.empty(2 * half + 1)
+    for i in range(n):
+        if i == 0:
+            for k in range(len(window)):
+                window[k] = values[min(max(k - half, 0), n - 1)]
+            window.sort()
+        else:
+            _exchange(window, values[max(i - half - 1, 0)], values[min(i + half, n - 1)])
+        medians[i] = window[half]
+    return medians
+
+
+@njit(cache=True, error_model="numpy")
+def _exchange(window: Floats, old: float, new: float) -> None:
+    """One value of a sorted window by another; it stays sorted."""
+    k = min(int(np.searchsorted(window, old)), len(window) - 1)
+    while k + 1 < len(window) and window[k + 1] < new:
+        window[k] = window[k + 1]
+        k += 1
+    while k > 0 and window[k - 1] > new:
+        window[k] = window[k - 1]
+        k -= 1
+    window[k] = new

@@ -1,9 +1,11 @@
 """Pixel columns, or rows where the beam is steep, along a path: where the beam is measured."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from solver.instrument.arrays import Floats
 
@@ -44,40 +46,88 @@ class Stations:
 
 def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
     """Stations along a path of pixels (m, 2), within an image of `shape`."""
-    step = np.diff(path, axis=0)
-    travelled = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
-    flat = np.abs(step[:, 0]) >= np.abs(step[:, 1])
-    pieces = []
+    return Stations(*_stations(path, shape[0], shape[1]))
+
+
+@njit(cache=True, error_model="numpy")
+def _stations(path: Floats, height: int, width: int) -> Any:
+    travelled = np.zeros(len(path))
+    for k in range(1, len(path)):
+        step = path[k] - path[k - 1]
+        travelled[k] = travelled[k - 1] + np.hypot(step[0], step[1])
+    # A line for every pixel of the way, and for every corner one more.
+    out = np.empty((6, int(travelled[-1]) + 2 * len(path)))
+    count = first = 0
     # Stretches of one kind; a path is smooth, so it has few.
-    turns = np.flatnonzero(np.diff(flat.astype(np.int8))) + 1
-    for first, last in zip([0, *turns], [*turns, len(flat)], strict=True):
-        upright = bool(flat[first])
-        axis = 0 if upright else 1
-        a, b, s = path[first : last + 1, axis], path[first : last + 1, 1 - axis], travelled
-        s = s[first : last + 1]
-        if a[-1] < a[0]:
-            a, b, s = a[::-1], b[::-1], s[::-1]
-        if np.any(np.diff(a) <= 0):
-            continue
-        lines = np.arange(max(np.ceil(a[0]), 0), min(np.floor(a[-1]) + 1, shape[1 - axis]))
-        start = np.interp(lines, a, b)
-        middle, climb = (a[1:] + a[:-1]) / 2, np.diff(b) / np.diff(a)
-        # Going from the clamp to the tip, the normal is a quarter turn from u towards v.
-        forward = np.sign(path[last, axis] - path[first, axis])
-        sense = forward if upright else -forward
-        pieces.append(
-            (
-                lines.astype(np.int64),
-                np.full(len(lines), upright),
-                start,
-                np.clip(np.interp(lines, middle, climb), -1, 1),
-                np.full(len(lines), float(sense)),
-                np.interp(lines, a, s),
-            )
+    while first < len(path) - 1:
+        upright = _flat(path, first)
+        last = first + 1
+        while last < len(path) - 1 and _flat(path, last) == upright:
+            last += 1
+        limit = width if upright else height
+        stretch = path[first : last + 1]
+        along, across = (
+            (stretch[:, 0], stretch[:, 1]) if upright else (stretch[:, 1], stretch[:, 0])
         )
-    if not pieces:
-        empty = np.empty(0)
-        return Stations(empty.astype(np.int64), empty.astype(bool), empty, empty, empty, empty)
-    columns = [np.concatenate(values) for values in zip(*pieces, strict=True)]
-    order = np.argsort(columns[5], kind="stable")
-    return Stations(*(values[order] for values in columns))
+        count = _walk(along, across, travelled[first : last + 1], upright, limit, out, count)
+        first = last
+    return (
+        out[0, :count].astype(np.int64),
+        out[1, :count] == 1,
+        out[2, :count],
+        out[3, :count],
+        out[4, :count],
+        out[5, :count],
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _flat(path: Floats, k: int) -> bool:
+    """Whether the path runs rather along the image's rows from its node k to the next."""
+    return bool(abs(path[k + 1, 0] - path[k, 0]) >= abs(path[k + 1, 1] - path[k, 1]))
+
+
+@njit(cache=True, error_model="numpy")
+def _walk(
+    along: Floats,
+    across: Floats,
+    travelled: Floats,
+    upright: bool,
+    limit: int,
+    out: Floats,
+    count: int,
+) -> int:
+    """The stations of a stretch that runs one way, into the columns of `out` from `count` on."""
+    forward = np.sign(along[-1] - along[0])
+    last = len(along) - 1
+    slope = np.empty(last)
+    for k in range(last):
+        if forward * (along[k + 1] - along[k]) <= 0:
+            return count
+        slope[k] = (across[k + 1] - across[k]) / (along[k + 1] - along[k])
+    k = 0
+    line = np.ceil(forward * along[0])
+    while line <= forward * along[last]:
+        at = forward * line
+        line += 1
+        if not 0 <= at < limit:
+            continue
+        while k < last - 1 and forward * (at - along[k + 1]) > 0:
+            k += 1
+        share = (at - along[k]) / (along[k + 1] - along[k])
+        # Slopes are those of the middles between nodes.
+        near = min(max(k if share < 0.5 else k + 1, 1), last - 1)
+        climb = slope[0]
+        if last > 1:
+            one = (along[near - 1] + along[near]) / 2
+            two = (along[near] + along[near + 1]) / 2
+            part = min(max((at - one) / (two - one), 0.0), 1.0)
+            climb = slope[near - 1] + part * (slope[near] - slope[near - 1])
+        out[0, count], out[1, count] = at, upright
+        out[2, count] = across[k] + (at - along[k]) * slope[k]
+        out[3, count] = min(max(climb, -1.0), 1.0)
+        # Going from the clamp to the tip, the normal is a quarter turn from u towards v.
+        out[4, count] = forward if upright else -forward
+        out[5, count] = travelled[k] + share * (travelled[k + 1] - travelled[k])
+        count += 1
+    return count

@@ -1,9 +1,11 @@
 """The beam's free end in the image: where its brightness along the path falls to nothing."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from solver.centreline.appearance import Appearance
 from solver.centreline.profile_fit import Fits, fit_amplitudes
@@ -56,54 +58,98 @@ def find_tip(
     # The end of a thick beam that climbs takes part in many columns.
     fading = FADING + int(look.section.radius)
     first, end = int(told[-1]) + 1, last + fading + SPREAD + BEYOND + 1
-    if end > len(places) or len(np.unique(places.upright[first:end])) > 1:
+    if end > len(places) or (places.upright[first:end] != places.upright[last]).any():
         return None
     window = np.arange(first, end)
     # Beyond the last centre the beam goes on straight.
     recent = good[-2 * BEFORE :]
-    line = np.polyfit(places.along[recent], fits.centre[recent], 1)
-    straight = np.asarray(np.polyval(line, places.along[window]), dtype=np.float64)
+    climb, level = _straight(places.along[recent], fits.centre[recent])
     amplitude, variance, ground = fit_amplitudes(
-        image, places, window, straight, look.profile, look.noise, look.half, look.full_scale
+        image,
+        places,
+        window,
+        np.asarray(climb * places.along[window] + level, dtype=np.float64),
+        look.profile,
+        look.noise,
+        look.half,
+        look.full_scale,
     )
-    if not np.isfinite(amplitude).all():
-        return None
     full = float(np.mean(fits.amplitude[told]))
-    dark = window[(window > last) & (np.abs(amplitude) < DARK * abs(full))]
-    if not len(dark) or dark[0] > last + fading:
+    covered, covered_variance = _covered(
+        amplitude / full,
+        variance / full**2,
+        ground,
+        fits.chi2[window] / np.maximum(fits.dof[window], 1) / look.misfit,
+        last + 1 - first,
+        fading,
+        fits.amplitude[told] / full,
+        fits.amplitude_sigma[told] / full,
+        fits.background[told],
+    )
+    if covered_variance == np.inf:
         return None
-    inside = window <= dark[0] + SPREAD
-    after = ~inside & (window <= dark[0] + SPREAD + BEYOND)
-    if np.any(np.abs(amplitude[after]) > DARK * abs(full)):
-        return None
-    before = fits.background[told]
-    step = abs(float(np.median(ground[after]) - np.median(before)))
-    if step > STEP_SIGMAS * float(before.std()) + 0.5:
-        return None
-    covered = float(amplitude[inside].sum() / full)
-    covered_variance = float(variance[inside].sum()) / full**2
-    # Noise among the brightnesses averages out; where a shadow or a light makes them differ by
-    # more, that of the end differs from their mean as much.
-    scatter = float(np.var(fits.amplitude[told]))
-    uneven = max(scatter - float(np.mean(fits.amplitude_sigma[told] ** 2)), 0.0)
-    covered_variance += (covered / full) ** 2 * (scatter / len(told) + uneven)
-    # What touches the beam near its end adds to all columns alike, or takes from them.
-    misfit = fits.chi2[window] / np.maximum(fits.dof[window], 1) / look.misfit
-    excess = np.sqrt(variance * np.clip(misfit - WORST_MISFIT, 0, None))
-    covered_variance += float(excess[inside & (window <= last)].sum() / full) ** 2
-    # What the ground beyond the end imitates of the beam, it also does about the end.
-    faded = np.count_nonzero(inside & (window > last))
-    covered_variance += faded**2 * float(np.mean((amplitude[after] / full) ** 2))
     forward = 1.0 if places.along[last] >= places.along[told[0]] else -1.0
     along = places.along[first] - forward * 0.5 + forward * covered
-    across = float(np.polyval(line, along))
+    across = climb * along + level
     upright = bool(places.upright[last])
     pixel = np.array([along, across]) if upright else np.array([across, along])
     # Along the beam it was measured; across, the points beside it say all that is known.
-    climb = float(line[0])
     tangent = np.array([1.0, climb]) if upright else np.array([climb, 1.0])
-    normal = np.array([-tangent[1], tangent[0]]) / np.hypot(*tangent)
+    normal = np.array([-tangent[1], tangent[0]]) / math.hypot(1.0, climb)
     covariance = np.outer(tangent, tangent) * (covered_variance + 0.02**2)
     covariance += np.outer(normal, normal)
-    length = float(places.length[first] + (covered - 0.5) * np.hypot(1.0, climb))
+    length = float(places.length[first] + (covered - 0.5) * math.hypot(1.0, climb))
     return FoundTip(pixel, covariance, length)
+
+
+@njit(cache=True, error_model="numpy")
+def _straight(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
+    """Slope and level at x = 0 of the straight line through points."""
+    x_mean, y_mean = x.mean(), y.mean()
+    off = x - x_mean
+    slope = (off * (y - y_mean)).sum() / (off * off).sum()
+    return slope, y_mean - slope * x_mean
+
+
+@njit(cache=True, error_model="numpy")
+def _covered(
+    share: Floats,
+    variance: Floats,
+    ground: Floats,
+    misfit: Floats,
+    whole: int,
+    fading: int,
+    told: Floats,
+    told_sigma: Floats,
+    told_ground: Floats,
+) -> tuple[float, float]:
+    """How many columns of a window (n,) the beam covers, and the variance; infinite where untold.
+
+    `share` is the brightness of the columns over the beam's, `told` that of the columns before;
+    the first `whole` columns are up to the last good one.
+    """
+    untold = 0.0, np.inf
+    dark = whole
+    while dark < len(share) and not abs(share[dark]) < DARK:
+        dark += 1
+    if dark > whole + fading - 1 or not np.isfinite(share).all():
+        return untold
+    end = dark + SPREAD + 1
+    beyond = share[end : end + BEYOND]
+    if (np.abs(beyond) > DARK).any():
+        return untold
+    step = abs(np.median(ground[end : end + BEYOND]) - np.median(told_ground))
+    if step > STEP_SIGMAS * told_ground.std() + 0.5:
+        return untold
+    covered, total = share[:end].sum(), variance[:end].sum()
+    # Noise among the brightnesses averages out; where a shadow or a light makes them differ by
+    # more, that of the end differs from their mean as much.
+    scatter = told.var()
+    uneven = max(scatter - (told_sigma * told_sigma).mean(), 0.0)
+    total += covered * covered * (scatter / len(told) + uneven)
+    # What touches the beam near its end adds to all columns alike, or takes from them.
+    excess = np.maximum(misfit[:whole] - WORST_MISFIT, 0.0)
+    total += np.sqrt(variance[:whole] * excess).sum() ** 2
+    # What the ground beyond the end imitates of the beam, it also does about the end.
+    total += (end - whole) ** 2 * (beyond * beyond).mean()
+    return covered, total

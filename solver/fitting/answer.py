@@ -1,6 +1,5 @@
 """What a fitted beam is called: an estimate with its values, or an outcome that says why not."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -10,13 +9,13 @@ from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.minimise import DEFICIENT, STOPPED
 from solver.fitting.problem import FrameFit, Problem
 from solver.fitting.values import values_of
-from solver.instrument.arrays import Floats
+from solver.fitting.verdict import judged
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 LEAST_POINTS = 8
-# A place known worse than this share of the beam's length is only an interval.
-WEAK_SIGMA = 1 / 7
+# Where no more than this share of the beam is visible, from the clamp on, no minimum may be found.
+SHORT_STRETCH = 0.25
 # More than this share of the points cannot be outliers: then the model is wrong.
 MOST_REJECTED = 0.45
 # Nor can so many that stand together, in runs of five and more: an occluder's edge hides less.
@@ -41,7 +40,7 @@ def refusal_of(measurement: Measurement, problem: Problem, fit: FrameFit | None)
     if refusal is not None:
         return refusal
     if fit is None:
-        return Estimate(Outcome.NOT_CONVERGED, "no exact beam lies near the points")
+        return _stopped(problem, "no exact beam lies near the points")
     if fit.status == DEFICIENT:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
     rejected = problem.points - int(fit.kept.sum())
@@ -53,8 +52,18 @@ def refusal_of(measurement: Measurement, problem: Problem, fit: FrameFit | None)
             iterations=fit.iterations,
         )
     if fit.status == STOPPED:
-        return Estimate(Outcome.NOT_CONVERGED, iterations=fit.iterations)
+        return replace(_stopped(problem), iterations=fit.iterations)
     return None
+
+
+def _stopped(problem: Problem, message: str = "") -> Estimate:
+    """The answer where the fit has found no minimum; a short stretch need not have one."""
+    reach = float(np.hypot(*problem.arrays[0][:2]).max())
+    if reach < SHORT_STRETCH:
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE, f"only the first {100 * reach:.0f} % of the beam are visible"
+        )
+    return Estimate(Outcome.NOT_CONVERGED, message)
 
 
 def answer(
@@ -89,35 +98,16 @@ def answer(
         )
     if spread is not None:
         fit = replace(fit, covariance=fit.covariance + np.outer(spread, spread))
-    values, covariance = values_of(measurement, problem, fit, psi_known)
-    beam_length = measurement.rig.beam.length
-    x_c, s_c = values["x_c_m"], values["s_c_m"]
-    x_sigma, s_sigma = _sigma(covariance, 0), _sigma(covariance, 2)
-    s_sigma = math.hypot(s_sigma, measurement.rig.tolerances.beam_length)
-    if s_c > beam_length + 3 * s_sigma:
-        return said(
-            Outcome.INVALID,
-            f"the shape would be touched at {s_c:.4g} m, beyond the tip at {beam_length:.4g} m",
-        )
-    if x_sigma > beam_length:
-        return said(Outcome.NOT_IDENTIFIABLE)
-    if x_c / 4 < x_sigma <= WEAK_SIGMA * beam_length:
-        # Of a short stretch the noise alone makes such shapes, and no sigma says so.
-        return said(
-            Outcome.NOT_IDENTIFIABLE, "the contact would lie within four sigma of the clamp"
-        )
-    outcome = Outcome.CONTACT
-    if x_sigma > WEAK_SIGMA * beam_length:
-        outcome = Outcome.WEAK_CONTACT
-    elif s_c > beam_length - 2 * s_sigma:
-        outcome = Outcome.TIP_CONTACT
+    values, covariance = values_of(measurement, fit, psi_known)
     rejected = problem.points - int(fit.kept.sum())
-    message = f"{rejected} of {problem.points} points were rejected" if rejected else ""
-    return Estimate(
-        outcome,
-        message,
-        values=values,
-        covariance=covariance,
+    remarks = [f"{rejected} of {problem.points} points were rejected"] if rejected else []
+    if measurement.moment_y is not None and not moment:
+        remarks.append("the moment is left out, for the rig states no sigma of its sensor")
+    return judged(
+        measurement.rig,
+        values,
+        covariance,
+        "; ".join(remarks),
         chi2=fit.chi2,
         dof=dof,
         iterations=fit.iterations,
@@ -128,10 +118,6 @@ def _in_runs(off: Any) -> float:
     """Share of points in the middle of five that are all off."""
     middle = off[2:-2] & off[1:-3] & off[3:-1] & off[:-4] & off[4:]
     return float(middle.sum()) / max(len(off), 1)
-
-
-def _sigma(covariance: Floats, index: int) -> float:
-    return math.sqrt(max(float(covariance[index, index]), 0.0))
 
 
 def _of_kept(measurement: Measurement, fit: FrameFit | None) -> Measurement:

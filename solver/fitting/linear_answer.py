@@ -2,22 +2,18 @@
 
 The force acts across the undeformed beam in the deformation plane, f = 6 EI load; its component
 along the beam is neglected as in (11), so that f stands for the whole force. The displacement at
-the contact is y_c = 2 load x_c^3, eqs. (28) and (29); the contact point follows by (5) in Sigma_a
-and by (1)-(4) in Sigma_o, the motor's axis passing through the clamp (assumption 4).
+the contact is y_c = 2 load x_c^3, eqs. (28) and (29).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from solver.fitting import frames
+from solver.fitting.verdict import judged
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
-from solver.instrument.transforms import turn_about_z
-
-# A place known worse than this share of the beam's length is only an interval.
-WEAK_SIGMA = 1 / 7
 
 # Order of the errors in `LinearContact.covariance`: contact distance [m], load [1/m^2], psi, the
 # clamp's dx, dy [m] and tilt, relative error of all lengths, relative error of EI.
@@ -37,12 +33,10 @@ class LinearContact:
     load: float
     covariance: Floats
     psi: float | None = None
-    base: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    base: tuple[float, float, float] | None = None
 
 
-def errors_of_planar_fit(
-    measurement: Measurement, points_part: Floats, by_base: Floats | None
-) -> Floats:
+def errors_of_planar_fit(measurement: Measurement, points_part: Floats, by_base: Floats) -> Floats:
     """Covariance (8, 8) of an estimate that takes the clamp, the scale and EI as they are stated.
 
     `points_part` (2, 2) is the covariance of (x_c, load) by the points' noise, `by_base` (2, 3)
@@ -50,12 +44,10 @@ def errors_of_planar_fit(
     """
     covariance = stated_errors(measurement)
     base = measurement.base_covariance
-    if by_base is not None:
-        covariance[:2, :2] = by_base @ base @ by_base.T
-        # Believed at rest, a clamp at (dx, dy, tilt) errs by just that, to the other side.
-        covariance[:2, BASE] = -by_base @ base
-        covariance[BASE, :2] = covariance[:2, BASE].T
-    covariance[:2, :2] += points_part
+    covariance[:2, :2] = by_base @ base @ by_base.T + points_part
+    # Believed at rest, a clamp at (dx, dy, tilt) errs by just that, to the other side.
+    covariance[:2, BASE] = -by_base @ base
+    covariance[BASE, :2] = covariance[:2, BASE].T
     return covariance
 
 
@@ -79,99 +71,48 @@ def answer(
     dof: int | None = None,
     iterations: int | None = None,
 ) -> Estimate:
-    """The estimate of a contact found on `planar`, the measurement carried onto D."""
-    values, jacobian = _values(contact, planar)
-    tolerances, length = planar.rig.tolerances, planar.rig.beam.length
-    sources = np.zeros((ERRORS + 2, ERRORS + 2))
-    sources[:ERRORS, :ERRORS] = contact.covariance
-    sources[ERRORS, ERRORS] = tolerances.encoder**2
-    sources[ERRORS + 1, ERRORS + 1] = tolerances.base_position**2 + tolerances.board_translation**2
-    covariance = jacobian @ sources @ jacobian.T
-    sigma = math.sqrt(max(float(covariance[0, 0]), 0.0))
-    outcome = Outcome.CONTACT
-    if sigma > WEAK_SIGMA * length:
-        outcome = Outcome.WEAK_CONTACT
-    elif contact.x_c > length - 2 * math.hypot(sigma, tolerances.beam_length):
-        outcome = Outcome.TIP_CONTACT
-    return Estimate(
-        outcome,
+    """The estimate of a contact found on `planar`, the measurement carried onto D.
+
+    Or the outcome that says why the beam cannot have it.
+    """
+    rig, x_c, load = planar.rig, contact.x_c, contact.load
+    force, y_c = 6 * rig.beam.flexural_rigidity * load, 2 * load * x_c**3
+    at = np.zeros(frames.CONTACT)
+    at[[frames.X_C, frames.Y_C, frames.FORCE]] = x_c, y_c, force
+    at[frames.DX : frames.TILT + 1] = contact.base or (0.0, 0.0, 0.0)
+    at[frames.ANGLE] = planar.motor_angle or 0.0
+    by_error = np.zeros((frames.CONTACT, ERRORS + 1))
+    by_error[frames.X_C, [X_C, SCALE]] = 1.0, x_c
+    by_error[frames.Y_C, [X_C, LOAD, SCALE]] = 6 * load * x_c**2, 2 * x_c**3, y_c
+    # By similarity: lengths grow with the scale, the force falls with its square.
+    by_error[frames.FORCE, [LOAD, SCALE, RIGIDITY]] = force / load, -2 * force, force
+    by_error[frames.PSI : frames.TILT + 1, PSI : BASE.stop] = np.eye(4)
+    by_error[frames.ANGLE, ERRORS] = 1.0
+    errors = np.zeros((ERRORS + 1, ERRORS + 1))
+    errors[:ERRORS, :ERRORS] = contact.covariance
+    errors[ERRORS, ERRORS] = rig.tolerances.encoder**2
+    values, jacobian, placed = frames.in_all_frames(
+        planar,
+        at,
+        psi_fitted=contact.psi is not None,
+        clamp_fitted=contact.base is not None,
+        linear=True,
+        plane=_inclination(planar, contact),
+    )
+    by_error = jacobian @ by_error
+    return judged(
+        rig,
+        values,
+        by_error @ errors @ by_error.T + placed,
         message,
-        values=values,
-        covariance=(covariance + covariance.T) / 2,
         chi2=chi2,
         dof=dof,
         iterations=iterations,
     )
 
 
-def _values(contact: LinearContact, planar: Measurement) -> tuple[dict[str, float], Floats]:
-    """The named values, and their derivative (k, 10) by errors, motor's angle and height."""
-    rig, x_c, load = planar.rig, contact.x_c, contact.load
-    force = 6 * rig.beam.flexural_rigidity * load
-    y_c = 2 * load * x_c**3
-    axes = planar.antenna_from_beam[:3, :3]
-    dx, dy, tilt = contact.base
-    place = np.array([x_c + dx - tilt * y_c, y_c + dy + tilt * x_c, 0.0])
-    point = axes @ place + planar.antenna_from_beam[:3, 3]
-
-    # Derivatives by the eight errors, the motor's angle, and the clamp's height.
-    def by(**parts: float) -> Floats:
-        row = np.zeros(ERRORS + 2)
-        for name, value in parts.items():
-            row[_COLUMNS[name]] = value
-        return row
-
-    by_x_c = by(x_c=1.0, scale=x_c)
-    by_y_c = by(x_c=3 * y_c / x_c, load=2 * x_c**3, scale=y_c)
-    by_force = by(load=force / load, scale=-2 * force, rigidity=force)
-    normal = by(psi=1.0)
-    along = by_x_c + by(dx=1.0, tilt=-y_c)
-    across = by_y_c + by(dy=1.0, tilt=x_c)
-    by_point = axes @ np.vstack([along, across, y_c * normal]) + np.array(
-        [by(), by(), by(height=1.0)]
-    )
-    force_axes = axes[:, 1]
-    by_push = np.outer(force_axes, by_force) + np.outer(axes[:, 2], force * normal)
-    by_shift = np.outer(force_axes, by_y_c) + np.outer(axes[:, 2], y_c * normal)
-
-    values = {"x_c_m": x_c, "y_c_m": y_c, "force_n": force, "f_n": force}
-    rows = [by_x_c, by_y_c, by_force, by_force]
+def _inclination(planar: Measurement, contact: LinearContact) -> float:
+    """That of D against C [rad], in the frame of the beam at rest."""
     if contact.psi is not None:
-        side = float(np.sign(np.linalg.det(axes)))
-        values["psi_rad"] = side * contact.psi
-        rows.append(side * normal)
-    for i, axis in enumerate("xyz"):
-        values[f"contact_antenna_{axis}_m"] = float(point[i])
-        rows.append(by_point[i])
-    if planar.motor_angle is not None:
-        # Eq. (4) turns about the clamp, where the motor's axis passes.
-        turn = turn_about_z(planar.motor_angle)[:3, :3]
-        arm = point - rig.base_position
-        in_world = turn @ arm + rig.base_position
-        by_world = turn @ by_point
-        by_world += np.outer(turn @ np.array([-arm[1], arm[0], 0.0]), by(motor=1.0))
-        for i, axis in enumerate("xyz"):
-            values[f"contact_world_{axis}_m"] = float(in_world[i])
-            rows.append(by_world[i])
-    for i, axis in ((1, "y"), (2, "z")):
-        values[f"force_{axis}_n"] = force * float(force_axes[i])
-        rows.append(by_push[i])
-    for i, axis in ((1, "y"), (2, "z")):
-        values[f"displacement_{axis}_m"] = y_c * float(force_axes[i])
-        rows.append(by_shift[i])
-
-    return values, np.vstack(rows)
-
-
-_COLUMNS = {
-    "x_c": X_C,
-    "load": LOAD,
-    "psi": PSI,
-    "dx": 3,
-    "dy": 4,
-    "tilt": 5,
-    "scale": SCALE,
-    "rigidity": RIGIDITY,
-    "motor": ERRORS,
-    "height": ERRORS + 1,
-}
+        return contact.psi
+    return planar.handedness * (planar.rig.known_psi or 0.0)

@@ -23,8 +23,6 @@ from solver.fitting.residuals import (
     MOMENT_SIGMA,
     MOMENT_UNIT,
     PARAMETERS,
-    PIVOT_X,
-    PIVOT_Y,
     PSI,
     RIGIDITY,
     RIGIDITY_SIGMA,
@@ -36,7 +34,6 @@ from solver.fitting.residuals import (
 from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement, View
-from solver.instrument.transforms import invert
 
 # A millionth: no length and no rigidity is known better.
 _LEAST_TOLERANCE = 1e-6
@@ -47,8 +44,8 @@ class Problem:
     """What the compiled fit takes: `arrays` as `frame_fit` says, in units of the beam's length.
 
     `order` (n,) is where the measurement's points, those of all views, stand in it; `shape_free`
-    and `all_free` are the free parameters with psi held and with psi free. `in_world` says that
-    the clamp's tilt is the motor's angle, because the camera does not turn with the antenna.
+    and `all_free` are the free parameters with psi held and with psi free. The
+    clamp turns about itself, where the motor's axis passes.
     """
 
     arrays: Any
@@ -56,7 +53,6 @@ class Problem:
     shape_free: Any
     all_free: Any
     tilt_variance: float
-    in_world: bool
 
     @property
     def points(self) -> int:
@@ -97,9 +93,6 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         for view, order in zip(views, orders, strict=True)
     ]
     known = np.zeros(KNOWN)
-    in_world = measurement.motor_angle is None and rig.camera_mount == "world"
-    if in_world:  # the motor turns the clamp about its axis, the origin of Sigma_a
-        known[[PIVOT_X, PIVOT_Y]] = invert(measurement.antenna_from_beam)[:2, 3] / length
     shown = [(i, view) for i, view in enumerate(views) if with_tips and view.tip is not None]
     tips = [_tip_row(view, i, length) for i, view in shown]
     shape_free = [Q, LEVER, DX, DY, TILT]
@@ -114,7 +107,7 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         rotation = measurement.antenna_from_beam[:3, :3]
         rigidity = rig.beam.flexural_rigidity
         # A moment is a pseudovector: the reflection of a beam that bends to -y turns it about.
-        known[MOMENT_UNIT] = rigidity / length * np.sign(np.linalg.det(rotation)) * rotation[1, 1]
+        known[MOMENT_UNIT] = rigidity / length * measurement.handedness * rotation[1, 1]
         known[MOMENT], known[MOMENT_SIGMA] = measurement.moment_y, rig.sensors.moment_y
         known[RIGIDITY_SIGMA] = max(
             float(np.hypot(rig.tolerances.flexural_rigidity / rigidity, measurement.scale_sigma)),
@@ -135,7 +128,6 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         shape_free=np.array(sorted(shape_free)),
         all_free=np.array(sorted([*shape_free, PSI])),
         tilt_variance=float(measurement.base_covariance[2, 2]),
-        in_world=in_world,
     )
 
 
@@ -177,7 +169,7 @@ def without(problem: Problem, kept: Any) -> Problem:
     arrays = (np.ascontiguousarray(rows[:, here]), fewer, *others)
     return Problem(
         arrays, np.arange(int(here.sum())), problem.shape_free, problem.all_free,
-        problem.tilt_variance, problem.in_world,
+        problem.tilt_variance,
     )  # fmt: skip
 
 

@@ -18,7 +18,6 @@ from solver.fitting.gauss_newton import Linearised
 from solver.fitting.problem import Problem
 from solver.fitting.push_geometry import Touch, touch
 from solver.fitting.residuals import DX, DY, LEVER, PARAMETERS, TILT, Q, point_residuals, possible
-from solver.fitting.terms import prior
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 
@@ -113,9 +112,8 @@ class Push:
                 residual[row] /= sigma
                 jacobian[row] /= sigma
         known = slice(8 * count, 8 * count + BASE)
-        residual[known], jacobian[known, base:push] = prior(
-            parameters[base:push], self.base_covariance
-        )
+        whitening = np.linalg.inv(np.linalg.cholesky(self.base_covariance))
+        residual[known], jacobian[known, base:push] = whitening @ parameters[base:push], whitening
         residual[-1] = (reach - self.rig.beam.radius) / (_ROUNDING * length)
         jacobian[-1, -1] = 1 / (_ROUNDING * length)
         return residual, jacobian

@@ -1,7 +1,8 @@
-"""Grey images from PNG files."""
+"""Gray images from files: colour becomes gray, bits stay."""
 
 import struct
 from pathlib import Path
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -19,12 +20,13 @@ _PNG = [
     cv2.IMWRITE_PNG_FILTER,
     cv2.IMWRITE_PNG_FILTER_NONE,
 ]
+_TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
 
 def read_grey(path: Path) -> Grey:
     """The gray image (height, width) of a file, of 8 or 16 bits as the file has it.
 
-    Raises InputError if it is none.
+    Colour is made gray. Raises InputError if it is no image.
     """
     try:
         data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
@@ -33,12 +35,20 @@ def read_grey(path: Path) -> Grey:
     image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
-    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+    return to_grey(image, str(path))
+
+
+def to_grey(image: Any, name: str) -> Grey:
+    """Gray (height, width) of an image as OpenCV gives it: gray, BGR or BGRA. Raises InputError."""
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    if image.dtype not in (np.uint8, np.uint16) or channels not in (1, *_TO_GREY):
         raise InputError(
-            f"{path}: has shape {image.shape} and type {image.dtype}, "
-            "allowed is one channel of 8 or 16 bits"
+            f"{name}: has shape {image.shape} and type {image.dtype}, "
+            "allowed are gray or colour of 8 or 16 bits"
         )
-    return np.asarray(image)
+    if channels == 1:
+        return np.asarray(image.reshape(image.shape[:2]))
+    return np.asarray(cv2.cvtColor(image, _TO_GREY[channels]))
 
 
 def eight_bit(image: Grey) -> npt.NDArray[np.uint8]:

@@ -1,7 +1,9 @@
 """Looking dotted keys up in a JSON document, and saying clearly what is wrong with one."""
 
+import difflib
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +17,26 @@ from solver.instrument.errors import InputError
 class Keys:
     """A JSON document and the file it came from.
 
-    Every look-up raises InputError naming file, key, value and what is allowed.
+    Every look-up raises InputError naming file, key, value and what is allowed. `asked` are the
+    keys that were looked up.
     """
 
     path: Path
     document: Any
+    asked: set[str] = field(default_factory=set)
+
+    def refuse_others(self) -> None:
+        """Raise InputError where the document holds a key for which nobody has asked."""
+        for key in _names(self.document):
+            if not any(asked == key or asked.startswith(f"{key}.") for asked in self.asked):
+                nearest = difflib.get_close_matches(key, self.asked, n=1, cutoff=0.0)[0]
+                raise InputError(
+                    f"{self.path}: the key {key} means nothing here, "
+                    f"the nearest allowed is {nearest}"
+                )
 
     def _value(self, key: str) -> Any:
+        self.asked.add(key)
         value = self.document
         for part in key.split("."):
             if not isinstance(value, dict) or part not in value:
@@ -31,6 +46,7 @@ class Keys:
 
     def has(self, key: str) -> bool:
         """Whether there is such a key."""
+        self.asked.add(key)
         value = self.document
         for part in key.split("."):
             if not isinstance(value, dict) or part not in value:
@@ -75,6 +91,14 @@ class Keys:
         if not (isinstance(value, list) and len(value) == 3 and all(map(_is_finite_number, value))):
             raise InputError(f"{self.path}: {key} is {value!r}, allowed is a list of three numbers")
         return np.array(value, dtype=np.float64)
+
+
+def _names(document: dict[str, Any], before: str = "") -> Iterator[str]:
+    """Every dotted key of a document, sections before what they hold."""
+    for name, value in document.items():
+        yield before + name
+        if isinstance(value, dict):
+            yield from _names(value, f"{before}{name}.")
 
 
 def _is_finite_number(value: Any) -> bool:

@@ -102,6 +102,14 @@ class Measurement:
                 raise ValueError(f"{name} holds a value that is not finite")
 
     @property
+    def handedness(self) -> int:
+        """+1, or -1 where the frame of the beam is a reflection of Sigma_a.
+
+        Angles about z and x of the beam's frame, psi among them, have the other sign there.
+        """
+        return 1 if np.linalg.det(self.antenna_from_beam[:3, :3]) > 0 else -1
+
+    @property
     def points(self) -> Floats:
         """The view's points (n, 2) [m]."""
         return self.view.points

@@ -9,18 +9,18 @@ observations/
   hashes.json                   sha256 of every file (of generated trees)
   INCOMPLETE                    stands there while a tree is being made
 
-Columns of metadata.csv: file_name, frame_id, and motor_angle_deg, which is empty where no encoder
-tells it; and where there are such: push_id and step (frames of one push, in order),
-removed_from_mm and removed_to_mm (a stretch of Sigma_a's x axis to be left out),
-moment_y_n_mm (the moment sensor), base_force_{x,y,z}_n and base_moment_{x,y,z}_n_mm (the force
-sensor: what the clamp exerts on the beam, in Sigma_a).
+Columns of metadata.csv: file_name, frame_id (the file's stem where there is none), and
+motor_angle_deg, which is empty where no encoder tells it; and where there are such: push_id and
+step (frames of one push, in order), removed_from_mm and removed_to_mm (a stretch of Sigma_a's x
+axis to be left out), moment_y_n_mm (the moment sensor), base_force_{x,y,z}_n and
+base_moment_{x,y,z}_n_mm (the force sensor: what the clamp exerts on the beam, in Sigma_a).
 """
 
 import csv
 import io
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from solver.instrument.arrays import Grey
@@ -83,36 +83,54 @@ class Observations:
 
 
 def open_observations(root: Path) -> Observations:
-    """Open the tree at `root`. Raises InputError where it is missing, broken or incomplete."""
+    """Open the tree at `root`. Raises InputError where it is missing, broken or incomplete.
+
+    The frames' images are looked at only when they are read.
+    """
     if not root.is_dir():
         raise InputError(f"{root}: is not a folder of observations")
     if (root / INCOMPLETE).exists():
         raise InputError(
             f"{root}: is incomplete; run the command that was making it again to finish it"
         )
-    rig = read_rig(root / "rig.json")
-    board_views = tuple(sorted(root.glob("calibration/view_*.png")))
-    rest_images = tuple(sorted(root.glob("rest/rest_*.png")))
-    for name, images in (("calibration/view_*.png", board_views), ("rest/rest_*.png", rest_images)):
-        if not images:
-            raise InputError(f"{root}: holds no {name}, at least one is needed")
-    frames = tuple(
-        frame for table in sorted(root.glob("shard_*/metadata.csv")) for frame in _frames(table)
-    )
+    opened = open_rig(root)
+    tables = sorted(root.glob("shard_*/metadata.csv"))
+    frames = tuple(frame for table in tables for frame in read_frames(table))
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv)")
-    expected = png_size(board_views[0])
-    for path in (*board_views, *rest_images, *(frame.path for frame in frames)):
-        size = png_size(path)
+    return replace(opened, frames=frames)
+
+
+def rig_file(path: Path) -> Path:
+    """A rig.json itself, or that in a folder."""
+    return path / "rig.json" if path.is_dir() else path
+
+
+def open_rig(path: Path) -> Observations:
+    """A rig.json, or the folder it lies in, with the images of the board and of the beam at rest.
+
+    They lie beside it as calibration/view_*.png and rest/rest_*.png, all of one size; there are
+    no frames. Raises InputError.
+    """
+    rig, root = read_rig(rig_file(path)), rig_file(path).parent
+    names = ("calibration/view_*.png", "rest/rest_*.png")
+    views, rests = (tuple(sorted(root.glob(name))) for name in names)
+    for name, found in zip(names, (views, rests), strict=True):
+        if not found:
+            raise InputError(f"{root}: holds no {name}, at least one is needed")
+    expected = png_size(views[0])
+    for image in (*views, *rests):
+        size = png_size(image)
         if size != expected:
             raise InputError(
-                f"{path}: has {size[0]} x {size[1]} px, allowed is the size of "
-                f"{board_views[0].name}, {expected[0]} x {expected[1]} px"
+                f"{image}: has {size[0]} x {size[1]} px, allowed is the size of "
+                f"{views[0].name}, {expected[0]} x {expected[1]} px"
             )
-    return Observations(root, rig, board_views, rest_images, frames)
+    return Observations(root, rig, views, rests, ())
 
 
-def _frames(table: Path) -> Iterator[Frame]:
+def read_frames(table: Path) -> Iterator[Frame]:
+    """The frames of a metadata.csv, which lies beside their images. Raises InputError."""
     try:
         text = table.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -142,7 +160,7 @@ def _frames(table: Path) -> Iterator[Frame]:
             else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
         )
         yield Frame(
-            frame_id=cells.text("frame_id"),
+            frame_id=row.get("frame_id") or path.stem,
             path=path,
             readings=readings,
             push_id=row.get("push_id") or "",

@@ -147,7 +147,10 @@ def _rounded(value: Any) -> Any:
 
 
 def read_rig(path: Path) -> Rig:
-    """The rig of a `rig.json`. Raises InputError naming file, key, value and what is allowed."""
+    """The rig of a `rig.json`. Raises InputError naming file, key, value and what is allowed.
+
+    A key that it does not know is a mistake too: misspelt, it would be a tolerance left out.
+    """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -164,7 +167,7 @@ def read_rig(path: Path) -> Rig:
     side = key.number("beam.deflects_towards", low=-1)
     if side not in (-1, 1):
         raise InputError(f"{path}: beam.deflects_towards is {side:g}, allowed is 1 or -1")
-    return Rig(
+    rig = Rig(
         beam=Beam(
             length=key.positive("beam.length_mm") * mm,
             diameter=key.positive("beam.diameter_mm") * mm,
@@ -196,6 +199,8 @@ def read_rig(path: Path) -> Rig:
         sensors=_sensors(key),
         distortion_coefficients=_distortion_coefficients(key, telecentric),
     )
+    key.refuse_others()
+    return rig
 
 
 def _board(key: Keys) -> Board:

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.stats import chi2 as distribution
 
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
-from solver.fitting.push_answer import SHAPE, contact_quantities, judged
+from solver.fitting.values import SHAPE, shape_quantities
+from solver.fitting.verdict import judged
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -68,10 +69,9 @@ def force_sensor(measurement: Measurement) -> Estimate:
 def _load_on_beam(measurement: Measurement) -> Floats:
     """Force [N] and moment [N m] about the clamp of the object on the beam (6,), beam's axes."""
     axes = measurement.antenna_from_beam[:3, :3]
-    # A moment is an axial vector: mirrored axes turn it the other way round.
-    mirrored = np.linalg.det(axes)
     force = -axes.T @ np.asarray(measurement.base_force)
-    moment = -mirrored * axes.T @ np.asarray(measurement.base_moment)
+    # A moment is an axial vector: mirrored axes turn it the other way round.
+    moment = -measurement.handedness * axes.T @ np.asarray(measurement.base_moment)
     return np.concatenate([force, moment])
 
 
@@ -120,16 +120,18 @@ def _answer(measurement: Measurement, fit: Fit) -> Estimate:
             Outcome.INVALID, "the beam is pushed from the side where the rig has no object"
         )
     rig = measurement.rig
-    shape = np.array([q, lever, math.remainder(psi, math.tau), 0.0, 0.0, 0.0])
-    values, by_shape = contact_quantities(measurement, shape, measurement.motor_angle)
-    # Force and lever are read; with another flexural rigidity they are another shape.
+    shape = np.zeros(len(SHAPE))
     column = {name: i for i, name in enumerate(SHAPE)}
-    by_shape[:, column["rigidity"]] -= by_shape[:, 0] * q / rig.beam.flexural_rigidity
-    known = np.zeros((len(SHAPE), len(SHAPE)))
+    shape[:3] = q, lever, math.remainder(psi, math.tau)
+    shape[column["motor_angle"]] = measurement.motor_angle or 0.0
+    values, by_shape, placed = shape_quantities(measurement, shape, psi_fitted=True)
+    # Force and lever are read; with another flexural rigidity they are another shape.
+    by_shape[:, column["rigidity"]] -= by_shape[:, 0] * q
+    tolerances = np.zeros(len(SHAPE))
+    tolerances[column["motor_angle"]] = rig.tolerances.encoder
+    tolerances[column["rigidity"]] = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
+    known = np.diag(tolerances**2)
     known[:3, :3] = fit.covariance
     known[3:6, 3:6] = measurement.base_covariance
-    known[6, 6] = rig.tolerances.encoder**2
-    known[7, 7] = rig.tolerances.flexural_rigidity**2
-    known[9, 9] = rig.tolerances.base_position**2
-    covariance = by_shape @ known @ by_shape.T
+    covariance = by_shape @ known @ by_shape.T + placed
     return judged(rig, values, covariance, "", chi2=fit.chi2, dof=dof, iterations=fit.iterations)

@@ -152,7 +152,6 @@ def _root(projection: _Projection, start: float, length: float) -> tuple[float, 
 
 
 def _answer(planar: Measurement, projection: _Projection, x_c: float, iterations: int) -> Estimate:
-    length = planar.rig.beam.length
     linear = projection.linear(x_c)
     load = float(linear[0])
     residual = projection.residual(x_c, linear)
@@ -176,17 +175,5 @@ def _answer(planar: Measurement, projection: _Projection, x_c: float, iterations
     covariance = stated_errors(planar)
     rows = np.r_[X_C, LOAD, np.arange(8)[BASE]]
     covariance[np.ix_(rows, rows)] = fitted
-    sigma = math.sqrt(fitted[0, 0])
-    beyond = x_c - length
-    if beyond > 3 * math.hypot(sigma, planar.rig.tolerances.beam_length):
-        return Estimate(
-            Outcome.INVALID,
-            f"the shape would be touched at {x_c:.4g} m, beyond the tip at {length:.4g} m",
-            chi2=chi2,
-            dof=dof,
-            iterations=iterations,
-        )
-    if sigma > length:
-        return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=iterations)
     contact = LinearContact(x_c, load, covariance, base=(dx, float(linear[2]), float(linear[3])))
     return answer(contact, planar, chi2=chi2, dof=dof, iterations=iterations)

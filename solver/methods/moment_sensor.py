@@ -41,7 +41,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 from solver.methods.two_point import LEAST_POINTS, MeanOfPairs, mean_of_pairs
-from solver.plane_d import on_deformation_plane, side, unproject
+from solver.plane_d import on_deformation_plane, unproject
 
 MOST_ITERATIONS = 40
 TOLERANCE = 1e-9  # rad
@@ -51,21 +51,24 @@ def moment_sensor(measurement: Measurement) -> Estimate:
     """Contact distance x_c, force f, inclination psi and what follows, with their covariance."""
     if measurement.moment_y is None:
         return Estimate(Outcome.INVALID, "the frame has no reading of a moment sensor")
+    if measurement.rig.sensors.moment_y is None:
+        return Estimate(Outcome.INVALID, "the rig states no sigma of its moment sensor")
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
     if len(measurement.points) < LEAST_POINTS:
         return Estimate(
-            Outcome.INVALID,
+            Outcome.NOT_IDENTIFIABLE,
             f"{len(measurement.points)} visible points, needed are {LEAST_POINTS}",
         )
     # About the y axis of the beam's frame; the force has no moment about its x axis.
-    axis = side(measurement) * measurement.antenna_from_beam[1, 1]
+    axis = measurement.handedness * measurement.antenna_from_beam[1, 1]
     moment = measurement.moment_y / axis
-    moment_sigma = (measurement.rig.sensors.moment_y or 0.0) / abs(axis)
+    moment_sigma = measurement.rig.sensors.moment_y / abs(axis)
     refusal = no_contact(nearest_linear_bend(measurement))
     if refusal is not None:
-        if refusal.outcome is Outcome.NO_CONTACT and abs(moment) > max(
-            LEAST_SIGNIFICANCE * moment_sigma, 0.0
+        if (
+            refusal.outcome is Outcome.NO_CONTACT
+            and abs(moment) > LEAST_SIGNIFICANCE * moment_sigma
         ):
             return Estimate(
                 Outcome.EDGE_ON, "the sensor feels a force, and the image shows no bend"

@@ -29,9 +29,10 @@ from solver.beam_models.linear import unit_deflection
 from solver.fitting.answer import refusal_of
 from solver.fitting.gauss_newton import Fit, gauss_newton
 from solver.fitting.problem import problem_of, settled, started, without
-from solver.fitting.push_answer import SHAPE, contact_quantities, judged
 from solver.fitting.push_joint import BASE, PUSH, Frame, Push
 from solver.fitting.residuals import LEVER
+from solver.fitting.values import SHAPE, shape_quantities
+from solver.fitting.verdict import judged
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -48,24 +49,34 @@ TURNED: Final = 5.0
 # A step of so many sigmas is the last: the points' weights follow the shape, so that chi^2 does
 # not fall all the way to where the steps vanish.
 NEAR: Final = 0.05
-# What is said of the third dimension.
-SPATIAL: Final = frozenset({"psi_rad", "force_z_n", "displacement_z_m"})
 
 
 def push_fit(measurement: Measurement) -> Estimate:
     """The last frame's contact, the object's compliance and the onset, with their covariance."""
     alone = exact_fit(measurement)
-    if not alone.values or measurement.motor_angle is None or measurement.rig.known_psi:
+    if not alone.values:
         return alone
+    if measurement.motor_angle is None:
+        return _of_last(alone, "no motor angle is read")
+    if measurement.rig.known_psi:
+        return _of_last(alone, "the push is not in plane C")
     frames, lever = _bent(measurement)
     push = Push(tuple(frames), measurement.rig, measurement.base_covariance)
-    if len(frames) < 2 or np.ptp(push.motor_angles) < TURNED * push.encoder_sigma:
-        return alone
+    if len(frames) < 2:
+        return _of_last(alone, "no earlier one shows the beam bent")
+    if np.ptp(push.motor_angles) < TURNED * push.encoder_sigma:
+        return _of_last(alone, "the motor has not turned")
     start = _start(push, lever)
     if start is None or push.residuals(start) is None:
         return Estimate(Outcome.INVALID, "the frames' shapes are not those of one push")
     fit = gauss_newton(push.residuals, start, step_tolerance=NEAR)
     return _judged(push, measurement, fit, alone)
+
+
+def _of_last(alone: Estimate, why: str) -> Estimate:
+    """The last frame's own answer, and why it is no more."""
+    message = "; ".join(part for part in (f"of this frame alone: {why}", alone.message) if part)
+    return replace(alone, message=message)
 
 
 def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
@@ -76,7 +87,8 @@ def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
     """
     frames, best, lever = [], math.inf, 0.0
     for one in (*measurement.earlier, measurement):
-        problem = problem_of(one)
+        # As in `exact_fit`: what looks like the tip may be an occluder's edge.
+        problem = problem_of(one, with_tips=False)
         start = started(problem, 0.0) if problem.points else None
         fit = None if start is None else settled(problem, start, psi_free=False)
         if fit is None or one.motor_angle is None or refusal_of(one, problem, fit) is not None:
@@ -121,9 +133,7 @@ def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimat
         return Estimate(outcome, message, chi2=chi2, dof=dof, iterations=fit.iterations)
 
     if fit.rank_deficient:
-        return replace(
-            alone, message=f"of the last frame alone: {count} frames leave the push open"
-        )
+        return _of_last(alone, f"{count} frames leave the push open")
     tension, equations = push.tension(fit.parameters)
     if tension > distribution.isf(REFUSED, equations):
         return refused(
@@ -132,9 +142,7 @@ def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimat
             f"spring: chi^2 of the push is {tension:.3g} on {equations} degrees of freedom",
         )
     if not fit.converged:
-        return replace(
-            alone, message=f"of the last frame alone: the fit of {count} frames did not converge"
-        )
+        return _of_last(alone, f"the fit of {count} frames did not converge")
     roundness = fit.parameters[-1] - last.rig.beam.radius
     if roundness < -IMPOSSIBLE * math.sqrt(fit.covariance[-1, -1]):
         return refused(
@@ -166,44 +174,38 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     side, tolerances = last.rig.deflects_towards, last.rig.tolerances
     rigidity = last.rig.beam.flexural_rigidity
     onset, compliance = float(fit.parameters[-3]), float(fit.parameters[-2])
-    shape, base = slice(2 * count - 2, 2 * count), slice(2 * count, 2 * count + BASE)
+    own, base = slice(2 * count - 2, 2 * count), slice(2 * count, 2 * count + BASE)
     touches = push.touches(fit.parameters)
     assert touches is not None
+    column = {name: i for i, name in enumerate(SHAPE)}
+    shape = np.zeros(len(SHAPE))
+    shape[:2], shape[column["dx"] :][:BASE] = fit.parameters[own], fit.parameters[base]
     # The encoder's reading, corrected by what the shapes tell: onset less the pushing angle.
-    angle = onset - side * touches[-1].pushing_angle
-    contact = np.concatenate([fit.parameters[shape], [0.0], fit.parameters[base]])
-    values, by_shape = contact_quantities(last, contact, angle)
-    # That plane D is plane C is assumed here: of the third dimension nothing is known.
-    told = [i for i, name in enumerate(values) if name not in SPATIAL]
-    by_shape = by_shape[told]
-    values = {name: value for name, value in values.items() if name not in SPATIAL}
-    rows = len(values)
-    n = len(fit.parameters)
-    # By the fit's parameters, the flexural rigidity, the scale of lengths, the clamp's height.
-    jacobian = np.zeros((rows + 2, n + 3))
-    column = {name: by_shape[:, i] for i, name in enumerate(SHAPE)}
-    jacobian[:rows, shape] = by_shape[:, :2]
-    jacobian[:rows, base] = by_shape[:, 3:6]
-    for i, name in enumerate(("rigidity", "scale", "height")):
-        jacobian[:rows, n + i] = column[name]
+    shape[column["motor_angle"]] = onset - side * touches[-1].pushing_angle
+    values, by_shape, placed = shape_quantities(last, shape, clamp_fitted=True)
+    rows, n = len(values), len(fit.parameters)
+    # By the fit's parameters, and the relative errors of EI and of all lengths.
+    jacobian = np.zeros((rows + 2, n + 2))
+    jacobian[:rows, own] = by_shape[:, :2]
+    jacobian[:rows, base] = by_shape[:, column["dx"] :][:, :BASE]
+    jacobian[:rows, n:] = by_shape[:, [column["rigidity"], column["scale"]]]
     d_angle = np.zeros(n)
-    d_angle[shape] = -side * touches[-1].d_pushing_angle[:2]
+    d_angle[own] = -side * touches[-1].d_pushing_angle[:2]
     d_angle[-2:] = -side * touches[-1].d_pushing_angle[2:]
     d_angle[-PUSH + 1] = 1.0
-    jacobian[:rows, :n] += np.outer(column["motor_angle"], d_angle)
+    jacobian[:rows, :n] += np.outer(by_shape[:, column["motor_angle"]], d_angle)
     # Only compliance times EI is told by shapes; by similarity it grows as a length cubed.
     jacobian[rows, n - 2] = 1.0
-    jacobian[rows, n : n + 2] = -compliance / rigidity, 3 * compliance
+    jacobian[rows, n:] = -compliance, 3 * compliance
     jacobian[rows + 1, n - 3] = 1.0
     values |= {"compliance_m_per_n": compliance, "onset_angle_rad": onset}
-    known = np.zeros((n + 3, n + 3))
+    known = np.zeros((n + 2, n + 2))
     known[:n, :n] = fit.covariance
-    known[n, n] = tolerances.flexural_rigidity**2
+    known[n, n] = (tolerances.flexural_rigidity / rigidity) ** 2
     known[n + 1, n + 1] = last.scale_sigma**2
-    known[n + 2, n + 2] = tolerances.base_position**2
-    covariance = jacobian @ known @ jacobian.T
-    if compliance > SOFT * math.sqrt(covariance[rows, rows]):
+    if compliance > SOFT * math.sqrt(float(jacobian[rows] @ known @ jacobian[rows])):
         values["stiffness_n_per_m"] = 1 / compliance
         jacobian = np.vstack([jacobian, -jacobian[rows] / compliance**2])
-        covariance = jacobian @ known @ jacobian.T
+    covariance = jacobian @ known @ jacobian.T
+    covariance[:rows, :rows] += placed
     return values, covariance

@@ -19,7 +19,7 @@ covariance knows nothing.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -69,14 +69,18 @@ def stiffness(measurement: Measurement) -> Estimate:
     """x_c, force, the object's compliance and the onset, with their joint covariance."""
     alone = two_point(measurement)
     found = known_plane(measurement)
-    if not alone.values or measurement.motor_angle is None or isinstance(found, Estimate):
+    if not alone.values or isinstance(found, Estimate):
         return alone
+    if measurement.motor_angle is None:
+        return _of_last(alone, "no motor angle is read")
     mean = mean_of_pairs(found[0])
     assert not isinstance(mean, Estimate)
     loads = _loads(measurement, mean.x_c)
     encoder = max(measurement.rig.tolerances.encoder, LEAST_ENCODER)
-    if len(loads) < 2 or np.ptp([load.motor_angle for load in loads]) < TURNED * encoder:
-        return alone
+    if len(loads) < 2:
+        return _of_last(alone, "no earlier one shows the beam bent")
+    if np.ptp([load.motor_angle for load in loads]) < TURNED * encoder:
+        return _of_last(alone, "the motor has not turned")
     onset = _onset(loads, measurement.rig.deflects_towards, encoder)
     if onset is None:
         return Estimate(
@@ -85,6 +89,11 @@ def stiffness(measurement: Measurement) -> Estimate:
     errors = _errors(loads, onset, mean, found[0], encoder)
     values, covariance = _quantities(mean, onset, found[0], errors)
     return Estimate(alone.outcome, f"{len(loads)} frames", values=values, covariance=covariance)
+
+
+def _of_last(alone: Estimate, why: str) -> Estimate:
+    """The last frame's own answer, and why it is no more."""
+    return replace(alone, message=f"of this frame alone: {why}; {alone.message}")
 
 
 def _loads(measurement: Measurement, x_c: float) -> list[_Load]:

@@ -58,7 +58,9 @@ def three_point(measurement: Measurement) -> Estimate:
     # A column that is repeated shows no other place of the beam.
     count = len(np.unique(measurement.points[measurement.points[:, 0] > 0, 0]))
     if count < LEAST_POINTS:
-        return Estimate(Outcome.INVALID, f"{count} visible points, needed are {LEAST_POINTS}")
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE, f"{count} visible points, needed are {LEAST_POINTS}"
+        )
     bend = nearest_linear_bend(measurement)
     refusal = no_contact(bend)
     if refusal is not None:

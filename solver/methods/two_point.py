@@ -44,7 +44,7 @@ def two_point(measurement: Measurement) -> Estimate:
     """Contact distance x_c, force f and what follows from them, with their joint covariance."""
     if len(measurement.points) < LEAST_POINTS:
         return Estimate(
-            Outcome.INVALID,
+            Outcome.NOT_IDENTIFIABLE,
             f"{len(measurement.points)} visible points, needed are {LEAST_POINTS}",
         )
     found = known_plane(measurement)
@@ -95,6 +95,11 @@ def mean_of_pairs(planar: Measurement) -> MeanOfPairs | Estimate:
     x, y = planar.points[rows].T
     sums, by_point, tried = _sum_over_pairs(x, y, LEAST_SEPARATION * length, length)
     pairs = int(sums[0])
+    if tried < LEAST_PAIRS:
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE,
+            f"{tried} pairs of points lie far enough apart, needed are {LEAST_PAIRS}",
+        )
     if pairs < LEAST_PAIRS:
         return Estimate(
             Outcome.INVALID,

@@ -1,5 +1,6 @@
 """The command lines: what a person types, and what a mistake gets."""
 
+import csv
 import json
 import re
 import shutil
@@ -140,13 +141,22 @@ def test_bad_images_are_refused(finished: Path, tmp_path: Path) -> None:
         out = str(tmp_path / "out.csv")
         return command(tree, "--quiet", "--out", out, *more, module="solver.__main__")
 
+    def check_invalid(message: str) -> None:
+        done = solver()
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        with (tmp_path / "out.csv").open(encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        bad = [row for row in rows if row["outcome"] == "invalid"]
+        assert len(rows) > 1
+        assert [row["frame_id"] for row in bad] == [image.stem]
+        assert message in bad[0]["message"]
+
+    # A frame's image is its row's matter; what all frames rest on is the run's.
     image.write_bytes(png_bytes(read_grey(image)[:100, :200]))
-    check_refused(solver(), f"{image.name}: has 200 x 100 px, allowed is the size of view_00.png")
+    check_invalid("the image has 200 x 100 px")
     original = (finished / "observations" / image.relative_to(tree)).read_bytes()
     image.write_bytes(original[:1000])
-    check_refused(solver(), f"{image.name}: is not an image that can be decoded")
-    image.write_bytes(b"not an image")
-    check_refused(solver(), f"{image.name}: is not a PNG image")
+    check_invalid(f"{image.name}: is not an image that can be decoded")
     image.unlink()
     check_refused(solver(), f"the image {image.name} is missing")
     image.write_bytes(original)

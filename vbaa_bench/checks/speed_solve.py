@@ -31,12 +31,19 @@ _ONE_THREAD: Final = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
 
 def measure_apart(
-    observations: Path, methods: Sequence[str] | None, most_frames: int, repeats: int
+    observations: Path,
+    methods: Sequence[str] | None,
+    most_frames: int,
+    repeats: int,
+    *,
+    first_ever: bool = True,
 ) -> Record:
     """`measure` in a fresh process on one thread, and each method's cold start in one of its own.
 
-    Without `methods`, all are measured. Raises InputError where one is unknown, and where the
-    observations cannot be solved.
+    `cold_start` finds all code compiled by an earlier process, as every day but the first.
+    `first_start` compiles all that the method needs, as right after an installation; None without
+    `first_ever`. Without `methods`, all are measured. Raises InputError where one is unknown, and
+    where the observations cannot be solved.
     """
     methods = methods or list(METHODS)
     for name in methods:
@@ -48,8 +55,9 @@ def measure_apart(
         shutil.copytree(observations, copy)
         record = _child(folder, "measure", copy, most_frames, repeats, *methods)
         for name in methods:
-            found = _child(folder, "start_cold", copy, name, repr(time.time()))
-            record["methods"][name]["cold_start"] = found
+            found = record["methods"][name]
+            found["cold_start"] = _child(folder, "start_cold", copy, name, repr(time.time()))
+            found["first_start"] = _first_start(folder, copy, name) if first_ever else None
     return record
 
 
@@ -119,10 +127,19 @@ def chosen(frames: Sequence[Frame], most: int) -> list[Frame]:
     return [one for place in places for one in sorted(ordered[place], key=lambda f: f.step)]
 
 
-def _child(folder: str, *arguments: object) -> Record:
+def _first_start(folder: str, observations: Path, name: str) -> Record:
+    """`start_cold` where nothing has ever been compiled."""
+    with tempfile.TemporaryDirectory(prefix="compiled-", dir=folder) as empty:
+        return _child(folder, "start_cold", observations, name, repr(time.time()), compiled=empty)
+
+
+def _child(folder: str, *arguments: object, compiled: str | None = None) -> Record:
+    """The record of a fresh process, which keeps compiled code in a folder, or where it is kept."""
     environment = {name: os.environ[name] for name in _KEPT if name in os.environ}
     environment |= {f"{name}_NUM_THREADS": "1" for name in _ONE_THREAD}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
+    if compiled is not None:
+        environment["NUMBA_CACHE_DIR"] = compiled
     command = [sys.executable, "-m", "vbaa_bench.checks.speed_solve", *map(str, arguments)]
     done = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=False

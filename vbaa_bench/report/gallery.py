@@ -8,11 +8,19 @@ import cv2
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from solver.instrument.centreline import Flag
 from vbaa_bench.score.overlay import Overlay
 
-# BGR. Truth is green, extracted points yellow; methods take the others in order.
+# BGR. Truth is green, measured points yellow; methods take the others in order.
 TRUTH: Final = (90, 200, 60)
 POINTS: Final = (40, 220, 255)
+# Where the beam should be and was not measured, by the reason.
+REJECTED: Final = {
+    Flag.HIDDEN: (255, 140, 40),
+    Flag.SATURATED: (0, 150, 255),
+    Flag.FOREIGN: (230, 60, 230),
+}
+TIP: Final = (255, 255, 80)
 METHODS: Final = (
     (60, 60, 255),
     (255, 150, 60),
@@ -37,7 +45,10 @@ def colours_of(methods: Sequence[str]) -> dict[str, tuple[int, int, int]]:
 
 
 def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 14) -> np.ndarray:
-    """The beam's part of the frame, enlarged: truth, and a ring for each method's contact."""
+    """The beam's part of the frame, enlarged: truth, and a ring for each method's contact.
+
+    Of what was measured only rejected points and the tip are shown: the others cover the beam.
+    """
     _, low = overlay.centreline.min(axis=0)
     _, high = overlay.centreline.max(axis=0)
     last = overlay.image.shape[0] - 1
@@ -46,12 +57,13 @@ def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 1
     view = _View(overlay.image, (0, top), (overlay.image.shape[1], bottom - top + 1), scale)
     view.line(overlay.centreline, TRUTH, offset_px=3)
     view.line(overlay.centreline, TRUTH, offset_px=-3)
+    _rejected(view, overlay, radius_px=0.6)
     _contacts(view, overlay, colours, radius_px=4)
     return view.canvas
 
 
 def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int = 24) -> np.ndarray:
-    """The surroundings of the contact, much enlarged, with the extracted points."""
+    """The surroundings of the contact, much enlarged, with all that the solver measures there."""
     half_px = min(half_px, (min(overlay.image.shape) - 1) // 2)
     middle = overlay.centreline[-1] if overlay.contact is None else overlay.contact
     u, v = np.rint(middle).astype(int)
@@ -60,8 +72,10 @@ def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int =
     size = 2 * half_px + 1
     view = _View(overlay.image, (left, top), (size, size), scale)
     view.line(overlay.centreline, TRUTH)
-    for point in overlay.points:
-        view.dot(point, POINTS)
+    if overlay.measured is not None:
+        for point in overlay.measured.points:
+            view.dot(point, POINTS)
+    _rejected(view, overlay, radius_px=0.2)
     _contacts(view, overlay, colours, radius_px=1.6)
     return view.canvas
 
@@ -83,6 +97,17 @@ def _contacts(view: "_View", overlay: Overlay, colours: Colours, radius_px: floa
         view.cross(overlay.contact, TRUTH, radius_px)
     for name, at in overlay.estimates.items():
         view.ring(at, colours[name], radius_px)
+
+
+def _rejected(view: "_View", overlay: Overlay, radius_px: float) -> None:
+    """Places where the beam should be and was not measured, and the tip, a small square."""
+    measured = overlay.measured
+    if measured is None:
+        return
+    for point, flag in zip(measured.rejected, measured.flags, strict=True):
+        view.dot(point, REJECTED[Flag(int(flag))], radius_px)
+    if measured.tip is not None:
+        view.square(measured.tip, TIP, 4 * radius_px)
 
 
 class _View:
@@ -109,8 +134,13 @@ class _View:
         path = [self._place(shifted)]
         cv2.polylines(self.canvas, path, False, colour, 1, cv2.LINE_AA, _FRACTION_BITS)
 
-    def dot(self, pixel: Floats, colour: tuple[int, int, int]) -> None:
-        self._circle(pixel, 0.12 * self._scale, colour, -1)
+    def dot(self, pixel: Floats, colour: tuple[int, int, int], radius_px: float = 0.12) -> None:
+        self._circle(pixel, radius_px * self._scale, colour, -1)
+
+    def square(self, pixel: Floats, colour: tuple[int, int, int], half_px: float) -> None:
+        corners = half_px * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        path = [self._place(pixel + corners)]
+        cv2.polylines(self.canvas, path, True, colour, 2, cv2.LINE_AA, _FRACTION_BITS)
 
     def ring(self, pixel: Floats, colour: tuple[int, int, int], radius_px: float) -> None:
         self._circle(pixel, radius_px * self._scale, colour, 2)

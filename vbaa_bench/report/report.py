@@ -15,7 +15,8 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report import calibration, figures, gallery
 from vbaa_bench.score.layout import Results
-from vbaa_bench.score.overlay import Overlay, overlay
+from vbaa_bench.score.overlay import Overlay, antenna_of, overlay
+from vbaa_bench.score.score import read_scores
 
 MOST_FAILURES = 100
 GALLERY_FRAMES = 6
@@ -27,18 +28,13 @@ def report(results: Results) -> Path:
     if not (results.scores / "summary.json").is_file():
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
     summary = read_json(results.scores / "summary.json")
-    try:
-        scores = pl.read_parquet(results.scores / "scores.parquet")
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise InputError(f"{results.scores / 'scores.parquet'}: cannot be read") from error
-    if "honest" not in scores.columns:
-        raise InputError(f"{results.scores}: is of an older version; score the dataset again")
-    scores = figures.few_pushes(scores)
+    scores = figures.few_pushes(read_scores(results))
     methods = list(summary["methods"])
     colours = gallery.colours_of(methods)
     rig = truth.manifest["true_rig"]
     length, rigidity = rig["beam_length_mm"], rig["flexural_rigidity_n_mm2"]
-    overlays = [overlay(results, truth, scores, name) for name in _chosen_frames(truth)]
+    antenna, unmeasured = antenna_of(results)
+    overlays = [overlay(results, truth, scores, name, antenna) for name in _chosen_frames(truth)]
     css = {name: gallery.colour_name(colour) for name, colour in colours.items()}
     speed = figures.speed_against_error(summary, css)
     page = _template().render(
@@ -62,6 +58,13 @@ def report(results: Results) -> Path:
         calibrations=[_svg(chart) for chart in calibration.calibrations(scores, css)],
         errors=[_svg(figures.error_against_distance(scores, name)) for name in methods],
         truth_colour=gallery.colour_name(gallery.TRUTH),
+        points_colour=gallery.colour_name(gallery.POINTS),
+        tip_colour=gallery.colour_name(gallery.TIP),
+        rejected=[
+            (flag.name.lower(), gallery.colour_name(colour))
+            for flag, colour in gallery.REJECTED.items()
+        ],
+        unmeasured=unmeasured,
         legend=css.items(),
         gallery=[
             {

@@ -66,13 +66,14 @@ VECTORS: Final = (
 )
 
 
-def components(name: str, unit: str) -> list[str]:
-    """The columns of a vector in a predictions table."""
-    return [f"{name}_{axis}_{unit}" for axis in "xyz"]
+def components(name: str, unit: str, true: str) -> tuple[Judged, ...]:
+    """The three components of one of VECTORS, each judged by itself."""
+    vector = pl.col(true).cast(pl.List(pl.Float64))  # of no type where nothing is ever touched
+    return tuple(Judged(f"{name}_{axis}", unit, vector.list.get(i)) for i, axis in enumerate("xyz"))
 
 
+COMPONENTS: Final = tuple(one for vector in VECTORS for one in components(*vector))
 NUMBERS: Final = (
-    *(name for one in JUDGED for name in (one.column, one.sigma)),
-    *(column for name, unit, _ in VECTORS for column in components(name, unit)),
+    *(name for one in (*JUDGED, *COMPONENTS) for name in (one.column, one.sigma)),
     "image_ms",
 )

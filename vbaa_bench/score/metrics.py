@@ -7,10 +7,11 @@ import polars as pl
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.score.judged import JUDGED, NUMBERS, VECTORS, Judged, components
+from vbaa_bench.score.judged import COMPONENTS, JUDGED, NUMBERS, VECTORS, Judged, components
 from vbaa_bench.score.refusals import right_refusals
 
 _TEXTS = ("outcome", "message")
+_ALL = (*JUDGED, *COMPONENTS)
 _LARGEST = 1e12
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
 
@@ -65,7 +66,7 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
     )
     # A standard deviation that is not positive says nothing.
     table = table.with_columns(
-        pl.when(pl.col(one.sigma) > 0).then(pl.col(one.sigma)).alias(one.sigma) for one in JUDGED
+        pl.when(pl.col(one.sigma) > 0).then(pl.col(one.sigma)).alias(one.sigma) for one in _ALL
     )
     given = pl.col("x_c_mm").is_not_null() | pl.col("force_n").is_not_null()
     stated = pl.col("outcome")
@@ -104,20 +105,17 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     `refused` frames are failures whose outcome says that there is no number to give;
     `rightly_refused` are those of which that is true, as `refusals` tells; `honest` are these, a
     right "no contact", and an x_c within three stated sigmas. Errors are of frames
-    that have not failed: each quantity of `judged` in its own unit and in stated sigmas, x_c and
-    s_c also in % of L, forces and the compliance of springs in %, and the lengths of the errors
-    of vectors. Raises InputError for frames that are not of this dataset, or answered twice.
+    that have not failed: each quantity of `judged`, components of vectors among them, in its own
+    unit and in stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in
+    %, and the lengths of the errors of vectors. Raises InputError for frames that are not of this
+    dataset, or answered twice.
     """
     _refuse_strangers(truth, predictions, source)
     true = truth.frames.select(
         "frame_id",
         *CONDITIONS,
         # Where no frame touches anything the columns have no type.
-        *(one.true.cast(pl.Float64).alias(one.truth) for one in JUDGED),
-        *(
-            pl.col(column).cast(pl.List(pl.Float64)).alias(f"true_{name}_{unit}_xyz")
-            for name, unit, column in VECTORS
-        ),
+        *(one.true.cast(pl.Float64).alias(one.truth) for one in _ALL),
     ).join(right_refusals(truth), on="frame_id")
     joined = true.join(predictions, on="frame_id", how="left").with_columns(
         pl.lit(method).alias("method"),
@@ -134,14 +132,14 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
             f"{source}: outcome '{min(unknown_outcomes)}' is unknown, allowed is one of "
             f"{', '.join(str(outcome) for outcome in Outcome)}"
         )
-    judged = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, JUDGED))
+    judged = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, _ALL))
     near = (pl.col("x_c_error_mm").abs() <= 3 * pl.col("x_c_sigma_mm")).fill_null(value=False)
     return judged.with_columns(
-        *(_in_sigmas(one) for one in JUDGED),
+        *(_in_sigmas(one) for one in _ALL),
         (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | near).alias("honest"),
         *_shares(truth.manifest["true_rig"]["beam_length_mm"]),
-        *(_vector_error(name, unit) for name, unit, _ in VECTORS),
-    ).drop("may_say", *(f"true_{name}_{unit}_xyz" for name, unit, _ in VECTORS))
+        *(_vector_error(*vector) for vector in VECTORS),
+    ).drop("may_say")
 
 
 def _refuse_strangers(truth: Truth, predictions: pl.DataFrame, source: str) -> None:
@@ -203,11 +201,8 @@ def _shares(length_mm: float) -> list[pl.Expr]:
     ]
 
 
-def _vector_error(name: str, unit: str) -> pl.Expr:
+def _vector_error(name: str, unit: str, true: str) -> pl.Expr:
     """The length of the error of a vector, of which all three components are answered."""
-    squares = [
-        (pl.col(column) - pl.col(f"true_{name}_{unit}_xyz").list.get(axis)) ** 2
-        for axis, column in enumerate(components(name, unit))
-    ]
+    squares = [pl.col(one.error) ** 2 for one in components(name, unit, true)]
     error = pl.sum_horizontal(squares, ignore_nulls=False).sqrt()
-    return pl.when(~pl.col("failed")).then(error).alias(f"{name}_vector_error_{unit}")
+    return error.alias(f"{name}_vector_error_{unit}")

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from solver.centreline.area_weighted import area_weighted
+from solver.estimate import Antenna, see, set_up
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.centreline import Centreline
 from solver.instrument.errors import InputError
 from solver.instrument.images import eight_bit, read_grey
+from solver.instrument.observation import open_observations
 from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
@@ -19,20 +21,30 @@ from vbaa_bench.score.stage import camera_frame_from_clamp
 @dataclass(frozen=True)
 class Overlay:
     """Pixels (u, v): true centreline (n, 2), true contact (2,) or None where nothing is touched,
-    extracted points (m, 2), and the estimated contact of each method (2,), put on the true
-    centreline at the estimated x_c."""
+    what the solver's own extraction measures, None where it measures nothing, and the estimated
+    contact of each method (2,), put on the true centreline at the estimated x_c."""
 
     frame_id: str
     title: str
     image: Grey
     centreline: Floats
     contact: Floats | None
-    points: Floats
+    measured: Centreline | None
     estimates: dict[str, Floats]
 
 
-def overlay(results: Results, truth: Truth, scores: pl.DataFrame, frame_id: str) -> Overlay:
-    """The overlay of one frame."""
+def overlay(
+    results: Results,
+    truth: Truth,
+    scores: pl.DataFrame,
+    frame_id: str,
+    antenna: Antenna | None = None,
+) -> Overlay:
+    """The overlay of one frame.
+
+    `antenna` is what the solver has set up from the dataset's observations; without it nothing is
+    measured. Raises InputError where the image is missing.
+    """
     paths = list(results.dataset.observations.glob(f"shard_*/{frame_id}.png"))
     if not paths:
         raise InputError(
@@ -65,11 +77,22 @@ def overlay(results: Results, truth: Truth, scores: pl.DataFrame, frame_id: str)
         image=eight_bit(image),
         centreline=pixels(x),
         contact=contact,
-        points=_extracted(image),
+        measured=None if antenna is None else _measured(antenna, image),
         estimates=estimates,
     )
 
 
-def _extracted(image: Grey) -> Floats:
-    """The points (m, 2) that the solver's extraction finds."""
-    return area_weighted(image).points
+def antenna_of(results: Results) -> tuple[Antenna | None, str]:
+    """What the solver learns from the observations, once; or None, and why it cannot."""
+    try:
+        return set_up(open_observations(results.dataset.observations)), ""
+    except (InputError, ValueError) as error:
+        return None, str(error)
+
+
+def _measured(antenna: Antenna, image: Grey) -> Centreline | None:
+    """What the methods were given of this image; None where it cannot be measured."""
+    try:
+        return see(antenna, image)
+    except (InputError, ValueError):  # the methods answer "invalid" here
+        return None

@@ -13,6 +13,7 @@ from solver.instrument.files import write_bytes, write_text
 from solver.methods import METHODS
 from vbaa_bench.dataset.manifest import verify_observations, verify_truth
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.score.judged import COMPONENTS, JUDGED
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.metrics import read_predictions, score_frames
 from vbaa_bench.score.summary import summarise
@@ -45,6 +46,20 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"{results.scores}: cannot be written ({error.strerror})") from error
     return summary
+
+
+def read_scores(results: Results) -> pl.DataFrame:
+    """The table that `score` wrote. Raises InputError where there is none, or an older one."""
+    table = results.scores / "scores.parquet"
+    if not table.is_file():
+        raise InputError(f"{results.scores}: holds no scores; score the dataset first")
+    try:
+        scores = pl.read_parquet(table)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise InputError(f"{table}: cannot be read") from error
+    if not {"honest", *(one.in_sigmas for one in (*JUDGED, *COMPONENTS))} <= set(scores.columns):
+        raise InputError(f"{table}: is of an older version; score the dataset again")
+    return scores
 
 
 def found_predictions(results: Results) -> dict[str, Path]:

@@ -13,7 +13,7 @@ from scipy.stats import bootstrap
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.manifest import versions
-from vbaa_bench.score.judged import COMPLIANCE, JUDGED, Judged
+from vbaa_bench.score.judged import COMPLIANCE, COMPONENTS, JUDGED, Judged
 from vbaa_bench.score.refusals import SURE_SNR
 
 CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
@@ -42,7 +42,8 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
     `rightly_refused_rate` those of them of which that is true, `crashed_rate` frames without any
     answer; all three are part of `failure_rate`. `honest_rate` is the share of frames that were
     answered by an outcome that is right, or by an x_c within three stated sigmas; null where no
-    sigma is stated. `compliance_last_rmse_pct` is that of the last frames of pushes.
+    sigma is stated. `compliance_last_rmse_pct` and other `last` values are of the last frames
+    of pushes.
     """
     x_c, force = np.abs(_values(rows, "x_c_error_pct_L")), _values(rows, "force_error_pct")
     psi, compliance = _values(rows, "psi_error_deg"), _values(rows, "compliance_error_pct")
@@ -66,12 +67,16 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
         "compliance_median_abs_pct": _quantile(np.abs(compliance), 0.5),
         "compliance_last_rmse_pct": _rms(_values(last, "compliance_error_pct")),
         "compliance_rigid_rmse_mm_per_n": _rms(_values(rigid, "compliance_error_mm_per_n")),
+        "compliance_rigid_last_rmse_mm_per_n": _rms(
+            _values(rigid.filter("last_step"), "compliance_error_mm_per_n")
+        ),
         "contact_antenna_rmse_mm": _rms(_values(rows, "contact_antenna_vector_error_mm")),
         "contact_world_rmse_mm": _rms(_values(rows, "contact_world_vector_error_mm")),
         "force_vector_rmse_n": _rms(_values(rows, "force_vector_error_n")),
         "calibration": {
-            **{one.name: calibration(rows, one) for one in JUDGED},
+            **{one.name: calibration(rows, one) for one in (*JUDGED, *COMPONENTS)},
             "compliance_rigid": calibration(rigid, COMPLIANCE),
+            "compliance_last": calibration(last, COMPLIANCE),
         },
         "failure_rate": _share(rows, "failed"),
         "refused_rate": _share(rows, "refused"),

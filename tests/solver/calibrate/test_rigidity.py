@@ -1,6 +1,7 @@
 """EI from a hung weight: the shape by three roads, then what noise and nuisances leave of EI."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -102,3 +103,45 @@ def test_a_weight_that_tells_nothing_is_refused() -> None:
     beyond = HungWeight(0.05, 0.0, 0.25, 0.0, 0.0)
     with pytest.raises(InputError, match=r"hangs at 250 mm, .* below 240 mm"):
         flexural_rigidity([at_rest], [at_rest], beyond)
+
+
+def bent(at: float, random: np.random.Generator) -> tuple[Measurement, ...]:
+    """A steel beam at rest and under the weight at arc length `at`."""
+    shapes = (hung_beam(load, STEEL / EI, at, 0.0, LENGTH) for load in (0.0, WEIGHT.force / EI))
+    at_rest, loaded = (seen(shape, random, 0.0, 0.0) for shape in shapes)
+    return at_rest, loaded
+
+
+@pytest.mark.parametrize(("off", "towards"), [(0.01, "tip"), (-0.02, "clamp")])
+def test_a_weight_that_hangs_elsewhere_is_refused(off: float, towards: str) -> None:
+    at_rest, loaded = bent(AT + off, np.random.default_rng(10))
+    with pytest.raises(InputError, match=rf"mm nearer to the {towards} than .*\d\d sigma"):
+        flexural_rigidity([at_rest], [loaded], WEIGHT)
+
+
+def test_a_clamp_that_is_not_level_is_refused() -> None:
+    # So heavy a weight turns the tip by half a radian and tells which way is down.
+    heavy = replace(WEIGHT, force=3 * WEIGHT.force, at_sigma=0.1e-3)
+    shapes = (hung_beam(load, STEEL / EI, AT, 0.2, LENGTH) for load in (0.0, heavy.force / EI))
+    random = np.random.default_rng(13)
+    at_rest, loaded = (seen(shape, random, 0.0, 0.0) for shape in shapes)
+    with pytest.raises(InputError, match=r"tilts the clamp by \d+(\.\d)? deg from level"):
+        flexural_rigidity([at_rest], [loaded], heavy)
+
+
+def test_a_shape_that_no_weight_makes_is_refused() -> None:
+    at_rest, loaded = bent(AT, np.random.default_rng(11))
+    x = loaded.points[:, 0]
+    wavy = loaded.points + np.column_stack([0 * x, 3e-4 * np.sin(60 * x)])
+    with pytest.raises(InputError, match=r"points lie \d+\.\d sigma off the best beam"):
+        flexural_rigidity([at_rest], [measurement(wavy, SIGMA)], WEIGHT)
+
+
+def test_a_tenth_of_stray_points_is_not_followed() -> None:
+    random = np.random.default_rng(12)
+    at_rest, loaded = bent(AT, random)
+    points = loaded.points.copy()
+    points[random.permutation(len(points))[: len(points) // 10], 1] += 40 * SIGMA
+    found = flexural_rigidity([at_rest], [measurement(points, SIGMA)], WEIGHT)
+    assert abs(found.value - EI) < 4 * found.sigma
+    assert found.sigma < 0.005 * EI

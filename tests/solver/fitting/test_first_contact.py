@@ -5,12 +5,10 @@ import pytest
 
 from solver.beam_models.linear import unit_deflection
 from solver.fitting.first_contact import Bend, nearest_linear_bend, no_contact
-from solver.fitting.onset import onset
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from tests.simulated import BEAM, measurement, pushed_points
-from vbaa_bench.mechanics.planar import push
 
 SIGMA = 0.05 * 0.51e-3  # 0.05 px
 X = np.arange(0.003, 0.24, 0.51e-3)
@@ -143,41 +141,3 @@ def test_answers_where_there_is_nothing_to_see() -> None:
     other_side = no_contact(Bend(0.1, -1.0, -100.0))
     assert other_side is not None
     assert other_side.outcome is Outcome.INVALID
-
-
-def pushed(first: float, last: float, frames: int, towards: float) -> tuple[Floats, Floats]:
-    """Motor angles and forces of a push against a rigid edge that begins at -0.3 rad."""
-    steps = np.linspace(first, last, frames)
-    forces = [
-        float(np.linalg.norm(push(BEAM, 0.15, pushing_angle=step).contact.force)) if step > 0 else 0
-        for step in steps
-    ]
-    return -0.3 + towards * steps, np.array(forces, dtype=float)
-
-
-@pytest.mark.parametrize("towards", [1.0, -1.0])
-@pytest.mark.parametrize(("first", "last"), [(-3, 15), (3, 15), (-1, 1)])
-def test_onset_of_a_push(first: float, last: float, towards: float) -> None:
-    angles, forces = pushed(np.radians(first), np.radians(last), 13, towards)
-    sigma = 2e-3 * forces.max()
-    random = np.random.default_rng(7)
-    pulls = []
-    for _ in range(100):
-        found = onset(angles, forces + sigma * random.standard_normal(13), np.full(13, sigma))
-        assert found is not None
-        assert found.growth * towards > 0
-        pulls.append((found.angle + 0.3) / found.sigma)
-    # Frames before the onset bound it from one side, so sigma may be the larger.
-    assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.4
-
-
-def test_no_onset_without_a_push() -> None:
-    random = np.random.default_rng(8)
-    angles, sigmas = np.linspace(0, 0.2, 10), np.full(10, 1e-3)
-    assert onset(angles, 1e-3 * random.standard_normal(10), sigmas) is None
-    assert onset(np.zeros(10), np.full(10, 0.1), sigmas) is None
-    assert onset(np.empty(0), np.empty(0), np.empty(0)) is None
-    with pytest.raises(ValueError, match="sigma"):
-        onset(angles, angles, 0 * sigmas)
-    with pytest.raises(ValueError, match="length"):
-        onset(angles, angles[:5], sigmas)

@@ -6,7 +6,7 @@ import pytest
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.images import eight_bit, png_bytes, png_size, read_grey
+from solver.instrument.images import eight_bit, png_bytes, png_size, read_grey, to_grey
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
@@ -27,12 +27,33 @@ def test_the_same_image_gives_the_same_bytes() -> None:
     assert png_bytes(image) == png_bytes(image.copy())
 
 
-@pytest.mark.parametrize("wrong", [np.zeros((4, 5, 3), np.uint8), np.zeros((4, 5, 4), np.uint16)])
-def test_only_one_channel_is_gray(tmp_path: Path, wrong: np.ndarray) -> None:
-    path = tmp_path / "image.png"
-    path.write_bytes(bytes(cv2.imencode(".png", wrong)[1]))
-    with pytest.raises(InputError, match="allowed is one channel of 8 or 16 bits"):
-        read_grey(path)
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_colour_becomes_gray_and_bits_stay(kind: type, channels: int, tmp_path: Path) -> None:
+    grey: Grey = np.random.default_rng(3).integers(0, np.iinfo(kind).max, (7, 9)).astype(kind)
+    coloured = np.repeat(grey[:, :, None], channels, axis=2)
+    found = to_grey(coloured, "x")
+    assert found.dtype == kind
+    assert np.array_equal(found, grey)  # the weights of the three colours add up to one
+    path = tmp_path / "x.png"
+    path.write_bytes(bytes(cv2.imencode(".png", coloured)[1]))
+    assert np.array_equal(read_grey(path), grey)
+
+
+def test_a_file_keeps_blue_and_red_apart(tmp_path: Path) -> None:
+    path = tmp_path / "x.png"
+    for place, gray in enumerate((29, 150, 76)):  # blue, green, red (ITU-R BT.601)
+        one = np.zeros((4, 5, 3), np.uint8)
+        one[:, :, place] = 255
+        path.write_bytes(bytes(cv2.imencode(".png", one)[1]))
+        assert (read_grey(path) == gray).all()
+
+
+def test_what_is_neither_gray_nor_colour_is_refused() -> None:
+    with pytest.raises(InputError, match=r"x: has shape \(3, 3\) and type float64"):
+        to_grey(np.zeros((3, 3)), "x")
+    with pytest.raises(InputError, match="allowed are gray or colour"):
+        to_grey(np.zeros((3, 3, 2), np.uint8), "x")
 
 
 @pytest.mark.parametrize("content", [b"", b"no image"])

@@ -146,3 +146,33 @@ def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
     path.write_text("{}")
     with pytest.raises(InputError, match="missing"):
         read_rig(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "nearest"),
+    [
+        ("beam.lenght_mm", "beam.length_mm"),
+        ("beam.known_psi", "beam.known_psi_deg"),
+        ("base.position_sigma", "base.position_sigma_mm"),
+        ("camera.distorsion_coefficients", "camera.distortion_coefficients"),
+        ("length_mm", "beam.length_mm"),
+        ("force_sensr.force_sigma_n", "force_sensor"),
+    ],
+)
+def test_a_key_that_means_nothing_is_named_with_the_nearest(
+    tmp_path: Path, key: str, nearest: str
+) -> None:
+    document = json.loads(rig_to_json(rig()))
+    *sections, name = key.split(".")
+    place = document
+    for section in sections:
+        place = place.setdefault(section, {})
+    place[name] = 1.0
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError) as caught:
+        read_rig(path)
+    said = str(caught.value)
+    assert str(path) in said
+    assert said.endswith(f"means nothing here, the nearest allowed is {nearest}")
+    assert f"the key {key.split('.', maxsplit=1)[0]}" in said

@@ -90,6 +90,21 @@ def test_only_the_first_fifth_visible_gives_an_honest_huge_covariance() -> None:
         assert answer.outcome in (Outcome.NOT_IDENTIFIABLE, Outcome.INVALID, Outcome.NOT_CONVERGED)
 
 
+@pytest.mark.parametrize("distance", [0.06, 0.15, 0.21])
+@pytest.mark.parametrize("share", [0.1, 0.2])
+def test_a_short_visible_stretch_never_stops_the_fit_without_a_word(
+    distance: float, share: float
+) -> None:
+    points, x_c, _ = pushed_points(distance, 0.1)
+    near = points[points[:, 0] < share * BEAM.length]
+    for seed in range(15):
+        answer = exact_fit(measurement(noisy(near, seed), SIGMA, base_sigma=2e-5))
+        if answer.values:
+            assert abs(answer.values["x_c_m"] - x_c) < 4 * answer.sigma("x_c_m")
+        else:
+            assert answer.outcome is Outcome.NOT_IDENTIFIABLE
+
+
 def test_order_and_repetition_of_points_do_not_matter() -> None:
     points, x_c, _ = pushed_points(0.1, 0.1)
     shuffled = np.random.default_rng(2).permutation(points)

@@ -89,8 +89,12 @@ def test_what_it_cannot_answer_is_said() -> None:
     silent = moment_sensor(inclined(points, FINE))
     assert silent.outcome is Outcome.INVALID
     assert "moment sensor" in silent.message
-    few = moment_sensor(inclined(points[:20], FINE, moment_y=truth["moment_y"]))
-    assert few.outcome is Outcome.INVALID
+    moment = truth["moment_y"]
+    few = moment_sensor(inclined(points[:20], FINE, moment_y=moment, moment_sigma=1e-4))
+    assert few.outcome is Outcome.NOT_IDENTIFIABLE
+    unweighted = moment_sensor(inclined(points, FINE, moment_y=moment))
+    assert unweighted.outcome is Outcome.INVALID
+    assert "no sigma" in unweighted.message
     straight = points * [1, 0]
     resting = moment_sensor(inclined(straight, FINE, moment_y=0.0, moment_sigma=1e-4))
     assert resting.outcome is Outcome.NO_CONTACT

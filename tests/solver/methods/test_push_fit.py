@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.fitting.push_answer import contact_quantities
 from solver.fitting.push_geometry import Touch, touch
+from solver.fitting.values import shape_quantities
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
@@ -78,26 +78,29 @@ def test_the_gradients_of_a_push_are_its_derivatives() -> None:
         assert at.d_distance[i] == pytest.approx(slope, rel=1e-6, abs=1e-9)
 
 
-def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives() -> None:
+@pytest.mark.parametrize("mount", ["antenna", "world"])
+def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(mount: str) -> None:
     measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(5.0,))
-    # Names of the arguments in SHAPE's order; the last three are the rig's, EI by its share.
-    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, RIGIDITY])
+    seen = mirrored(measurement)
+    if mount == "world":
+        seen = replace(seen, motor_angle=None)
+    seen = replace(seen, rig=replace(seen.rig, camera_mount=mount))
+    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0])
 
     def values(p: Floats) -> tuple[Floats, Floats]:
-        beam = replace(measurement.rig.beam, flexural_rigidity=float(p[7]))
-        there = replace(measurement, rig=replace(measurement.rig, beam=beam))
-        told, jacobian = contact_quantities(mirrored(there), p[:6], float(p[6]))
+        told, jacobian, _ = shape_quantities(seen, p, psi_fitted=True, clamp_fitted=True)
+        assert len(told) == (19 if mount == "world" else 18)
         return np.array(list(told.values())), jacobian
 
     _, jacobian = values(at)
-    for i, step in enumerate(1e-6 * np.abs(at)):
+    for i, step in enumerate(1e-6 * np.abs(at[:-1])):
         moved = np.zeros(len(at))
         moved[i] = step
         slope = (values(at + moved)[0] - values(at - moved)[0]) / (2 * step)
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-5, abs=1e-7)
     # Lengths that err by a share, all of them, but for where the clamp stands.
-    still_clamp = at * [1, 1, 1, 0, 0, 1, 1, 1]
-    larger, smaller = (still_clamp * [s**-2, s, 1, 1, 1, 1, 1, 1] for s in (1 + 1e-6, 1 - 1e-6))
+    still_clamp = at * [1, 1, 1, 0, 0, 1, 1, 1, 1]
+    larger, smaller = (still_clamp * [s**-2, s, 1, 1, 1, 1, 1, 1, 1] for s in (1 + 1e-6, 1 - 1e-6))
     slope = (values(larger)[0] - values(smaller)[0]) / 2e-6
     assert values(still_clamp)[1][:, 8] == pytest.approx(slope, rel=1e-5, abs=1e-7)
 
@@ -297,8 +300,14 @@ def test_without_a_push_it_answers_as_a_single_frame() -> None:
     first = measurement.earlier[0]
     unmoved = replace(measurement, earlier=(measurement, measurement))
     unread = replace(measurement, motor_angle=None)
-    for lone in (first, unmoved, unread):
+    for lone, why in (
+        (first, "no earlier"),
+        (unmoved, "motor has not turned"),
+        (unread, "no motor angle is read"),
+    ):
         answer = push_fit(lone)
+        assert answer.message.startswith("of this frame alone: ")
+        assert why in answer.message
         assert answer.values == exact_fit(lone).values
         assert "compliance_m_per_n" not in answer.values
 

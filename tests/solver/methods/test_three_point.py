@@ -82,7 +82,7 @@ def test_large_deflection_biases_psi() -> None:
 def test_what_it_cannot_answer_is_said() -> None:
     points, _ = linear(0.15, 0.3)
     few = three_point(inclined(points[:50], SIGMA))
-    assert few.outcome is Outcome.INVALID
+    assert few.outcome is Outcome.NOT_IDENTIFIABLE
     straight = three_point(inclined(points * [1, 0], SIGMA))
     assert straight.outcome is Outcome.NO_CONTACT
     collinear = three_point(inclined(points * [1, 0] + points[:, :1] * [0, 0.1], SIGMA))

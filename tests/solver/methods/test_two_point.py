@@ -9,7 +9,7 @@ from solver.beam_models.linear import ratio, ratio_slope, unit_deflection
 from solver.instrument.estimate import Estimate, Outcome
 from solver.methods.two_point import contact_distance, two_point
 from tests.inclined import VIEWPOINT, inclined, on_plane_c
-from tests.simulated import BEAM, columns, measurement
+from tests.simulated import BEAM, columns, measurement, pushed_points
 
 EI = BEAM.flexural_rigidity
 PLACES = st.floats(0.004, 0.24)
@@ -163,10 +163,16 @@ def test_ratios_out_of_range_and_repeated_points_are_no_numbers() -> None:
     assert twice.values["x_c_m"] == pytest.approx(once.values["x_c_m"], rel=1e-9)
 
 
-def test_too_few_pairs_are_invalid() -> None:
+def test_too_few_pairs_identify_nothing() -> None:
     points = np.column_stack([np.linspace(0.01, 0.2, 20), np.linspace(0.2, 0.01, 20)])
-    assert two_point(measurement(points, 1e-5)).outcome is Outcome.INVALID
-    assert two_point(measurement(np.empty((0, 2)), 1e-5)).outcome is Outcome.INVALID
+    assert two_point(measurement(points, 1e-5)).outcome is Outcome.NOT_IDENTIFIABLE
+    assert two_point(measurement(np.empty((0, 2)), 1e-5)).outcome is Outcome.NOT_IDENTIFIABLE
+    # Many points, and none far enough from another.
+    short, _, _ = pushed_points(0.15, 0.1)
+    near = short[short[:, 0] < 0.05]
+    answer = two_point(measurement(near, 1e-6))
+    assert answer.outcome is Outcome.NOT_IDENTIFIABLE
+    assert answer.message
 
 
 def test_a_displaced_clamp_enters_the_covariance() -> None:

@@ -2,8 +2,10 @@
 
 import json
 import math
+import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,7 +99,7 @@ def test_whole_pushes_are_chosen_spread_evenly_in_the_order_of_their_steps() -> 
 
 def test_the_command_says_what_the_issue_of_speed_asks(dataset: Path) -> None:
     line = ["speed", "solve", str(dataset), "--method", "exact_fit", "--repeats", "1"]
-    done = CliRunner().invoke(cli.app, [*line, "--json"])
+    done = CliRunner().invoke(cli.app, [*line, "--no-first-ever", "--json"])
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
     (found,) = record["methods"].values()
@@ -108,7 +110,33 @@ def test_the_command_says_what_the_issue_of_speed_asks(dataset: Path) -> None:
     cold = found["cold_start"]
     assert cold["total_s"] > cold["import_s"] + cold["set_up_s"] > 0
     assert cold["first_image_ms"] > 0
+    assert found["first_start"] is None  # compiling takes a minute
     assert record["machine"]["cores"] >= 1
+
+
+def test_a_first_start_finds_nothing_compiled_and_a_cold_one_what_there_is(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "observations").mkdir()
+    kept: list[tuple[str, str | None, bool]] = []
+
+    def run(command: list[str], **how: Any) -> subprocess.CompletedProcess[str]:
+        verb, method = command[3], command[5]
+        folder = how["env"].get("NUMBA_CACHE_DIR")
+        kept.append((verb, folder, folder is None or not any(Path(folder).iterdir())))
+        methods = {name: dict[str, Any]() for name in ("two_point", "exact_fit")}
+        answer: dict[str, Any] = {"methods": methods} if verb == "measure" else {}
+        (Path(folder) / method if folder else tmp_path / "used").write_text("compiled")
+        said = json.dumps(answer | {"total_s": len(kept)})
+        return subprocess.CompletedProcess(command, 0, stdout=said, stderr="")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    methods = ["two_point", "exact_fit"]
+    found = measure_apart(tmp_path / "observations", methods, 1, 1)["methods"]
+    assert [verb for verb, _, _ in kept] == ["measure", *["start_cold"] * 4]
+    assert all(empty for _, _, empty in kept)
+    assert [folder is None for _, folder, _ in kept] == [True, True, False, True, False]
+    assert found["exact_fit"] == {"cold_start": {"total_s": 4}, "first_start": {"total_s": 5}}
 
 
 def test_a_mistake_is_one_sentence(dataset: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.vbaa_bench.score.worlds import FREE, MANIFEST, truth
+from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.score.accuracy import accuracy, markdown
 from vbaa_bench.score.metrics import checked_predictions, score_frames
 from vbaa_bench.score.remarks import remarks
@@ -19,6 +20,17 @@ SCENES = Path(__file__).parents[3] / "scenes"
 def scene(name: str) -> dict[str, object]:
     dumped: dict[str, object] = load_scene(SCENES / name).scene.model_dump(mode="json")
     return dumped
+
+
+def written(root: Path, true: Truth, scores: pl.DataFrame, of: str) -> Path:
+    """A dataset's folder with nothing in it but its truth and its scores."""
+    (root / "scores").mkdir(parents=True)
+    scores.write_parquet(root / "scores" / "scores.parquet")
+    (root / "truth" / "shard_00000").mkdir(parents=True)
+    true.frames.write_parquet(root / "truth" / "shard_00000" / "truth.parquet")
+    manifest = {**MANIFEST, "scene": scene(of)}
+    (root / "truth" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    return root
 
 
 @pytest.fixture
@@ -40,14 +52,7 @@ def scored(tmp_path: Path) -> Path:
             }
         )
         scores.append(score_frames(true, checked_predictions(table, name), name, name))
-    root = tmp_path / "taper"
-    (root / "scores").mkdir(parents=True)
-    pl.concat(scores).write_parquet(root / "scores" / "scores.parquet")
-    (root / "truth" / "shard_00000").mkdir(parents=True)
-    true.frames.write_parquet(root / "truth" / "shard_00000" / "truth.parquet")
-    manifest = {**MANIFEST, "scene": scene("hard/taper.yaml")}
-    (root / "truth" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    return root
+    return written(tmp_path / "taper", true, pl.concat(scores), "hard/taper.yaml")
 
 
 def test_a_row_for_every_dataset_and_method(scored: Path) -> None:
@@ -75,6 +80,41 @@ def test_rows_by_a_condition_come_in_its_order(scored: Path) -> None:
         accuracy([scored], "colour")
 
 
+def test_stiffness_is_gathered_by_decades_and_told_at_the_end_of_a_push(tmp_path: Path) -> None:
+    soft = [
+        {"push_id": "soft", "step": step, "k_s_n_m": 10.0, "k_s_over_k_beam": ratio}
+        for step, ratio in enumerate((0.02, 0.05))
+    ]
+    hard = {"push_id": "hard", "k_s_n_m": 1000.0, "k_s_over_k_beam": 10.0}
+    true = truth(*soft, hard, {"push_id": "rigid"}, FREE)
+    table = pl.DataFrame(
+        {
+            "frame_id": [f"f{i}" for i in range(5)],
+            "x_c_mm": [120.0, 120.0, 120.0, 120.0, None],
+            "compliance_mm_per_n": [150.0, 102.0, 1.2, 0.05, None],
+            "compliance_sigma_mm_per_n": [1.0, 1.0, 0.01, 0.02, None],
+            "outcome": [None, None, None, None, "no contact"],
+        }
+    )
+    scores = score_frames(true, checked_predictions(table, "mine"), "mine", "mine")
+    root = written(tmp_path / "stiff", true, scores, "fig8_rigid.yaml")
+    keys = (
+        "compliance_last_rmse_pct",
+        "compliance_rigid_last_rmse_mm_per_n",
+        "compliance_last_within_3_sigma_pct",
+    )
+    rows = {
+        row["k_s_over_k_beam"]: [row[key] for key in keys]
+        for row in accuracy([root], "k_s_over_k_beam")
+    }
+    assert list(rows) == ["0.01 – 0.1", "10 – 100", "rigid", None]
+    assert rows["0.01 – 0.1"] == [pytest.approx(2.0), None, 100]
+    assert rows["10 – 100"] == [pytest.approx(20.0), None, 0]
+    assert rows["rigid"] == [None, pytest.approx(0.05), 100]
+    assert rows[None] == [None, None, None]
+    assert [row["k_s_n_m"] for row in accuracy([root], "k_s_n_m")] == ["10", "1000", "rigid", None]
+
+
 def test_the_markdown_is_a_table_with_remarks_below(scored: Path) -> None:
     text = markdown(accuracy([scored, scored]))
     lines = text.splitlines()
@@ -91,8 +131,13 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
     with pytest.raises(InputError, match="holds no scores"):
         accuracy([tmp_path / "none"])
     table = scored / "scores" / "scores.parquet"
-    pl.read_parquet(table).drop("honest").write_parquet(table)
-    with pytest.raises(InputError, match="score the dataset again"):
+    complete = pl.read_parquet(table)
+    for column in ("honest", "force_y_error_in_sigmas"):
+        complete.drop(column).write_parquet(table)
+        with pytest.raises(InputError, match="score the dataset again"):
+            accuracy([scored])
+    table.write_bytes(b"no table")
+    with pytest.raises(InputError, match="cannot be read"):
         accuracy([scored])
 
 
@@ -107,6 +152,9 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         ("hard/friction.yaml", "friction"),
         ("hard/moving_object.yaml", "moves by itself"),
         ("hard/two_pegs.yaml", "second peg"),
+        ("hard/adaptor.yaml", "axis of rotation"),
+        ("fig2_sliding_edge.yaml", "exact_fit_3d"),
+        ("train_3d.yaml", "exact_fit_3d"),
         ("free_beam.yaml", "nothing is touched"),
     ],
 )
@@ -115,6 +163,8 @@ def test_a_scene_that_breaks_an_assumption_says_so(name: str, said: str) -> None
     assert any(said in sentence for sentence in found)
 
 
-@pytest.mark.parametrize("name", ["fig8_rigid", "quickstart", "hard/tiny_deflection"])
+@pytest.mark.parametrize(
+    "name", ["fig8_rigid", "quickstart", "hard/tiny_deflection", "va_flat_strip"]
+)
 def test_a_scene_that_keeps_them_says_nothing(name: str) -> None:
     assert remarks(scene(f"{name}.yaml")) == []

@@ -77,6 +77,29 @@ def test_errors_of_vectors_are_lengths() -> None:
     assert row["contact_world_vector_error_mm"] is None
 
 
+def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it() -> None:
+    rng = np.random.default_rng(8)
+    places = {"x": 120.0, "y": 8.0, "z": 0.0}
+    answers: list[dict[str, Any] | None] = []
+    for _ in range(2000):
+        answer = {"x_c_mm": 120.0}
+        for axis, at in places.items():
+            answer[f"contact_antenna_{axis}_mm"] = at + rng.normal(0, 0.2)
+            answer[f"contact_antenna_{axis}_sigma_mm"] = 0.05 if axis == "y" else 0.2
+        answer |= {"force_y_n": 0.098 + rng.normal(0, 1e-3), "force_y_sigma_n": 1e-3}
+        answers.append(answer)
+    found = facts(scored([{}] * len(answers), answers))
+    stated = found["calibration"]
+    # The mean square of 2000 Gaussian numbers has a standard error of 0.03.
+    for honest in ("contact_antenna_x", "contact_antenna_z", "force_y"):
+        assert stated[honest]["nees"] == pytest.approx(1, abs=0.13)
+        assert stated[honest]["coverage_95"] == pytest.approx(0.95, abs=0.02)
+    assert stated["contact_antenna_y"]["nees"] == pytest.approx(16, rel=0.13)
+    assert stated["contact_antenna_y"]["coverage_95"] < 0.5
+    assert stated["force_x"] is None  # nobody states it
+    assert found["contact_antenna_rmse_mm"] == pytest.approx(0.2 * np.sqrt(3), rel=0.05)
+
+
 @pytest.mark.parametrize("sigma", [0.0, -1.0, None, float("nan")])
 def test_a_sigma_that_is_not_positive_states_nothing(sigma: float | None) -> None:
     rows = scored([{}], [{"x_c_mm": 121.0, "x_c_sigma_mm": sigma}])

@@ -7,51 +7,36 @@ from typing import Any, Final, Self
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from solver.centreline import Flag
-from solver.console import sentence
 from solver.estimate import Antenna, measure
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.images import eight_bit
 from solver.instrument.transforms import apply
-from solver.live import Answer
+from solver.lab.console import sentence
+from solver.lab.drawing import SHIFT, Colour, Picture, enlarged, mark, place
+from solver.lab.live import Answer
 from solver.sequence import Solved
 
-Picture = npt.NDArray[np.uint8]
-
-# Blue, green, red.
-MEASURED: Final = (80, 220, 80)
-REJECTED: Final = {
-    Flag.HIDDEN: (160, 160, 160),
-    Flag.SATURATED: (60, 220, 240),
-    Flag.FOREIGN: (220, 80, 220),
-}
 TIP: Final = (240, 200, 60)
 CONTACT: Final = (60, 60, 255)
 FORCE: Final = (60, 150, 255)
 WIDTH = 1000  # smaller images are enlarged by a whole number to about this [px]
-_SHIFT = 4  # OpenCV draws at sixteenths of a pixel
 _FOURCC: Final = {".mp4": "mp4v", ".m4v": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "MJPG"}
 
 
 def draw(antenna: Antenna, given: Answer) -> Picture:
     """The picture (height, width, 3), BGR: the image with what was measured and estimated.
 
-    Measured points are green, rejected ones gray (hidden), yellow (saturated) or purple
-    (foreign); the tip is a blue ring, the estimated contact a red one. The arrow is the object's
-    force on the beam; it grows with the force and never exceeds a quarter of the height.
+    Points are marked as `drawing.py` says; the tip is a blue ring, the estimated contact a red one.
+    The arrow is the object's force on the beam; it grows with the force and never exceeds a quarter
+    of the height. Raises InputError where the shot has no image.
     """
-    image = given.shot.image
+    image = given.shot.grey()
     factor = max(1, round(WIDTH / image.shape[1]))
-    large = eight_bit(image).repeat(factor, axis=0).repeat(factor, axis=1)
-    picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    picture = enlarged(image, factor)
     line = given.solved.line
     if line is not None:
-        _dots(picture, line.points, factor, MEASURED)
-        for flag, colour in REJECTED.items():
-            _dots(picture, line.rejected[line.flags == flag], factor, colour)
+        mark(picture, line, factor)
         if line.tip is not None:
             _ring(picture, line.tip, factor, TIP)
     pushed = _pushed(antenna, given.solved)
@@ -109,21 +94,8 @@ def _arrow_px(antenna: Antenna, solved: Solved, height: int) -> float:
     return height / 4 * force / (force + unit)
 
 
-def _place(point: Floats, factor: int) -> tuple[int, int]:
-    """A pixel of the image in the enlarged picture, in sixteenths; far-off ones at its rim."""
-    enlarged = (np.asarray(point) + 0.5) * factor - 0.5
-    u, v = np.clip(np.rint(enlarged * 2**_SHIFT), -1e6, 1e6)
-    return int(u), int(v)
-
-
-def _dots(picture: Any, points: Floats, factor: int, colour: tuple[int, int, int]) -> None:
-    for point in points:
-        radius = round(0.25 * factor * 2**_SHIFT)
-        cv2.circle(picture, _place(point, factor), radius, colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
-
-
-def _ring(picture: Any, point: Floats, factor: int, colour: tuple[int, int, int]) -> None:
-    cv2.circle(picture, _place(point, factor), 9 << _SHIFT, colour, 2, cv2.LINE_AA, _SHIFT)
+def _ring(picture: Any, point: Floats, factor: int, colour: Colour) -> None:
+    cv2.circle(picture, place(point, factor), 9 << SHIFT, colour, 2, cv2.LINE_AA, SHIFT)
 
 
 def _arrow(picture: Any, at: Floats, towards: Floats, factor: int, length: float) -> None:
@@ -134,12 +106,12 @@ def _arrow(picture: Any, at: Floats, towards: Floats, factor: int, length: float
     head = at - towards * 12 / factor
     cv2.arrowedLine(
         picture,
-        _place(tail, factor),
-        _place(head, factor),
+        place(tail, factor),
+        place(head, factor),
         FORCE,
         2,
         cv2.LINE_AA,
-        _SHIFT,
+        SHIFT,
         min(0.3, 10 / length),
     )
 

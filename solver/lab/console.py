@@ -9,8 +9,8 @@ from rich.progress import MofNCompleteColumn, Progress
 from rich.status import Status
 from rich.table import Table
 
-from solver.live import Answer
-from solver.shots import Source
+from solver.lab.live import Answer
+from solver.lab.shots import Source
 from solver.table import Row
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)

@@ -7,17 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solver.console import sentence
 from solver.estimate import Antenna, set_up
-from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
-from solver.live import Answer, answers, json_line, warm_up
+from solver.lab.console import sentence
+from solver.lab.live import Answer, answers, json_line, warm_up
+from solver.lab.shots import Files
+from solver.lab.sources import open_source
 from solver.methods import METHODS
-from solver.shots import Files
-from solver.sources import open_source
 from solver.table import COLUMNS
 
 
@@ -85,11 +84,23 @@ def test_a_beam_at_rest_is_said_in_words(observations: Observations, antenna: An
         assert sentence(one.row) == f"no contact: {one.row['message']}"
 
 
-def test_an_image_of_another_size_ends_the_run(antenna: Antenna, tmp_path: Path) -> None:
-    path = tmp_path / "small.png"
-    path.write_bytes(png_bytes(np.zeros((40, 50), np.uint8)))
-    with pytest.raises(InputError, match=r"small\.png: has 50 x 40 px.*512 x 176 px"):
-        next(answers(open_source([str(path)]), antenna, METHODS["exact_fit"]))
+def test_an_image_that_cannot_be_used_is_a_row_and_the_push_goes_on(
+    observations: Observations, antenna: Antenna, tmp_path: Path
+) -> None:
+    small, text = tmp_path / "small.png", tmp_path / "text.png"
+    small.write_bytes(png_bytes(np.zeros((40, 50), np.uint8)))
+    text.write_text("no image")
+    before, after = (str(frame.path) for frame in observations.frames[:2])
+    method = Remembers()
+    source = open_source([before, str(small), str(text), after])
+    first, *bad, last = answers(source, antenna, method, repeats=2)
+    assert [one.row["outcome"] for one in bad] == ["invalid", "invalid"]
+    assert "50 x 40 px" in str(bad[0].row["message"])
+    assert "512 x 176" in str(bad[0].row["message"])
+    assert str(bad[1].row["message"]) == f"{text}: is not an image that can be decoded"
+    assert json.loads(json_line(bad[1]))["outcome"] == "invalid"
+    assert first.row["message"] == last.row["message"] == "looked"
+    assert method.past == [0, 0, 1, 1]
 
 
 def test_the_warm_up_is_a_contact(observations: Observations, antenna: Antenna) -> None:

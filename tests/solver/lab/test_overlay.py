@@ -13,10 +13,11 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations, open_observations
-from solver.live import Answer, answers
+from solver.lab.drawing import MEASURED, REJECTED
+from solver.lab.live import Answer, answers
+from solver.lab.overlay import CONTACT, FORCE, TIP, OverlayWriter, draw
+from solver.lab.shots import Files
 from solver.methods import METHODS
-from solver.overlay import CONTACT, FORCE, MEASURED, REJECTED, TIP, OverlayWriter, draw
-from solver.shots import Files
 from solver.table import row
 
 
@@ -97,7 +98,7 @@ def test_what_was_rejected_has_its_own_colour(antenna: Antenna, answered: list[A
 
 def test_sixteen_bits_are_drawn_as_they_look(antenna: Antenna, answered: list[Answer]) -> None:
     given = answered[0]
-    deep = replace(given.shot, image=given.shot.image.astype(np.uint16) * 16)
+    deep = replace(given.shot, image=given.shot.grey().astype(np.uint16) * 16)
     one, other = draw(antenna, given), draw(antenna, replace(given, shot=deep))
     assert other.dtype == np.uint8
     assert other.max() == 255

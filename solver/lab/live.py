@@ -11,11 +11,11 @@ import numpy as np
 
 from solver.estimate import Antenna, answer, measure, see
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View
+from solver.lab.shots import Shot, Source
 from solver.methods import Method
 from solver.sequence import Sequence, Solved
-from solver.shots import Shot, Source
 from solver.table import Row, row
 
 
@@ -37,12 +37,15 @@ def answers(
 ) -> Generator[Answer]:
     """Solve each shot with the past of its push; `repeats` times, for a median time.
 
-    Raises InputError where an image is not of the calibrated camera's size.
+    An image that cannot be used is an answer too, with the outcome "invalid".
     """
     sequence = Sequence(antenna, method)
     for shot in source:
-        _check_size(shot, antenna)
         waited = time.perf_counter() - shot.taken
+        if shot.image is None:
+            nothing = Solved(Estimate(Outcome.INVALID, shot.fault), None, 0.0)
+            yield Answer(shot, nothing, row(shot.name, nothing.estimate, 0.0), waited)
+            continue
         # A repeat is solved by a copy, or the frame would meet itself in its own past.
         shared = {id(part): part for part in (antenna, method)}
         trials = [copy.deepcopy(sequence, dict(shared)) for _ in range(repeats - 1)]
@@ -78,13 +81,3 @@ def json_line(given: Answer) -> str:
     known = {key: value for key, value in given.row.items() if value is not None}
     known.pop("frame_id")
     return json.dumps({**said, **known})
-
-
-def _check_size(shot: Shot, antenna: Antenna) -> None:
-    camera = antenna.calibration.camera
-    height, width = shot.image.shape
-    if (width, height) != (camera.width, camera.height):
-        raise InputError(
-            f"{shot.name}: has {width} x {height} px, allowed is the size of the calibration's "
-            f"views, {camera.width} x {camera.height} px"
-        )

@@ -1,5 +1,6 @@
 """Where images come from: order, gray, the newest frame, and clear words where there is none."""
 
+import math
 import queue
 import shutil
 import threading
@@ -10,13 +11,12 @@ import cv2
 import numpy as np
 import pytest
 
-from solver.capture import Camera
-from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.images import png_bytes
-from solver.instrument.observation import Frame, open_observations
-from solver.shots import Files, read_image, to_grey
-from solver.sources import open_rig, open_source
+from solver.instrument.observation import Frame, open_observations, open_rig, read_frames
+from solver.lab.capture import Camera
+from solver.lab.shots import Files
+from solver.lab.sources import open_source
 
 
 def test_frames_come_push_by_push_and_step_by_step(tmp_path: Path) -> None:
@@ -31,29 +31,29 @@ def test_frames_come_push_by_push_and_step_by_step(tmp_path: Path) -> None:
     assert [shot.name for shot in Files(alone)] == ["c", "a", "b"]  # as named: no push, no step
 
 
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
-@pytest.mark.parametrize("channels", [1, 3, 4])
-def test_colour_becomes_gray_and_bits_stay(kind: type, channels: int, tmp_path: Path) -> None:
-    grey: Grey = np.random.default_rng(3).integers(0, np.iinfo(kind).max, (7, 9)).astype(kind)
-    coloured = np.repeat(grey[:, :, None], channels, axis=2)
-    found = to_grey(coloured, "x")
-    assert found.dtype == kind
-    assert np.array_equal(found, grey)  # the weights of the three colours add up to one
-    path = tmp_path / "x.png"
-    cv2.imwrite(str(path), coloured)
-    assert np.array_equal(read_image(path), grey)
-
-
-def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"x: has shape \(3, 3\) and type float64"):
-        to_grey(np.zeros((3, 3)), "x")
-    with pytest.raises(InputError, match="allowed are gray or colour"):
-        to_grey(np.zeros((3, 3, 2), np.uint8), "x")
+def test_an_image_that_is_none_is_a_shot_with_its_fault(tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("no image")
+    good = tmp_path / "good.png"
+    good.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
+    bad, shot = open_source([str(tmp_path / "text.png"), str(good)])
+    assert bad.image is None
+    assert bad.fault.endswith("text.png: is not an image that can be decoded")
     with pytest.raises(InputError, match=r"text\.png: is not an image"):
-        read_image(tmp_path / "text.png")
-    with pytest.raises(InputError, match="cannot be read"):
-        read_image(tmp_path / "none.png")
+        bad.grey()
+    assert shot.grey().shape == (4, 5)
+    assert not shot.fault
+
+
+def test_a_frame_without_a_name_is_called_as_its_file(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_text("")
+    (tmp_path / "b.png").write_text("")
+    table = tmp_path / "metadata.csv"
+    table.write_text("file_name,motor_angle_deg\na.png,30\n")
+    frame = next(read_frames(table))
+    assert frame.frame_id == "a"
+    assert frame.readings.motor_angle == pytest.approx(math.pi / 6)
+    table.write_text("file_name,frame_id\na.png,\nb.png,mine\n")
+    assert [frame.frame_id for frame in read_frames(table)] == ["a", "mine"]
 
 
 class Scripted:
@@ -89,11 +89,11 @@ def test_a_slow_reader_gets_the_newest_frame_and_is_told_what_it_missed() -> Non
     shots = iter(camera)
     device.show(10)
     first = next(shots)
-    assert (first.number, first.skipped, int(first.image[0, 0])) == (0, 0, 10)
+    assert (first.number, first.skipped, int(first.grey()[0, 0])) == (0, 0, 10)
     device.show(20, 30, 40)
     assert device.all_fetched.wait(10)
     late = next(shots)
-    assert (late.number, late.skipped, int(late.image[0, 0])) == (3, 2, 40)
+    assert (late.number, late.skipped, int(late.grey()[0, 0])) == (3, 2, 40)
     assert late.seconds is not None
     assert first.seconds is not None
     assert late.seconds >= first.seconds > 1.7e9
@@ -120,7 +120,9 @@ def test_a_video_shows_every_frame_with_its_time(tmp_path: Path) -> None:
     shots = list(source)
     assert [shot.number for shot in shots] == [0, 1, 2, 3, 4]
     assert [shot.seconds for shot in shots] == pytest.approx([0, 0.05, 0.1, 0.15, 0.2])
-    assert [int(shot.image.mean()) for shot in shots] == pytest.approx([0, 40, 80, 120, 160], abs=1)
+    assert [int(shot.grey().mean()) for shot in shots] == pytest.approx(
+        [0, 40, 80, 120, 160], abs=1
+    )
 
 
 def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:

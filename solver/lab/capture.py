@@ -9,7 +9,8 @@ from typing import Any, Protocol
 import cv2
 
 from solver.instrument.errors import InputError
-from solver.shots import Shot, to_grey
+from solver.instrument.images import to_grey
+from solver.lab.shots import Shot
 
 # A camera that hangs in a read does not keep the program from ending [s].
 LONGEST_READ_S = 2.0

@@ -8,7 +8,7 @@ import pytest
 from solver.calibrate import sighting
 from solver.instrument.arrays import Grey
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
-from solver.target import black_rectangles, svg
+from solver.lab.target import black_rectangles, svg
 
 BOARDS = [
     Chessboard(7, 5, 0.02),

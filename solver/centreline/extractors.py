@@ -1,0 +1,32 @@
+"""The ways of measuring the beam in an image, by name."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from solver.centreline import Extractor
+from solver.centreline.area_weighted import area_weighted
+from solver.centreline.background_subtracted import learn_centroid
+from solver.centreline.beam import learn_beam
+from solver.centreline.guide import Guide
+from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
+
+
+def learn_area_weighted(images: Sequence[Grey], guide: Guide) -> Extractor:
+    """The paper's extraction, which learns nothing from images of the beam at rest.
+
+    It knows a bright beam that runs from left to right. Raises InputError where it sees none.
+    """
+    if not guide.upright or not all(len(area_weighted(image).points) for image in images):
+        raise InputError(
+            "the rest images show no bright beam that runs from left to right, "
+            "and area_weighted sees no other"
+        )
+    return area_weighted
+
+
+EXTRACTORS: Final[dict[str, Callable[[Sequence[Grey], Guide], Extractor]]] = {
+    "profile_fit": learn_beam,
+    "background_subtracted": learn_centroid,
+    "area_weighted": learn_area_weighted,
+}

@@ -1,0 +1,72 @@
+"""What an estimated contact amounts to: a contact, an interval, one at the tip, or none at all."""
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.rig import Rig
+
+# A place known worse than this share of the beam's length is only an interval.
+WEAK_SIGMA: Final = 1 / 7
+# Farther beyond the tip than so many sigmas nothing can touch the beam.
+BEYOND: Final = 3.0
+# Of a short stretch the noise alone makes shapes touched so near the clamp, and no sigma says so.
+LEAST_SIGNIFICANCE: Final = 4.0
+
+
+def judged(
+    rig: Rig,
+    values: Mapping[str, float],
+    covariance: Floats,
+    message: str = "",
+    *,
+    chi2: float | None = None,
+    dof: int | None = None,
+    iterations: int | None = None,
+) -> Estimate:
+    """The estimate of a contact that the rig's beam can have; else an outcome that says why not.
+
+    The contact arc length, or where a method does not tell it the contact distance, is held
+    against the beam's length and its tolerance.
+    """
+
+    def sigma(name: str) -> float:
+        index = list(values).index(name)
+        return math.sqrt(max(float(covariance[index, index]), 0.0))
+
+    place = "s_c_m" if "s_c_m" in values else "x_c_m"
+    outcome, why = verdict(rig, values["x_c_m"], sigma("x_c_m"), values[place], sigma(place))
+    shown = outcome.has_values
+    return Estimate(
+        outcome,
+        message if shown else why,
+        values=values if shown else {},
+        covariance=(covariance + covariance.T) / 2 if shown else None,
+        chi2=chi2,
+        dof=dof,
+        iterations=iterations,
+    )
+
+
+def verdict(
+    rig: Rig, x_c: float, x_sigma: float, s_c: float, s_sigma: float
+) -> tuple[Outcome, str]:
+    """The outcome of a contact at distance x_c [m] and arc length s_c [m], and why it is none."""
+    length = rig.beam.length
+    s_sigma = math.hypot(s_sigma, rig.tolerances.beam_length)
+    if s_c > length + BEYOND * s_sigma:
+        return (
+            Outcome.INVALID,
+            f"the shape would be touched at {s_c:.4g} m, beyond the tip at {length:.4g} m",
+        )
+    if x_sigma > length:
+        return Outcome.NOT_IDENTIFIABLE, "the contact might lie anywhere on the beam"
+    if x_sigma > WEAK_SIGMA * length:
+        return Outcome.WEAK_CONTACT, ""
+    if x_c < LEAST_SIGNIFICANCE * x_sigma:
+        return Outcome.NOT_IDENTIFIABLE, "the contact would lie within four sigma of the clamp"
+    if s_c > length - 2 * s_sigma:
+        return Outcome.TIP_CONTACT, ""
+    return Outcome.CONTACT, ""

@@ -1,0 +1,1 @@
+"""Images in, answers out: what runs beside a real camera."""

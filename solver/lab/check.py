@@ -1,0 +1,183 @@
+"""Is the calibration good? What a set-up antenna has learned, in words and as figures."""
+
+import json
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from solver.centreline.beam import Beam
+from solver.estimate import Antenna
+from solver.instrument.units import DEGREE, MILLIMETRE
+
+# What one line of advice is worth saying about.
+LARGE_REPROJECTION_PX = 0.2
+LARGE_SCALE = 2e-3
+LARGE_BOW = 5e-3
+THIN_PX = 1.2
+ROUGH_PX = 0.05
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The calibration and the beam at rest; units in the names, gray values in the image's own.
+
+    `focal` is in px, of a telecentric camera in px/mm. `height_mm` is the camera's over plane C,
+    `leaning_deg` its optical axis' angle to C's normal. Sigmas are None where the calibration
+    states none. `lengths_sigma_pct` is what the calibration's own noise leaves of lengths along
+    the beam. `bow_mm` is the largest departure of the beam at rest from a line, 0 where none was
+    found, and `roughness_px` what of a centre's error is not the sensor's noise.
+    """
+
+    reprojection_px: float
+    telecentric: bool
+    focal: float
+    focal_sigma: float | None
+    principal_u_px: float
+    principal_v_px: float
+    principal_u_sigma_px: float | None
+    principal_v_sigma_px: float | None
+    viewpoint_known: bool
+    height_mm: float | None
+    height_sigma_mm: float | None
+    leaning_deg: float
+    lengths_sigma_pct: float
+    pixel_mm: float
+    rest_y_mm: float
+    rest_slope_deg: float
+    bow_mm: float
+    bow_share: float
+    noise_dark: float
+    noise_per_gray: float
+    beam: str
+    width_px: float
+    spread_px: float
+    roughness_px: float
+
+    @property
+    def meaning(self) -> str:
+        """What to think of it, in one line."""
+        odd = []
+        if self.reprojection_px > LARGE_REPROJECTION_PX:
+            odd.append("the board fits badly: blurred views, a bent sheet, or a richer lens")
+        if not self.viewpoint_known:
+            odd.append("one view: only methods in plane C, of a beam that does not leave it")
+        if 0.01 * self.lengths_sigma_pct > LARGE_SCALE:
+            odd.append("lengths are known poorly: more views, nearer, the board filling the image")
+        if self.bow_share > LARGE_BOW:
+            odd.append("the beam is much bowed: straighten it, or state beam.sag_mm if it hangs")
+        if self.width_px < THIN_PX:
+            odd.append("the beam is thin in the image: come nearer, or take more pixels")
+        if self.roughness_px > ROUGH_PX:
+            odd.append("the beam is rough or its light uneven: centres err by more than the noise")
+        return f"look again: {'; '.join(odd)}" if odd else "good: nothing stands out"
+
+    def json(self) -> str:
+        """One line of JSON."""
+        return json.dumps({**asdict(self), "meaning": self.meaning})
+
+    def text(self) -> str:
+        """A few lines for a person."""
+        focal_unit = "px/mm" if self.telecentric else "px"
+        viewpoint = "known" if self.viewpoint_known else "not known: plane C alone was calibrated"
+        height = (
+            "far away (telecentric)"
+            if self.height_mm is None
+            else f"{_with_sigma(self.height_mm, self.height_sigma_mm)} mm above C"
+        )
+        bow = f"bowed by {self.bow_mm:.3f} mm, which is taken off" if self.bow_mm else "straight"
+        principal = ", ".join(
+            _with_sigma(value, sigma)
+            for value, sigma in (
+                (self.principal_u_px, self.principal_u_sigma_px),
+                (self.principal_v_px, self.principal_v_sigma_px),
+            )
+        )
+        rows = (
+            ("reprojection", f"{self.reprojection_px:.3f} px"),
+            ("focal length", f"{_with_sigma(self.focal, self.focal_sigma)} {focal_unit}"),
+            ("principal point", f"{principal} px"),
+            ("camera", f"{height}, leaning {self.leaning_deg:.2f} deg"),
+            ("viewpoint", viewpoint),
+            (
+                "lengths in C",
+                f"+- {self.lengths_sigma_pct:.2g} %, a pixel is {self.pixel_mm:.3g} mm",
+            ),
+            (
+                "beam at rest",
+                f"y = {self.rest_y_mm:.3f} mm at the clamp, "
+                f"slope {self.rest_slope_deg:.3f} deg, {bow}",
+            ),
+            (
+                "noise",
+                f"variance {self.noise_dark:.3g} + {self.noise_per_gray:.3g} per gray value",
+            ),
+            (
+                "beam's look",
+                f"{self.beam}, {self.width_px:.2f} px wide, spread by {self.spread_px:.2f} px, "
+                f"rough by {self.roughness_px:.3f} px",
+            ),
+            ("meaning", self.meaning),
+        )
+        return "\n".join(f"{name:16} {value}" for name, value in rows)
+
+
+def checked(antenna: Antenna) -> Checked:
+    """What is known of an antenna whose beam is measured by the profile fit."""
+    calibration, rest, beam = antenna.calibration, antenna.rest, antenna.extract
+    assert isinstance(beam, Beam)
+    camera, look = calibration.camera, beam.appearance
+    lens: list[float | None] = [None] * 3
+    if calibration.covariance is not None:
+        lens = [float(sigma) for sigma in np.sqrt(np.diag(calibration.covariance)[:3])]
+    bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
+    bow_size = float(np.abs(bow).max())
+    height, height_sigma = _height(antenna)
+    axis = camera.camera_from_antenna[2, :3]
+    return Checked(
+        reprojection_px=calibration.reprojection_px,
+        telecentric=camera.telecentric,
+        focal=camera.fx * (MILLIMETRE if camera.telecentric else 1.0),
+        focal_sigma=lens[0],
+        principal_u_px=camera.cx,
+        principal_v_px=camera.cy,
+        principal_u_sigma_px=lens[1],
+        principal_v_sigma_px=lens[2],
+        viewpoint_known=calibration.viewpoint_known,
+        height_mm=height,
+        height_sigma_mm=height_sigma,
+        leaning_deg=math.acos(min(abs(float(axis[2])), 1.0)) / DEGREE,
+        lengths_sigma_pct=100 * antenna.scale_sigma,
+        pixel_mm=beam.guide.pixel / MILLIMETRE,
+        rest_y_mm=rest.y_at_clamp / MILLIMETRE,
+        rest_slope_deg=math.atan(rest.slope) / DEGREE,
+        bow_mm=bow_size / MILLIMETRE,
+        bow_share=bow_size / rest.length,
+        noise_dark=look.noise.dark,
+        noise_per_gray=look.noise.per_gray,
+        beam="bright" if look.polarity > 0 else "dark",
+        width_px=2 * look.section.radius,
+        spread_px=look.section.spread,
+        roughness_px=look.sigma_px,
+    )
+
+
+def _height(antenna: Antenna) -> tuple[float | None, float | None]:
+    """Height of the camera over plane C and its sigma [mm]; None of a telecentric camera."""
+    calibration = antenna.calibration
+    camera = calibration.camera
+    if camera.telecentric:
+        return None, None
+    height = float(camera.viewpoint[2]) / MILLIMETRE
+    if calibration.covariance is None:
+        return height, None
+    camera_from_board = camera.camera_from_antenna @ antenna.rig.antenna_from_board
+    normal, shift = camera_from_board[:3, 2], camera_from_board[:3, 3]
+    # By the board's turn and shift: height = -normal . shift, and a turn t moves normal by t x it.
+    slopes = np.concatenate([np.cross(normal, shift), normal])
+    variance = float(slopes @ calibration.covariance[-6:, -6:] @ slopes)
+    return height, math.sqrt(variance) / MILLIMETRE
+
+
+def _with_sigma(value: float, sigma: float | None) -> str:
+    return f"{value:.2f}" if sigma is None else f"{value:.2f} +- {sigma:.2g}"

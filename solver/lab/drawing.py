@@ -1,0 +1,50 @@
+"""Points drawn over an enlarged image, each kind in its own colour."""
+
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from solver.centreline import Centreline, Flag
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.images import eight_bit
+
+Picture = npt.NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+# Blue, green, red.
+MEASURED: Final = (80, 220, 80)
+REJECTED: Final = {
+    Flag.HIDDEN: (160, 160, 160),
+    Flag.SATURATED: (60, 220, 240),
+    Flag.FOREIGN: (220, 80, 220),
+}
+SHIFT: Final = 4  # OpenCV draws at sixteenths of a pixel
+
+
+def enlarged(image: Grey, factor: int) -> Picture:
+    """The image in colour, BGR: every pixel `factor` times as wide and as high."""
+    large = eight_bit(image).repeat(factor, axis=0).repeat(factor, axis=1)
+    return np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+
+
+def place(point: Floats, factor: int) -> tuple[int, int]:
+    """A pixel of the image in the enlarged picture, in sixteenths; far-off ones at its rim."""
+    there = (np.asarray(point) + 0.5) * factor - 0.5
+    u, v = np.clip(np.rint(there * 2**SHIFT), -1e6, 1e6)
+    return int(u), int(v)
+
+
+def mark(picture: Any, line: Centreline, factor: int) -> None:
+    """Measured points as green dots; rejected ones gray (hidden), yellow (saturated) or purple
+    (foreign)."""
+    _dots(picture, line.points, factor, MEASURED)
+    for flag, colour in REJECTED.items():
+        _dots(picture, line.rejected[line.flags == flag], factor, colour)
+
+
+def _dots(picture: Any, points: Floats, factor: int, colour: Colour) -> None:
+    radius = round(0.25 * factor * 2**SHIFT)
+    for point in points:
+        cv2.circle(picture, place(point, factor), radius, colour, cv2.FILLED, cv2.LINE_AA, SHIFT)

@@ -1,0 +1,32 @@
+"""The picture shows what the methods were given."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from solver.estimate import see, set_up
+from solver.instrument.images import read_grey
+from solver.instrument.observation import open_observations
+from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.score.layout import Results
+from vbaa_bench.score.overlay import overlay
+
+
+def test_points_are_those_of_the_solver_and_lie_on_the_true_beam(dataset: Path) -> None:
+    observations = open_observations(dataset / "observations")
+    antenna, truth = set_up(observations), open_truth(dataset / "truth")
+    frame = observations.frames[0]
+    none = pl.DataFrame(
+        schema={"frame_id": pl.String, "failed": pl.Boolean, "method": pl.String, "x_c_mm": float}
+    )
+    shown = overlay(Results(dataset), truth, none, frame.frame_id, antenna)
+    assert shown.measured is not None
+    given = see(antenna, read_grey(frame.path))
+    np.testing.assert_array_equal(shown.measured.points, given.points)
+    u, v = shown.measured.points.T
+    assert len(u) > 200
+    assert np.abs(v - np.interp(u, *shown.centreline.T)).max() < 1
+    assert shown.measured.tip is not None
+    assert np.linalg.norm(shown.measured.tip - shown.centreline[-1]) < 2
+    assert overlay(Results(dataset), truth, none, frame.frame_id).measured is None
