@@ -210,7 +210,8 @@ def see(antenna: Antenna, image: Grey) -> Centreline:
             f"the image has {image.shape[1]} x {image.shape[0]} px, "
             f"the calibration {camera.width} x {camera.height}"
         )
-    return antenna.extract(image)
+    # Compiled for one layout of an image only.
+    return antenna.extract(np.ascontiguousarray(image))
 
 
 def estimate(

@@ -12,8 +12,9 @@ import numpy.typing as npt
 from numba import njit
 
 from solver.beam_models.exact import FAST
+from solver.centreline.columns import read_column, tabulated
 from solver.centreline.noise import ROUNDING, Noise
-from solver.centreline.profile import STEP, Profile
+from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
 
@@ -75,36 +76,6 @@ def fit_profiles(
     )
 
 
-def fit_amplitudes(
-    image: Grey,
-    places: Stations,
-    which: npt.NDArray[np.int64],
-    centre: Floats,
-    profile: Profile,
-    noise: Noise,
-    half: int,
-    full_scale: int,
-) -> tuple[Floats, Floats, Floats]:
-    """Amplitude, its variance, and background at stations `which` (m,) with known `centre` (m,).
-
-    NaN where the image ends.
-    """
-    found = _fit_amplitudes(
-        image,
-        places.along[which],
-        centre,
-        np.abs(places.climb[which]),
-        places.upright[which],
-        places.sense[which],
-        profile.value,
-        noise.dark,
-        noise.per_gray,
-        half,
-        full_scale,
-    )
-    return found[0], found[1], found[2]
-
-
 # Rows of what a column of pixels is compared with: the ground (1, x), the profile, its derivative
 # by the centre, and the gray values themselves.
 GROUND, TILT, SHAPE, MOVE, GRAY = range(5)
@@ -133,7 +104,7 @@ def _fit(
         row[:] = 0.0
         row[1] = row[3] = np.inf
         first = int(np.rint(start[i])) - half
-        if _read(image, along[i], upright[i], first, rows[GRAY]):
+        if read_column(image, along[i], upright[i], first, rows[GRAY]):
             used = _weigh(rows[GRAY], rows[GRAY], full_scale, dark, per_gray, weight)
             row[7] = size - used
             if used >= LEAST_PIXELS:
@@ -170,8 +141,8 @@ def _fit_column(
     """
     c = start
     for step in range(STEPS + 1):
-        _tabulated(value, climb, sense, first - c, rows[SHAPE])
-        _tabulated(slope, climb, sense, first - c, rows[MOVE])
+        tabulated(value, climb, sense, first - c, rows[SHAPE])
+        tabulated(slope, climb, sense, first - c, rows[MOVE])
         _gram(weight, rows, half, gram)
         w0, w1, w2 = gram[GROUND, GROUND], gram[TILT, GROUND], gram[TILT, TILT]
         v0, v1 = gram[GRAY, GROUND], gram[GRAY, TILT]
@@ -247,89 +218,3 @@ def _weigh(
         used += not bright
         weight[k] = 0.0 if bright else 1.0 / max(dark + per_gray * expected[k], ROUNDING)
     return used
-
-
-@njit(cache=True, error_model="numpy")
-def _read(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bool:
-    """Fill `gray` from pixel `first` of a column (a row); False where the image ends."""
-    height, width = image.shape
-    limit, other = (height, width) if upright else (width, height)
-    if first < 0 or first + len(gray) > limit or line < 0 or line >= other:
-        return False
-    for k in range(len(gray)):
-        gray[k] = image[first + k, line] if upright else image[line, first + k]
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def _tabulated(table: Floats, climb: float, sense: float, offset: float, out: Floats) -> None:
-    """The table at a climb and at pixels offset, offset + 1, ... from the centre."""
-    row = climb * (table.shape[0] - 1)
-    low = min(int(row), table.shape[0] - 2)
-    part, last = row - low, table.shape[1] - 1
-    # A pixel is a whole number of the table's steps: all lie between its entries alike.
-    t = sense * offset / STEP + table.shape[1] // 2
-    j = int(np.floor(t))
-    f = t - j
-    stride = int(sense / STEP)
-    flatter, steeper = table[low], table[low + 1]
-    for k in range(len(out)):
-        out[k] = 0.0
-        if 0 <= j < last:
-            out[k] = (1 - part) * ((1 - f) * flatter[j] + f * flatter[j + 1])
-            out[k] += part * ((1 - f) * steeper[j] + f * steeper[j + 1])
-        j += stride
-
-
-@njit(cache=True, error_model="numpy")
-def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
-    """The weighted straight line (value at the middle, slope) through values."""
-    w0 = w1 = w2 = v0 = v1 = 0.0
-    for k in range(len(values)):
-        x = k - half
-        w0 += weight[k]
-        w1 += weight[k] * x
-        w2 += weight[k] * x * x
-        v0 += weight[k] * values[k]
-        v1 += weight[k] * values[k] * x
-    det = w0 * w2 - w1 * w1
-    return (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
-
-
-@njit(cache=True, error_model="numpy")
-def _fit_amplitudes(
-    image: Grey,
-    along: npt.NDArray[np.int64],
-    centre: Floats,
-    climb: Floats,
-    upright: npt.NDArray[np.bool_],
-    sense: Floats,
-    value: Floats,
-    dark: float,
-    per_gray: float,
-    half: int,
-    full_scale: int,
-) -> Floats:
-    n, size = len(along), 2 * half + 1
-    out = np.full((3, n), np.nan)
-    gray, weight, p = np.empty(size), np.empty(size), np.empty(size)
-    for i in range(n):
-        first = int(np.rint(centre[i])) - half
-        if not _read(image, along[i], upright[i], first, gray):
-            continue
-        # All pixels weigh the same: by their own noise the dark side of a column that the beam's
-        # end cuts in two would weigh more than the bright one, and the end come out too near.
-        for k in range(size):
-            weight[k] = 0.0 if gray[k] >= full_scale else 1.0
-        _tabulated(value, min(climb[i], 1.0), sense[i], first - centre[i], p)
-        p0, p1 = _ground(weight, p, half)
-        left = left_gray = noise = 0.0
-        for k in range(size):
-            clear_p = weight[k] * (p[k] - p0 - p1 * (k - half))
-            left += clear_p * p[k]
-            left_gray += clear_p * gray[k]
-            noise += clear_p * clear_p * max(dark + per_gray * gray[k], ROUNDING)
-        g0, _ = _ground(weight, gray, half)
-        a = left_gray / left
-        out[0, i], out[1, i], out[2, i] = a, noise / left**2, g0 - a * p0
-    return out

@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from solver.centreline.amplitude import fit_amplitudes
 from solver.centreline.appearance import Appearance
-from solver.centreline.profile_fit import Fits, fit_amplitudes
+from solver.centreline.profile_fit import Fits
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
 

@@ -221,7 +221,7 @@ def _refined(
     k, amplitude, _, offset, tilt = best
     x_c = (k + 1) / DISTANCES
     row = np.empty(4)
-    kept, kept_residual, least = (x_c, amplitude, offset, tilt), np.empty(len(x)), np.inf
+    kept, kept_residual, least = (x_c, amplitude, offset, tilt), np.zeros(len(x)), np.inf
     for _ in range(STEPS + 1):
         residual = np.empty(len(x))
         normal, right = np.zeros((4, 4)), np.zeros(4)

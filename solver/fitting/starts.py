@@ -25,7 +25,7 @@ from solver.fitting.residuals import (
 from solver.instrument.arrays import Floats
 
 _COARSE: Final = 32
-_DISTANCES: Final = 16
+_DISTANCES: Final = 20
 _TRIALS: Final = 150
 # Most iterations of a start and of a draw. A numpy scalar is compiled once, a literal for every
 # value.
@@ -44,7 +44,8 @@ def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
         c, s = np.cos(turn), np.sin(turn)
         best, lever, amplitude, tilt = np.inf, 0.5, 0.0, 0.0
         for k in range(_DISTANCES):
-            x_c = (k + 0.7) / (_DISTANCES - 0.3)
+            # Closer together near the clamp, where a contact bends a shorter stretch.
+            x_c = ((k + 0.7) / (_DISTANCES - 0.3)) ** 2
             ss, sx, xx, sy, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for i in chosen:
                 x = c * points[X, i] + s * points[Y, i]

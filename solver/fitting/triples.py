@@ -40,11 +40,11 @@ def stretch_nodes(measurement: Measurement) -> Nodes:
     for k, part in enumerate(np.array_split(rows, STRETCHES)):
         x, y = measurement.points[part].T
         middle = x.mean()
-        t = (x - middle) / max(np.ptp(x), 1e-300)
+        t = (x - middle) / (np.ptp(x) or 1.0)
         # Repeated columns leave fewer than three places: the parabola of least norm is taken.
         pseudo = np.linalg.pinv(np.vander(t, 3, increasing=True))
         points[k] = middle, pseudo[0] @ y
-        slope = pseudo[1] @ y / max(np.ptp(x), 1e-300)
+        slope = pseudo[1] @ y / (np.ptp(x) or 1.0)
         along, across = measurement.sigma_vectors[part].T
         by_error[k, part] = pseudo[0] * (across - slope * along)
     return Nodes(points, by_error)

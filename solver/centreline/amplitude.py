@@ -1,0 +1,95 @@
+"""How bright the beam is where its centre is known, or where it may have ended."""
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from solver.centreline.columns import read_column, tabulated
+from solver.centreline.noise import ROUNDING, Noise
+from solver.centreline.profile import Profile
+from solver.centreline.stations import Stations
+from solver.instrument.arrays import Floats, Grey
+
+
+def fit_amplitudes(
+    image: Grey,
+    places: Stations,
+    which: npt.NDArray[np.int64],
+    centre: Floats,
+    profile: Profile,
+    noise: Noise,
+    half: int,
+    full_scale: int,
+) -> tuple[Floats, Floats, Floats]:
+    """Amplitude, its variance, and background at stations `which` (m,) with known `centre` (m,).
+
+    NaN where the image ends.
+    """
+    found = _fit_amplitudes(
+        image,
+        places.along[which],
+        centre,
+        np.abs(places.climb[which]),
+        places.upright[which],
+        places.sense[which],
+        profile.value,
+        noise.dark,
+        noise.per_gray,
+        half,
+        full_scale,
+    )
+    return found[0], found[1], found[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
+    """The weighted straight line (value at the middle, slope) through values."""
+    w0 = w1 = w2 = v0 = v1 = 0.0
+    for k in range(len(values)):
+        x = k - half
+        w0 += weight[k]
+        w1 += weight[k] * x
+        w2 += weight[k] * x * x
+        v0 += weight[k] * values[k]
+        v1 += weight[k] * values[k] * x
+    det = w0 * w2 - w1 * w1
+    return (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
+
+
+@njit(cache=True, error_model="numpy")
+def _fit_amplitudes(
+    image: Grey,
+    along: npt.NDArray[np.int64],
+    centre: Floats,
+    climb: Floats,
+    upright: npt.NDArray[np.bool_],
+    sense: Floats,
+    value: Floats,
+    dark: float,
+    per_gray: float,
+    half: int,
+    full_scale: int,
+) -> Floats:
+    n, size = len(along), 2 * half + 1
+    out = np.full((3, n), np.nan)
+    gray, weight, p = np.empty(size), np.empty(size), np.empty(size)
+    for i in range(n):
+        first = int(np.rint(centre[i])) - half
+        if not read_column(image, along[i], upright[i], first, gray):
+            continue
+        # All pixels weigh the same: by their own noise the dark side of a column that the beam's
+        # end cuts in two would weigh more than the bright one, and the end come out too near.
+        for k in range(size):
+            weight[k] = 0.0 if gray[k] >= full_scale else 1.0
+        tabulated(value, min(climb[i], 1.0), sense[i], first - centre[i], p)
+        p0, p1 = _ground(weight, p, half)
+        left = left_gray = noise = 0.0
+        for k in range(size):
+            clear_p = weight[k] * (p[k] - p0 - p1 * (k - half))
+            left += clear_p * p[k]
+            left_gray += clear_p * gray[k]
+            noise += clear_p * clear_p * max(dark + per_gray * gray[k], ROUNDING)
+        g0, _ = _ground(weight, gray, half)
+        a = left_gray / left
+        out[0, i], out[1, i], out[2, i] = a, noise / left**2, g0 - a * p0
+    return out
