@@ -27,17 +27,21 @@ MOST_CHI2_BESIDE_RUNS = 1.4
 MOST_CHI2_PER_DOF = 4.0
 
 
-def refusal_of(measurement: Measurement, problem: Problem, fit: FrameFit | None) -> Estimate | None:
+def refusal_of(
+    measurement: Measurement, problem: Problem, fit: FrameFit | None, either_side: bool = False
+) -> Estimate | None:
     """The answer where no contact can be told from a frame; None where the fit stands.
 
-    Points that the fit rejects do not count when the beam is judged straight or bent.
+    Points that the fit rejects do not count when the beam is judged straight or bent. On
+    `either_side` of the beam at rest it may be seen bent where its plane is steeper than the rays
+    to the camera.
     """
     if problem.points < LEAST_POINTS:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points, needed are {LEAST_POINTS}"
         )
     refusal = no_contact(nearest_linear_bend(_of_kept(measurement, fit)))
-    if refusal is not None:
+    if refusal is not None and not (either_side and refusal.outcome is Outcome.INVALID):
         return refusal
     if fit is None:
         return _stopped(problem, "no exact beam lies near the points")

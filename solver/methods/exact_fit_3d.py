@@ -8,10 +8,12 @@ chi2 may have several minima over psi: each is looked for.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from solver.fitting.answer import LEAST_POINTS, answer, refusal_of
+from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import FrameFit, Problem, problem_of, settled, started, without
 from solver.fitting.residuals import PSI
@@ -24,6 +26,9 @@ STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
 MOST_SIGMA = math.radians(30)
 # Minima within three sigmas of the best are possible answers.
 CLOSE_CHI2 = 9.0
+AWAY = (
+    "the beam is seen bent away from the object, as in a plane almost along which the camera looks"
+)
 # By so much more chi2 than without it does a fit take the tip: five sigmas.
 MOST_TIP_CHI2 = 25.0
 
@@ -31,11 +36,23 @@ MOST_TIP_CHI2 = 25.0
 def exact_fit_3d(measurement: Measurement) -> Estimate:
     """Contact, force, displacement and psi, with their joint covariance.
 
-    A tip that no beam of the rig's length can show, beside the points, is an occluder's edge: it is
+    A beam that is seen bent to the side where the rig has no object bends in a plane steeper than
+    the rays to the camera, almost along them; unless the fit tells which, that is said. A tip that no beam of the rig's length can show, beside the points, is an occluder's edge: it is
     left out.
     """
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
+    found = _fitted(measurement)
+    if found.outcome.has_values or len(measurement.points) < LEAST_POINTS:
+        return found
+    refusal = no_contact(nearest_linear_bend(measurement))
+    if refusal is not None and refusal.outcome is Outcome.INVALID:
+        return replace(found, outcome=Outcome.EDGE_ON, message=AWAY)
+    return found
+
+
+def _fitted(measurement: Measurement) -> Estimate:
+    """The answer of the fit, whichever side the beam is seen bent to."""
     problem = problem_of(measurement)
     minima = _robust_minima(problem)
     if len(problem.arrays[3]):
@@ -44,7 +61,7 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
         if _contradicted(minima, freely):
             problem, minima = tipless, freely
     best = minima[0] if minima else None
-    refusal = refusal_of(measurement, problem, best)
+    refusal = refusal_of(measurement, problem, best, either_side=True)
     if best is None or (refusal is not None and refusal.outcome is not Outcome.NOT_CONVERGED):
         return refusal or Estimate(Outcome.NOT_CONVERGED)
     spread, others = _spread(best, minima[1:])
@@ -55,7 +72,7 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE,
             f"the inclination would be {psi:.0f} deg{also}, with a sigma of "
-            f"{math.degrees(sigma):.0f} deg",
+            f"{min(math.degrees(sigma), 180):.0f} deg",
             chi2=best.chi2,
             iterations=best.iterations,
         )
