@@ -14,7 +14,6 @@ import pytest
 from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Outcome
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from solver.plane import on_plane
