@@ -37,8 +37,8 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
     """Contact, force, displacement and psi, with their joint covariance.
 
     A beam that is seen bent to the side where the rig has no object bends in a plane steeper than
-    the rays to the camera, almost along them; unless the fit tells which, that is said. A tip that no beam of the rig's length can show, beside the points, is an occluder's edge: it is
-    left out.
+    the rays to the camera, almost along them; unless the fit tells which, that is said. A tip that
+    no beam of the rig's length can show, beside the points, is an occluder's edge: it is left out.
     """
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
