@@ -67,7 +67,7 @@ def compare(calibration: Calibration, true: Camera, told: Rig) -> list[Check]:
     """The errors of a calibration against the true camera, whose board lies where the rig says."""
     found = calibration.camera
     points = _field(true, told.beam.length)
-    back, _ = on_plane(found, true.project(points), np.zeros(len(points)))
+    back, _ = on_plane(found, true.project(points), np.zeros((len(points), 2)))
     off = float(np.linalg.norm(back - points[:, :2], axis=1).max())
     scale = abs(found.fx / true.fx - 1)
     checks = [Check("points on plane C", off / MILLIMETRE, POINTS_MM, "mm")]
