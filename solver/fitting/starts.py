@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numba import njit
 
+from solver.beam_models.exact import FAST
 from solver.fitting.minimise import DEFICIENT, minimise
 from solver.fitting.residuals import (
     LEVER,
@@ -32,6 +33,20 @@ _TRIALS: Final = 150
 _START, _DRAW = np.int64(3), np.int64(8)
 
 
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _moments(few: Floats, x_c: float) -> Any:
+    """Weighted sums of the unit deflection's square, times x and times y, over few points."""
+    ss = sx = sy = 0.0
+    for j in range(few.shape[1]):
+        x = few[0, j]
+        near = min(x, x_c)
+        # (3 x_c - x) x^2 up to the contact, (3 x - x_c) x_c^2 beyond it, in one formula.
+        shape = (3 * max(x, x_c) - near) * near * near
+        by_weight = few[1, j] * shape
+        ss, sx, sy = ss + by_weight * shape, sx + by_weight * x, sy + few[2, j] * shape
+    return ss, sx, sy
+
+
 @njit(cache=True, error_model="numpy")
 def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
     """The nearest linear beam through the `chosen` points into p: (q, lever) and tilt.
@@ -39,30 +54,24 @@ def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
     Eqs. (9), (10) over a grid of contact distances, with amplitude and tilt by linear least
     squares; a second time in axes turned by the tilt that was found, if that was much.
     """
-    turn = 0.0
+    turn, few = 0.0, np.empty((3, len(chosen)))
     for _ in range(3):
         c, s = np.cos(turn), np.sin(turn)
         best, lever, amplitude, tilt = np.inf, 0.5, 0.0, 0.0
+        # The tilt's prior is about zero in the unturned axes.
+        xx = 1 / tilt_variance
+        xy, yy = -turn / tilt_variance, turn * turn / tilt_variance
+        for j in range(len(chosen)):
+            i = chosen[j]
+            x = c * points[X, i] + s * points[Y, i]
+            y = c * points[Y, i] - s * points[X, i]
+            weight = 1 / max(points[SIGMA_X, i] ** 2 + points[SIGMA_Y, i] ** 2, 1e-18)
+            few[0, j], few[1, j], few[2, j] = x, weight, weight * y
+            xx, xy, yy = xx + weight * x * x, xy + weight * x * y, yy + weight * y * y
         for k in range(_DISTANCES):
             # Closer together near the clamp, where a contact bends a shorter stretch.
             x_c = ((k + 0.7) / (_DISTANCES - 0.3)) ** 2
-            ss, sx, xx, sy, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for i in chosen:
-                x = c * points[X, i] + s * points[Y, i]
-                y = c * points[Y, i] - s * points[X, i]
-                weight = points[SIGMA_X, i] ** 2 + points[SIGMA_Y, i] ** 2
-                weight = 1 / max(weight, 1e-18)
-                shape = (3 * x_c - x) * x * x if x < x_c else (3 * x - x_c) * x_c * x_c
-                ss += weight * shape * shape
-                sx += weight * shape * x
-                xx += weight * x * x
-                sy += weight * shape * y
-                xy += weight * x * y
-                yy += weight * y * y
-            # The tilt's prior is about zero in the unturned axes.
-            xx += 1 / tilt_variance
-            xy -= turn / tilt_variance
-            yy += turn * turn / tilt_variance
+            ss, sx, sy = _moments(few, x_c)
             determinant = ss * xx - sx * sx
             if not determinant > 1e-12 * ss * xx:
                 continue
