@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -14,7 +13,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
-from vbaa_bench.console import console, outcomes, progress_bars, say, show_scores
+from vbaa_bench.console import console, outcomes, progress_bars, say, show_scores, show_table
 from vbaa_bench.options import (
     AsJson,
     DatasetPath,
@@ -203,18 +202,11 @@ def stability(as_json: AsJson = False) -> None:
         return
     contacts = sorted({case["contact"] for case in record["methods"]["exact_fit"]})
     places = ", ".join(f"{contact:g}" for contact in contacts)
-    shown = Table(
-        title=f"per pixel of noise, for contacts at x_c / L = {places}; condition; rounding",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+    show_table(
+        f"per pixel of noise, for contacts at x_c / L = {places}; condition; rounding",
+        ("method", "deflection", "x_c, % of L", "force, %", "condition", "x_c / L by 1 ulp"),
+        methods.rows(record),
     )
-    shown.add_column("method", no_wrap=True)
-    for head in ("deflection", "x_c, % of L", "force, %", "condition", "x_c / L by 1 ulp"):
-        shown.add_column(head, justify="right")
-    for row in methods.rows(record):
-        shown.add_row(*row)
-    Console().print(shown)
 
 
 @app.command()

@@ -1,10 +1,12 @@
 """What a command says: progress and remarks on stderr, results on stdout, as text or JSON."""
 
 import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
+from rich import box
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -40,6 +42,16 @@ def progress_bars() -> Progress:
         TimeRemainingColumn(),
         console=console,
     )
+
+
+def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A table whose first column names what the others measure."""
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for index, head in enumerate(heads):
+        table.add_column(head, justify="right" if index else "left", no_wrap=index == 0)
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
 
 
 def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:

@@ -5,12 +5,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from vbaa_bench.console import console, say
+from vbaa_bench.console import console, say, show_table
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import verify_observations
 from vbaa_bench.dataset.readers import open_truth
@@ -112,11 +111,8 @@ def show_speeds(record: dict[str, Any]) -> None:
         f"decoding {record['decode_ms_per_frame']:.2g} ms a frame, "
         f"calibration {record['set_up_s']:.2g} s"
     )
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    heads = ("ms/image", "us/points", "us batched", "x_c, % of L", "force, %", "start, s")
-    table.add_column("method", no_wrap=True)
-    for head in (*heads, "first ever, s"):
-        table.add_column(head, justify="right")
+    heads = ("method", "ms/image", "us/points", "us batched", "x_c, % of L", "force, %", "start, s")
+    rows = []
     for name, found in record["methods"].items():
         numbers = (
             found["image_ms_per_frame"],
@@ -128,8 +124,8 @@ def show_speeds(record: dict[str, Any]) -> None:
             (found["first_start"] or {}).get("total_s"),
         )
         shown = ("–" if number is None else f"{float(f'{number:.3g}'):,g}" for number in numbers)
-        table.add_row(name, *shown)
-    Console().print(table)
+        rows.append((name, *shown))
+    show_table(title, (*heads, "first ever, s"), rows)
     Console().print(
         "Errors are RMSEs of the frames that were answered. A start is from a command to its first "
         "estimate; the first one ever compiles, later ones find what was compiled."

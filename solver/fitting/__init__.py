@@ -1,1 +1,1 @@
-"""Least squares: residual terms, priors and one Gauss-Newton."""
+"""Least squares with the exact beam: of one frame, compiled; of a push; what is said of a fit."""

@@ -15,8 +15,6 @@ from solver.fitting.residuals import (
     MOMENT_SIGMA,
     MOMENT_UNIT,
     PARAMETERS,
-    PIVOT_X,
-    PIVOT_Y,
     PSI,
     RIGIDITY,
     RIGIDITY_SIGMA,
@@ -69,14 +67,12 @@ def add_constraints(
         row[STRETCH] = 1 / known[STRETCH_SIGMA]
         chi2 += _add(row, p[STRETCH] * row[STRETCH], normal, gradient)
         for tip in tips:
-            chi2 += _add_tip(p, tip, views[int(tip[6])], known, normal, gradient)
+            chi2 += _add_tip(p, tip, views[int(tip[6])], normal, gradient)
     return chi2
 
 
 @njit(cache=True, error_model="numpy")
-def _add_tip(
-    p: Floats, tip: Floats, view: Floats, known: Floats, normal: Floats, gradient: Floats
-) -> float:
+def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Floats) -> float:
     """The image of the end of a beam of known length, against where it is seen."""
     theta, x_c, y_c, s_c = contact_at(p[Q], p[LEVER])
     sine, cosine = np.sin(theta[0]), np.cos(theta[0])
@@ -93,10 +89,8 @@ def _add_tip(
     by_side, by_height = by_y * cos_psi, by_y * sin_psi
     by_side[PSI], by_height[PSI] = -height, side
     c, s = np.cos(p[TILT]), np.sin(p[TILT])
-    from_x, from_y = x - known[PIVOT_X], side - known[PIVOT_Y]
-    turned_x, turned_y = c * from_x - s * from_y, s * from_x + c * from_y
-    on_x = known[PIVOT_X] + p[DX] + turned_x
-    on_y = known[PIVOT_Y] + p[DY] + turned_y
+    turned_x, turned_y = c * x - s * side, s * x + c * side
+    on_x, on_y = p[DX] + turned_x, p[DY] + turned_y
     by_on_x, by_on_y = c * by_x - s * by_side, s * by_x + c * by_side
     by_on_x[DX], by_on_y[DY] = 1.0, 1.0
     by_on_x[TILT], by_on_y[TILT] = -turned_y, turned_x

@@ -82,7 +82,7 @@ def settle(
     chi2 of the kept points and the constraints, their number, iterations, and by what factor the
     covariance, not yet multiplied, is too small.
     """
-    points, bounds, views, _, known, _ = problem
+    points, bounds, views, _, _, _ = problem
     residual = work[0][: bounds[-1] - bounds[0]]
     status, chi2, iterations = minimise(p, problem, free, np.inf, _ANSWER, work, covariance)
     kept[:] = True
@@ -97,7 +97,7 @@ def settle(
         other = p.copy()
         if consensus(problem, free, tilt_variance, p[PSI], cut, work, other):
             status, iterations = _better(p, other, problem, free, cut, work, covariance)
-            point_residuals(p, points, bounds, views, known, False, residual, work[1])
+            point_residuals(p, points, bounds, views, False, residual, work[1])
             inflation = scale(residual, MOST_SCALE)
             if inflation > LEAST_SCALE:
                 cut = CUT * inflation

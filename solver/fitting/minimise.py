@@ -59,9 +59,9 @@ def linearise(
 
     `work` is residual (n,), Jacobian (6, n), weight (n,) and scratch (n,) of the points, or longer.
     """
-    points, bounds, views, _, known, _ = problem
+    points, bounds, views, _, _, _ = problem
     residual, jacobian, weight, _ = work
-    point_residuals(p, points, bounds, views, known, PSI in free, residual, jacobian)
+    point_residuals(p, points, bounds, views, PSI in free, residual, jacobian)
     n = bounds[-1] - bounds[0]
     residual, weight = residual[:n], weight[:n]
     robust = cut < np.inf
@@ -180,7 +180,7 @@ def minimise(
     `work` (see `linearise`) is left as it is within a third of a sigma of the minimum, and
     `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be possible.
     """
-    points, bounds, views, _, known, _ = problem
+    points, bounds, views, _, _, _ = problem
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     step, trial = np.zeros(PARAMETERS), np.empty(PARAMETERS)
     chi2 = linearise(p, problem, free, cut, work, normal, gradient)
@@ -205,13 +205,13 @@ def minimise(
         before = length if share == 1.0 else 0.0
         if share == 1.0 and last:
             _moved(p, step, share, views, trial)
-            if possible(trial, points, bounds, views, known):
+            if possible(trial, points, bounds, views):
                 p[:] = trial
             return CONVERGED, chi2 - length2, iteration
         moved = False
         for _ in range(10):
             _moved(p, step, share, views, trial)
-            if possible(trial, points, bounds, views, known):
+            if possible(trial, points, bounds, views):
                 there = linearise(trial, problem, free, cut, work, normal, gradient)
                 # Sigmas follow the shape, so that a short step may gain nothing and still be right.
                 if there <= chi2 * (1 + 1e-9) or (length2 < 1 and share == 1.0):

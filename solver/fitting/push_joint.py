@@ -49,14 +49,14 @@ class Frame:
         They have the sum of squares and the gradient of all points (QR), so that a joint problem
         stays as small as the number of frames. None where the shape does not exist.
         """
-        points, bounds, views, _, known, _ = self.problem.arrays
+        points, bounds, views, *_ = self.problem.arrays
         unit = np.array([length**2, 1 / length, 1 / length, 1 / length, 1.0])
         p = np.zeros(PARAMETERS)
         p[_OWN] = unit * [q, lever, *base]
-        if not possible(p, points, bounds, views, known):
+        if not possible(p, points, bounds, views):
             return None
         rows = np.empty((TILT + 2, points.shape[1]))
-        point_residuals(p, points, bounds, views, known, False, rows[-1], rows[:-1])
+        point_residuals(p, points, bounds, views, False, rows[-1], rows[:-1])
         condensed = np.asarray(np.linalg.qr(rows[[*_OWN, TILT + 1]].T, mode="r"))
         condensed[:, :5] *= unit
         return np.asarray(condensed / math.sqrt(self.widening), dtype=np.float64)

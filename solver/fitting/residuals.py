@@ -37,8 +37,8 @@ PARAMETERS: Final = 8
 # Rows of `points`: where the ray meets C, and the one-sigma vector there.
 X, Y, SIGMA_X, SIGMA_Y = range(4)
 # Entries of `known`.
-PIVOT_X, PIVOT_Y, MOMENT, MOMENT_SIGMA, MOMENT_UNIT, STRETCH_SIGMA, RIGIDITY_SIGMA = range(7)
-KNOWN: Final = 7
+MOMENT, MOMENT_SIGMA, MOMENT_UNIT, STRETCH_SIGMA, RIGIDITY_SIGMA = range(5)
+KNOWN: Final = 5
 # No beam has turned farther at its contact, nor do rays graze D more closely.
 MOST_SINE: Final = 0.995
 LEAST_GRAZING: Final = 0.02
@@ -52,7 +52,6 @@ def possible(
     points: Floats,
     bounds: Any,
     views: Floats,
-    known: Floats,  # noqa: ARG001 - as `point_residuals` takes them
 ) -> bool:
     """Whether the shape exists, and every ray meets D on the side that the camera sees."""
     if not (p[Q] >= 0 and p[LEVER] > 0 and p[Q] * p[LEVER] ** 2 / 2 < MOST_SINE):
@@ -82,8 +81,6 @@ def _points_of_view(
     sx: Floats,
     sy: Floats,
     view: Floats,
-    pivot_x: float,
-    pivot_y: float,
     series: tuple[float, ...],
     widest: float,
     residual: Floats,
@@ -104,15 +101,15 @@ def _points_of_view(
     base, base_tangent, base_by_q = bend_at(lever, q)
     # A point farther behind the clamp than the curve reaches is measured from the curve's end.
     farthest = np.sqrt(2 * min(MOST_SINE, np.sqrt(widest * (2 - widest))) / max(q, 1e-300))
-    dx, dy = p[DX] + pivot_x, p[DY] + pivot_y
+    dx, dy = p[DX], p[DY]
     for i in range(mx.size):
         turned_x = cos_tilt * (mx[i] - dx) + sin_tilt * (my[i] - dy)
         turned_y = cos_tilt * (my[i] - dy) - sin_tilt * (mx[i] - dx)
         ray_x = cos_tilt * (vx - vw * mx[i]) + sin_tilt * (vy - vw * my[i])
         ray_y = cos_tilt * (vy - vw * my[i]) - sin_tilt * (vx - vw * mx[i])
         k = 1 / (cos_psi - sin_psi * ray_y)
-        y = (turned_y + pivot_y) * k
-        x = turned_x + pivot_x + sin_psi * ray_x * y
+        y = turned_y * k
+        x = turned_x + sin_psi * ray_x * y
         # The misfit from the exact beam, as in `exact.misfit`.
         along, across = x * cosine + y * sine, y * cosine - x * sine
         u = min(max(lever - along, 0.0), farthest)
@@ -152,7 +149,6 @@ def _points(
     points: Floats,
     bounds: Any,
     views: Floats,
-    known: Floats,
     residual: Floats,
     jacobian: Floats,
 ) -> None:
@@ -166,7 +162,7 @@ def _points(
         if gentle:
             _points_of_view(
                 p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
-                points[SIGMA_Y, first:last], views[view], known[PIVOT_X], known[PIVOT_Y],
+                points[SIGMA_Y, first:last], views[view],
                 BEND_GENTLE, GENTLE, residual[to:end], jacobian[Q, to:end],
                 jacobian[LEVER, to:end], jacobian[PSI, to:end], jacobian[DX, to:end],
                 jacobian[DY, to:end], jacobian[TILT, to:end],
@@ -174,7 +170,7 @@ def _points(
         else:
             _points_of_view(
                 p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
-                points[SIGMA_Y, first:last], views[view], known[PIVOT_X], known[PIVOT_Y],
+                points[SIGMA_Y, first:last], views[view],
                 BEND_STEEP, STEEP, residual[to:end], jacobian[Q, to:end],
                 jacobian[LEVER, to:end], jacobian[PSI, to:end], jacobian[DX, to:end],
                 jacobian[DY, to:end], jacobian[TILT, to:end],
@@ -187,7 +183,6 @@ def point_residuals(
     points: Floats,
     bounds: Any,
     views: Floats,
-    known: Floats,
     spatial: bool,
     residual: Floats,
     jacobian: Floats,
@@ -200,7 +195,7 @@ def point_residuals(
     error by a factor that depends on psi, and a Jacobian that holds the error would correlate
     with it and draw psi to one side.
     """
-    _points(p, points, bounds, views, known, residual, jacobian)
+    _points(p, points, bounds, views, residual, jacobian)
     if not spatial:
         return
     n = bounds[-1] - bounds[0]
@@ -210,4 +205,4 @@ def point_residuals(
         moved[SIGMA_X, i], moved[SIGMA_Y, i] = points[SIGMA_X, at], points[SIGMA_Y, at]
         moved[X, i] = points[X, at] - residual[i] * points[SIGMA_X, at]
         moved[Y, i] = points[Y, at] - residual[i] * points[SIGMA_Y, at]
-    _points(p, moved, bounds - bounds[0], views, known, left, jacobian)
+    _points(p, moved, bounds - bounds[0], views, left, jacobian)

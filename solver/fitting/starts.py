@@ -115,13 +115,13 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
 
     `free` lacks psi; `p` gets it.
     """
-    points, bounds, views, _, known, _ = problem
+    points, bounds, views, _, _, _ = problem
     stride = max((bounds[1] - bounds[0]) // _COARSE, 1)
     chosen = np.arange(bounds[0] + stride // 2, bounds[1], stride)
     start(points, chosen, tilt_variance, p)
     p[PSI] = psi
     for _ in range(40):
-        if possible(p, points, bounds, views, known):
+        if possible(p, points, bounds, views):
             break
         p[Q] *= 0.8
     else:
@@ -130,7 +130,7 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
         few = subset(problem, chosen)
         covariance = np.empty((PARAMETERS, PARAMETERS))
         minimise(p, few, free, np.inf, _START, workspace(len(chosen)), covariance)
-    return bool(possible(p, points, bounds, views, known))
+    return bool(possible(p, points, bounds, views))
 
 
 @njit(cache=True, error_model="numpy")
@@ -141,7 +141,7 @@ def consensus(
 
     The draws are the same every time. False if no draw gives a beam.
     """
-    points, bounds, views, _, known, _ = problem
+    points, bounds, views, _, _, _ = problem
     residual, jacobian = work[0][: bounds[-1] - bounds[0]], work[1]
     n = bounds[1] - bounds[0]
     size = 2 if tilt_variance < 1e-4 else 3
@@ -158,13 +158,13 @@ def consensus(
             chosen[j] = bounds[0] + min(int(share * n), n - 1)
         start(points, chosen, tilt_variance, trial)
         trial[PSI] = psi
-        if not possible(trial, points, bounds, views, known):
+        if not possible(trial, points, bounds, views):
             continue
         few = subset(problem, chosen)
         status, _, _ = minimise(trial, few, free, np.inf, _DRAW, few_work, covariance)
-        if status == DEFICIENT or not possible(trial, points, bounds, views, known):
+        if status == DEFICIENT or not possible(trial, points, bounds, views):
             continue
-        point_residuals(trial, points, bounds, views, known, False, residual, jacobian)
+        point_residuals(trial, points, bounds, views, False, residual, jacobian)
         cost = 0.0
         for r in residual:
             cost += min(r * r, cut * cut)

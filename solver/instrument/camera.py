@@ -84,11 +84,6 @@ class Camera:
         """Where a lens free of distortion would show what is seen at pixels (n, 2)."""
         return self._pixels(self.normalised(pixels))
 
-    def pixel_slopes(self, normalised: Floats) -> Floats:
-        """d(pixel)/d(normalised), (n, 2, 2), at ideal coordinates (n, 2)."""
-        _, jacobian = distort(normalised, self.distortion)
-        return np.asarray(jacobian * np.array([[self.fx], [self.fy]]))
-
     def pixels_per_metre(self, points: Floats) -> Floats:
         """Magnification (n,) [px/m] of lengths across the optical axis at points (n, 3) [m].
 

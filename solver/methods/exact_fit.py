@@ -19,7 +19,7 @@ def exact_fit(measurement: Measurement) -> Estimate:
     problem = problem_of(measurement, with_tips=False)
     known_psi = measurement.rig.known_psi
     # Seen in a mirror, where the rig deflects to -y, a plane leans the other way.
-    psi = measurement.rig.deflects_towards * (known_psi or 0.0)
+    psi = measurement.handedness * (known_psi or 0.0)
     start = started(problem, psi) if problem.points >= LEAST_POINTS else None
     fit = None if start is None else settled(problem, start, psi_free=False)
     refusal = refusal_of(measurement, problem, fit)

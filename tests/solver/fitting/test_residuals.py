@@ -5,7 +5,7 @@ import pytest
 
 from solver.beam_models import exact
 from solver.fitting.constraints import add_constraints
-from solver.fitting.residuals import KNOWN, PARAMETERS, PSI, point_residuals, possible
+from solver.fitting.residuals import PARAMETERS, PSI, point_residuals, possible
 from solver.instrument.arrays import Floats
 
 PINHOLE = np.array([0.5, 0.1, 0.7])
@@ -25,14 +25,12 @@ def points(sigma_x: float, sigma_y: float) -> Floats:
 
 
 def residuals(
-    p: Floats, rows: Floats, view: Floats, pivot: float, spatial: bool = False
+    p: Floats, rows: Floats, view: Floats, spatial: bool = False
 ) -> tuple[Floats, Floats]:
-    known = np.zeros(KNOWN)
-    known[:2] = pivot, -pivot / 2
     residual, jacobian = np.empty(rows.shape[1]), np.empty((6, rows.shape[1]))
     bounds = np.array([0, rows.shape[1]])
-    assert possible(p, rows, bounds, view[None], known)
-    point_residuals(p, rows, bounds, view[None], known, spatial, residual, jacobian)
+    assert possible(p, rows, bounds, view[None])
+    point_residuals(p, rows, bounds, view[None], spatial, residual, jacobian)
     return residual, jacobian
 
 
@@ -42,7 +40,7 @@ def test_in_plane_c_it_is_the_misfit_of_the_exact_beam() -> None:
     for q, lever in ((0.8, 0.6), (4.0, 0.65)):
         p[:2] = q, lever
         value, by_point, by_shape = exact.misfit(rows[0], rows[1], q, lever)
-        residual, jacobian = residuals(p, rows, PINHOLE, 0.0)
+        residual, jacobian = residuals(p, rows, PINHOLE)
         sigma = 1e-4 * by_point[:, 1]
         assert residual == pytest.approx(value / sigma, rel=1e-9, abs=1e-9)
         by_both = jacobian[:2].T
@@ -51,16 +49,15 @@ def test_in_plane_c_it_is_the_misfit_of_the_exact_beam() -> None:
 
 @pytest.mark.parametrize("p", SHAPES, ids=["plane", "gentle", "steep"])
 @pytest.mark.parametrize("view", [PINHOLE, FAR_AWAY], ids=["pinhole", "telecentric"])
-@pytest.mark.parametrize("pivot", [0.0, -0.1])
-def test_its_jacobian_is_that_of_differences(p: Floats, view: Floats, pivot: float) -> None:
+def test_its_jacobian_is_that_of_differences(p: Floats, view: Floats) -> None:
     rows = points(0.0, 0.0)  # the least sigma throughout, so that weights do not depend on p
-    _, jacobian = residuals(p, rows, view, pivot)
+    _, jacobian = residuals(p, rows, view)
     for a in range(6):
         step = np.zeros(PARAMETERS)
         step[a] = 1e-6
         ahead, behind = (
-            residuals(p + step, rows, view, pivot),
-            residuals(p - step, rows, view, pivot),
+            residuals(p + step, rows, view),
+            residuals(p - step, rows, view),
         )
         slope = (ahead[0] - behind[0]) / 2e-6
         assert np.abs(slope - jacobian[a]).max() < 1e-6 * np.abs(slope).max()
@@ -70,21 +67,21 @@ def test_its_jacobian_is_that_of_differences(p: Floats, view: Floats, pivot: flo
 def test_a_residual_is_by_how_many_of_its_sigmas_a_point_is_off(p: Floats) -> None:
     rows = points(3e-7, 1e-6)
     for _ in range(4):  # onto the beam's image
-        residual, _ = residuals(p, rows, PINHOLE, 0.0)
+        residual, _ = residuals(p, rows, PINHOLE)
         rows[:2] -= residual * rows[2:]
     moved = rows.copy()
     moved[:2] += 2.5 * rows[2:]
-    later, _ = residuals(p, moved, PINHOLE, 0.0)
+    later, _ = residuals(p, moved, PINHOLE)
     assert later == pytest.approx(2.5, rel=1e-4)
     # Where psi is sought the Jacobian does not know the point's error.
-    _, here = residuals(p, rows, PINHOLE, 0.0, spatial=True)
-    _, there = residuals(p, moved, PINHOLE, 0.0, spatial=True)
+    _, here = residuals(p, rows, PINHOLE, spatial=True)
+    _, there = residuals(p, moved, PINHOLE, spatial=True)
     assert there[PSI] == pytest.approx(here[PSI], rel=1e-6)
 
 
 @pytest.mark.parametrize("p", SHAPES, ids=["plane", "gentle", "steep"])
 def test_the_constraints_gradient_is_that_of_their_chi2(p: Floats) -> None:
-    known = np.array([-0.1, 0.05, 0.02, 0.01, 0.3, 1e-3, 0.01])
+    known = np.array([0.02, 0.01, 0.3, 1e-3, 0.01])
     whitening = np.linalg.inv(np.linalg.cholesky(np.diag([1e-4, 2e-4, 3e-4]) + 5e-5))
     tips = np.array([[0.9, 0.3, 900.0, 0.0, 200.0, 1100.0, 0.0]])
 
