@@ -18,18 +18,16 @@ Both stay regular as the force vanishes, where lambda and the contact angle do n
     s_c = lever 2F1(1/2, 1/4; 5/4; (q lever^2 / 2)^2)
 
 Both hypergeometric functions of sin^2(phi) are analytic in 1 - cos(phi), their nearest singularity
-being at 2, so a Chebyshev interpolant of low degree gives them to double precision.
+being at 2, so a Chebyshev interpolant of low degree gives them to double precision. This is the
+compiled road; `frictional` has the same beam in elliptic integrals, for any direction of the force.
 """
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numba import njit
 from numpy.polynomial import chebyshev, polynomial
 from scipy.special import hyp2f1
-
-from solver.instrument.arrays import Floats
 
 # Reordered sums and fused products let loops run in vector registers; no special value is assumed
 # away.
@@ -62,23 +60,6 @@ BEND_GENTLE: Final = _series(0.75, GENTLE, 8)
 _STRETCH: Final = _series(0.25, STEEP, 20)
 
 
-@dataclass(frozen=True)
-class Contact:
-    """Contact of the shape (q, lever), each with its gradient (2,) by (q, lever).
-
-    theta_c [rad], x_c, y_c, s_c [m].
-    """
-
-    theta_c: float
-    x_c: float
-    y_c: float
-    s_c: float
-    d_theta_c: Floats
-    d_x_c: Floats
-    d_y_c: Floats
-    d_s_c: Floats
-
-
 @njit(inline="always")
 def horner(t: float, series: tuple[float, ...]) -> float:
     """The polynomial with coefficients `series`, from the constant upwards, at t.
@@ -96,7 +77,7 @@ def horner(t: float, series: tuple[float, ...]) -> float:
 
 @njit(cache=True, error_model="numpy")
 def bend_at(u: float, q: float) -> tuple[float, float, float]:
-    """P(u), dP/du and dP/dq at one u >= 0, as `bend`."""
+    """P(u), dP/du and dP/dq at a distance u >= 0 with q u^2 / 2 < 1."""
     sine = q * u * u / 2
     cosine = np.sqrt(1 - sine * sine)
     shape = horner(1 - 2 * cosine, BEND_STEEP)
@@ -122,52 +103,3 @@ def contact_at(q: float, lever: float) -> Any:
         (y_c, -cosine * p_by_q + x_c * theta_q, sine - cosine * tangent + x_c * theta_l),
         (s_c, s_by_q, 1 / cosine),
     )
-
-
-def bend(u: Floats, q: float) -> tuple[Floats, Floats, Floats]:
-    """P(u) [m], dP/du = tan(phi) and dP/dq [m^3] at distances u >= 0 [m] back from the contact.
-
-    Needs q u^2 / 2 < 1: the beam has not turned by a right angle.
-    """
-    sine = q * u**2 / 2
-    cosine = np.sqrt(1 - sine**2)
-    shape = polynomial.polyval(1 - 2 * cosine, BEND_STEEP)
-    # dP/dq = (u P' - P) / (2 q), without the division that fails where the shape vanishes.
-    return u * sine / 3 * shape, sine / cosine, u**3 / 12 * (3 / cosine - shape)
-
-
-def contact(q: float, lever: float) -> Contact:
-    """Where and at what angle the shape (q, lever) is touched."""
-    theta_c, x_c, y_c, s_c = (np.array(row) for row in contact_at(float(q), float(lever)))
-    return Contact(
-        theta_c=float(theta_c[0]),
-        x_c=float(x_c[0]),
-        y_c=float(y_c[0]),
-        s_c=float(s_c[0]),
-        d_theta_c=theta_c[1:],
-        d_x_c=x_c[1:],
-        d_y_c=y_c[1:],
-        d_s_c=s_c[1:],
-    )
-
-
-def misfit(x: Floats, y: Floats, q: float, lever: float) -> tuple[Floats, Floats, Floats]:
-    """Signed misfit (n,) [m] of points from the shape, its gradients by (x, y) and (q, lever).
-
-    The misfit is measured along the contact's normal: eta - P(u), no root finding. Shapes
-    (n,), (n, 2), (n, 2).
-    """
-    at = contact(q, lever)
-    sine, cosine = np.sin(at.theta_c), np.cos(at.theta_c)
-    base, base_tangent, base_by_q = bend(np.array(lever), q)
-    along = x * cosine + y * sine
-    across = y * cosine - x * sine
-    u = lever - along
-    curved = u > 0
-    p, tangent, p_by_q = bend(np.where(curved, u, 0.0), q)
-    value = base + across - p
-    by_point = np.column_stack([-sine + tangent * cosine, cosine + tangent * sine])
-    by_theta = -along + tangent * across
-    by_q = base_by_q - p_by_q + by_theta * at.d_theta_c[0]
-    by_lever = base_tangent - tangent + by_theta * at.d_theta_c[1]
-    return value, by_point, np.column_stack([by_q, by_lever])

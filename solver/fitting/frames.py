@@ -1,10 +1,11 @@
 """A contact in all frames of reference: from Sigma_d through the clamp into Sigma_a and Sigma_o.
 
-The contact (x_c, y_c) and the force (-sin theta_c, cos theta_c) F of the deformation frame are
-turned by the inclination psi about the beam at rest, by the clamp's tilt in plane C, and carried to
-where the clamp stands: eq. (5). The motor's axis passes through the clamp (assumption 4), wherever
-that stands in Sigma_a, so that eqs. (1) and (4) turn about the clamp. A camera that stands in the
-world sees Sigma_o; there the clamp's tilt is the motor's angle, by which Sigma_a has turned.
+The contact (x_c, y_c) and the force of the deformation frame, which leans off the beam's normal
+only by friction, are turned by the inclination psi about the beam at rest, by the clamp's tilt in
+plane C, and carried to where the clamp stands: eq. (5). The motor's axis passes through the clamp
+(assumption 4), wherever that stands in Sigma_a, so that eqs. (1) and (4) turn about the clamp. A
+camera that stands in the world sees Sigma_o; there the clamp's tilt is the motor's angle, by which
+Sigma_a has turned.
 
 Sigma_a itself is known only as well as the board lay in it when the camera was calibrated: shifted
 by the rig's tolerance of its translation, turned about the board's middle by that of its rotation,
@@ -35,9 +36,10 @@ _WORLD: Final = frozenset({"contact_world_x_m", "contact_world_y_m", "contact_wo
 # Linear theory neglects the force along the beam, and that the beam foreshortens.
 _LARGE: Final = frozenset({"s_c_m", "theta_c_rad", "force_x_n"})
 Vector = tuple[float, float, float]
-# What a contact is told by, in this order: lengths [m], force [N], angles [rad].
-X_C, Y_C, S_C, FORCE, THETA, PSI, DX, DY, TILT, ANGLE = range(10)
-CONTACT: Final = 10
+# What a contact is told by, in this order: lengths [m], force [N], angles [rad]. LEAN is how far
+# the force leans off the beam's normal, back to the clamp.
+X_C, Y_C, S_C, FORCE, THETA, PSI, DX, DY, TILT, ANGLE, LEAN = range(11)
+CONTACT: Final = 11
 # Behind them the error of Sigma_a: a shift (3,) and a turn (3,) about the board's middle.
 _PLACED: Final = 6
 
@@ -56,10 +58,10 @@ def in_all_frames(
     linear: bool = False,
     plane: float = 0.0,
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Values (m,) by name, their Jacobian (m, 10) by the contact, and what Sigma_a adds (m, m).
+    """Values (m,) by name, their Jacobian (m, 11) by the contact, and what Sigma_a adds (m, m).
 
-    `contact` (10,) is (x_c, y_c, s_c, force, theta_c, psi, dx, dy, tilt, motor angle) in the frame
-    of the beam at rest; `measurement` may have been carried onto a plane that is inclined by
+    `contact` (11,) is (x_c, y_c, s_c, force, theta_c, psi, dx, dy, tilt, motor angle, lean) in the
+    frame of the beam at rest; `measurement` may have been carried onto a plane that is inclined by
     `plane` [rad] already. The last matrix is the covariance that an error of Sigma_a gives the
     values. What is not estimated is absent: the third dimension where psi was neither fitted nor
     stated by the rig, Sigma_o where neither the encoder nor a fitted clamp tells the motor's angle,
@@ -149,7 +151,8 @@ def _values(
 ) -> Floats:
     """The values of NAMES."""
     x, y, force, theta, psi, tilt = v[X_C], v[Y_C], v[FORCE], v[THETA], v[PSI], v[TILT]
-    across, along = force * math.cos(theta), -force * math.sin(theta)
+    direction = theta + v[LEAN]
+    across, along = force * math.cos(direction), -force * math.sin(direction)
     cosine, sine = math.cos(psi), math.sin(psi)
     shift, turn = v[CONTACT : CONTACT + 3], v[CONTACT + 3 :]
     # From the clamp, in Sigma_a as the board has it.
@@ -184,7 +187,7 @@ def _with_jacobian(
     plane: float,
     standing: bool,
 ) -> Any:
-    """Values (n,) and their Jacobian (n, 16) by central differences, which lose 1e-10 of them."""
+    """Values (n,) and their Jacobian (n, 17) by central differences, which lose 1e-10 of them."""
     values = _values(inputs, antenna_from_beam, middle, handed, plane, standing)
     jacobian = np.empty((len(values), len(inputs)))
     for j in range(len(inputs)):

@@ -8,74 +8,87 @@ with `reach` [m] from its axis to the beam's centreline: the beam's radius plus 
 sharp edge being zero. Its axis stands at (x0, -reach), and yields along -y, the normal of the beam
 at first contact, by its compliance [m/N] times the force's component along y.
 
-Seen from the clamp the axis lies at (x_c, y_c) - reach n, n = (-sin theta_c, cos theta_c). Turning
-by -delta carries it into the world, which gives two equations for a shape:
+Seen from the clamp the axis lies at (x_c, y_c) - reach n, n = (-sin theta_c, cos theta_c), and the
+force points along m = (-sin beta, cos beta), which is n but for the lean of friction. Turning by
+-delta carries both into the world, which gives two equations for a shape:
 
-    y:  -(x_c - a sin theta_c) sin delta + (y_c + a cos theta_c) cos delta = -reach
-        with a = compliance F - reach, solved for delta in closed form
+    y:  -along sin delta + across cos delta = -reach, solved for delta in closed form,
+        with (along, across) = (x_c, y_c) - reach n + compliance F m
     x:  x_c cos delta + y_c sin delta + reach sin(theta_c - delta) = x0
 
 With a sharp rigid edge and a thin beam these are y_c = x_c tan(delta) and x_c = x0 cos(delta).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from solver.beam_models import exact
+from solver.beam_models import frictional
 from solver.instrument.arrays import Floats
+from solver.instrument.beam import Beam
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What a shape says of the push, each with its gradient (4,) by (q, lever, compliance, reach).
+    """What shapes (n,) say of the push, each with its gradient (5, n).
 
     `pushing_angle` [rad] by which the clamp must have turned since first contact, and `distance`
-    [m], where along the beam at first contact the object then stands.
+    [m], where along the beam at first contact the object then stands. Gradients are by (q, lever,
+    grip, compliance, reach).
     """
 
-    pushing_angle: float
-    distance: float
+    pushing_angle: Floats
+    distance: Floats
     d_pushing_angle: Floats
     d_distance: Floats
 
 
-def touch(q: float, lever: float, compliance: float, reach: float, rigidity: float) -> Touch | None:
-    """The push that makes the exact beam's shape (q, lever), of flexural rigidity [N m^2].
+def touch(
+    q: Floats, lever: Floats, grip: Floats, compliance: float, reach: float, beam: Beam
+) -> Touch | None:
+    """The pushes that make the exact beam's shapes (q, lever, grip), each (n,).
 
-    None where no pushing angle up to a right angle does.
+    None where a shape does not exist, or no pushing angle up to a right angle makes it.
     """
-    at = exact.contact(q, lever)
-    sine, cosine = math.sin(at.theta_c), math.cos(at.theta_c)
-    a = compliance * rigidity * q - reach
-    along, across = at.x_c - a * sine, at.y_c + a * cosine
-    radius = math.hypot(along, across)
-    if abs(reach) >= radius:
+    if not frictional.exists(q, lever, grip):
         return None
-    delta = math.atan2(across, along) + math.asin(reach / radius)
-    turned_sine, turned_cosine = math.sin(delta), math.cos(delta)
+    at = frictional.contact(q, lever, grip, beam.radius)
+    rigidity = beam.flexural_rigidity
+    sine, cosine = np.sin(at.theta_c), np.cos(at.theta_c)
+    force_sine, force_cosine = np.sin(at.theta_c + at.lean), np.cos(at.theta_c + at.lean)
+    yielded = compliance * rigidity * at.load
+    along = at.x_c + reach * sine - yielded * force_sine
+    across = at.y_c - reach * cosine + yielded * force_cosine
+    radius = np.hypot(along, across)
+    if np.any(abs(reach) >= radius):
+        return None
+    delta = np.arctan2(across, along) + np.arcsin(reach / radius)
+    turned_sine, turned_cosine = np.sin(delta), np.cos(delta)
     slope = along * turned_cosine + across * turned_sine
-    if slope <= 0 or abs(delta) >= math.pi / 2:
+    if np.any((slope <= 0) | (np.abs(delta) >= np.pi / 2)):
         return None
+    zero, one = np.zeros_like(q), np.ones_like(q)
 
-    def by_all(by_shape: Floats, by_compliance: float, by_reach: float) -> Floats:
-        return np.array([by_shape[0], by_shape[1], by_compliance, by_reach])
+    def by_all(by_shape: Floats) -> Floats:
+        return np.array([*by_shape, zero, zero])
 
-    d_theta = by_all(at.d_theta_c, 0.0, 0.0)
-    d_x, d_y = by_all(at.d_x_c, 0.0, 0.0), by_all(at.d_y_c, 0.0, 0.0)
-    d_a = np.array([compliance * rigidity, 0.0, rigidity * q, -1.0])
-    d_reach = np.array([0.0, 0.0, 0.0, 1.0])
-    d_along = d_x - sine * d_a - a * cosine * d_theta
-    d_across = d_y + cosine * d_a - a * sine * d_theta
+    d_theta, d_x, d_y = by_all(at.d_theta_c), by_all(at.d_x_c), by_all(at.d_y_c)
+    d_beta = d_theta + by_all(at.d_lean)
+    d_yielded = compliance * rigidity * by_all(at.d_load)
+    d_yielded[3] = rigidity * at.load
+    d_reach = np.array([zero, zero, zero, zero, one])
+    d_along = d_x + sine * d_reach + reach * cosine * d_theta
+    d_along -= force_sine * d_yielded + yielded * force_cosine * d_beta
+    d_across = d_y - cosine * d_reach + reach * sine * d_theta
+    d_across += force_cosine * d_yielded - yielded * force_sine * d_beta
     d_delta = (turned_cosine * d_across - turned_sine * d_along + d_reach) / slope
-    lean_sine, lean_cosine = math.sin(at.theta_c - delta), math.cos(at.theta_c - delta)
-    distance = at.x_c * turned_cosine + at.y_c * turned_sine + reach * lean_sine
+    world_sine, world_cosine = np.sin(at.theta_c - delta), np.cos(at.theta_c - delta)
+    distance = at.x_c * turned_cosine + at.y_c * turned_sine + reach * world_sine
     d_distance = (
         turned_cosine * d_x
         + turned_sine * d_y
         + (at.y_c * turned_cosine - at.x_c * turned_sine) * d_delta
-        + lean_sine * d_reach
-        + reach * lean_cosine * (d_theta - d_delta)
+        + world_sine * d_reach
+        + reach * world_cosine * (d_theta - d_delta)
     )
     return Touch(delta, distance, d_delta, d_distance)

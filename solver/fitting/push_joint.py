@@ -1,74 +1,66 @@
 """All frames of a push in one least-squares problem.
 
-The unknowns are, in this order, (q, lever) of every frame, the clamp's pose (dx, dy, tilt), which
-all frames share, and the four of the push: the contact distance at rest x0 [m], the onset's motor
-angle [rad], the object's compliance [m/N] and its reach [m]. The points of a frame measure its
-shape and the clamp; the encoder measures its pushing angle, which the shape tells too; and every
-shape must put the object at the same x0.
+The unknowns are, in this order, q of every frame, the clamp's pose (dx, dy, tilt), which all frames
+share, and the four of the push: the contact distance at rest x0 [m], the onset's motor angle [rad],
+the object's compliance [m/N] and its reach [m]. Every shape must put the object at x0, which gives
+its lever. The points of a frame measure its shape and the clamp; the encoder measures its pushing
+angle, which the shape tells too.
+
+With friction there are besides the unknowns of the grips, Coulomb's coefficient the first of them,
+as `sliding` says.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.linalg import lstsq
 
+from solver.beam_models import frictional
 from solver.fitting.gauss_newton import Linearised
-from solver.fitting.problem import Problem
-from solver.fitting.push_geometry import Touch, touch
-from solver.fitting.residuals import DX, DY, LEVER, PARAMETERS, TILT, Q, point_residuals, possible
+from solver.fitting.push_frame import Frame
+from solver.fitting.push_geometry import touch
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 
 BASE: Final = 3
 PUSH: Final = 4
-# Where the frame's own parameters stand among those of a single frame's fit.
-_OWN: Final = [Q, LEVER, DX, DY, TILT]
-# How far the object's point may err, in the beam's length: a few micrometres, which no image
-# shows. A true equality would need another solver.
-_FIXED: Final = 1e-5
+# Levers are found to this share of the beam's length, by no more than so many steps.
+_EXACT: Final = 1e-10
+_MOST_STEPS: Final = 20
 # An encoder that claims to be exact errs by less than any shape tells [rad].
 _LEAST_ENCODER: Final = 1e-6
 # An object that a push meets is rounded by up to about this share of the beam's length.
 _ROUNDING: Final = 0.05
+# Coefficients of dry friction are about as large as this, and so is any grip.
+DRY: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Frame:
-    """A bent frame: its motor angle [rad], its points, and `widening`, by how much the points'
-    variances exceed what they state."""
+class Shapes:
+    """What the parameters (p,) of a push make of its n frames.
 
-    motor_angle: float
-    problem: Problem
-    widening: float
+    `levers` (n,) [m] and `pushing_angles` (n,) [rad], with their gradients (n, p).
+    """
 
-    def points(self, q: float, lever: float, base: Floats, length: float) -> Floats | None:
-        """Up to six rows (Jacobian by (q, lever) and base, residual), in sigmas.
-
-        They have the sum of squares and the gradient of all points (QR), so that a joint problem
-        stays as small as the number of frames. None where the shape does not exist.
-        """
-        points, bounds, views, *_ = self.problem.arrays
-        unit = np.array([length**2, 1 / length, 1 / length, 1 / length, 1.0])
-        p = np.zeros(PARAMETERS)
-        p[_OWN] = unit * [q, lever, *base]
-        if not possible(p, points, bounds, views):
-            return None
-        rows = np.empty((TILT + 2, points.shape[1]))
-        point_residuals(p, points, bounds, views, False, rows[-1], rows[:-1])
-        condensed = np.asarray(np.linalg.qr(rows[[*_OWN, TILT + 1]].T, mode="r"))
-        condensed[:, :5] *= unit
-        return np.asarray(condensed / math.sqrt(self.widening), dtype=np.float64)
+    levers: Floats
+    pushing_angles: Floats
+    d_levers: Floats
+    d_pushing_angles: Floats
 
 
 @dataclass(frozen=True)
 class Push:
-    """Two or more frames of one push of a rig, whose clamp is known to `base_covariance` (3, 3)."""
+    """Two or more frames of one push of a rig, whose clamp is known to `base_covariance` (3, 3).
+
+    `dragged` (n, m) makes the frames' grips from their m unknowns, of which there are none
+    without friction.
+    """
 
     frames: tuple[Frame, ...]
     rig: Rig
     base_covariance: Floats
+    dragged: Floats
 
     @property
     def motor_angles(self) -> Floats:
@@ -80,59 +72,107 @@ class Push:
         """One sigma of the motor angle [rad]."""
         return max(self.rig.tolerances.encoder, _LEAST_ENCODER)
 
-    def residuals(self, parameters: Floats) -> Linearised | None:
-        """Residuals and Jacobian in sigmas; None where a shape or its push does not exist."""
-        count, length = len(self.frames), self.rig.beam.length
-        base, push = 2 * count, 2 * count + BASE
-        touches = self.touches(parameters)
-        if touches is None:
-            return None
-        x0, onset, _, reach = parameters[push:]
-        encoder, fixed, side = self.encoder_sigma, _FIXED * length, self.rig.deflects_towards
-        size = 8 * count + BASE + 1
-        residual, jacobian = np.zeros(size), np.zeros((size, len(parameters)))
-        for i, (frame, at) in enumerate(zip(self.frames, touches, strict=True)):
-            shape = slice(2 * i, 2 * i + 2)
-            q, lever = parameters[shape]
-            points = frame.points(q, lever, parameters[base:push], length)
-            if points is None:
-                return None
-            rows, turned, placed = slice(8 * i, 8 * i + len(points)), 8 * i + 6, 8 * i + 7
-            jacobian[rows, shape], jacobian[rows, base:push] = points[:, :2], points[:, 2:5]
-            residual[rows] = points[:, 5]
-            residual[turned] = at.pushing_angle - side * (onset - frame.motor_angle)
-            jacobian[turned, shape] = at.d_pushing_angle[:2]
-            jacobian[turned, push + 1] = -side
-            jacobian[turned, push + 2 :] = at.d_pushing_angle[2:]
-            residual[placed] = at.distance - x0
-            jacobian[placed, shape] = at.d_distance[:2]
-            jacobian[placed, push] = -1.0
-            jacobian[placed, push + 2 :] = at.d_distance[2:]
-            for row, sigma in ((turned, encoder), (placed, fixed)):
-                residual[row] /= sigma
-                jacobian[row] /= sigma
-        known = slice(8 * count, 8 * count + BASE)
-        whitening = np.linalg.inv(np.linalg.cholesky(self.base_covariance))
-        residual[known], jacobian[known, base:push] = whitening @ parameters[base:push], whitening
-        residual[-1] = (reach - self.rig.beam.radius) / (_ROUNDING * length)
-        jacobian[-1, -1] = 1 / (_ROUNDING * length)
-        return residual, jacobian
+    @property
+    def size(self) -> int:
+        """How many parameters there are, but for those of the grips: the first is friction's."""
+        return len(self.frames) + BASE + PUSH
 
-    def touches(self, parameters: Floats) -> list[Touch] | None:
-        """What every frame's shape says of the push; None where one does not exist."""
-        compliance, reach = parameters[-2:]
-        found = []
-        for q, lever in parameters[: 2 * len(self.frames)].reshape(-1, 2):
-            exists = q >= 0 and lever > 0 and q * lever**2 / 2 < 1
-            at = (
-                touch(q, lever, compliance, reach, self.rig.beam.flexural_rigidity)
-                if exists
-                else None
-            )
+    @property
+    def friction(self) -> bool:
+        """Whether the object may drag the beam along."""
+        return bool(self.dragged.shape[1])
+
+    def shapes(self, parameters: Floats) -> Shapes | None:
+        """Levers such that the object stands at x0, by Newton's steps; None if there are none."""
+        count, length = len(self.frames), self.rig.beam.length
+        q, grip = parameters[:count], self.dragged @ parameters[self.size :]
+        x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
+        if not (q >= 0).all() or x0 <= 0:
+            return None
+        most = 0.999 * frictional.farthest(q, grip)
+        levers = np.minimum(x0, most)
+        for _ in range(_MOST_STEPS):
+            at = touch(q, levers, grip, compliance, reach, self.rig.beam)
             if at is None:
                 return None
-            found.append(at)
-        return found
+            step = (at.distance - x0) / at.d_distance[1]
+            if np.abs(step).max() < _EXACT * length:
+                break
+            levers = np.clip(levers - step, 0.1 * levers, most)
+        else:
+            return None
+        # By q, (compliance, reach) and grips while the levers follow, so that the distance stays.
+        by_lever = at.d_distance[1]
+        d_levers = self._by_all(-at.d_distance / by_lever)
+        d_levers[:, self.size - PUSH] = 1 / by_lever
+        by_angle = at.d_pushing_angle
+        d_angles = self._by_all(by_angle) + by_angle[1][:, None] * d_levers
+        return Shapes(levers, at.pushing_angle, d_levers, d_angles)
+
+    def _by_all(self, by_touch: Floats) -> Floats:
+        """A touch's gradient (5, n), but for that by the levers, by all parameters (n, p)."""
+        made = np.zeros((len(self.frames), self.size + self.dragged.shape[1]))
+        np.fill_diagonal(made, by_touch[0])
+        made[:, self.size - 2 : self.size] = by_touch[3:].T
+        made[:, self.size :] = by_touch[2][:, None] * self.dragged
+        return made
+
+    def residuals(self, parameters: Floats) -> Linearised | None:
+        """Residuals and Jacobian in sigmas; None where a shape or its push does not exist."""
+        shapes = self.shapes(parameters)
+        seen = None if shapes is None else self._seen(parameters, shapes.levers)
+        if shapes is None or seen is None:
+            return None
+        # Levers are functions of all parameters, what else the points measure is a parameter.
+        count, known = len(self.frames), len(self.frames) + BASE
+        by_all = np.zeros((seen[1].shape[1], len(parameters)))
+        by_all[:known, :known] = np.eye(known)
+        by_all[known : known + count] = shapes.d_levers
+        by_all[known + count :, self.size :] = np.eye(self.dragged.shape[1])
+        residual, jacobian = self._of_push(parameters, shapes)
+        return np.append(seen[0], residual), np.vstack([seen[1] @ by_all, jacobian])
+
+    def _seen(self, parameters: Floats, levers: Floats) -> Linearised | None:
+        """What the images tell: a few rows for each frame's points, and the clamp's prior.
+
+        The Jacobian is by q (n), the clamp, the levers (n) and the grips' unknowns. None where a
+        shape does not exist.
+        """
+        count, unknown = len(self.frames), self.dragged.shape[1]
+        clamp = slice(count, count + BASE)
+        grips = self.dragged @ parameters[self.size :] if self.friction else [None] * count
+        residuals, jacobians = [], []
+        for i, frame in enumerate(self.frames):
+            shape = np.array([parameters[i], levers[i]])
+            rows = frame.points(shape, parameters[clamp], self.rig.beam.length, grips[i])
+            if rows is None:
+                return None
+            by_shape = np.zeros((len(rows), 2 * count + BASE + unknown))
+            by_shape[:, i], by_shape[:, clamp.stop + i] = rows[:, 0], rows[:, 1]
+            by_shape[:, clamp] = rows[:, 2:5]
+            by_shape[:, 2 * count + BASE :] = np.outer(rows[:, 5], self.dragged[i])
+            residuals.append(rows[:, 6])
+            jacobians.append(by_shape)
+        prior = np.zeros((BASE, 2 * count + BASE + unknown))
+        prior[:, clamp] = np.linalg.inv(np.linalg.cholesky(self.base_covariance))
+        residuals.append(prior[:, clamp] @ parameters[clamp])
+        return np.concatenate(residuals), np.vstack([*jacobians, prior])
+
+    def _of_push(self, parameters: Floats, shapes: Shapes) -> Linearised:
+        """What the push adds: pushing angles (n), and how round and how dry objects are."""
+        count, unknown, side = len(self.frames), self.dragged.shape[1], self.rig.deflects_towards
+        onset, reach = self.size - PUSH + 1, self.size - 1
+        residual = np.zeros(count + 1 + unknown)
+        jacobian = np.zeros((len(residual), len(parameters)))
+        residual[:count] = shapes.pushing_angles - side * (parameters[onset] - self.motor_angles)
+        jacobian[:count] = shapes.d_pushing_angles
+        jacobian[:count, onset] -= side
+        residual[count] = parameters[reach] - self.rig.beam.radius
+        residual[count + 1 :] = parameters[self.size :]
+        jacobian[count:, reach:] = np.eye(1 + unknown)
+        sigma = np.full(len(residual), self.encoder_sigma)
+        sigma[count], sigma[count + 1 :] = _ROUNDING * self.rig.beam.length, DRY
+        return residual / sigma, jacobian / sigma[:, None]
 
     def tension(self, parameters: Floats) -> tuple[float, int]:
         """What the push costs: chi^2 and degrees of freedom of its own equations (Rao 1948).
@@ -142,14 +182,15 @@ class Push:
         makes it chi^2-distributed; one that moves or slips makes it large, however noisy the
         points.
         """
-        here = self.residuals(parameters)
+        shapes, here = self.shapes(parameters), self.residuals(parameters)
+        assert shapes is not None
         assert here is not None
-        residual, jacobian = here
-        count = len(self.frames)
-        # Rows of the points and of the clamp's prior, by shapes and clamp alone.
-        rows = np.append(np.arange(8 * count) % 8 < 6, [True] * BASE + [False])
-        kept, free = residual[rows], jacobian[rows][:, : 2 * count + BASE]
+        seen = self._seen(parameters, shapes.levers)
+        assert seen is not None
+        (whole, _), (kept, free) = here, seen
         scale = np.linalg.norm(free, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
         step = lstsq(free / scale, kept, lapack_driver="gelsy")[0]
         left = kept - free @ (step / scale)
-        return float(residual @ residual - left @ left), 2 * count + 1 - PUSH
+        freedom = len(whole) - len(kept) + free.shape[1] - len(parameters)
+        return float(whole @ whole - left @ left), freedom

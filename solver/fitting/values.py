@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from solver.beam_models import frictional
 from solver.beam_models.exact import contact_at
 from solver.fitting import frames
 from solver.fitting.problem import FrameFit
@@ -12,9 +13,13 @@ from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 
 # By what the quantities have gradients. `rigidity` and `scale` are the relative errors of EI and of
-# all lengths.
-SHAPE: Final = ("q", "lever", "psi", "dx", "dy", "tilt", "motor_angle", "rigidity", "scale")
-_ANGLE, _EI, _SCALE = (SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale"))
+# all lengths, `grip` is that of friction on the beam.
+SHAPE: Final = ("q", "lever", "psi", "dx", "dy", "tilt", "motor_angle", "rigidity", "scale", "grip")
+_ANGLE, _EI, _SCALE, _GRIP = (
+    SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale", "grip")
+)
+_LENGTHS: Final = [frames.X_C, frames.Y_C, frames.S_C]
+_TOUCHED: Final = [frames.FORCE, frames.THETA, *_LENGTHS, frames.LEAN]
 
 
 def shape_quantities(
@@ -23,31 +28,40 @@ def shape_quantities(
     *,
     psi_fitted: bool = False,
     clamp_fitted: bool = False,
+    grip_fitted: bool = False,
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Values (m,) of an exact beam, their Jacobian (m, 9) by `SHAPE`, and what Sigma_a adds (m, m).
+    """Values (m,) of an exact beam, their Jacobian (m, 10) by `SHAPE`, what Sigma_a adds (m, m).
 
-    `shape` (9,) is in the order of `SHAPE`, its error of lengths zero; a motor angle that is not
-    known is of no account. The other arguments and the last matrix are those of `in_all_frames`.
+    `shape` (10,) is in the order of `SHAPE`, its error of lengths zero; a motor angle that is not
+    known is of no account, nor is the grip unless it was fitted: a contact without friction has
+    none. The other arguments and the last matrix are those of `in_all_frames`.
     """
     q, lever, error = float(shape[0]), float(shape[1]), float(shape[_EI])
-    theta, x_c, y_c, s_c = contact_at(q, lever)
-    rigidity = measurement.rig.beam.flexural_rigidity
-    force = q * rigidity * (1 + error)
-    at = np.array([x_c[0], y_c[0], s_c[0], force, theta[0], *shape[2:_EI]])
+    beam = measurement.rig.beam
+    stiff = beam.flexural_rigidity * (1 + error)
+    # Rows as `_TOUCHED`, the load F / EI first: value and gradient by (q, lever, grip).
+    touched = np.zeros((len(_TOUCHED), 4))
+    if grip_fitted:
+        at = frictional.contact(q, lever, float(shape[_GRIP]), beam.radius)
+        touched[:, 0] = at.load, at.theta_c, at.x_c, at.y_c, at.s_c, at.lean
+        touched[:, 1:] = (
+            at.d_load, at.d_theta_c, at.d_x_c, at.d_y_c, at.d_s_c, at.d_lean,
+        )  # fmt: skip
+    else:
+        touched[0, :2] = q, 1.0
+        touched[1:5, :3] = contact_at(q, lever)
+    touched[0] *= stiff
+    contact = np.zeros(frames.CONTACT)
+    contact[_TOUCHED], contact[frames.PSI : frames.LEAN] = touched[:, 0], shape[2:_EI]
     by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
-    for row, here in zip((frames.X_C, frames.Y_C, frames.S_C), (x_c, y_c, s_c), strict=True):
-        by_shape[row, :2] = here[1:]
-        by_shape[row, _SCALE] = here[0]
-    by_shape[frames.THETA, :2] = theta[1:]
+    by_shape[np.ix_(_TOUCHED, [0, 1, _GRIP])] = touched[:, 1:]
     # By similarity: lengths grow with the scale, the force falls with its square.
-    by_shape[frames.FORCE, [0, _EI, _SCALE]] = (
-        rigidity * (1 + error),
-        q * rigidity,
-        -2 * force,
-    )
-    by_shape[frames.PSI :, 2:_EI] = np.eye(5)
+    by_shape[_LENGTHS, _SCALE] = contact[_LENGTHS]
+    force = contact[frames.FORCE]
+    by_shape[frames.FORCE, [_EI, _SCALE]] = force / (1 + error), -2 * force
+    by_shape[frames.PSI : frames.LEAN, 2:_EI] = np.eye(5)
     values, jacobian, placed = frames.in_all_frames(
-        measurement, at, psi_fitted=psi_fitted, clamp_fitted=clamp_fitted
+        measurement, contact, psi_fitted=psi_fitted, clamp_fitted=clamp_fitted
     )
     return values, jacobian @ by_shape, placed
 

@@ -10,7 +10,7 @@ from solver.methods.exact_fit_3d import exact_fit_3d
 from solver.methods.force_sensor import force_sensor
 from solver.methods.linear_fit import linear_fit
 from solver.methods.moment_sensor import moment_sensor
-from solver.methods.push_fit import push_fit
+from solver.methods.push_fit import push_fit, push_fit_friction
 from solver.methods.stiffness import stiffness
 from solver.methods.three_point import three_point
 from solver.methods.two_point import two_point
@@ -27,5 +27,6 @@ METHODS: Final[dict[str, Method]] = {
     "exact_fit": exact_fit,
     "exact_fit_3d": exact_fit_3d,
     "push_fit": push_fit,
+    "push_fit_friction": push_fit_friction,
     "force_sensor": force_sensor,
 }

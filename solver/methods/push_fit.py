@@ -1,11 +1,17 @@
 """All frames of a push at once, with the exact beam: where the object stands, and how stiff it is.
 
-A push is planar (psi = 0), without friction, against one object that stays where it is or yields
-on a linear spring along the normal of the beam at first contact, as the paper's Fig. 10 has it.
-Then every frame's shape follows from four numbers and the motor's angle: the contact distance at
-rest, the motor angle of first contact, the object's compliance 1/k_s, and how round it is. The
-compliance, not the stiffness, is what is estimated: it is regular for a rigid object (Fig. 11, and
-(30), (31) with tan), of either sign, so that its interval covers zero where the object is rigid.
+A push is planar (psi = 0), against one object that stays where it is or yields on a linear spring
+along the normal of the beam at first contact, as the paper's Fig. 10 has it. Then every frame's
+shape follows from four numbers and the motor's angle: the contact distance at rest, the motor angle
+of first contact, the object's compliance 1/k_s, and how round it is. The compliance, not the
+stiffness, is what is estimated: it is regular for a rigid object (Fig. 11, and (30), (31) with
+tan), of either sign, so that its interval covers zero where the object is rigid.
+
+Friction is an option, for it costs certainty where there is none: then Coulomb's coefficient is a
+fifth number. One image hardly tells a force that leans off the beam's normal from another one
+touched elsewhere; frames that must all place the object at one point do. The push begins with the
+first frame and goes on, with the contact sliding; wherever the motor has turned back, each frame
+has a lean of its own.
 
 Causal: a frame is answered from itself and those before it. Of a single frame the onset is not
 known, and the answer is that of `exact_fit`. Frames that do not fit one object are an outcome:
@@ -29,8 +35,11 @@ from solver.beam_models.linear import unit_deflection
 from solver.fitting.answer import refusal_of
 from solver.fitting.gauss_newton import Fit, gauss_newton
 from solver.fitting.problem import problem_of, settled, started, without
-from solver.fitting.push_joint import BASE, PUSH, Frame, Push
+from solver.fitting.push_frame import Frame
+from solver.fitting.push_joint import BASE, PUSH, Push
 from solver.fitting.residuals import LEVER
+from solver.fitting.sliding import grips
+from solver.fitting.unknown_grip import with_unknown_grip
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import judged
 from solver.instrument.arrays import Floats
@@ -46,22 +55,30 @@ SOFT: Final = 2.0
 IMPOSSIBLE: Final = 4.0
 # A motor that has turned by fewer sigmas of its encoder has not pushed on.
 TURNED: Final = 5.0
-# A step of so many sigmas is the last: the points' weights follow the shape, so that chi^2 does
-# not fall all the way to where the steps vanish.
-NEAR: Final = 0.05
 
 
-def push_fit(measurement: Measurement) -> Estimate:
-    """The last frame's contact, the object's compliance and the onset, with their covariance."""
+def push_fit_friction(measurement: Measurement) -> Estimate:
+    """`push_fit` with Coulomb friction between the beam and the object."""
+    return push_fit(measurement, friction=True)
+
+
+def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
+    """The last frame's contact, the object's compliance and the onset, with their covariance.
+
+    With `friction` also its coefficient, which a single frame does not tell.
+    """
     alone = exact_fit(measurement)
     if not alone.values:
         return alone
-    if measurement.motor_angle is None:
-        return _of_last(alone, "no motor angle is read")
     if measurement.rig.known_psi:
         return _of_last(alone, "the push is not in plane C")
+    if friction:
+        alone = with_unknown_grip(alone, measurement)
+    if measurement.motor_angle is None:
+        return _of_last(alone, "no motor angle is read")
     frames, lever = _bent(measurement)
-    push = Push(tuple(frames), measurement.rig, measurement.base_covariance)
+    slippery = np.zeros((len(frames), 0))
+    push = Push(tuple(frames), measurement.rig, measurement.base_covariance, slippery)
     if len(frames) < 2:
         return _of_last(alone, "no earlier one shows the beam bent")
     if np.ptp(push.motor_angles) < TURNED * push.encoder_sigma:
@@ -69,7 +86,11 @@ def push_fit(measurement: Measurement) -> Estimate:
     start = _start(push, lever)
     if start is None or push.residuals(start) is None:
         return Estimate(Outcome.INVALID, "the frames' shapes are not those of one push")
-    fit = gauss_newton(push.residuals, start, step_tolerance=NEAR)
+    if friction:
+        pushing_angles = push.rig.deflects_towards * (start[-PUSH + 1] - push.motor_angles)
+        push = replace(push, dragged=grips(pushing_angles, push.encoder_sigma))
+        start = np.append(start, np.zeros(push.dragged.shape[1]))
+    fit = gauss_newton(push.residuals, start)
     return _judged(push, measurement, fit, alone)
 
 
@@ -101,26 +122,24 @@ def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
 
 
 def _start(push: Push, lever: float) -> Floats | None:
-    """Every frame touched at the same lever; the onset by a straight line. None if that fails."""
-    beam, side, angles = push.rig.beam, push.rig.deflects_towards, push.motor_angles
-    shapes = []
+    """Every frame touched at the same place; the onset by a straight line. None if that fails."""
+    beam, side = push.rig.beam, push.rig.deflects_towards
+    bends = []
     for frame in push.frames:
         x, y = frame.problem.arrays[0][:2] * beam.length
         unit = unit_deflection(x, lever)
         q = 6 * float(unit @ y) / float(unit @ unit)
         # Inside the model's domain, however steep the linear shape is.
-        shapes.append((min(max(q, 1e-9), 1.6 / max(lever - x.min(), lever) ** 2), lever))
-    known = [0.0] * BASE + [lever, 0.0, 0.0, beam.radius]
-    parameters = np.array([value for shape in shapes for value in shape] + known)
-    touches = push.touches(parameters)
-    if touches is None:
+        bends.append(min(max(q, 1e-9), 1.6 / max(lever - x.min(), lever) ** 2))
+    parameters = np.array([*bends, *[0.0] * BASE, lever, 0.0, 0.0, beam.radius])
+    shapes = push.shapes(parameters)
+    if shapes is None:
         return None
     # pushing angle = side (onset - motor angle), of which a spring takes compliance F / x0.
-    rigid = np.array([at.pushing_angle for at in touches])
-    force = beam.flexural_rigidity * np.array([q for q, _ in shapes])
-    design = np.column_stack([np.full(len(rigid), side), -force / lever])
-    onset, compliance = np.linalg.lstsq(design, rigid + side * angles, rcond=None)[0]
-    parameters[-PUSH:] = lever, onset, compliance, beam.radius
+    force = beam.flexural_rigidity * np.array(bends)
+    design = np.column_stack([np.full(len(bends), side), -force / lever])
+    rigid = shapes.pushing_angles + side * push.motor_angles
+    parameters[-PUSH + 1 : -1] = np.linalg.lstsq(design, rigid, rcond=None)[0]
     return parameters
 
 
@@ -143,11 +162,18 @@ def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimat
         )
     if not fit.converged:
         return _of_last(alone, f"the fit of {count} frames did not converge")
-    roundness = fit.parameters[-1] - last.rig.beam.radius
-    if roundness < -IMPOSSIBLE * math.sqrt(fit.covariance[-1, -1]):
+    reach = push.size - 1
+    roundness = fit.parameters[reach] - last.rig.beam.radius
+    if roundness < -IMPOSSIBLE * math.sqrt(fit.covariance[reach, reach]):
         return refused(
             Outcome.INVALID,
-            "the contact moves along the beam as on no object that stands still without friction",
+            "the contact moves along the beam as on no object that stands still"
+            + ("" if push.friction else " without friction"),
+        )
+    coefficient = fit.parameters[push.size] if push.friction else 0.0
+    if coefficient < 0 and coefficient**2 > IMPOSSIBLE**2 * fit.covariance[push.size, push.size]:
+        return refused(
+            Outcome.INVALID, "the object would pull the beam along by less than no friction"
         )
     values, covariance = _quantities(push, last, fit)
     row = list(values).index("compliance_m_per_n")
@@ -170,35 +196,41 @@ def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimat
 
 def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, float], Floats]:
     """All values of the last frame and of the push, and their joint covariance."""
-    count = len(push.frames)
-    side, tolerances = last.rig.deflects_towards, last.rig.tolerances
+    tolerances, side = last.rig.tolerances, last.rig.deflects_towards
     rigidity = last.rig.beam.flexural_rigidity
-    onset, compliance = float(fit.parameters[-3]), float(fit.parameters[-2])
-    own, base = slice(2 * count - 2, 2 * count), slice(2 * count, 2 * count + BASE)
-    touches = push.touches(fit.parameters)
-    assert touches is not None
+    count, n, of_push = len(push.frames), len(fit.parameters), push.size - PUSH
+    onset, compliance = float(fit.parameters[of_push + 1]), float(fit.parameters[of_push + 2])
+    shapes = push.shapes(fit.parameters)
+    assert shapes is not None
     column = {name: i for i, name in enumerate(SHAPE)}
-    shape = np.zeros(len(SHAPE))
-    shape[:2], shape[column["dx"] :][:BASE] = fit.parameters[own], fit.parameters[base]
+    # The last frame's shape, and its derivative by the fit's parameters.
+    in_base = [column[name] for name in ("dx", "dy", "tilt")]
+    shape, by_fit = np.zeros(len(SHAPE)), np.zeros((len(SHAPE), n))
+    shape[column["q"]], by_fit[column["q"], count - 1] = fit.parameters[count - 1], 1.0
+    shape[column["lever"]], by_fit[column["lever"]] = shapes.levers[-1], shapes.d_levers[-1]
+    shape[in_base], by_fit[in_base, count:of_push] = fit.parameters[count:of_push], np.eye(BASE)
+    shape[column["grip"]] = push.dragged[-1] @ fit.parameters[push.size :]
+    by_fit[column["grip"], push.size :] = push.dragged[-1]
     # The encoder's reading, corrected by what the shapes tell: onset less the pushing angle.
-    shape[column["motor_angle"]] = onset - side * touches[-1].pushing_angle
-    values, by_shape, placed = shape_quantities(last, shape, clamp_fitted=True)
-    rows, n = len(values), len(fit.parameters)
+    shape[column["motor_angle"]] = onset - side * shapes.pushing_angles[-1]
+    by_fit[column["motor_angle"]] = -side * shapes.d_pushing_angles[-1]
+    by_fit[column["motor_angle"], of_push + 1] += 1.0
+    values, by_shape, placed = shape_quantities(
+        last, shape, clamp_fitted=True, grip_fitted=push.friction
+    )
+    rows = len(values)
     # By the fit's parameters, and the relative errors of EI and of all lengths.
     jacobian = np.zeros((rows + 2, n + 2))
-    jacobian[:rows, own] = by_shape[:, :2]
-    jacobian[:rows, base] = by_shape[:, column["dx"] :][:, :BASE]
+    jacobian[:rows, :n] = by_shape @ by_fit
     jacobian[:rows, n:] = by_shape[:, [column["rigidity"], column["scale"]]]
-    d_angle = np.zeros(n)
-    d_angle[own] = -side * touches[-1].d_pushing_angle[:2]
-    d_angle[-2:] = -side * touches[-1].d_pushing_angle[2:]
-    d_angle[-PUSH + 1] = 1.0
-    jacobian[:rows, :n] += np.outer(by_shape[:, column["motor_angle"]], d_angle)
     # Only compliance times EI is told by shapes; by similarity it grows as a length cubed.
-    jacobian[rows, n - 2] = 1.0
+    jacobian[rows, of_push + 2] = 1.0
     jacobian[rows, n:] = -compliance, 3 * compliance
-    jacobian[rows + 1, n - 3] = 1.0
+    jacobian[rows + 1, of_push + 1] = 1.0
     values |= {"compliance_m_per_n": compliance, "onset_angle_rad": onset}
+    if push.friction:
+        values["friction"] = float(fit.parameters[push.size])
+        jacobian = np.vstack([jacobian, np.arange(n + 2) == push.size])
     known = np.zeros((n + 2, n + 2))
     known[:n, :n] = fit.covariance
     known[n, n] = (tolerances.flexural_rigidity / rigidity) ** 2

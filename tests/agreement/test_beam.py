@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.beam_models import exact
+from solver.beam_models import frictional
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.planar import push
 from vbaa_bench.mechanics.state import EquilibriumError
@@ -22,11 +22,11 @@ def test_integrated_beam_lies_on_the_closed_form(distance: float, deflection: fl
     contact = state.contact
     force, moment = np.linalg.norm(contact.force), -state.base_moment[2]
     q, lever = float(force) / BEAM.flexural_rigidity, float(moment / force)
-    at = exact.contact(q, lever)
+    at = frictional.contact(q, lever)
     assert at.x_c == pytest.approx(contact.point[0], rel=1e-9)
     assert at.y_c == pytest.approx(contact.point[1], rel=1e-9)
     assert at.s_c == pytest.approx(contact.s, rel=1e-9)
     assert at.theta_c == pytest.approx(contact.theta, rel=1e-9)
     x, y = state.centreline[:, 1], state.centreline[:, 2]
-    misfit, _, _ = exact.misfit(x, y, q, lever)
+    misfit, _, _ = frictional.misfit(x, y, q, lever)
     assert np.abs(misfit).max() < 1e-10 * BEAM.length

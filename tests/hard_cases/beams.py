@@ -213,6 +213,7 @@ def units(beam: Beam, names: npt.ArrayLike) -> Floats:
         "_n_per_m": force / length,
         "_m_per_n": length / force,
         "_rad": 1.0,
+        "friction": 1.0,
         "_n": force,
         "_m": length,
     }

@@ -14,5 +14,5 @@ def applicable(observations: Observations) -> list[str]:
     if sensors.base_force is None:
         lacking.add("force_sensor")
     if len(set(pushes)) == len(pushes):
-        lacking |= {"stiffness", "push_fit"}
+        lacking |= {"stiffness", "push_fit", "push_fit_friction"}
     return [name for name in METHODS if name not in lacking]

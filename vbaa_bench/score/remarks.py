@@ -33,9 +33,8 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         ),
         "Not told by one image: friction turns the force out of the normal, and a force of another "
         "direction bends the beam almost into the same shape, so that chi2 stays near one while "
-        "force and contact are biased; a force sensor at the clamp tells it.": (
-            touched.get("friction", 0) > 0
-        ),
+        "force and contact are biased; a force sensor at the clamp tells it, and the frames of a "
+        "push together, as push_fit_friction takes them.": (touched.get("friction", 0) > 0),
         "Not told by the image: the object moves by itself, which in a push looks like giving "
         "way.": any(touched.get("drift_mm") or []),
         "Where the second peg is touched no point contact makes the shape: a refusal is "

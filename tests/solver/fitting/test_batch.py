@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solver.beam_models import exact
+from solver.beam_models import frictional
 from solver.fitting.batch import Batch, exact_fit_batch
 from solver.instrument.arrays import Floats
 from solver.methods.exact_fit import exact_fit
@@ -33,8 +33,8 @@ def errors(batch: Batch, x_c: float, force: float) -> tuple[Floats, Floats]:
     """Errors (m, 2) of x_c and force, and the covariances (m, 2, 2) that are stated."""
     found, stated = [], []
     for (q, lever, *_), covariance in zip(batch.parameters, batch.covariances, strict=True):
-        at = exact.contact(q, lever)
-        jacobian = np.vstack([at.d_x_c, [BEAM.flexural_rigidity, 0.0]])
+        at = frictional.contact(q, lever)
+        jacobian = np.vstack([at.d_x_c[:2], [BEAM.flexural_rigidity, 0.0]])
         found.append([at.x_c - x_c, q * BEAM.flexural_rigidity - force])
         stated.append(jacobian @ covariance[:2, :2] @ jacobian.T)
     return np.array(found), np.array(stated)

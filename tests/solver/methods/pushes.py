@@ -11,8 +11,12 @@ from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Sensors, Tolerances
 from tests.simulated import BEAM, columns, rig
+from tests.vbaa_bench.mechanics.benches import obstacle
+from vbaa_bench.mechanics import pushing
 from vbaa_bench.mechanics.planar import push
+from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import State
+from vbaa_bench.mechanics.surfaces import upright
 
 SIGMA = 0.05 * 0.51e-3  # 0.05 px
 BASE_SIGMA = (SIGMA, SIGMA, 2e-4)
@@ -50,11 +54,27 @@ def pushed(
     return state, columns(state.centreline)
 
 
+@lru_cache(maxsize=32)
+def dragged(
+    distance: float,
+    compliance: float,
+    radius: float,
+    friction: float,
+    angles_deg: tuple[float, ...],
+) -> list[tuple[State, Floats]]:
+    """As `pushed`, each step after the other: friction remembers the way."""
+    touched = obstacle(BEAM, distance, upright(radius), compliance=compliance, friction=friction)
+    steps = [pushing.Step(pushing_angle=math.radians(angle)) for angle in angles_deg]
+    states = pushing.push(Rod(BEAM), pushing.Motor(), [touched], distance, steps, 4000)
+    return [(state, columns(state.centreline)) for state in states]
+
+
 def measured_push(
     touched: Object,
     random: np.random.Generator | None = None,
     *,
     radius: float = 2e-3,
+    friction: float = 0.0,
     angles_deg: Sequence[float] = ANGLES_DEG,
     base_sigma: tuple[float, float, float] = BASE_SIGMA,
     encoder: float = ENCODER_SIGMA,
@@ -65,7 +85,8 @@ def measured_push(
 ) -> tuple[Measurement, State]:
     """The last frame of a push with all before it, and its true state.
 
-    Without `random` nothing errs, though the sigmas are stated.
+    Without `random` nothing errs, though the sigmas are stated. With `friction` the object stays
+    what it is at first.
     """
     known = rig(encoder=encoder, **tolerances)
 
@@ -74,9 +95,12 @@ def measured_push(
 
     dx, dy, tilt = np.array(base_sigma) * noise(3)
     cosine, sine = math.cos(tilt), math.sin(tilt)
+    if friction:
+        states = dragged(*touched(0), radius, friction, tuple(angles_deg))
+    else:
+        states = [pushed(*touched(i), radius, angle) for i, angle in enumerate(angles_deg)]
     frames: tuple[Measurement, ...] = ()
-    for step, angle_deg in enumerate(angles_deg):
-        state, points = pushed(*touched(step), radius, angle_deg)
+    for angle_deg, (_, points) in zip(angles_deg, states, strict=True):
         seen = points @ np.array([[cosine, sine], [-sine, cosine]]) + [dx, dy]
         seen[:, 1] += sigma * noise(len(seen))
         across = np.column_stack([np.zeros(len(seen)), np.full(len(seen), sigma)])
@@ -88,7 +112,7 @@ def measured_push(
             rig=known,
         )
         frames = (*frames, frame)
-    return replace(frames[-1], earlier=frames[:-1]), state
+    return replace(frames[-1], earlier=frames[:-1]), states[-1][0]
 
 
 def mirrored(measurement: Measurement) -> Measurement:

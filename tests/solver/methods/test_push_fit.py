@@ -10,13 +10,14 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
-from solver.methods.push_fit import push_fit
+from solver.methods.push_fit import push_fit, push_fit_friction
 from tests.oracle import oracle
 from tests.simulated import BEAM
 from tests.solver.methods.pushes import (
     ONSET,
     Object,
     beam_stiffness,
+    dragged,
     measured_push,
     mirrored,
     still,
@@ -25,6 +26,13 @@ from tests.solver.methods.pushes import (
 from vbaa_bench.mechanics.planar import push
 
 RIGIDITY = BEAM.flexural_rigidity
+THERE_AND_BACK_DEG = (3.0, 6.0, 9.0, 12.0, 11.5, 9.0, 6.0, 3.0)
+
+
+def touched(q: float, lever: float, grip: float, compliance: float, reach: float) -> Touch | None:
+    """The push of one shape."""
+    shape = np.array([[q], [lever], [grip]])
+    return touch(shape[0], shape[1], shape[2], compliance, reach, BEAM)
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.01, 1.0])
@@ -42,17 +50,33 @@ def test_the_world_presses_as_the_antenna_believes(
     )
     force = float(np.linalg.norm(state.contact.force))
     lever = -float(state.base_moment[2]) / force
-    at = touch(force / RIGIDITY, lever, compliance, radius + BEAM.radius, RIGIDITY)
+    at = touched(force / RIGIDITY, lever, 0.0, compliance, radius + BEAM.radius)
     assert at is not None
     assert at.pushing_angle == pytest.approx(math.radians(degrees), abs=1e-12)
     assert at.distance == pytest.approx(0.11, abs=1e-13)
+
+
+@pytest.mark.parametrize(("compliance", "radius"), [(0.0, 0.0), (0.0, 5e-3), (0.02, 2e-3)])
+def test_the_world_drags_as_the_antenna_believes(compliance: float, radius: float) -> None:
+    states = dragged(0.12, compliance, radius, 0.3, THERE_AND_BACK_DEG)
+    for degrees, (state, _) in zip(THERE_AND_BACK_DEG, states, strict=True):
+        contact = state.contact
+        force = float(np.linalg.norm(contact.force))
+        grip = float(contact.force @ contact.tangent) / float(contact.force @ contact.normal)
+        lever = -float(state.base_moment[2]) / force
+        q = force / math.hypot(1, grip) / RIGIDITY
+        at = touched(q, lever, grip, compliance, radius + BEAM.radius)
+        assert at is not None
+        # But for how the world follows the way in steps.
+        assert at.pushing_angle == pytest.approx(math.radians(degrees), abs=1e-7)
+        assert at.distance == pytest.approx(0.12, abs=1e-7)
 
 
 def test_a_sharp_rigid_edge_agrees_with_the_oracle() -> None:
     case = oracle()["C_world_fixed_contact"][0]
     q = float(case["F_N"]) / RIGIDITY
     lever = math.sqrt(2 * math.sin(float(case["theta_c_rad"])) / q)
-    at = touch(q, lever, 0.0, 0.0, RIGIDITY)
+    at = touched(q, lever, 0.0, 0.0, 0.0)
     assert at is not None
     assert at.pushing_angle == pytest.approx(float(case["inputs"]["dtheta_rad"]), rel=1e-12)
     assert at.distance == pytest.approx(float(case["inputs"]["x0_m"]), rel=1e-12)
@@ -60,47 +84,56 @@ def test_a_sharp_rigid_edge_agrees_with_the_oracle() -> None:
 
 def test_the_gradients_of_a_push_are_its_derivatives() -> None:
     def pushed(p: Floats) -> Touch | None:
-        q, lever, compliance, reach = (float(value) for value in p)
-        return touch(q, lever, compliance, reach, RIGIDITY)
+        q, lever, grip, compliance, reach = (float(value) for value in p)
+        return touched(q, lever, grip, compliance, reach)
 
-    p = np.array([15.0, 0.12, 0.05, 3e-3])
+    p = np.array([15.0, 0.12, 0.3, 0.05, 3e-3])
     at = pushed(p)
     assert at is not None
-    for i in range(4):
-        step = np.zeros(4)
+    for i in range(5):
+        step = np.zeros(5)
         step[i] = 1e-6 * p[i]
         after, before = pushed(p + step), pushed(p - step)
         assert after is not None
         assert before is not None
         slope = (after.pushing_angle - before.pushing_angle) / (2 * step[i])
-        assert at.d_pushing_angle[i] == pytest.approx(slope, rel=1e-6, abs=1e-9)
+        assert at.d_pushing_angle[i] == pytest.approx(slope, rel=1e-6, abs=1e-8)
         slope = (after.distance - before.distance) / (2 * step[i])
-        assert at.d_distance[i] == pytest.approx(slope, rel=1e-6, abs=1e-9)
+        assert at.d_distance[i] == pytest.approx(slope, rel=1e-6, abs=1e-8)
 
 
 @pytest.mark.parametrize("mount", ["antenna", "world"])
-def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(mount: str) -> None:
+@pytest.mark.parametrize("grip", [0.0, 0.3])
+def test_the_gradients_of_what_is_said_of_a_contact_are_its_derivatives(
+    mount: str, grip: float
+) -> None:
     measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(5.0,))
     seen = mirrored(measurement)
     if mount == "world":
         seen = replace(seen, motor_angle=None)
     seen = replace(seen, rig=replace(seen.rig, camera_mount=mount))
-    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0])
+    at = np.array([15.0, 0.12, 0.4, 1e-4, -2e-4, 0.01, 0.3, 0.02, 0.0, grip])
 
     def values(p: Floats) -> tuple[Floats, Floats]:
-        told, jacobian, _ = shape_quantities(seen, p, psi_fitted=True, clamp_fitted=True)
+        told, jacobian, _ = shape_quantities(
+            seen, p, psi_fitted=True, clamp_fitted=True, grip_fitted=grip != 0
+        )
         assert len(told) == (19 if mount == "world" else 18)
         return np.array(list(told.values())), jacobian
 
     _, jacobian = values(at)
-    for i, step in enumerate(1e-6 * np.abs(at[:-1])):
+    for i, step in enumerate(1e-6 * np.abs(at)):
+        if step == 0:
+            continue
         moved = np.zeros(len(at))
         moved[i] = step
         slope = (values(at + moved)[0] - values(at - moved)[0]) / (2 * step)
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-5, abs=1e-7)
-    # Lengths that err by a share, all of them, but for where the clamp stands.
-    still_clamp = at * [1, 1, 1, 0, 0, 1, 1, 1, 1]
-    larger, smaller = (still_clamp * [s**-2, s, 1, 1, 1, 1, 1, 1, 1] for s in (1 + 1e-6, 1 - 1e-6))
+    # Lengths that err by a share, all of them, but for where the clamp stands; of a thin beam.
+    thin = replace(seen.rig.beam, diameter=1e-9)
+    seen = replace(seen, rig=replace(seen.rig, beam=thin))
+    still_clamp = at * [1, 1, 1, 0, 0, 1, 1, 1, 1, 1]
+    larger, smaller = (still_clamp * [s**-2, s, *[1] * 8] for s in (1 + 1e-6, 1 - 1e-6))
     slope = (values(larger)[0] - values(smaller)[0]) / 2e-6
     assert values(still_clamp)[1][:, 8] == pytest.approx(slope, rel=1e-5, abs=1e-7)
 
@@ -325,3 +358,84 @@ def test_frames_before_contact_are_left_out() -> None:
     assert push_fit(longer).values == push_fit(measurement).values
     back: Measurement = replace(straight, earlier=(measurement,))
     assert push_fit(back).outcome is Outcome.NO_CONTACT
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.14])
+@pytest.mark.parametrize("side", [1, -1])
+def test_friction_is_told_by_a_push_there_and_back(compliance: float, side: int) -> None:
+    measurement, state = measured_push(
+        still(0.12, compliance), friction=0.3, angles_deg=THERE_AND_BACK_DEG, sigma=1e-5
+    )
+    answer = push_fit_friction(measurement if side == 1 else mirrored(measurement))
+    assert answer.outcome is Outcome.CONTACT
+    force_x, force_y, _ = state.contact.force
+    force = math.hypot(force_x, force_y)
+    # The nonlinear rest of what the stated sigmas allow.
+    for name, true, most in (
+        ("friction", 0.3, 1e-3),
+        ("compliance_m_per_n", compliance, 1e-5),
+        ("x_c_m", state.contact.point[0], 5e-6),
+        ("s_c_m", state.contact.s, 5e-6),
+        ("force_n", force, 1e-3 * force),
+        ("force_x_n", force_x, 1e-3 * force),
+        ("force_y_n", side * force_y, 1e-3 * force),
+        ("onset_angle_rad", side * ONSET, 5e-5),
+    ):
+        assert answer.values[name] == pytest.approx(true, abs=most), name
+
+
+@pytest.mark.parametrize("friction", [0.001, 0.3])
+def test_its_sigmas_are_honest_whether_the_object_drags_or_not(friction: float) -> None:
+    random = np.random.default_rng(17)
+    names = ("x_c_m", "force_n", "compliance_m_per_n", "friction")
+    errors = []
+    for _ in range(40):
+        measurement, state = measured_push(
+            still(0.12, 0.0), random, friction=friction, angles_deg=THERE_AND_BACK_DEG
+        )
+        answer = push_fit_friction(measurement)
+        assert answer.outcome is Outcome.CONTACT
+        force = float(np.linalg.norm(state.contact.force))
+        true = (state.contact.point[0], force, 0.0, friction)
+        errors.append(
+            [
+                (answer.values[name] - value) / answer.sigma(name)
+                for name, value in zip(names, true, strict=True)
+            ]
+        )
+        assert answer.sigma("friction") < 0.025
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert (rms > 0.65).all()  # 1 +- 0.11
+    assert (rms < 1.4).all()
+
+
+def test_friction_that_is_not_considered_is_found_out_or_misplaces_the_contact() -> None:
+    random = np.random.default_rng(18)
+    there = THERE_AND_BACK_DEG[:4]
+    errors: dict[bool, list[float]] = {False: [], True: []}
+    for _ in range(10):
+        measurement, state = measured_push(still(0.12, 0.0), random, friction=0.3, angles_deg=there)
+        for friction, found in errors.items():
+            answer = push_fit(measurement, friction)
+            found.append(answer.values["x_c_m"] - state.contact.point[0])
+            inside = abs(found[-1]) < 4 * answer.sigma("x_c_m")
+            assert bool(inside) is friction
+        back, _ = measured_push(
+            still(0.12, 0.0), random, friction=0.3, angles_deg=THERE_AND_BACK_DEG
+        )
+        assert push_fit(back).outcome is Outcome.INVALID
+    assert np.abs(errors[False]).min() > 0.25e-3
+    assert np.sqrt(np.mean(np.square(errors[True]))) < 0.15e-3
+
+
+def test_of_a_single_frame_friction_is_part_of_the_uncertainty() -> None:
+    measurement, state = measured_push(
+        still(0.2, 0.0), np.random.default_rng(19), friction=0.3, angles_deg=(12.0,)
+    )
+    blind, aware = exact_fit(measurement), push_fit_friction(measurement)
+    assert aware.message.startswith("of this frame alone")
+    assert "friction" not in aware.values
+    assert aware.values == blind.values
+    for name, true in (("x_c_m", state.contact.point[0]), ("force_x_n", state.contact.force[0])):
+        assert abs(blind.values[name] - true) > 5 * blind.sigma(name)
+        assert abs(aware.values[name] - true) < 2 * aware.sigma(name)

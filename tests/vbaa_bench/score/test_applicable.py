@@ -15,7 +15,8 @@ def observations(tmp: str, sensors: Sensors, pushes: list[str]) -> Observations:
 
 def test_methods_without_readings_are_left_out() -> None:
     visual = applicable(observations(".", Sensors(), ["a", "b"]))
-    assert set(METHODS) - set(visual) == {"moment_sensor", "force_sensor", "stiffness", "push_fit"}
+    of_pushes = {"stiffness", "push_fit", "push_fit_friction"}
+    assert set(METHODS) - set(visual) == {"moment_sensor", "force_sensor"} | of_pushes
     pushed = applicable(observations(".", Sensors(), ["a", "a"]))
     assert set(METHODS) - set(pushed) == {"moment_sensor", "force_sensor"}
     every = Sensors(moment_y=1e-4, base_force=1e-3, base_moment=1e-4)

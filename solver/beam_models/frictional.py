@@ -1,0 +1,189 @@
+"""The exact beam under a force that leans off its normal, as friction makes it: closed form.
+
+`grip` is the force's component along the beam over that across it, positive towards the tip; the
+force leans by -atan(grip). With u the distance back from the force's line, along an axis across the
+force, the curvature is Q u, Q = F / EI, as without friction. The angle psi of the beam to that axis
+and the distance P from it, and the arc length S, are (Love 1927, section 263)
+
+    sin(psi) = a + Q u^2 / 2,  a = -grip / sqrt(1 + grip^2),  P' = tan(psi),  S' = 1 / cos(psi),
+
+and in Carlson's symmetric elliptic integrals, which stay regular as the force vanishes (Carlson
+1988; DLMF 19.29), with t = Q u^2 / 2 and c^2 = 1 - a^2,
+
+    S = u / c R_F(1 - t / (1 - a), 1 + t / (1 + a), 1),
+    P = a S + u t / (3 c) R_D(1 - t / (1 - a), 1 + t / (1 + a), 1).
+
+A shape is told by (q, lever, grip): q = c Q is the force across the beam over EI [1/m^2], which a
+grip changes least, and lever the lever arm of the force about the clamp [m]. Without friction this
+is the beam of `exact`.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import elliprd, elliprf
+
+from solver.instrument.arrays import Floats
+
+Real = Floats | float
+# Below this turn the gradients by q are their series: closed, they are differences over q.
+_GENTLE: Final = 1e-5
+# No beam has turned farther at its contact, nor is a point behind the clamp followed farther.
+MOST_SINE: Final = 0.995
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contacts of the shapes (q, lever, grip), each with its gradient by these, in front.
+
+    `load` is F / EI [1/m^2]; theta_c, the tangent's angle, and `lean`, that from the normal to the
+    force, back to the clamp [rad]; x_c, y_c, s_c [m].
+    """
+
+    load: Floats
+    theta_c: Floats
+    lean: Floats
+    x_c: Floats
+    y_c: Floats
+    s_c: Floats
+    d_load: Floats
+    d_theta_c: Floats
+    d_lean: Floats
+    d_x_c: Floats
+    d_y_c: Floats
+    d_s_c: Floats
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """P and S at distances u, tan(psi), and the gradients (2, n) of P and S by (q, grip)."""
+
+    p: Floats
+    s: Floats
+    tangent: Floats
+    secant: Floats
+    d_p: Floats
+    d_s: Floats
+
+
+def exists(q: Real, lever: Real, grip: Real) -> bool:
+    """Whether beams can have these shapes: pushed, and turned by less than a right angle."""
+    turned = _sine(lever, q, grip)
+    return bool(np.all(np.greater_equal(q, 0) & np.greater(lever, 0) & (turned < MOST_SINE)))
+
+
+def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Contact:
+    """Where and at what angle shapes are touched, on a beam of this radius [m].
+
+    Friction acts on the beam's surface: the force's line crosses the centreline by radius times
+    grip beyond the contact.
+    """
+    q, lever, grip = (np.asarray(value, dtype=float) for value in (q, lever, grip))
+    zero, one = np.zeros_like(lever), np.ones_like(lever)
+    by_lever, by_grip = np.array([zero, one, zero]), np.array([zero, zero, one])
+    sine, cosine, d_across = _axis(q, lever, grip)
+    curve = _curve(lever, q, grip)
+    p, d_p = curve.p, np.array([curve.d_p[0], curve.tangent, curve.d_p[1]])
+    d_s = np.array([curve.d_s[0], curve.secant, curve.d_s[1]])
+    x, y = lever * cosine + p * sine, lever * sine - p * cosine
+    d_x = cosine * by_lever + sine * d_p - y * d_across
+    d_y = sine * by_lever - cosine * d_p + x * d_across
+    lean, d_lean = -np.arctan(grip), -by_grip / (1 + grip**2)
+    theta_c, d_theta = np.arcsin(sine) - lean, d_across - d_lean
+    short, d_short = radius * grip, radius * by_grip
+    turned_sine, turned_cosine = np.sin(theta_c), np.cos(theta_c)
+    root = np.hypot(1, grip)
+    return Contact(
+        load=q * root,
+        theta_c=theta_c,
+        lean=lean,
+        x_c=x - short * turned_cosine,
+        y_c=y - short * turned_sine,
+        s_c=curve.s - short,
+        d_load=np.array([root, zero, q * grip / root]),
+        d_theta_c=d_theta,
+        d_lean=d_lean,
+        d_x_c=d_x - turned_cosine * d_short + short * turned_sine * d_theta,
+        d_y_c=d_y - turned_sine * d_short - short * turned_cosine * d_theta,
+        d_s_c=d_s - d_short,
+    )
+
+
+def misfit(
+    x: Floats, y: Floats, q: float, lever: float, grip: float = 0.0
+) -> tuple[Floats, Floats, Floats]:
+    """Signed misfit (n,) [m] of points, its gradients (n, 2) by (x, y) and (n, 3) by the shape.
+
+    The misfit is measured along the force, without root finding. A point that lies farther behind
+    the clamp than the curve reaches is measured from the curve's end.
+    """
+    sine, cosine, d_across = _axis(q, lever, grip)
+    base = _curve(lever, q, grip)
+    along, off = x * cosine + y * sine, y * cosine - x * sine
+    u = np.minimum(lever - along, farthest(q, grip))
+    curved = np.maximum(u, 0.0)
+    here = _curve(curved, q, grip)
+    value = base.p + off - here.p + grip * (u - curved)
+    by_point = np.column_stack([here.tangent * cosine - sine, cosine + here.tangent * sine])
+    by_across = here.tangent * off - along
+    by_shape = np.column_stack(
+        [
+            base.d_p[0] - here.d_p[0] + by_across * d_across[0],
+            base.tangent - here.tangent + by_across * d_across[1],
+            base.d_p[1] - here.d_p[1] + (u - curved) + by_across * d_across[2],
+        ]
+    )
+    return value, by_point, by_shape
+
+
+def farthest(q: Real, grip: Real) -> Floats:
+    """How far back from the force's line [m] a beam has turned by almost a right angle."""
+    root = np.hypot(1, grip)
+    return np.asarray(np.sqrt(2 * (MOST_SINE + grip / root) / np.maximum(q * root, 1e-300)))
+
+
+def _sine(u: Real, q: Real, grip: Real) -> Floats:
+    """sin(psi) at distances u >= 0 [m] back from the force's line; all broadcast."""
+    root = np.hypot(1, grip)
+    return np.asarray(q * root * np.square(u) / 2 - grip / root)
+
+
+def _axis(q: Real, lever: Real, grip: Real) -> tuple[Floats, Floats, Floats]:
+    """Sine and cosine of the angle of the axis across the force, and its gradient (3, ...)."""
+    root = np.hypot(1, grip)
+    sine = _sine(lever, q, grip)
+    cosine = np.sqrt(1 - sine**2)
+    by_load = np.square(lever) / 2
+    by_q, by_lever = root * by_load, q * root * np.asarray(lever)
+    by_grip = q * grip / root * by_load - 1 / root**3
+    return sine, cosine, np.array([by_q / cosine, by_lever / cosine, by_grip / cosine])
+
+
+def _curve(u: Real, q: Real, grip: Real) -> _Curve:
+    """The curve at distances u >= 0 [m] back from the force's line; all broadcast."""
+    root = np.hypot(1, grip)
+    c, a, load = 1 / root, -grip / root, q * root
+    turn = np.asarray(load * np.square(u) / 2)
+    sine = a + turn
+    secant = 1 / np.sqrt(1 - sine**2)
+    low, high = 1 - turn / (1 - a), 1 + turn / (1 + a)
+    s = u / c * elliprf(low, high, 1.0)
+    p = a * s + u * turn / (3 * c) * elliprd(low, high, 1.0)
+    # dP/da and dS/da are integrals of 1 / cos^3(psi) and sin(psi) / cos^3(psi).
+    d_p_a = (u * (1 + a * sine) * secant + s - a * p) / (2 * c**2)
+    d_s_a = (u * (a + sine) * secant + a * s - p) / (2 * c**2)
+    # By similarity, u dP/du - 2 Q dP/dQ = P, and so for S.
+    gentle = turn < _GENTLE
+    twice = np.where(gentle, 1.0, 2 * load)
+    cubed, fifth = (u / c) ** 3 / 6, load * (u / c) ** 5 / 20
+    d_p_load = np.where(gentle, cubed + 3 * a * fifth, (u * sine * secant - p) / twice)
+    d_s_load = np.where(gentle, a * cubed + (1 + 2 * a**2) * fifth, (u * secant - s) / twice)
+    return _Curve(
+        p=p,
+        s=s,
+        tangent=sine * secant,
+        secant=secant,
+        d_p=np.array([root * d_p_load, q * grip / root * d_p_load - d_p_a / root**3]),
+        d_s=np.array([root * d_s_load, q * grip / root * d_s_load - d_s_a / root**3]),
+    )

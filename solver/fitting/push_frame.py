@@ -1,0 +1,92 @@
+"""What one frame tells of a beam that an object may drag along, condensed to a few rows."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from solver.beam_models import frictional
+from solver.fitting.problem import Problem
+from solver.fitting.residuals import (
+    DX,
+    DY,
+    LEAST_SIGMA,
+    LEVER,
+    PARAMETERS,
+    SIGMA_X,
+    SIGMA_Y,
+    TILT,
+    Q,
+    X,
+    Y,
+    point_residuals,
+    possible,
+)
+from solver.instrument.arrays import Floats
+
+# Where the frame's parameters stand among those of a fit without friction.
+_OWN: Final = [Q, LEVER, DX, DY, TILT]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A bent frame: its motor angle [rad], its points, and `widening`, by how much the points'
+    variances exceed what they state."""
+
+    motor_angle: float
+    problem: Problem
+    widening: float
+
+    def points(
+        self, shape: Floats, base: Floats, length: float, grip: float | None
+    ) -> Floats | None:
+        """Up to seven rows: Jacobian by (q, lever), base and grip, residual; in sigmas.
+
+        They have the sum of squares and the gradient of all points (QR), so that a joint problem
+        stays as small as the number of frames. None where the shape does not exist.
+        """
+        unit = np.array([length**2, 1 / length, 1 / length, 1 / length, 1.0, 1.0, 1.0])
+        given = np.array([*shape, *base]) * unit[:5]
+        rows = self._frictionless(given) if grip is None else self._dragged(given, grip)
+        if rows is None:
+            return None
+        condensed = np.asarray(np.linalg.qr(rows.T, mode="r"))
+        return np.asarray(condensed * unit / math.sqrt(self.widening), dtype=np.float64)
+
+    def _frictionless(self, given: Floats) -> Floats | None:
+        """Rows (7, n): gradients by (q, lever, dx, dy, tilt), none by grip, residuals."""
+        points, bounds, views, *_ = self.problem.arrays
+        p = np.zeros(PARAMETERS)
+        p[_OWN] = given
+        if not possible(p, points, bounds, views):
+            return None
+        rows = np.zeros((TILT + 3, points.shape[1]))
+        point_residuals(p, points, bounds, views, True, rows[-1], rows[:-2])
+        return rows[[*_OWN, -2, -1]]
+
+    def _dragged(self, given: Floats, grip: float) -> Floats | None:
+        """As `_frictionless`, of a beam with friction: by its grip too."""
+        q, lever, dx, dy, tilt = given
+        if not frictional.exists(q, lever, grip):
+            return None
+        points = self.problem.arrays[0]
+        turn = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
+        sigmas = turn @ points[[SIGMA_X, SIGMA_Y]]
+
+        def weighed(at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+            value, by_point, by_shape = frictional.misfit(at[0], at[1], q, lever, grip)
+            sigma = (sigmas * by_point.T).sum(axis=0)
+            # With its sign, as in `residuals`.
+            weight = 1 / np.where(np.abs(sigma) > LEAST_SIGMA, sigma, LEAST_SIGMA)
+            return value * weight, by_point.T, by_shape.T, weight
+
+        seen = turn @ [points[X] - dx, points[Y] - dy]
+        residual, *_ = weighed(seen)
+        # Gradients where the points would be without their errors, which would draw the grip to
+        # one side, as they draw psi in `residuals`.
+        x, y = foot = seen - residual * sigmas
+        _, by_point, by_shape, weight = weighed(foot)
+        by_tilt = by_point[0] * y - by_point[1] * x
+        by_all = np.vstack([by_shape[:2], -turn.T @ by_point, by_tilt, by_shape[2]])
+        return np.vstack([by_all * weight, residual])

@@ -1,0 +1,63 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solver.fitting.sliding import HELD, grips
+from tests.solver.methods.pushes import dragged
+
+SIGMA = math.radians(0.01)
+
+
+def of(degrees: list[float]) -> list[float]:
+    """The sign of every frame's sliding; zero where it has a grip of its own."""
+    made = grips(np.radians(degrees), SIGMA)
+    own = made[:, 1:]
+    assert (own.sum(axis=1) == (made[:, 0] == 0)).all()  # one unknown each, and no two the same
+    assert (own.sum(axis=0) == 1).all()
+    return [float(sign) for sign in made[:, 0]]
+
+
+def test_a_motor_that_pushes_on_drags_the_beam_one_way() -> None:
+    assert of([3, 5, 7, 15]) == [1, 1, 1, 1]
+
+
+def test_on_the_way_back_the_contact_is_held_and_then_slides() -> None:
+    assert of([3, 6, 9, 12, 11.9, 11, 9, 6, 3]) == [1, 1, 1, 1, 0, 0, -1, -1, -1]
+
+
+def test_it_turns_as_often_as_the_motor() -> None:
+    assert of([4, 12, 6, 6.5, 9, 14]) == [1, 1, -1, 0, 1, 1]
+
+
+def test_the_encoders_noise_turns_nothing() -> None:
+    assert of([3, 9, 8.98, 9.01, 8.99]) == [1, 1, 1, 1, 1]
+    assert of([3, 9, 6, 6.02, 5.99]) == [1, 1, -1, -1, -1]
+
+
+@given(st.lists(st.floats(0.5, 30), min_size=1, max_size=12), st.floats(0.5, 2))
+def test_only_the_shape_of_the_way_counts(degrees: list[float], scale: float) -> None:
+    angles = np.radians(degrees)
+    assert (grips(scale * angles, scale * SIGMA) == grips(angles, SIGMA)).all()
+    assert grips(angles, SIGMA)[0, 0] == 1
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.8])
+@pytest.mark.parametrize(("compliance", "radius"), [(0.0, 0.0), (0.0, 0.01), (0.5, 0.0)])
+def test_the_world_slides_as_the_antenna_believes(
+    friction: float, compliance: float, radius: float
+) -> None:
+    top = 12.0
+    way = (6.0, top, top * (1 - 0.9 * HELD), top * (1 - 1.1 * HELD), 6.0)
+    states = dragged(0.12, compliance, radius, friction, way)
+    signs = []
+    for state, _ in states:
+        contact = state.contact
+        drag = float(contact.force @ contact.tangent) / float(contact.force @ contact.normal)
+        signs.append(drag / friction)
+    believed = of(list(way))
+    assert believed == [1, 1, 0, -1, -1]
+    for sign, belief in zip(signs, believed, strict=True):
+        assert belief == 0 or sign == pytest.approx(belief, abs=1e-6)
