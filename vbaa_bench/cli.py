@@ -2,6 +2,7 @@
 
 import os
 import sys
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from vbaa_bench.checks import doctor as checks
 from vbaa_bench.console import console, outcomes, progress_bars, say, show_scores, show_table
 from vbaa_bench.options import (
     AsJson,
+    Centreline,
     DatasetPath,
     Method,
     Out,
@@ -30,7 +32,7 @@ from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.accuracy import accuracy, markdown
 from vbaa_bench.score.applicable import applicable
 from vbaa_bench.score.child import solve as solve_apart
-from vbaa_bench.score.layout import Results
+from vbaa_bench.score.layout import USUAL_CENTRELINE, Results, kept_as
 from vbaa_bench.score.metrics import CONDITIONS
 from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
@@ -55,6 +57,7 @@ def run(
     scene: ScenePath,
     out: Out = None,
     method: Method = None,
+    centreline: Centreline = None,
     seed: Seed = None,
     workers: Workers = None,
     variant: Variant = None,
@@ -63,7 +66,7 @@ def run(
 ) -> None:
     """Generate, solve, score and report a scene."""
     results = Results(_generate(scene, out, seed, workers, variant))
-    written = _solve(results, method, repeats)
+    written = _solve(results, method, centreline, repeats)
     summary = score_predictions(results, written)
     page = _report(results)
     show_scores(summary, {"report": str(page), **summary}, as_json)
@@ -91,11 +94,15 @@ def generate(
 
 @app.command()
 def solve(
-    dataset: DatasetPath, method: Method = None, repeats: Repeats = 3, as_json: AsJson = False
+    dataset: DatasetPath,
+    method: Method = None,
+    centreline: Centreline = None,
+    repeats: Repeats = 3,
+    as_json: AsJson = False,
 ) -> None:
     """Run methods on a dataset's observations, each in a process that never sees the truth."""
     results = Results(dataset)
-    written = _solve(results, method, repeats)
+    written = _solve(results, method, centreline, repeats)
     record = {"predictions": {name: str(path) for name, path in written.items()}}
     lines = [f"{path}: {outcomes(path)}" for path in written.values()]
     say(record, "\n".join(lines), as_json)
@@ -276,16 +283,17 @@ def _report(results: Results) -> Path:
     return write_report(results)
 
 
-def _solve(results: Results, methods: list[str] | None, repeats: int) -> dict[str, Path]:
+def _solve(
+    results: Results, methods: list[str] | None, centrelines: list[str] | None, repeats: int
+) -> dict[str, Path]:
     written = {}
     asked = methods or applicable(open_observations(results.dataset.observations))
-    for method in dict.fromkeys(
-        one for name in asked for one in (METHODS if name == ALL else [name])
-    ):
-        name = method.replace(":", ".")
+    chosen = dict.fromkeys(one for name in asked for one in (METHODS if name == ALL else [name]))
+    for method, centreline in product(chosen, dict.fromkeys(centrelines or [USUAL_CENTRELINE])):
+        name = kept_as(method, centreline)
         target = results.predictions / f"{name}.csv"
-        with console.status(f"solving with {method}"):
-            solve_apart(results.dataset, method, target, repeats)
+        with console.status(f"solving with {name}"):
+            solve_apart(results.dataset, method, target, repeats, centreline)
         written[name] = target
     return written
 

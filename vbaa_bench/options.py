@@ -5,7 +5,21 @@ from typing import Annotated
 
 import typer
 
+from solver.centreline.extractors import EXTRACTORS
+from solver.instrument.errors import InputError
 from solver.methods import METHODS
+from vbaa_bench.score.layout import USUAL_CENTRELINE
+
+
+def _known(centrelines: list[str] | None) -> list[str] | None:
+    """Refuses a name that nothing has, before anything is rendered. Raises InputError."""
+    for name in centrelines or []:
+        if name not in EXTRACTORS:
+            raise InputError(
+                f"centreline '{name}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
+            )
+    return centrelines
+
 
 ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
 DatasetPath = Annotated[Path, typer.Argument(help="a folder made by generate or run")]
@@ -22,6 +36,14 @@ Method = Annotated[
     typer.Option(
         help=f"{', '.join(METHODS)}, all, or package.module:function; repeatable "
         "[default: those that the dataset has readings for]"
+    ),
+]
+Centreline = Annotated[
+    list[str] | None,
+    typer.Option(
+        callback=_known,
+        help=f"how the beam is measured: {', '.join(EXTRACTORS)}; repeatable",
+        show_default=USUAL_CENTRELINE,
     ),
 ]
 Repeats = Annotated[int, typer.Option(min=1, help="times each frame is solved; median time counts")]

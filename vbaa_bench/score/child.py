@@ -14,17 +14,21 @@ from solver.instrument.observation import open_observations
 from solver.table import csv_text, row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import verify_observations
+from vbaa_bench.score.layout import USUAL_CENTRELINE
 
 # A method that takes longer than this for a frame, repeats included, has given no answer [s].
 LONGEST_FRAME_S = 60
 
 
-def solve(layout: Layout, method: str, out: Path, repeats: int) -> None:
+def solve(
+    layout: Layout, method: str, out: Path, repeats: int, centreline: str = USUAL_CENTRELINE
+) -> None:
     """Write `out`, the CSV of a method's estimates for every frame of a dataset's observations.
 
     A method that brings its process down, or never ends, gives a table in which every frame is
-    crashed. Raises InputError for a method that cannot be found, for observations that are not
-    what was generated, and for an unwritable `out`.
+    crashed. `centreline` names how the beam is measured. Raises InputError for a method or a
+    centreline that cannot be found, for rest images in which that centreline sees no beam, for
+    observations that are not what was generated, and for an unwritable `out`.
     """
     frames = open_observations(layout.observations).frames
     verify_observations(layout)
@@ -32,7 +36,7 @@ def solve(layout: Layout, method: str, out: Path, repeats: int) -> None:
         copy, answer = Path(folder) / "observations", Path(folder) / "answer.csv"
         shutil.copytree(layout.observations, copy)
         command = [sys.executable, "-m", "solver", str(copy), "--method", method, "--quiet"]
-        command += ["--repeats", str(repeats), "--out", str(answer)]
+        command += ["--centreline", centreline, "--repeats", str(repeats), "--out", str(answer)]
         try:
             child = subprocess.run(
                 command,

@@ -1,15 +1,26 @@
 """Where answers and judgements lie beside a dataset.
 
 DATASET/
-  predictions/<method>.csv      one row a frame, as solver/table.py says
+  predictions/<method>.csv      one row a frame, as solver/table.py says; of another centreline
+                                than the usual one <method>@<centreline>.csv
   scores/scores.parquet, scores.csv, summary.json
   report/report.html and the figures of the README
 """
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from vbaa_bench.dataset.layout import Layout
+
+# How the beam is measured where nobody asks for another way.
+USUAL_CENTRELINE: Final = "profile_fit"
+
+
+def kept_as(method: str, centreline: str = USUAL_CENTRELINE) -> str:
+    """The name of a method's answers in files and tables, such as `two_point@area_weighted`."""
+    name = method.replace(":", ".")
+    return name if centreline == USUAL_CENTRELINE else f"{name}@{centreline}"
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def antenna_of(results: Results) -> tuple[Antenna | None, str]:
 
 
 def _measured(antenna: Antenna, image: Grey) -> Centreline | None:
-    """What the methods were given of this image; None where it cannot be measured."""
+    """The usual centreline of this image; None where it cannot be measured."""
     try:
         return see(antenna, image)
     except (InputError, ValueError):  # the methods answer "invalid" here

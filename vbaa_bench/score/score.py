@@ -63,7 +63,10 @@ def read_scores(results: Results) -> pl.DataFrame:
 
 
 def found_predictions(results: Results) -> dict[str, Path]:
-    """The prediction files that `solve` left beside the dataset, by method; the solver's first."""
+    """The prediction files that `solve` left beside the dataset, by method; the solver's first.
+
+    What a method makes of another centreline stands next to it.
+    """
     found = {path.stem: path for path in sorted(results.predictions.glob("*.csv"))}
-    own = [name for name in METHODS if name in found]
+    own = [name for method in METHODS for name in found if name.partition("@")[0] == method]
     return {name: found[name] for name in [*own, *found]}

@@ -149,7 +149,7 @@ def test_a_mistake_is_one_sentence(dataset: Path, tmp_path: Path) -> None:
 
 def test_all_is_every_method_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     solved: list[str] = []
-    monkeypatch.setattr(cli, "solve_apart", lambda _data, method, _out, _n: solved.append(method))
+    monkeypatch.setattr(cli, "solve_apart", lambda _data, method, *_: solved.append(method))
     monkeypatch.setattr(cli, "outcomes", lambda _path: "")
     line = ["solve", str(tmp_path), "--method", "all", "--method", "two_point"]
     done = CliRunner().invoke(cli.app, [*line, "--method", "mine:best", "--json"])
