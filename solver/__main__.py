@@ -59,7 +59,7 @@ def solve(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="CSV to write [default: estimates_<method>.csv, of a camera none]"),
+        typer.Option(help="CSV to write", show_default="estimates_<method>.csv, of a camera none"),
     ] = None,
     stream: Annotated[
         bool, typer.Option("--stream", help="one line of JSON a frame on stdout, as they come")

@@ -147,7 +147,9 @@ def table(
 @app.command("contact-sheet")
 def contact_sheet(
     scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
-    out: Annotated[Path | None, typer.Option(help="PNG to write [default: in results]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="PNG to write", show_default="in results")
+    ] = None,
     lights: Annotated[
         bool, typer.Option("--lights", help="SCENES/lighting, by materials and backgrounds")
     ] = False,

@@ -59,11 +59,8 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
     if as_json:
         say(record, "", True)
         return
-    table = Table(title="scores", title_justify="left")
     heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
-    for head in (*heads, "failed, %", "ms / frame", "n"):
-        first = head == "method"
-        table.add_column(head, justify="left" if first else "right", no_wrap=first)
+    rows = []
     for name, found in summary["methods"].items():
         numbers = (
             found["x_c_median_abs_pct_L"],
@@ -73,8 +70,8 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
             found["ms_per_frame_median"],
         )
         shown = ("–" if value is None else f"{value:.3g}" for value in numbers)
-        table.add_row(name, *shown, str(found["n"]))
-    Console().print(table)
+        rows.append((name, *shown, str(found["n"])))
+    show_table("scores", (*heads, "failed, %", "ms / frame", "n"), rows)
 
 
 def outcomes(table: Path) -> str:

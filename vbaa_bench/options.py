@@ -23,19 +23,19 @@ def _known(centrelines: list[str] | None) -> list[str] | None:
 
 ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
 DatasetPath = Annotated[Path, typer.Argument(help="a folder made by generate or run")]
-Out = Annotated[Path | None, typer.Option(help="folder to write [default: runs/<scene>]")]
+Out = Annotated[Path | None, typer.Option(help="folder to write", show_default="runs/<scene>")]
 Seed = Annotated[int | None, typer.Option(min=0, help="replaces the scene's seed")]
 Workers = Annotated[
-    int | None, typer.Option(min=1, max=256, help="processes [default: one a core]")
+    int | None, typer.Option(min=1, max=256, help="processes", show_default="one a core")
 ]
 Variant = Annotated[
-    str | None, typer.Option(help="Mitsuba variant [default: llvm_ad_mono, else scalar_rgb]")
+    str | None, typer.Option(help="Mitsuba variant", show_default="llvm_ad_mono, else scalar_rgb")
 ]
 Method = Annotated[
     list[str] | None,
     typer.Option(
-        help=f"{', '.join(METHODS)}, all, or package.module:function; repeatable "
-        "[default: those that the dataset has readings for]"
+        help=f"{', '.join(METHODS)}, all, or package.module:function; repeatable",
+        show_default="those that the dataset has readings for",
     ),
 ]
 Centreline = Annotated[

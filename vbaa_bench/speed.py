@@ -71,11 +71,11 @@ QUICKSTART = Path("scenes/quickstart.yaml")
 @speed_app.command()
 def solve(
     dataset: Annotated[
-        Path | None, typer.Argument(help=f"a dataset [default: one of {QUICKSTART}, rendered]")
+        Path | None, typer.Argument(help="a dataset", show_default=f"one of {QUICKSTART}, rendered")
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option(help="a method of the solver's own; repeatable [default: all]"),
+        typer.Option(help="a method of the solver's own; repeatable", show_default="all"),
     ] = None,
     frames: Annotated[int, typer.Option(min=1, help="at most so many, of whole pushes")] = 120,
     repeats: Repeats = 3,

@@ -28,7 +28,7 @@ ENLARGED = 4
 def run(
     photo: Annotated[Path, typer.Argument(help="an image, gray or colour, of 8 or 16 bits")],
     overlay: Annotated[Path | None, typer.Option(help="PNG to write: the lines drawn")] = None,
-    out: Annotated[Path | None, typer.Option(help="CSV to write [default: to stdout]")] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV to write", show_default="to stdout")] = None,
 ) -> None:
     """Follow every long thin line in a photograph: points [px] with their sigma."""
     image = read_grey(photo)
