@@ -34,7 +34,7 @@ def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
         assert absent not in page
     score(results, {name: tmp_path / f"{name}.csv" for name in ("plain", "more")})
     page = report(results).read_text(encoding="utf-8")
-    assert "points that the solver measures" in page
+    assert "points of the profile fit" in page
     for title in ("psi RMSE", "1/k_s, rigid", "Error of psi", "Stated errors of contact distance"):
         assert title in page
     # No spring, so no chart of compliance; psi's and x_c's stated errors; Fig. 8 and errors.
@@ -56,4 +56,4 @@ def test_a_report_is_written_where_the_solver_cannot_be_set_up(
     shutil.rmtree(results.dataset.observations / "rest")
     page = report(results).read_text(encoding="utf-8")
     assert "the solver cannot be set up" in page
-    assert "points that the solver measures" not in page
+    assert "points of the profile fit" not in page
