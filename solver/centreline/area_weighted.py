@@ -29,10 +29,7 @@ def area_weighted(image: Grey) -> Centreline:
 
     Columns in which no beam stands out are absent. Empty if there is none at all.
     """
-    # Every fourth row tells a column's background as well as all of them, and sooner.
-    some = image[::4].astype(np.float64)
-    background = np.median(some, axis=0)
-    noise = 1.4826 * np.median(np.abs(some - background), axis=0) + 0.3  # 0.3: rounding
+    background, noise = _background(image)
     contrast = image.max(axis=0) - background
     seen = contrast > np.maximum(
         LEAST_CONTRAST * np.quantile(contrast, 0.9), LEAST_SIGNIFICANCE * noise
@@ -40,14 +37,16 @@ def area_weighted(image: Grey) -> Centreline:
     nothing = down_columns(np.empty((0, 2)), np.empty(0))
     if not seen.any():
         return nothing
-    band = _longest_band((image > background + THRESHOLD * contrast) & seen)
+    # No gray value is above 255: columns without a beam.
+    least = np.where(seen, background + THRESHOLD * contrast, 255.0)
+    about, band = _longest_band(image > least.astype(np.uint8))
     height = np.count_nonzero(band, axis=0)
     columns = np.flatnonzero(seen & (height > 0) & (height <= WIDEST_PX))
     if not len(columns):
         return nothing
-    rows = _window(np.argmax(band[:, columns], axis=0), image.shape[0])
-    inside = np.take_along_axis(band[:, columns], rows, axis=0)
-    gray = np.take_along_axis(image[:, columns], rows, axis=0).astype(np.float64)
+    rows = _window(np.argmax(band[:, columns], axis=0), len(band))
+    inside = band[rows, columns]
+    gray = image[about][rows, columns].astype(np.float64)
     cover = gray - background[columns]
 
     centre, area = _mean_row(rows, np.where(inside, cover, 0.0))
@@ -58,15 +57,33 @@ def area_weighted(image: Grey) -> Centreline:
     shots = np.maximum(gray, 1.0) / np.maximum(background[columns], 1.0)
     lever = np.where(inside, rows - centre, 0.0) / area
     variance = (lever**2 * shots).sum(axis=0) * noise[columns] ** 2
-    return down_columns(np.column_stack([columns, centre]), np.sqrt(variance + s_curve**2))
+    points = np.column_stack([columns, about.start + centre])
+    return down_columns(points, np.sqrt(variance + s_curve**2))
 
 
-def _longest_band(above: np.ndarray) -> np.ndarray:
-    """The connected region that spans the most columns: the beam, not a glint beside it."""
+def _background(image: Grey) -> tuple[Floats, Floats]:
+    """Median and standard deviation of each column, by quartiles: the beam does not count."""
+    # Every fourth row tells as well as all of them, and sooner.
+    some = image[::4]
+    last = len(some) - 1
+    middle = [last // 2, (last + 1) // 2]
+    at = [last // 4, *middle, last - last // 4]
+    low, *medians, high = np.partition(some, at, axis=0)[at].astype(np.float64)
+    return np.mean(medians, axis=0), (high - low) / 1.349 + 0.3  # 0.3: rounding
+
+
+def _longest_band(above: np.ndarray) -> tuple[slice, np.ndarray]:
+    """The connected region that spans the most columns: the beam, not a glint beside it.
+
+    The image's rows about it, and which of their pixels belong to it.
+    """
     count, labels, found, _ = cv2.connectedComponentsWithStats(above.astype(np.uint8))
     if count <= 1:
-        return above
-    return np.asarray(labels == 1 + int(np.argmax(found[1:, cv2.CC_STAT_WIDTH])))
+        return slice(0, len(above)), above
+    longest = 1 + int(np.argmax(found[1:, cv2.CC_STAT_WIDTH]))
+    top, height = found[longest, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT]]
+    about = slice(max(top - WIDEST_PX, 0), top + height + WIDEST_PX)
+    return about, np.asarray(labels[about] == longest)
 
 
 def _window(first: np.ndarray, height: int) -> np.ndarray:
