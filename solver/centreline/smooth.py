@@ -5,6 +5,7 @@ from numba import njit
 
 from solver.beam_models.exact import FAST
 from solver.instrument.arrays import Floats
+from solver.sums import dot
 
 FEWEST = 8
 ROUNDS = 12
@@ -67,7 +68,7 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
         for j in range(terms):
             right[j] = _weighted(weight, basis[j], y, weighted)
             for k in range(j + 1):
-                normal[j, k] = normal[k, j] = _dot(weighted, basis[k])
+                normal[j, k] = normal[k, j] = dot(weighted, basis[k])
             normal[j, j] *= 1 + 1e-12
         coefficients = np.linalg.solve(normal, right)
         off = np.abs(y - coefficients @ basis)
@@ -88,14 +89,6 @@ def _weighted(weight: Floats, row: Floats, y: Floats, weighted: Floats) -> float
     for i in range(row.size):
         weighted[i] = weight[i] * row[i]
         total += weighted[i] * y[i]
-    return total
-
-
-@njit(cache=True, error_model="numpy", fastmath=FAST)
-def _dot(a: Floats, b: Floats) -> float:
-    total = 0.0
-    for i in range(a.size):
-        total += a[i] * b[i]
     return total
 
 

@@ -5,6 +5,7 @@ from numba import njit
 
 from solver.beam_models.exact import FAST
 from solver.instrument.arrays import Floats
+from solver.sums import dot
 
 
 def correlation_length(residual: Floats) -> float:
@@ -20,35 +21,27 @@ def correlation_length(residual: Floats) -> float:
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def _lagged(centred: Floats, lag: int) -> float:
-    total = 0.0
-    for i in range(centred.size - lag):
-        total += centred[i] * centred[i + lag]
-    return total
-
-
-@njit(cache=True, error_model="numpy")
 def integrated_correlation(residual: Floats) -> float:
     """As `correlation_length`, compiled."""
-    n = len(residual)
-    if n == 0:
-        return 1.0
-    centred = residual - residual.mean()
-    power = _lagged(centred, 0)
+    n = residual.size
+    total = 0.0
+    for i in range(n):
+        total += residual[i]
+    centred = residual - total / n
+    power = dot(centred, centred)
     if not power > 0:
         return 1.0
-    first_zero = n
-    for lag in range(1, n):
-        if _lagged(centred, lag) < 0:
-            first_zero = lag
-            break
+    first_zero = 1
+    while first_zero < n and dot(centred[first_zero:], centred) >= 0:
+        first_zero += 1
     reach = min(6 * first_zero, max(n // 2, 1))
     # The tapered sum of lagged products is that of the squares of sums over `reach` neighbours.
-    total, neighbours = 0.0, 0.0
-    for i in range(n + reach - 1):
-        if i < n:
-            neighbours += centred[i]
-        if i >= reach:
-            neighbours -= centred[i - reach]
-        total += neighbours * neighbours
+    up_to = np.zeros(n + 2 * reach)
+    total = 0.0
+    for i in range(n + reach):
+        total += centred[i] if i < n else 0.0
+        up_to[reach + i] = total
+    total = 0.0
+    for i in range(n + reach):
+        total += (up_to[reach + i] - up_to[i]) ** 2
     return max(1.0, total / (reach * power))

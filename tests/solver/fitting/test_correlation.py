@@ -1,0 +1,31 @@
+"""The integrated autocorrelation, against its definition."""
+
+import numpy as np
+import pytest
+
+from solver.fitting.correlation import correlation_length
+from solver.instrument.arrays import Floats
+
+
+def by_definition(residual: Floats) -> float:
+    """The sum over all lags of the autocorrelation, tapered to six times the first zero."""
+    n, centred = len(residual), residual - residual.mean()
+    lagged = np.array([centred[: n - lag] @ centred[lag:] for lag in range(n)])
+    first_zero = int(np.argmax(lagged < 0)) or n
+    reach = min(6 * first_zero, max(n // 2, 1))
+    taper = 1 - np.arange(reach) / reach
+    return max(1.0, (lagged[0] + 2 * taper[1:] @ lagged[1:reach]) / lagged[0])
+
+
+@pytest.mark.parametrize("n", [2, 3, 10, 400])
+@pytest.mark.parametrize("neighbours", [1, 5, 40])
+def test_it_is_the_tapered_sum_of_the_autocorrelation(n: int, neighbours: int) -> None:
+    white = np.random.default_rng(n).standard_normal(n + neighbours)
+    residual = 3.0 + np.convolve(white, np.ones(neighbours), "valid")[:n]
+    assert correlation_length(residual) == pytest.approx(by_definition(residual), rel=1e-9)
+
+
+def test_of_nothing_and_of_equal_residuals_it_is_one() -> None:
+    assert correlation_length(np.empty(0)) == 1.0
+    assert correlation_length(np.zeros(7)) == 1.0
+    assert correlation_length(np.full(1, 2.0)) == 1.0
