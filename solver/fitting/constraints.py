@@ -40,20 +40,19 @@ def add_constraints(
     gradient: Floats,
 ) -> float:
     """Adds to J^T J (8, 8) and J^T r (8,); returns the sum of squared residuals."""
-    row = np.zeros(PARAMETERS)
     chi2 = 0.0
-    for i in range(3):
-        row[:] = 0.0
-        value = 0.0
+    for white in base_whitening:
+        value = white[0] * p[DX] + white[1] * p[DY] + white[2] * p[TILT]
+        chi2 += value * value
         for j in range(3):
-            row[DX + j] = base_whitening[i, j]
-            value += base_whitening[i, j] * p[DX + j]
-        chi2 += _add(row, value, normal, gradient)
+            gradient[DX + j] += white[j] * value
+            for k in range(3):
+                normal[DX + j, DX + k] += white[j] * white[k]
     if known[MOMENT_SIGMA] > 0:
         # The clamp's exact moment F lever, of which the part about y is -x_c f_z of eq. (27).
         unit = -known[MOMENT_UNIT] / known[MOMENT_SIGMA]
         sine, stiff = np.sin(p[PSI]), 1 + p[RIGIDITY]
-        row[:] = 0.0
+        row = np.zeros(PARAMETERS)
         row[Q], row[LEVER] = unit * stiff * p[LEVER] * sine, unit * stiff * p[Q] * sine
         row[PSI] = unit * stiff * p[Q] * p[LEVER] * np.cos(p[PSI])
         row[RIGIDITY] = unit * p[Q] * p[LEVER] * sine
@@ -63,7 +62,7 @@ def add_constraints(
         row[RIGIDITY] = 1 / known[RIGIDITY_SIGMA]
         chi2 += _add(row, p[RIGIDITY] * row[RIGIDITY], normal, gradient)
     if len(tips) > 0:
-        row[:] = 0.0
+        row = np.zeros(PARAMETERS)
         row[STRETCH] = 1 / known[STRETCH_SIGMA]
         chi2 += _add(row, p[STRETCH] * row[STRETCH], normal, gradient)
         for tip in tips:

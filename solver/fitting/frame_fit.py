@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numba import njit
 
+from solver.fitting.constraints import add_constraints
 from solver.fitting.correlation import integrated_correlation
 from solver.fitting.minimise import (
     CONVERGED,
@@ -86,12 +87,11 @@ def settle(
     residual = work[0][: bounds[-1] - bounds[0]]
     status, chi2, iterations = minimise(p, problem, free, np.inf, _ANSWER, work, covariance)
     kept[:] = True
-    largest = 0.0
-    for r in residual:
-        largest = max(largest, abs(r))
+    far = 0
+    for i in range(residual.size):
+        far += abs(residual[i]) > SUSPICIOUS
     dof = max(len(residual) - 2, 1)
-    suspicious = largest > SUSPICIOUS or chi2 > dof * (1 + 6 * np.sqrt(2 / dof))
-    if suspicious or status == STOPPED:
+    if far > 0 or chi2 > dof * (1 + 6 * np.sqrt(2 / dof)) or status == STOPPED:
         # With the stated sigmas, and with larger ones only if most of what is kept asks for it.
         cut = CUT
         other = p.copy()
@@ -104,9 +104,10 @@ def settle(
                 status, _, more = minimise(p, problem, free, cut, _ANSWER, work, covariance)
                 iterations += more
         chi2 = _keep(p, problem, free, cut, work, covariance, kept)
+        residual = residual[kept]
     summary[STATUS], summary[CHI2], summary[ITERATIONS] = status, chi2, iterations
-    summary[KEPT] = np.sum(kept)
-    summary[WIDENING] = _widening(residual[kept], chi2)
+    summary[KEPT] = len(residual)
+    summary[WIDENING] = _widening(residual, chi2)
 
 
 @njit(cache=True, error_model="numpy")
@@ -116,13 +117,15 @@ def _keep(
     """Which points have a weight at p, the covariance they give at Tukey's efficiency, chi2."""
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     linearise(p, problem, free, cut, work, normal, gradient)
+    _, _, views, tips, known, base_whitening = problem
     residual, _, weight, _ = work
     chi2 = 0.0
     for i in range(len(kept)):
         kept[i] = abs(residual[i]) < cut
         weight[i] = 1.0 if kept[i] else 0.0
         chi2 += weight[i] * residual[i] ** 2
-    chi2 += assemble(p, problem, free, True, work, normal, gradient)
+    assemble(len(kept), free, True, work, normal, gradient)
+    chi2 += add_constraints(p, views, tips, known, base_whitening, normal, gradient)
     if invert(normal, free, covariance):
         covariance *= VARIANCE_FACTOR
     return chi2

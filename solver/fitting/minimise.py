@@ -7,6 +7,7 @@ from numba import njit
 
 from solver.beam_models.exact import FAST
 from solver.fitting.constraints import add_constraints
+from solver.fitting.in_plane_c import plane_equations
 from solver.fitting.residuals import (
     LEVER,
     PARAMETERS,
@@ -18,6 +19,7 @@ from solver.fitting.residuals import (
 )
 from solver.fitting.robust import tukey
 from solver.instrument.arrays import Floats
+from solver.sums import dot
 
 CONVERGED, STOPPED, DEFICIENT = range(3)
 # The last step is that after which none longer than so many sigmas would follow: one shorter than
@@ -32,20 +34,13 @@ _REACH: Final = ((Q, 0.7), (LEVER, 0.5), (PSI, 0.4), (TILT, 0.3))
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def _dot(a: Floats, b: Floats) -> float:
-    total = 0.0
-    for i in range(a.size):
-        total += a[i] * b[i]
-    return total
-
-
-@njit(cache=True, error_model="numpy", fastmath=FAST)
 def _times(a: Floats, weight: Floats, out: Floats) -> None:
     for i in range(a.size):
         out[i] = a[i] * weight[i]
 
 
-@njit(cache=True, error_model="numpy")
+# Handing so many arrays on costs more than a few points do, hence in line.
+@njit(cache=True, error_model="numpy", forceinline=True)
 def linearise(
     p: Floats,
     problem: Any,
@@ -57,32 +52,29 @@ def linearise(
 ) -> float:
     """J^T W J (8, 8) and J^T W r (8,) at p, and the sum of squares, robust where `cut` is finite.
 
-    `work` is residual (n,), Jacobian (6, n), weight (n,) and scratch (n,) of the points, or longer.
+    `work` is residual (n,), Jacobian (6, n), weight (n,) and scratch (n,) of the points, or longer;
+    of it a plain fit in plane C takes only the residual.
     """
-    points, bounds, views, _, _, _ = problem
+    points, bounds, views, tips, known, base_whitening = problem
     residual, jacobian, weight, _ = work
-    point_residuals(p, points, bounds, views, PSI in free, residual, jacobian)
     n = bounds[-1] - bounds[0]
     residual, weight = residual[:n], weight[:n]
-    robust = cut < np.inf
-    chi2 = tukey(residual, cut, weight) if robust else _dot(residual, residual)
-    return chi2 + assemble(p, problem, free, robust, work, normal, gradient)
+    spatial, robust = PSI in free, cut < np.inf
+    if p[PSI] == 0 and not spatial and not robust:
+        chi2 = plane_equations(p, points, bounds, residual, normal, gradient)
+    else:
+        point_residuals(p, points, bounds, views, spatial, residual, jacobian)
+        chi2 = tukey(residual, cut, weight) if robust else dot(residual, residual)
+        assemble(n, free, robust, work, normal, gradient)
+    return chi2 + add_constraints(p, views, tips, known, base_whitening, normal, gradient)
 
 
 @njit(cache=True, error_model="numpy")
 def assemble(
-    p: Floats,
-    problem: Any,
-    free: Any,
-    weighted: bool,
-    work: Any,
-    normal: Floats,
-    gradient: Floats,
-) -> float:
-    """The normal equations of `work`, with all constraints; the constraints' sum of squares."""
-    _, bounds, views, tips, known, base_whitening = problem
+    n: Any, free: Any, weighted: bool, work: Any, normal: Floats, gradient: Floats
+) -> None:
+    """The normal equations of n points in `work`."""
     residual, jacobian, weight, scratch = work
-    n = bounds[-1] - bounds[0]
     residual, weight, scratch = residual[:n], weight[:n], scratch[:n]
     normal[:] = 0.0
     gradient[:] = 0.0
@@ -93,56 +85,36 @@ def assemble(
         if weighted:
             _times(column, weight, scratch)
             column = scratch
-        gradient[a] = _dot(column, residual)
+        gradient[a] = dot(column, residual)
         for b in free:
             if b <= a:
-                normal[a, b] = normal[b, a] = _dot(column, jacobian[b, :n])
-    return add_constraints(p, views, tips, known, base_whitening, normal, gradient)
-
-
-@njit(cache=True, error_model="numpy")
-def _cholesky(matrix: Floats, lower: Floats) -> bool:
-    """The lower triangular factor of a matrix with a unit diagonal; False if it is singular."""
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            value = matrix[i, j]
-            for k in range(j):
-                value -= lower[i, k] * lower[j, k]
-            if i > j:
-                lower[i, j] = value / lower[j, j]
-            elif value > LEAST_PIVOT:
-                lower[i, i] = np.sqrt(value)
-            else:
-                return False
-    return True
+                normal[a, b] = normal[b, a] = dot(column, jacobian[b, :n])
 
 
 @njit(cache=True, error_model="numpy")
 def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
-    """(J^T J)^-1 of the free parameters into `covariance` (8, 8), by Cholesky, columns scaled.
+    """(J^T J)^-1 of the free parameters into `covariance` (8, 8), by Gauss-Jordan elimination.
 
-    False where a direction is left open.
+    False where a direction is left open. A positive definite matrix needs no exchange of rows.
     """
-    n = len(free)
     covariance[:] = 0.0
-    scale, matrix = np.empty(n), np.empty((n, n))
-    lower, inverse = np.zeros((n, n)), np.zeros((n, n))
-    for i in range(n):
-        if not normal[free[i], free[i]] > 0:
+    for a in free:
+        for b in free:
+            covariance[a, b] = normal[a, b]
+    for k in free:
+        # What is left of a direction's information where those before it are unknown too.
+        pivot = covariance[k, k]
+        if not pivot > LEAST_PIVOT * normal[k, k]:
             return False
-        scale[i] = 1 / np.sqrt(normal[free[i], free[i]])
-        for j in range(i + 1):
-            matrix[i, j] = normal[free[i], free[j]] * scale[i] * scale[j]
-    if not _cholesky(matrix, lower):
-        return False
-    for i in range(n):
-        inverse[i, i] = 1 / lower[i, i]
-        for j in range(i):
-            inverse[i, j] = -_dot(lower[i, j:i], inverse[j:i, j]) * inverse[i, i]
-    for i in range(n):
-        for j in range(i + 1):
-            value = _dot(inverse[i:, i], inverse[i:, j]) * scale[i] * scale[j]
-            covariance[free[i], free[j]] = covariance[free[j], free[i]] = value
+        covariance[k, k] = 1.0
+        for b in range(PARAMETERS):
+            covariance[k, b] /= pivot
+        for a in free:
+            if a != k:
+                factor = covariance[a, k]
+                covariance[a, k] = 0.0
+                for b in range(PARAMETERS):
+                    covariance[a, b] -= factor * covariance[k, b]
     return True
 
 
@@ -177,8 +149,8 @@ def minimise(
 ) -> Any:
     """From p, which is moved to the minimum: (status, chi2, iterations).
 
-    `work` (see `linearise`) is left as it is within a third of a sigma of the minimum, and
-    `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be possible.
+    The residual in `work` (see `linearise`) is left as it is within a third of a sigma of the
+    minimum, and `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be possible.
     """
     points, bounds, views, _, _, _ = problem
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)

@@ -73,6 +73,45 @@ def possible(
     return True
 
 
+@njit(inline="always")
+def off_the_curve(
+    along: float,
+    across: float,
+    q: float,
+    lever: float,
+    farthest: float,
+    widest: float,
+    series: tuple[float, ...],
+) -> tuple[float, float, float, float]:
+    """How far a point lies off the curve, and the slopes of that: `exact.misfit`, less P(lever).
+
+    The point's place from the clamp is told along and across the contact's tangent. The slopes are
+    by `along`, by the tangent's angle, and by q; by `across` it is 1. A point farther than
+    `farthest` from the contact is measured from the curve's end. `series` gives P where
+    1 - cos(phi) <= `widest`, as in `exact`.
+    """
+    u = min(max(lever - along, 0.0), farthest)
+    s = q * u * u / 2
+    c = np.sqrt(1 - s * s)
+    secant = 1 / c
+    tangent = s * secant
+    shape = horner((1 - c) * (2 / widest) - 1, series)
+    value = across - u * s / 3 * shape
+    return value, tangent, tangent * across - along, u * u * u / 12 * (shape - 3 * secant)
+
+
+@njit(inline="always")
+def curve_end(q: float, widest: float) -> float:
+    """How far from the contact a point may lie: no beam turns farther, nor does the series."""
+    return float(np.sqrt(2 * min(MOST_SINE, np.sqrt(widest * (2 - widest))) / max(q, 1e-300)))
+
+
+@njit(inline="always")
+def weight_of(sigma: float) -> float:
+    """With its sign: the residual is by how many of its sigma vectors a point is off."""
+    return 1 / (sigma if abs(sigma) > LEAST_SIGMA else LEAST_SIGMA)
+
+
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def _points_of_view(
     p: Floats,
@@ -99,8 +138,7 @@ def _points_of_view(
     cosine = np.sqrt(1 - sine * sine)
     theta_q, theta_lever = lever * lever / 2 / cosine, q * lever / cosine
     base, base_tangent, base_by_q = bend_at(lever, q)
-    # A point farther behind the clamp than the curve reaches is measured from the curve's end.
-    farthest = np.sqrt(2 * min(MOST_SINE, np.sqrt(widest * (2 - widest))) / max(q, 1e-300))
+    farthest = curve_end(q, widest)
     dx, dy = p[DX], p[DY]
     for i in range(mx.size):
         turned_x = cos_tilt * (mx[i] - dx) + sin_tilt * (my[i] - dy)
@@ -110,16 +148,10 @@ def _points_of_view(
         k = 1 / (cos_psi - sin_psi * ray_y)
         y = turned_y * k
         x = turned_x + sin_psi * ray_x * y
-        # The misfit from the exact beam, as in `exact.misfit`.
         along, across = x * cosine + y * sine, y * cosine - x * sine
-        u = min(max(lever - along, 0.0), farthest)
-        s = q * u * u / 2
-        c = np.sqrt(1 - s * s)
-        secant = 1 / c
-        tangent = s * secant
-        shape = horner((1 - c) * (2 / widest) - 1, series)
-        value = base + across - u * s / 3 * shape
-        by_theta = tangent * across - along
+        value, tangent, by_theta, curve_by_q = off_the_curve(
+            along, across, q, lever, farthest, widest, series
+        )
         by_x, by_y = tangent * cosine - sine, cosine + tangent * sine
         # By y where x follows along the ray, and by the ray's direction.
         by_y += by_x * sin_psi * ray_x
@@ -130,10 +162,9 @@ def _points_of_view(
             cos_tilt * sy[i] - sin_tilt * sx[i],
         )
         sigma = (by_x - vw * by_ray_x) * turned_sx + (by_k - vw * by_ray_y) * turned_sy
-        # With its sign: the residual is by how many of its sigma vectors a point is off.
-        weight = 1 / (sigma if abs(sigma) > LEAST_SIGMA else LEAST_SIGMA)
-        residual[i] = value * weight
-        by_q[i] = (base_by_q - u * u * u / 12 * (3 * secant - shape) + by_theta * theta_q) * weight
+        weight = weight_of(sigma)
+        residual[i] = (base + value) * weight
+        by_q[i] = (base_by_q + curve_by_q + by_theta * theta_q) * weight
         by_lever[i] = (base_tangent - tangent + by_theta * theta_lever) * weight
         by_psi[i] = (by_k * y * (sin_psi + cos_psi * ray_y) + by_x * cos_psi * ray_x * y) * weight
         by_dx[i] = (sin_tilt * by_k - cos_tilt * by_x) * weight
@@ -141,6 +172,13 @@ def _points_of_view(
         by_tilt[i] = (
             by_x * turned_y - by_k * turned_x + by_ray_x * ray_y - by_ray_y * ray_x
         ) * weight
+
+
+@njit(cache=True, error_model="numpy")
+def is_gentle(p: Floats) -> bool:
+    """Whether the shorter series serves, even for a point somewhat behind the clamp."""
+    behind = 1.3 * p[LEVER] + 0.05
+    return bool(p[Q] * behind * behind / 2 < GENTLE_SINE)
 
 
 @njit(cache=True, error_model="numpy")
@@ -152,10 +190,7 @@ def _points(
     residual: Floats,
     jacobian: Floats,
 ) -> None:
-    lever, q = p[LEVER], p[Q]
-    # A beam is gentle if even a point somewhat behind the clamp is.
-    behind = 1.3 * lever + 0.05
-    gentle = q * behind * behind / 2 < GENTLE_SINE
+    gentle = is_gentle(p)
     for view in range(len(views)):
         first, last = bounds[view], bounds[view + 1]
         to, end = first - bounds[0], last - bounds[0]
