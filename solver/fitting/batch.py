@@ -6,10 +6,23 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from solver.beam_models.exact import FAST
 from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, settle
 from solver.fitting.minimise import CONVERGED, DEFICIENT
 from solver.fitting.problem import base_whitening, view_row
-from solver.fitting.residuals import DX, DY, KNOWN, LEVER, PARAMETERS, TILT, Q
+from solver.fitting.residuals import (
+    DX,
+    DY,
+    KNOWN,
+    LEVER,
+    PARAMETERS,
+    SIGMA_X,
+    SIGMA_Y,
+    TILT,
+    Q,
+    X,
+    Y,
+)
 from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
@@ -81,6 +94,17 @@ def exact_fit_batch(
     )
 
 
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _columns(vectors: Floats, unit: float, x: Floats, y: Floats) -> float:
+    """Vectors (n, 2) in some unit, in two columns; their sum is finite if all of them are."""
+    total, scale = 0.0, 1 / unit
+    for i in range(len(vectors)):
+        along, across = vectors[i, 0] * scale, vectors[i, 1] * scale
+        x[i], y[i] = along, across
+        total += along + across
+    return total
+
+
 @njit(cache=True, error_model="numpy")
 def _fit_all(
     points: Floats,
@@ -108,12 +132,9 @@ def _fit_all(
     for i in range(frames):
         n = offsets[i + 1] - offsets[i]
         bounds[1] = n
-        total = 0.0
-        for j in range(n):
-            for axis in range(2):
-                rows[axis, j] = points[offsets[i] + j, axis] / length
-                rows[2 + axis, j] = sigma_vectors[offsets[i] + j, axis] / length
-                total += rows[axis, j] + rows[2 + axis, j]
+        of_frame = slice(offsets[i], offsets[i + 1])
+        total = _columns(points[of_frame], length, rows[X], rows[Y])
+        total += _columns(sigma_vectors[of_frame], length, rows[SIGMA_X], rows[SIGMA_Y])
         summary[i, STATUS] = DEFICIENT
         if not np.isfinite(total):
             summary[i, CHI2] = np.nan
