@@ -83,7 +83,7 @@ def off_the_curve(
     widest: float,
     series: tuple[float, ...],
 ) -> tuple[float, float, float, float]:
-    """How far a point lies off the curve, and the slopes of that: `exact.misfit`, less P(lever).
+    """How far a point lies off the curve, and the slopes of that: its misfit, less P(lever).
 
     The point's place from the clamp is told along and across the contact's tangent. The slopes are
     by `along`, by the tangent's angle, and by q; by `across` it is 1. A point farther than

@@ -14,7 +14,7 @@ def by_definition(residual: Floats) -> float:
     first_zero = int(np.argmax(lagged < 0)) or n
     reach = min(6 * first_zero, max(n // 2, 1))
     taper = 1 - np.arange(reach) / reach
-    return max(1.0, (lagged[0] + 2 * taper[1:] @ lagged[1:reach]) / lagged[0])
+    return max(1.0, float((lagged[0] + 2 * taper[1:] @ lagged[1:reach]) / lagged[0]))
 
 
 @pytest.mark.parametrize("n", [2, 3, 10, 400])
