@@ -29,9 +29,6 @@ from numba import njit
 from numpy.polynomial import chebyshev, polynomial
 from scipy.special import hyp2f1
 
-# Reordered sums and fused products let loops run in vector registers; no special value is assumed
-# away.
-FAST: Final = {"reassoc", "contract", "nsz", "arcp"}
 # Angles to the contact's tangent of which the shorter series serves: cos(phi) > 0.9, 25.8 degrees.
 GENTLE: Final = 0.1
 STEEP: Final = 1.0

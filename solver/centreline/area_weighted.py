@@ -37,9 +37,9 @@ def area_weighted(image: Grey) -> Centreline:
     nothing = down_columns(np.empty((0, 2)), np.empty(0))
     if not seen.any():
         return nothing
-    # No gray value is above 255: columns without a beam.
-    least = np.where(seen, background + THRESHOLD * contrast, 255.0)
-    about, band = _longest_band(image > least.astype(np.uint8))
+    # Columns without a beam: nothing is above their brightest pixel.
+    least = np.where(seen, background + THRESHOLD * contrast, background + contrast)
+    about, band = _longest_band(image > least.astype(image.dtype))
     height = np.count_nonzero(band, axis=0)
     columns = np.flatnonzero(seen & (height > 0) & (height <= WIDEST_PX))
     if not len(columns):

@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from solver.beam_models.exact import FAST
 from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
 from solver.centreline.smooth import smooth_curve
 from solver.instrument.arrays import Floats, Grey
+from solver.sums import FAST
 
 # Scan lines over the beam's length, and contact distances that are tried.
 LINES, DISTANCES = 72, 12

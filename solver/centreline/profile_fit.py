@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from solver.beam_models.exact import FAST
 from solver.centreline.columns import read_column, tabulated
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
+from solver.sums import FAST
 
 STEPS = 5
 CLOSE_ENOUGH_PX = 1e-4

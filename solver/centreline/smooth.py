@@ -3,9 +3,8 @@
 import numpy as np
 from numba import njit
 
-from solver.beam_models.exact import FAST
 from solver.instrument.arrays import Floats
-from solver.sums import dot
+from solver.sums import FAST, dot
 
 FEWEST = 8
 ROUNDS = 12

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from solver.beam_models.exact import FAST
 from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, settle
 from solver.fitting.minimise import CONVERGED, DEFICIENT
 from solver.fitting.problem import base_whitening, view_row
@@ -26,6 +25,7 @@ from solver.fitting.residuals import (
 from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
+from solver.sums import FAST
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from solver.beam_models.exact import BEND_GENTLE, BEND_STEEP, FAST, GENTLE, STEEP, bend_at
+from solver.beam_models.exact import BEND_GENTLE, BEND_STEEP, GENTLE, STEEP, bend_at
 from solver.fitting.residuals import (
     DX,
     DY,
@@ -29,6 +29,7 @@ from solver.fitting.residuals import (
     weight_of,
 )
 from solver.instrument.arrays import Floats
+from solver.sums import FAST
 
 
 @njit(cache=True, error_model="numpy")

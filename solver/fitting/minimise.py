@@ -5,7 +5,6 @@ from typing import Any, Final
 import numpy as np
 from numba import njit
 
-from solver.beam_models.exact import FAST
 from solver.fitting.constraints import add_constraints
 from solver.fitting.in_plane_c import plane_equations
 from solver.fitting.residuals import (
@@ -19,7 +18,7 @@ from solver.fitting.residuals import (
 )
 from solver.fitting.robust import tukey
 from solver.instrument.arrays import Floats
-from solver.sums import dot
+from solver.sums import FAST, dot
 
 CONVERGED, STOPPED, DEFICIENT = range(3)
 # The last step is that after which none longer than so many sigmas would follow: one shorter than

@@ -23,7 +23,6 @@ from numba import njit
 from solver.beam_models.exact import (
     BEND_GENTLE,
     BEND_STEEP,
-    FAST,
     GENTLE,
     GENTLE_SINE,
     STEEP,
@@ -31,6 +30,7 @@ from solver.beam_models.exact import (
     horner,
 )
 from solver.instrument.arrays import Floats
+from solver.sums import FAST
 
 Q, LEVER, PSI, DX, DY, TILT, STRETCH, RIGIDITY = range(8)
 PARAMETERS: Final = 8

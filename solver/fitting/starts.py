@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 from numba import njit
 
-from solver.beam_models.exact import FAST
 from solver.fitting.minimise import DEFICIENT, minimise
 from solver.fitting.residuals import (
     LEVER,
@@ -24,6 +23,7 @@ from solver.fitting.residuals import (
     possible,
 )
 from solver.instrument.arrays import Floats
+from solver.sums import FAST
 
 _COARSE: Final = 32
 _DISTANCES: Final = 20
