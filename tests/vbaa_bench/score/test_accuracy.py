@@ -80,6 +80,15 @@ def test_rows_by_a_condition_come_in_its_order(scored: Path) -> None:
         accuracy([scored], "colour")
 
 
+def test_conditions_that_differ_in_the_last_digit_are_one(scored: Path) -> None:
+    path = scored / "scores" / "scores.parquet"
+    scores = pl.read_parquet(path)
+    off = pl.col("deflection_pct") * (1 + 1e-14 * pl.int_range(pl.len()))
+    scores.with_columns(deflection_pct=pl.lit(5.0)).with_columns(off).write_parquet(path)
+    rows = accuracy([scored], "deflection_pct")
+    assert [(row["deflection_pct"], row["n"]) for row in rows] == [(5.0, 4), (5.0, 4)]
+
+
 def test_stiffness_is_gathered_by_decades_and_told_at_the_end_of_a_push(tmp_path: Path) -> None:
     soft = [
         {"push_id": "soft", "step": step, "k_s_n_m": 10.0, "k_s_over_k_beam": ratio}
