@@ -33,6 +33,8 @@ from scipy.special import hyp2f1
 GENTLE: Final = 0.1
 STEEP: Final = 1.0
 GENTLE_SINE: Final = 0.4358
+# No beam has turned farther at its contact, nor is a point behind the clamp followed farther.
+MOST_SINE: Final = 0.995
 
 
 def _series(a: float, widest: float, degree: int) -> tuple[float, ...]:

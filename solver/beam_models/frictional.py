@@ -24,13 +24,12 @@ from typing import Final
 import numpy as np
 from scipy.special import elliprd, elliprf
 
+from solver.beam_models.exact import MOST_SINE
 from solver.instrument.arrays import Floats
 
 Real = Floats | float
 # Below this turn the gradients by q are their series: closed, they are differences over q.
 _GENTLE: Final = 1e-5
-# No beam has turned farther at its contact, nor is a point behind the clamp followed farther.
-MOST_SINE: Final = 0.995
 
 
 @dataclass(frozen=True)

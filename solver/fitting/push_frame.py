@@ -32,11 +32,12 @@ _OWN: Final = [Q, LEVER, DX, DY, TILT]
 @dataclass(frozen=True)
 class Frame:
     """A bent frame: its motor angle [rad], its points, and `widening`, by how much the points'
-    variances exceed what they state."""
+    variances exceed what they state. `begins`: the beam was free before."""
 
     motor_angle: float
     problem: Problem
     widening: float
+    begins: bool = False
 
     def points(
         self, shape: Floats, base: Floats, length: float, grip: float | None

@@ -33,7 +33,7 @@ _LEAST_ENCODER: Final = 1e-6
 # An object that a push meets is rounded by up to about this share of the beam's length.
 _ROUNDING: Final = 0.05
 # Coefficients of dry friction are about as large as this, and so is any grip.
-DRY: Final = 0.5
+DRY: Final = 0.4
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ class Shapes:
 class Push:
     """Two or more frames of one push of a rig, whose clamp is known to `base_covariance` (3, 3).
 
-    `dragged` (n, m) makes the frames' grips from their m unknowns, of which there are none
+    `grip_matrix` (n, m) makes the frames' grips from their m unknowns, of which there are none
     without friction.
     """
 
     frames: tuple[Frame, ...]
     rig: Rig
     base_covariance: Floats
-    dragged: Floats
+    grip_matrix: Floats
 
     @property
     def motor_angles(self) -> Floats:
@@ -74,18 +74,18 @@ class Push:
 
     @property
     def size(self) -> int:
-        """How many parameters there are, but for those of the grips: the first is friction's."""
+        """How many parameters stand before the unknowns of the grips."""
         return len(self.frames) + BASE + PUSH
 
     @property
     def friction(self) -> bool:
         """Whether the object may drag the beam along."""
-        return bool(self.dragged.shape[1])
+        return bool(self.grip_matrix.shape[1])
 
     def shapes(self, parameters: Floats) -> Shapes | None:
         """Levers such that the object stands at x0, by Newton's steps; None if there are none."""
         count, length = len(self.frames), self.rig.beam.length
-        q, grip = parameters[:count], self.dragged @ parameters[self.size :]
+        q, grip = parameters[:count], self.grip_matrix @ parameters[self.size :]
         x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
         if not (q >= 0).all() or x0 <= 0:
             return None
@@ -111,10 +111,10 @@ class Push:
 
     def _by_all(self, by_touch: Floats) -> Floats:
         """A touch's gradient (5, n), but for that by the levers, by all parameters (n, p)."""
-        made = np.zeros((len(self.frames), self.size + self.dragged.shape[1]))
+        made = np.zeros((len(self.frames), self.size + self.grip_matrix.shape[1]))
         np.fill_diagonal(made, by_touch[0])
         made[:, self.size - 2 : self.size] = by_touch[3:].T
-        made[:, self.size :] = by_touch[2][:, None] * self.dragged
+        made[:, self.size :] = by_touch[2][:, None] * self.grip_matrix
         return made
 
     def residuals(self, parameters: Floats) -> Linearised | None:
@@ -128,7 +128,7 @@ class Push:
         by_all = np.zeros((seen[1].shape[1], len(parameters)))
         by_all[:known, :known] = np.eye(known)
         by_all[known : known + count] = shapes.d_levers
-        by_all[known + count :, self.size :] = np.eye(self.dragged.shape[1])
+        by_all[known + count :, self.size :] = np.eye(self.grip_matrix.shape[1])
         residual, jacobian = self._of_push(parameters, shapes)
         return np.append(seen[0], residual), np.vstack([seen[1] @ by_all, jacobian])
 
@@ -138,9 +138,9 @@ class Push:
         The Jacobian is by q (n), the clamp, the levers (n) and the grips' unknowns. None where a
         shape does not exist.
         """
-        count, unknown = len(self.frames), self.dragged.shape[1]
+        count, unknown = len(self.frames), self.grip_matrix.shape[1]
         clamp = slice(count, count + BASE)
-        grips = self.dragged @ parameters[self.size :] if self.friction else [None] * count
+        grips = self.grip_matrix @ parameters[self.size :] if self.friction else [None] * count
         residuals, jacobians = [], []
         for i, frame in enumerate(self.frames):
             shape = np.array([parameters[i], levers[i]])
@@ -150,7 +150,7 @@ class Push:
             by_shape = np.zeros((len(rows), 2 * count + BASE + unknown))
             by_shape[:, i], by_shape[:, clamp.stop + i] = rows[:, 0], rows[:, 1]
             by_shape[:, clamp] = rows[:, 2:5]
-            by_shape[:, 2 * count + BASE :] = np.outer(rows[:, 5], self.dragged[i])
+            by_shape[:, 2 * count + BASE :] = np.outer(rows[:, 5], self.grip_matrix[i])
             residuals.append(rows[:, 6])
             jacobians.append(by_shape)
         prior = np.zeros((BASE, 2 * count + BASE + unknown))
@@ -160,7 +160,11 @@ class Push:
 
     def _of_push(self, parameters: Floats, shapes: Shapes) -> Linearised:
         """What the push adds: pushing angles (n), and how round and how dry objects are."""
-        count, unknown, side = len(self.frames), self.dragged.shape[1], self.rig.deflects_towards
+        count, unknown, side = (
+            len(self.frames),
+            self.grip_matrix.shape[1],
+            self.rig.deflects_towards,
+        )
         onset, reach = self.size - PUSH + 1, self.size - 1
         residual = np.zeros(count + 1 + unknown)
         jacobian = np.zeros((len(residual), len(parameters)))

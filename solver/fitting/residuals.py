@@ -25,6 +25,7 @@ from solver.beam_models.exact import (
     BEND_STEEP,
     GENTLE,
     GENTLE_SINE,
+    MOST_SINE,
     STEEP,
     bend_at,
     horner,
@@ -39,8 +40,7 @@ X, Y, SIGMA_X, SIGMA_Y = range(4)
 # Entries of `known`.
 MOMENT, MOMENT_SIGMA, MOMENT_UNIT, STRETCH_SIGMA, RIGIDITY_SIGMA = range(5)
 KNOWN: Final = 5
-# No beam has turned farther at its contact, nor do rays graze D more closely.
-MOST_SINE: Final = 0.995
+# No rays graze D more closely.
 LEAST_GRAZING: Final = 0.02
 # A point is not known better than to a billionth of L.
 LEAST_SIGMA: Final = 1e-9

@@ -1,4 +1,4 @@
-"""One frame by itself, of a beam that its object may drag along.
+"""What an uncertain grip does to an answer, and to that of one frame by itself.
 
 A single image hardly tells a force that leans off the beam's normal from another one elsewhere.
 What it says without friction stands; what a grip as usual for dry things would change of it, to
@@ -15,36 +15,53 @@ from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import judged
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
+from solver.plane_d import known_plane
+
+
+def curved_by_grip(force: float, grip: float, sigma: float) -> float:
+    """The variance [N^2] of a force's size that its slope by the grip does not tell.
+
+    The size is that of the part across the beam times sqrt(1 + grip^2), which is flat at no grip:
+    the mean square of the second-order term, of a grip normally distributed.
+    """
+    return 3 * (force * sigma**2 / (1 + grip**2) ** 2 / 2) ** 2
 
 
 def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
-    """The answer `alone` of `exact_fit` in plane C, as uncertain as friction makes it."""
-    problem = problem_of(measurement, with_tips=False)
+    """The answer `alone` of `exact_fit`, as uncertain as friction makes it."""
+    found = known_plane(measurement)
+    if isinstance(found, Estimate):
+        return found
+    planar, psi = found
+    problem = problem_of(planar, with_tips=False)
     start = started(problem, 0.0)
-    fit = None if start is None else settled(problem, start, psi_free=False)
-    if fit is None or alone.covariance is None:
+    if start is None or alone.covariance is None:
         return alone
+    fit = settled(problem, start, psi_free=False)
     length = measurement.rig.beam.length
     p = fit.p[[Q, LEVER, DX, DY, TILT]] * [length**-2, length, length, length, 1.0]
     frame = Frame(0.0, without(problem, fit.kept), fit.widening)
     rows = frame.points(p[:2], p[2:], length, grip=0.0)
     if rows is None:
         return alone
-    known = np.linalg.inv(np.linalg.cholesky(measurement.base_covariance))
+    known = np.linalg.inv(np.linalg.cholesky(planar.base_covariance))
     by_p = np.vstack([rows[:, :5], np.hstack([np.zeros((3, 2)), known])])
     by_grip = np.append(rows[:, 5], np.zeros(3))
     moved, *_ = np.linalg.lstsq(by_p, -by_grip)
     column = {name: i for i, name in enumerate(SHAPE)}
     shape = np.zeros(len(SHAPE))
     in_shape = [column[name] for name in ("q", "lever", "dx", "dy", "tilt")]
-    shape[in_shape] = p
+    shape[in_shape], shape[column["psi"]] = p, psi
     shape[column["motor_angle"]] = measurement.motor_angle or 0.0
-    _, by_shape, _ = shape_quantities(measurement, shape, clamp_fitted=True, grip_fitted=True)
+    values, by_shape, _ = shape_quantities(measurement, shape, clamp_fitted=True, grip_fitted=True)
     change = DRY * (by_shape[:, in_shape] @ moved + by_shape[:, column["grip"]])
+    covariance = alone.covariance + np.outer(change, change)
+    force = list(values).index("force_n")
+    covariance[force, force] += curved_by_grip(values["force_n"], 0.0, DRY)
     return judged(
         measurement.rig,
         alone.values,
-        alone.covariance + np.outer(change, change),
+        covariance,
         alone.message,
         chi2=alone.chi2,
         dof=alone.dof,

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2 as distribution
 
+from solver.beam_models.exact import MOST_SINE
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import judged
@@ -27,8 +28,6 @@ from solver.instrument.measurement import Measurement
 NOISE_ALONE: Final = 5.7e-7
 # A frictionless contact is refused once in so many frames.
 REFUSED: Final = 1e-4
-# No beam has turned farther at its contact.
-MOST_SINE: Final = 0.995
 
 
 def force_sensor(measurement: Measurement) -> Estimate:

@@ -36,10 +36,10 @@ from solver.fitting.answer import refusal_of
 from solver.fitting.gauss_newton import Fit, gauss_newton
 from solver.fitting.problem import problem_of, settled, started, without
 from solver.fitting.push_frame import Frame
-from solver.fitting.push_joint import BASE, PUSH, Push
+from solver.fitting.push_joint import BASE, DRY, PUSH, Push
 from solver.fitting.residuals import LEVER
-from solver.fitting.sliding import grips
-from solver.fitting.unknown_grip import with_unknown_grip
+from solver.fitting.sliding import grip_matrix
+from solver.fitting.unknown_grip import curved_by_grip, with_unknown_grip
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import judged
 from solver.instrument.arrays import Floats
@@ -49,6 +49,8 @@ from solver.methods.exact_fit import exact_fit
 
 # A push with a single object is refused once in so many times.
 REFUSED: Final = 1e-4
+# Of friction that is known no better than it is beforehand nothing is said.
+TOLD: Final = DRY / 2
 # An object whose compliance exceeds this many sigmas is told apart from a rigid one.
 SOFT: Final = 2.0
 # A radius or a compliance less than zero by so many sigmas is that of no object.
@@ -70,10 +72,10 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     alone = exact_fit(measurement)
     if not alone.values:
         return alone
-    if measurement.rig.known_psi:
-        return _of_last(alone, "the push is not in plane C")
     if friction:
         alone = with_unknown_grip(alone, measurement)
+    if measurement.rig.known_psi:
+        return _of_last(alone, "the push is not in plane C")
     if measurement.motor_angle is None:
         return _of_last(alone, "no motor angle is read")
     frames, lever = _bent(measurement)
@@ -88,8 +90,11 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
         return Estimate(Outcome.INVALID, "the frames' shapes are not those of one push")
     if friction:
         pushing_angles = push.rig.deflects_towards * (start[-PUSH + 1] - push.motor_angles)
-        push = replace(push, dragged=grips(pushing_angles, push.encoder_sigma))
-        start = np.append(start, np.zeros(push.dragged.shape[1]))
+        begins = [frame.begins for frame in frames]
+        slenderness = push.rig.beam.radius / lever
+        matrix = grip_matrix(pushing_angles, begins, push.encoder_sigma, slenderness)
+        push = replace(push, grip_matrix=matrix)
+        start = np.append(start, np.zeros(push.grip_matrix.shape[1]))
     fit = gauss_newton(push.residuals, start)
     return _judged(push, measurement, fit, alone)
 
@@ -106,16 +111,20 @@ def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
     Each is fitted by itself first: that shows which points are outliers, how much more than stated
     the others scatter, and where the contact is.
     """
-    frames, best, lever = [], math.inf, 0.0
+    frames, best, lever, begins = [], math.inf, 0.0, True
     for one in (*measurement.earlier, measurement):
         # As in `exact_fit`: what looks like the tip may be an occluder's edge.
         problem = problem_of(one, with_tips=False)
         start = started(problem, 0.0) if problem.points else None
         fit = None if start is None else settled(problem, start, psi_free=False)
-        if fit is None or one.motor_angle is None or refusal_of(one, problem, fit) is not None:
+        refusal = refusal_of(one, problem, fit)
+        if refusal is not None and refusal.outcome is Outcome.NO_CONTACT:
+            begins = True
+        if fit is None or one.motor_angle is None or refusal is not None:
             continue
         kept = problem if fit.kept.all() else without(problem, fit.kept)
-        frames.append(Frame(one.motor_angle, kept, fit.widening))
+        frames.append(Frame(one.motor_angle, kept, fit.widening, begins))
+        begins = False
         if fit.covariance[LEVER, LEVER] < best:
             best, lever = fit.covariance[LEVER, LEVER], fit.p[LEVER]
     return frames, float(lever) * measurement.rig.beam.length
@@ -209,8 +218,8 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     shape[column["q"]], by_fit[column["q"], count - 1] = fit.parameters[count - 1], 1.0
     shape[column["lever"]], by_fit[column["lever"]] = shapes.levers[-1], shapes.d_levers[-1]
     shape[in_base], by_fit[in_base, count:of_push] = fit.parameters[count:of_push], np.eye(BASE)
-    shape[column["grip"]] = push.dragged[-1] @ fit.parameters[push.size :]
-    by_fit[column["grip"], push.size :] = push.dragged[-1]
+    shape[column["grip"]] = push.grip_matrix[-1] @ fit.parameters[push.size :]
+    by_fit[column["grip"], push.size :] = push.grip_matrix[-1]
     # The encoder's reading, corrected by what the shapes tell: onset less the pushing angle.
     shape[column["motor_angle"]] = onset - side * shapes.pushing_angles[-1]
     by_fit[column["motor_angle"]] = -side * shapes.d_pushing_angles[-1]
@@ -228,7 +237,7 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     jacobian[rows, n:] = -compliance, 3 * compliance
     jacobian[rows + 1, of_push + 1] = 1.0
     values |= {"compliance_m_per_n": compliance, "onset_angle_rad": onset}
-    if push.friction:
+    if push.friction and math.sqrt(fit.covariance[push.size, push.size]) < TOLD:
         values["friction"] = float(fit.parameters[push.size])
         jacobian = np.vstack([jacobian, np.arange(n + 2) == push.size])
     known = np.zeros((n + 2, n + 2))
@@ -240,4 +249,7 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
         jacobian = np.vstack([jacobian, -jacobian[rows] / compliance**2])
     covariance = jacobian @ known @ jacobian.T
     covariance[:rows, :rows] += placed
+    force = list(values).index("force_n")
+    grip_sigma = math.sqrt(by_fit[column["grip"]] @ known[:n, :n] @ by_fit[column["grip"]])
+    covariance[force, force] += curved_by_grip(values["force_n"], shape[column["grip"]], grip_sigma)
     return values, covariance

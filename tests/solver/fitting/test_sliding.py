@@ -1,19 +1,21 @@
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solver.fitting.sliding import HELD, grips
+from solver.fitting.sliding import HELD, grip_matrix
 from tests.solver.methods.pushes import dragged
 
 SIGMA = math.radians(0.01)
 
 
-def of(degrees: list[float]) -> list[float]:
+def of(degrees: list[float], begins: Sequence[int] = (0,)) -> list[float]:
     """The sign of every frame's sliding; zero where it has a grip of its own."""
-    made = grips(np.radians(degrees), SIGMA)
+    firsts = [i in begins for i in range(len(degrees))]
+    made = grip_matrix(np.radians(degrees), firsts, SIGMA, 0.4 / 120)
     own = made[:, 1:]
     assert (own.sum(axis=1) == (made[:, 0] == 0)).all()  # one unknown each, and no two the same
     assert (own.sum(axis=0) == 1).all()
@@ -37,11 +39,26 @@ def test_the_encoders_noise_turns_nothing() -> None:
     assert of([3, 9, 6, 6.02, 5.99]) == [1, 1, -1, -1, -1]
 
 
-@given(st.lists(st.floats(0.5, 30), min_size=1, max_size=12), st.floats(0.5, 2))
+def test_a_way_that_is_seen_from_its_turn_on_may_have_begun_with_it() -> None:
+    assert of([11.5, 9, 6, 3]) == [0, -1, -1, -1]
+    assert of([11.5, 9, 6, 12]) == [1, -1, -1, 1]
+    assert of([11.5]) == [1]
+
+
+def test_from_a_free_beam_on_a_way_begins_anew() -> None:
+    assert of([6, 12, 3, 6], begins=(0, 2)) == [1, 1, 1, 1]
+    assert of([6, 12, 3, 6]) == [1, 1, -1, 1]
+
+
+def test_at_first_touch_the_beam_may_slide_either_way() -> None:
+    assert of([-0.1, 0.3, 0.5, 0.7, 3]) == [0, 0, 0, 1, 1]
+
+
+@given(st.lists(st.floats(0.6, 30), min_size=1, max_size=12), st.floats(1, 2))
 def test_only_the_shape_of_the_way_counts(degrees: list[float], scale: float) -> None:
-    angles = np.radians(degrees)
-    assert (grips(scale * angles, scale * SIGMA) == grips(angles, SIGMA)).all()
-    assert grips(angles, SIGMA)[0, 0] == 1
+    angles, begins = np.radians(degrees), [True] + [False] * (len(degrees) - 1)
+    small = grip_matrix(angles, begins, SIGMA, 0.0)
+    assert (grip_matrix(scale * angles, begins, scale * SIGMA, 0.0) == small).all()
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.8])

@@ -4,7 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.fitting.gauss_newton import gauss_newton
+from solver.fitting.problem import problem_of
+from solver.fitting.push_frame import Frame
 from solver.fitting.push_geometry import Touch, touch
+from solver.fitting.push_joint import DRY, Push
+from solver.fitting.sliding import grip_matrix
 from solver.fitting.values import shape_quantities
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
@@ -14,6 +19,7 @@ from solver.methods.push_fit import push_fit, push_fit_friction
 from tests.oracle import oracle
 from tests.simulated import BEAM
 from tests.solver.methods.pushes import (
+    ENCODER_SIGMA,
     ONSET,
     Object,
     beam_stiffness,
@@ -428,14 +434,116 @@ def test_friction_that_is_not_considered_is_found_out_or_misplaces_the_contact()
     assert np.sqrt(np.mean(np.square(errors[True]))) < 0.15e-3
 
 
-def test_of_a_single_frame_friction_is_part_of_the_uncertainty() -> None:
+@pytest.mark.parametrize("known_psi", [None, 1e-6])
+@pytest.mark.parametrize("friction", [0.3, 0.5])
+def test_of_a_single_frame_friction_is_part_of_the_uncertainty(
+    friction: float, known_psi: float | None
+) -> None:
     measurement, state = measured_push(
-        still(0.2, 0.0), np.random.default_rng(19), friction=0.3, angles_deg=(12.0,)
+        still(0.2, 0.0), friction=friction, angles_deg=(12.0,), base_sigma=(1e-6, 1e-6, 1e-5)
     )
+    measurement = replace(measurement, rig=replace(measurement.rig, known_psi=known_psi))
     blind, aware = exact_fit(measurement), push_fit_friction(measurement)
     assert aware.message.startswith("of this frame alone")
     assert "friction" not in aware.values
     assert aware.values == blind.values
-    for name, true in (("x_c_m", state.contact.point[0]), ("force_x_n", state.contact.force[0])):
-        assert abs(blind.values[name] - true) > 5 * blind.sigma(name)
-        assert abs(aware.values[name] - true) < 2 * aware.sigma(name)
+    force_x, force_y, _ = state.contact.force
+    force = math.hypot(force_x, force_y)
+    true = {"x_c_m": state.contact.point[0], "force_x_n": force_x, "f_n": force_y}
+    for name, value in true.items():
+        error = abs(blind.values[name] - value)
+        assert error > 5 * blind.sigma(name), name
+        added = math.sqrt(aware.sigma(name) ** 2 - blind.sigma(name) ** 2)
+        assert 0.5 < added * friction / DRY / error < 2, name
+    # The force's size changes with the square of the friction.
+    error = abs(blind.values["force_n"] - force)
+    assert error > 3 * blind.sigma("force_n") * (friction / 0.5) ** 2
+    assert error < 2 * aware.sigma("force_n") < 0.3 * force
+
+
+def test_what_is_not_told_of_friction_is_not_answered() -> None:
+    short, _ = measured_push(
+        still(0.12, 0.0), np.random.default_rng(20), friction=0.3, angles_deg=(2.0, 2.5)
+    )
+    answer = push_fit_friction(short)
+    assert answer.outcome is Outcome.CONTACT
+    assert "friction" not in answer.values
+    assert "compliance_m_per_n" in answer.values
+
+
+@pytest.mark.parametrize(
+    ("angles", "compliance"), [((12.0, 11.5, 9.0, 6.0, 3.0), 0.1), ((12.0, 9.0, 6.0, 3.0), 0.0)]
+)
+def test_a_push_may_be_seen_from_its_way_back_on(
+    angles: tuple[float, ...], compliance: float
+) -> None:
+    random = np.random.default_rng(21)
+    for _ in range(5):
+        whole, state = measured_push(
+            still(0.12, compliance), random, friction=0.4, angles_deg=angles
+        )
+        answer = push_fit_friction(replace(whole, earlier=whole.earlier[1:]))
+        assert answer.outcome is Outcome.CONTACT
+        force_x, force_y, _ = state.contact.force
+        for name, true in (
+            ("x_c_m", state.contact.point[0]),
+            ("force_n", math.hypot(force_x, force_y)),
+            ("force_x_n", force_x),
+            ("compliance_m_per_n", compliance),
+        ):
+            assert abs(answer.values[name] - true) < 4 * answer.sigma(name), name
+
+
+def test_from_a_free_beam_on_a_push_begins_anew() -> None:
+    before, _ = measured_push(still(0.12, 0.0), friction=0.4, angles_deg=(6.0, 12.0))
+    again, state = measured_push(still(0.12, 0.0), friction=0.4, angles_deg=(3.0,))
+    x = again.points[:, 0]
+    free = replace(
+        again,
+        view=replace(again.view, points=np.column_stack([x, 0 * x])),
+        motor_angle=ONSET + 0.05,
+    )
+    answer = push_fit_friction(replace(again, earlier=(*before.earlier, before, free)))
+    force_x = state.contact.force[0]
+    assert answer.values["force_x_n"] == pytest.approx(force_x, abs=answer.sigma("force_x_n"))
+    assert answer.values["friction"] == pytest.approx(0.4, abs=answer.sigma("friction"))
+
+
+def test_an_object_that_would_pull_the_beam_along_is_refused() -> None:
+    # The way back, told as if it were the way there.
+    whole, _ = measured_push(
+        still(0.12, 0.0),
+        np.random.default_rng(23),
+        friction=0.5,
+        angles_deg=(15.0, 12.0, 9.0, 6.0, 3.0),
+    )
+    frames = (whole, *reversed(whole.earlier[1:]))
+    answer = push_fit_friction(replace(frames[-1], earlier=frames[:-1]))
+    assert answer.outcome is Outcome.INVALID
+    assert "pull" in answer.message
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_the_tension_of_a_single_object_is_chance(friction: float) -> None:
+    random = np.random.default_rng(24)
+    angles = THERE_AND_BACK_DEG if friction else THERE_AND_BACK_DEG[:4]
+    tensions, equations = [], 0
+    for _ in range(40):
+        last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles)
+        frames = tuple(
+            Frame(one.motor_angle or 0.0, problem_of(one, with_tips=False), 1.0)
+            for one in (*last.earlier, last)
+        )
+        pushing = np.radians(angles)
+        matrix = grip_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0)
+        if not friction:
+            matrix = matrix[:, :0]
+        push = Push(frames, last.rig, last.base_covariance, matrix)
+        bends = 2 * pushing / 0.12**2
+        start = [*bends, 0.0, 0.0, 0.0, 0.12, ONSET, 0.0, 2e-3]
+        fit = gauss_newton(push.residuals, np.array([*start, *[0.0] * matrix.shape[1]]))
+        assert fit.converged
+        tension, equations = push.tension(fit.parameters)
+        tensions.append(tension)
+    spread = math.sqrt(2 * equations / len(tensions))
+    assert np.mean(tensions) == pytest.approx(equations, abs=4 * spread)
