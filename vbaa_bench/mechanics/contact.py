@@ -36,7 +36,8 @@ class Grip:
     object, in its frame. With `sticks`, it still is.
 
     `slid` (3,) [m] is its way in that step, which went `pace` far in the step's own measure, and
-    `ratio` how far this step goes over that; zero at the start of a way.
+    `ratio` how far this step goes over that; zero at the start of a way. `drag` (3,), if given, is
+    the direction in the clamp's frame into which it is dragged, whichever way it slides.
     """
 
     s: float
@@ -45,6 +46,7 @@ class Grip:
     pace: float = 1.0
     ratio: float = 0.0
     sticks: bool = False
+    drag: Floats | None = None
 
     @property
     def lag(self) -> Floats:
@@ -135,6 +137,8 @@ def touch(
         slip = np.array([moved @ along, moved @ beside])
         errors = slip / length if grip.sticks else errors
         if not grip.sticks:
+            if grip.drag is not None:
+                slip = -np.array([grip.drag @ along, grip.drag @ beside])
             speed = float(np.sqrt(slip @ slip)) + 1e-300
             errors = errors + obstacle.friction * pressing / size * slip / speed
     slope = float(np.sqrt(drag @ drag)) / (abs(pressing) + 1e-300)

@@ -29,7 +29,9 @@ def first_grip(bench: Bench, contact_distance: float) -> Grip:
     s = contact_distance / length
     force = first.world_from_object[:3, 1]
     resting = CubicSpline(rows, states)(s)
-    touched = bench.trial(untouched.clamp_from_world, 0, resting, s, force).touch
+    # The force here is but a direction: nothing has given way yet.
+    unmoved = replace(bench, obstacles=(replace(first, compliance=0.0), *bench.obstacles[1:]))
+    touched = unmoved.trial(untouched.clamp_from_world, 0, resting, s, force).touch
     return Grip(contact_distance, touched.point)
 
 
@@ -59,6 +61,23 @@ def slide(
     raise failure
 
 
+def _solved(before: Equilibrium, step: Step, grip: Grip) -> Equilibrium:
+    """The equilibrium near another, its first contact held as `grip` says.
+
+    Raises EquilibriumError if there is none, or only behind the object, where no beam gets, or
+    where the object would have to pull.
+    """
+    engaged = {**dict.fromkeys(before.contacts), 0: grip}
+    found = before.bench.solve(step, engaged, before.unknown)
+    contact = found.contacts[0]
+    outward = found.clamp_from_world[:3, :3] @ found.bench.obstacles[0].world_from_object[:3, 1]
+    if contact.touch.normal @ outward <= 0:
+        raise EquilibriumError("the beam would have passed through the object")
+    if contact.force @ contact.touch.normal <= 0:
+        raise EquilibriumError(f"contact is lost at {contact.s:.4g} m, where nothing pulls")
+    return found
+
+
 def _next_grip(grip: Grip, last: Equilibrium | None, now: Equilibrium) -> Grip:
     """What the next step has to know of this one: where the contact is, and how it slid there."""
     contact = now.contacts[0]
@@ -80,25 +99,28 @@ def _settle(
     """One short step with friction: where it slides to, or where it is still held."""
     friction = bench.obstacles[0].friction
     if before is None:
-        found = reach(bench, step, contact_distance, resting)
-        sliding = {**dict.fromkeys(found.contacts), 0: grip}
-        return found.bench.solve(step, sliding, found.unknown)
+        return _solved(reach(bench, step, contact_distance, resting), step, grip)
     ratio = (step.size - before.step.size) / grip.pace
     onward = replace(grip, ratio=max(ratio, 0.0))  # after a turn the way begins anew
     if ratio > 0:
         try:
-            sliding = {**dict.fromkeys(before.contacts), 0: onward}
-            return before.bench.solve(step, sliding, before.unknown)
+            return _solved(before, step, onward)
         except EquilibriumError:
             pass  # it sticks, or has gone too far for its last state to lead there
     try:
-        held = {**dict.fromkeys(before.contacts), 0: replace(grip, sticks=True)}
-        stuck = before.bench.solve(step, held, before.unknown)
+        stuck = _solved(before, step, replace(grip, sticks=True))
     except EquilibriumError:
         pass  # friction has nothing to hold there
     else:
-        if stuck.contacts[0].touch.slope <= friction:
+        contact = stuck.contacts[0]
+        if contact.touch.slope <= friction:
             return stuck
-    found = reach(bench, step, contact_distance, resting)
-    sliding = {**dict.fromkeys(found.contacts), 0: onward}
-    return found.bench.solve(step, sliding, found.unknown)
+        # It gives in to what friction cannot hold, whichever way it slid before.
+        normal = contact.touch.normal
+        drag = contact.force - (contact.force @ normal) * normal
+        try:
+            yielding = _solved(stuck, step, replace(grip, drag=drag))
+            return _solved(yielding, step, replace(grip, ratio=0.0))
+        except EquilibriumError:
+            pass  # it slides too far for that
+    return _solved(reach(bench, step, contact_distance, resting), step, onward)

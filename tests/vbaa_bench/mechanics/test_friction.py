@@ -7,6 +7,7 @@ from tests.vbaa_bench.mechanics.benches import BEAM, THIN, imbalance, obstacle, 
 from vbaa_bench.mechanics.pushing import Motor, Step, push
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import State
+from vbaa_bench.mechanics.surfaces import upright
 
 ROD = Rod(BEAM)
 ANGLES = (0.05, 0.1, 0.15, 0.2)
@@ -87,3 +88,37 @@ def test_sliding_aside_does_not_depend_on_how_many_steps_led_there() -> None:
     one, many = pushed(1), pushed(48)
     assert one.contact.psi == pytest.approx(many.contact.psi, abs=1e-4)
     assert one.contact.force == pytest.approx(many.contact.force, rel=3e-4)
+
+
+def test_a_soft_object_drags_from_its_first_stride_on() -> None:
+    stiffness = 3 * BEAM.flexural_rigidity / 0.129**3
+    edge = obstacle(BEAM, 0.129, compliance=10 / stiffness, friction=0.6)
+    for count in (1, 14):
+        steps = [Step(pushing_angle=float(a)) for a in np.linspace(0, 0.024, count + 1)[1:]]
+        last = push(ROD, Motor(), [edge], 0.129, steps)[-1]
+        assert drag(last) == pytest.approx(0.6, rel=1e-8)
+
+
+@pytest.mark.parametrize("strides", [24, 48, 96])
+def test_a_beam_turns_on_its_thickness_before_it_slides_towards_the_clamp(strides: int) -> None:
+    """The surface slides back by r (theta - angle), and on by what the bent beam is longer.
+
+    With linear theory's theta - angle = angle / 2 and arc - chord = x_0 angle^2 / 10, the way
+    turns at angle = 2.5 r / x_0.
+    """
+    peg = obstacle(BEAM, 0.06, upright(2e-3), friction=0.8)
+    angles = np.radians(np.linspace(0, 6, strides + 1)[1:])
+    states = push(ROD, Motor(), [peg], 0.06, [Step(pushing_angle=float(a)) for a in angles])
+    turn = 2.5 * BEAM.radius / 0.06
+    for angle, state in zip(angles, states, strict=True):
+        if abs(angle - turn) > 0.2 * turn:
+            assert drag(state) == pytest.approx(math.copysign(0.8, angle - turn), rel=1e-6)
+
+
+def test_a_beam_stays_on_its_side_of_a_peg() -> None:
+    peg = obstacle(BEAM, 0.113, upright(0.01), friction=0.8)
+    degrees = (1.56, 20.16, 19.16, 14.12, 9.07, 4.03)
+    steps = [Step(pushing_angle=math.radians(one)) for one in degrees]
+    for state in push(ROD, Motor(), [peg], 0.113, steps):
+        assert state.contact.normal[1] > 0.8
+        assert state.contact.point[1] > 0
