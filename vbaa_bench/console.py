@@ -45,12 +45,20 @@ def progress_bars() -> Progress:
 
 
 def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table whose first column names what the others measure."""
+    """A table whose first column names what the others measure; where it is narrow, names fold."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    lines = list(rows)
     for index, head in enumerate(heads):
-        table.add_column(head, justify="right" if index else "left", no_wrap=index == 0)
-    for row in rows:
-        table.add_row(*row)
+        widest = max((len(line[index]) for line in lines), default=0)
+        # Numbers are shown whole, and of names as much as leaves room for them.
+        table.add_column(
+            head,
+            justify="right" if index else "left",
+            overflow="fold",
+            min_width=widest if index else min(widest, 26),
+        )
+    for line in lines:
+        table.add_row(*line)
     Console().print(table)
 
 
