@@ -55,7 +55,8 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
             head,
             justify="right" if index else "left",
             overflow="fold",
-            min_width=widest if index else min(widest, 26),
+            min_width=widest if index else None,
+            width=None if index else max(min(widest, 26), len(head)),
         )
     for line in lines:
         table.add_row(*line)
