@@ -10,10 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.fitting import frames
+from solver.fitting.first_contact import Bend, nearest_linear_bend, no_contact
 from solver.fitting.verdict import judged
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Estimate
+from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.plane_d import known_plane
 
 # Order of the errors in `LinearContact.covariance`: contact distance [m], load [1/m^2], psi, the
 # clamp's dx, dy [m] and tilt, relative error of all lengths, relative error of EI.
@@ -34,6 +36,24 @@ class LinearContact:
     covariance: Floats
     psi: float | None = None
     base: tuple[float, float, float] | None = None
+
+
+def bent(measurement: Measurement, least_points: int) -> tuple[Measurement, Bend] | Estimate:
+    """The measurement on the plane that the rig knows, and how the beam is bent there.
+
+    An Estimate says why that is not told, or that nothing is touched.
+    """
+    count = len(measurement.points)
+    if count < least_points:
+        return Estimate(
+            Outcome.NOT_IDENTIFIABLE, f"{count} visible points, needed are {least_points}"
+        )
+    found = known_plane(measurement)
+    if isinstance(found, Estimate):
+        return found
+    planar, _ = found
+    bend = nearest_linear_bend(planar)
+    return no_contact(bend) or (planar, bend)
 
 
 def errors_of_planar_fit(measurement: Measurement, points_part: Floats, by_base: Floats) -> Floats:

@@ -22,19 +22,19 @@ from scipy.optimize import brentq
 
 from solver.beam_models.linear import unit_deflection, unit_deflection_by_contact, unit_slope
 from solver.fitting.correlation import correlation_length
-from solver.fitting.first_contact import Bend, nearest_linear_bend, no_contact
+from solver.fitting.first_contact import Bend
 from solver.fitting.linear_answer import (
     BASE,
     LOAD,
     X_C,
     LinearContact,
     answer,
+    bent,
     stated_errors,
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
-from solver.plane_d import known_plane
 
 LEAST_POINTS = 8
 # The load enters the clamp's prior and the points' errors; it is known well after two rounds.
@@ -43,19 +43,10 @@ ROUNDS = 2
 
 def linear_fit(measurement: Measurement) -> Estimate:
     """Contact distance x_c, force f and what follows from them, with their joint covariance."""
-    points = measurement.points
-    if len(points) < LEAST_POINTS:
-        return Estimate(
-            Outcome.NOT_IDENTIFIABLE, f"{len(points)} visible points, needed are {LEAST_POINTS}"
-        )
-    found = known_plane(measurement)
+    found = bent(measurement, LEAST_POINTS)
     if isinstance(found, Estimate):
         return found
-    planar, _ = found
-    bend = nearest_linear_bend(planar)
-    refusal = no_contact(bend)
-    if refusal is not None:
-        return refusal
+    planar, bend = found
     length = planar.rig.beam.length
     projection = _Projection(planar, bend)
     iterations = 0

@@ -28,12 +28,10 @@ import numpy.typing as npt
 from numba import njit
 
 from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_slope
-from solver.fitting.first_contact import nearest_linear_bend, no_contact
-from solver.fitting.linear_answer import LinearContact, answer, errors_of_planar_fit
+from solver.fitting.linear_answer import LinearContact, answer, bent, errors_of_planar_fit
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
-from solver.plane_d import known_plane
 
 LEAST_PAIRS = 500
 LEAST_POINTS = 33  # fewer cannot make so many pairs
@@ -42,19 +40,10 @@ LEAST_SEPARATION = 0.25  # of the beam's length
 
 def two_point(measurement: Measurement) -> Estimate:
     """Contact distance x_c, force f and what follows from them, with their joint covariance."""
-    if len(measurement.points) < LEAST_POINTS:
-        return Estimate(
-            Outcome.NOT_IDENTIFIABLE,
-            f"{len(measurement.points)} visible points, needed are {LEAST_POINTS}",
-        )
-    found = known_plane(measurement)
+    found = bent(measurement, LEAST_POINTS)
     if isinstance(found, Estimate):
         return found
-    planar, _ = found
-    bend = nearest_linear_bend(planar)
-    refusal = no_contact(bend)
-    if refusal is not None:
-        return refusal
+    planar, bend = found
     mean = mean_of_pairs(planar)
     if isinstance(mean, Estimate):
         return mean
