@@ -47,7 +47,7 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     known = np.linalg.inv(np.linalg.cholesky(planar.base_covariance))
     by_p = np.vstack([rows[:, :5], np.hstack([np.zeros((3, 2)), known])])
     by_grip = np.append(rows[:, 5], np.zeros(3))
-    scale = np.linalg.norm(by_p, axis=0)  # units do not decide what is told
+    scale = np.maximum(np.linalg.norm(by_p, axis=0), 1e-300)  # units do not decide what is told
     moved = np.linalg.lstsq(by_p / scale, -by_grip)[0] / scale
     column = {name: i for i, name in enumerate(SHAPE)}
     shape = np.zeros(len(SHAPE))
