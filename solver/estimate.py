@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from solver.calibrate import Calibration, calibrate
+from solver.antenna import Antenna
+from solver.calibrate import calibrate
 from solver.calibrate.certainty import certainty
 from solver.centreline import Centreline, Extractor
 from solver.centreline.beam import learn_beam
@@ -19,33 +19,15 @@ from solver.instrument.images import read_grey
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.instrument.observation import NOTHING_READ, Observations, Readings
 from solver.instrument.rig import Rig
-from solver.instrument.transforms import invert
 from solver.methods import Method
 from solver.plane import on_plane
 from solver.rest import Rest, learn_rest
-from solver.sag import raised, scale_error
+from solver.sag import raised
 
 # From images of the beam at rest to what finds it in any image.
 Learn = Callable[[Sequence[Grey], Guide], Extractor]
 
 WORST_REPROJECTION_PX = 0.5
-# A motor whose camera stands in the world may have turned by any angle of this order [rad].
-ANY_TILT = 0.5
-
-
-@dataclass(frozen=True)
-class Antenna:
-    """All that is learned once per rig: calibrated camera and the beam at rest.
-
-    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam.
-    """
-
-    rig: Rig
-    calibration: Calibration
-    rest: Rest
-    extract: Extractor
-    clamp_sigma: float = 0.0
-    scale_sigma: float = 0.0
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
@@ -82,8 +64,7 @@ def measure(
     """The visible beam of an image, carried onto plane C, in the frame of the beam at rest.
 
     `earlier` are the measurements of the same push before this one. Points within the readings'
-    removed stretch are left out. The angle of a motor whose camera stands in the world is not
-    read: the clamp's tilt is then almost unknown, and is the motor's angle.
+    removed stretch are left out.
     """
     camera, rig, rest = antenna.calibration.camera, antenna.rig, antenna.rest
     points, sigmas = on_plane(camera, line.points, line.directions * line.sigma[:, None])
@@ -94,31 +75,14 @@ def measure(
         points, sigmas = points[kept], sigmas[kept]
     if not rest.straight:
         points, sigmas = _unbowed(points, sigmas, rest, rig)
-    clamp = np.array([rig.base_position[0], rest.y_at_clamp])
-    tilt = math.atan(rest.slope)
-    along = np.array([math.cos(tilt), math.sin(tilt)])
-    across = np.array([-math.sin(tilt), math.cos(tilt)]) * rig.deflects_towards
-    axes = np.column_stack([along, across])
-    antenna_from_beam = np.eye(4)
-    antenna_from_beam[:2, :2], antenna_from_beam[:2, 3] = axes, clamp
-    viewpoint = invert(antenna_from_beam) @ camera.viewpoint
-    tolerance = rig.tolerances
-    base_covariance = np.zeros((3, 3))
-    base_covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
-    base_covariance[0, 0] += antenna.clamp_sigma**2
-    base_covariance[1:, 1:] = rest.line_covariance
-    # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
-    base_covariance += np.diag([1e-18, 1e-18, 1e-18])
-    in_world = rig.camera_mount == "world"
-    if in_world:
-        base_covariance[2, 2] += ANY_TILT**2
+    axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
     return Measurement(
-        view=View((points - clamp) @ axes, sigmas @ axes, viewpoint, _tip(antenna, line, axes)),
-        base_covariance=base_covariance,
-        scale_sigma=math.hypot(_scale_sigma(antenna), _bow_error(points, rest)),
-        motor_angle=None if in_world else readings.motor_angle,
+        view=View((points - clamp) @ axes, sigmas @ axes, antenna.viewpoint, _tip(antenna, line)),
+        base_covariance=antenna.base_covariance,
+        scale_sigma=math.hypot(antenna.lengths_sigma, _bow_error(points, rest)),
+        motor_angle=None if antenna.in_world else readings.motor_angle,
         rig=rig,
-        antenna_from_beam=antenna_from_beam,
+        antenna_from_beam=antenna.antenna_from_beam,
         moment_y=readings.moment_y,
         base_force=readings.base_force,
         base_moment=readings.base_moment,
@@ -127,7 +91,7 @@ def measure(
     )
 
 
-def _tip(antenna: Antenna, line: Centreline, axes: Floats) -> Tip | None:
+def _tip(antenna: Antenna, line: Centreline) -> Tip | None:
     """The tip on plane C, in the frame of the beam at rest.
 
     What is seen of a cylinder's end is the rim that is nearest to the camera: on the mean over the
@@ -136,14 +100,15 @@ def _tip(antenna: Antenna, line: Centreline, axes: Floats) -> Tip | None:
     if line.tip is None or line.tip_covariance is None:
         return None
     camera, rig = antenna.calibration.camera, antenna.rig
-    root = np.asarray(np.linalg.cholesky(line.tip_covariance), dtype=np.float64)
-    points, sigmas = on_plane(camera, np.tile(line.tip, (2, 1)), root.T)
+    # How the point moves with the pixel's u and v.
+    points, by_pixel = on_plane(camera, np.array([line.tip, line.tip]), np.eye(2))
     viewpoint, point = camera.viewpoint, raised(points[:1], camera.viewpoint, rig)[0]
     lift = rig.beam.radius * math.pi / 4
     outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
-    clamp = np.array([rig.base_position[0], antenna.rest.y_at_clamp])
-    turned = sigmas @ axes
-    return Tip((point - lift * outward - clamp) @ axes, turned.T @ turned)
+    axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
+    turned = by_pixel @ axes
+    covariance = turned.T @ line.tip_covariance @ turned
+    return Tip((point - lift * outward - clamp) @ axes, covariance)
 
 
 def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:
@@ -175,23 +140,6 @@ def _bow_error(points: Floats, rest: Rest) -> float:
     bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
     slope = np.ptp(points[:, 1]) / max(float(np.ptp(points[:, 0])), 1e-12)
     return float(np.sqrt(np.mean(bow**2)) * slope / rest.length)
-
-
-def _scale_sigma(antenna: Antenna) -> float:
-    """What the rig's tolerances leave open of all lengths, a relative sigma.
-
-    A clamp off plane C, or a board that did not lie in it, is nearer to the camera or farther from
-    it than believed: all lengths err by the same share. A board tilted about its middle is off by
-    its angle times half the beam. The calibration's own error comes to that.
-    """
-    camera, rig = antenna.calibration.camera, antenna.rig
-    tolerance = rig.tolerances
-    if camera.telecentric:  # distance does not change its scale, and tilt but to second order
-        return math.hypot(tolerance.board_rotation**2, antenna.scale_sigma)
-    height = float(invert(camera.camera_from_antenna)[2, 3])
-    tilted = tolerance.board_rotation * rig.beam.length / 2
-    off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted) / height
-    return math.hypot(off_plane, scale_error(camera.viewpoint, rig), antenna.scale_sigma)
 
 
 def see(antenna: Antenna, image: Grey) -> Centreline:

@@ -10,20 +10,6 @@ from solver.instrument.camera import Camera
 from solver.instrument.distortion import distort
 
 
-def homography(camera: Camera) -> Floats:
-    """plane_from_normalised (3, 3): homogeneous ideal coordinates to homogeneous (x, y) on C [m].
-
-    Affine for a telecentric camera: its homogeneous coordinate is 1 where a pinhole's is depth.
-    """
-    return np.asarray(np.linalg.inv(normalised_from_plane(camera)), dtype=np.float64)
-
-
-def normalised_from_plane(camera: Camera) -> Floats:
-    """The inverse (3, 3) of `homography`."""
-    rows = camera.camera_from_antenna[[0, 1, 3 if camera.telecentric else 2]]
-    return np.ascontiguousarray(rows[:, [0, 1, 3]])
-
-
 def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
     """Points (n, 2) on C [m] seen at `pixels` (n, 2), and their one-sigma vectors (n, 2) [m].
 
@@ -31,14 +17,13 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
     and the projection: d(point)/d(pixel) sigma. Raises ValueError where the lens's distortion is
     not one-to-one.
     """
-    h, seen, along = homography(camera), pixels, sigmas
-    if camera.distortion:
-        seen = camera.normalised(pixels)
-        _, jacobian = distort(seen, camera.distortion)
-        along = _undone(jacobian, sigmas / [camera.fx, camera.fy])
-    else:
-        h = h @ np.linalg.inv(camera.matrix)
-    points, moved = _moved(np.asarray(h, dtype=np.float64), seen, along)
+    if not camera.distortion:
+        points, moved = _moved(camera.plane_from_pixels, pixels, sigmas)
+        return points, moved
+    seen = camera.normalised(pixels)
+    _, jacobian = distort(seen, camera.distortion)
+    along = _undone(jacobian, sigmas / [camera.fx, camera.fy])
+    points, moved = _moved(camera.plane_from_normalised, seen, along)
     return points, moved
 
 

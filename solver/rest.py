@@ -7,6 +7,7 @@ contact and after it; the rest images show it, and it is taken off.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -50,18 +51,20 @@ class Rest:
 
         Slope and bow are known much better together than each by itself.
         """
-        curve, line = self._basis(np.linspace(0.0, self.length, 50))
-        project = np.linalg.pinv(line) @ curve
-        return np.asarray(project @ self.covariance @ project.T)
+        return np.asarray(self._line_through @ self.covariance @ self._line_through.T)
 
     def bow_at(self, x: Floats) -> tuple[Floats, Floats]:
         """The bow (n,) [m] at distances x (n,) [m] from the clamp, and its sigma about a line."""
-        curve, line = self._basis(np.linspace(0.0, self.length, 50))
-        project = np.linalg.pinv(line) @ curve
         here, line_here = self._basis(x)
-        off = here - line_here @ project
+        off = here - line_here @ self._line_through
         variance = np.einsum("ni,ij,nj->n", off, self.covariance, off)
         return np.asarray(here[:, 2:] @ self.bow), np.sqrt(np.maximum(variance, 0.0))
+
+    @cached_property
+    def _line_through(self) -> Floats:
+        """The line (2, 5) through each of the curve's terms."""
+        curve, line = self._basis(np.linspace(0.0, self.length, 50))
+        return np.asarray(np.linalg.pinv(line) @ curve)
 
     def _basis(self, x: Floats) -> tuple[Floats, Floats]:
         line = np.column_stack([np.ones_like(x), x])

@@ -3,8 +3,9 @@
 import time
 from dataclasses import dataclass, replace
 
+from solver.antenna import Antenna
 from solver.centreline import Centreline
-from solver.estimate import Antenna, answer, measure, see
+from solver.estimate import answer, measure, see
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome

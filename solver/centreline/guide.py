@@ -8,7 +8,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
-from solver.plane import normalised_from_plane, through
+from solver.plane import through
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Guide:
     def _image_from_beam(self) -> Floats:
         """The homography (3, 3) from places to pixels, without the lens's distortion."""
         antenna_from_beam = self.antenna_from_beam[np.ix_([0, 1, 3], [0, 1, 3])]
-        plane = normalised_from_plane(self.camera)
+        plane = self.camera.normalised_from_plane
         return np.asarray(self.camera.matrix @ plane @ antenna_from_beam)
 
     @cached_property

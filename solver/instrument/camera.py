@@ -6,6 +6,7 @@ u from -1/2 to W - 1/2, and the middle of the image is ((W - 1) / 2, (H - 1) / 2
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,13 +52,32 @@ class Camera:
         """OpenCV's camera matrix (3, 3): [px], for a telecentric camera fx and fy [px/m]."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
-    @property
+    @cached_property
     def viewpoint(self) -> Floats:
         """V in Sigma_a, homogeneous (4,): (x, y, z, 1) [m] of a pinhole, (x, y, z, 0) far away."""
         antenna_from_camera = invert(self.camera_from_antenna)
         if self.telecentric:
             return np.append(-antenna_from_camera[:3, 2], 0.0)
         return np.append(antenna_from_camera[:3, 3], 1.0)
+
+    @cached_property
+    def normalised_from_plane(self) -> Floats:
+        """The homography (3, 3) from places on C, z = 0 of Sigma_a [m], to ideal coordinates.
+
+        Affine for a telecentric camera: its homogeneous coordinate is 1 where a pinhole's is depth.
+        """
+        rows = self.camera_from_antenna[[0, 1, 3 if self.telecentric else 2]]
+        return np.ascontiguousarray(rows[:, [0, 1, 3]])
+
+    @cached_property
+    def plane_from_normalised(self) -> Floats:
+        """The inverse (3, 3) of `normalised_from_plane`."""
+        return np.asarray(np.linalg.inv(self.normalised_from_plane), dtype=np.float64)
+
+    @cached_property
+    def plane_from_pixels(self) -> Floats:
+        """The homography (3, 3) from pixels of a lens free of distortion to places on C [m]."""
+        return np.asarray(self.plane_from_normalised @ np.linalg.inv(self.matrix))
 
     def project(self, points: Floats) -> Floats:
         """Pixels (n, 2), as (u, v), of points (n, 3) in Sigma_a [m]; all in front of the camera.

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -101,7 +102,7 @@ class Measurement:
             if reading is not None and not np.isfinite(reading).all():
                 raise ValueError(f"{name} holds a value that is not finite")
 
-    @property
+    @cached_property
     def handedness(self) -> int:
         """+1, or -1 where the frame of the beam is a reflection of Sigma_a.
 

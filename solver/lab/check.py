@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from solver.antenna import Antenna
 from solver.centreline.beam import Beam
-from solver.estimate import Antenna
 from solver.instrument.units import DEGREE, MILLIMETRE
 
 # What one line of advice is worth saying about.

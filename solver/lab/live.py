@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solver.estimate import Antenna, answer, measure, see
+from solver.antenna import Antenna
+from solver.estimate import answer, measure, see
 from solver.instrument.arrays import Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View

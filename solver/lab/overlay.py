@@ -8,7 +8,8 @@ from typing import Any, Final, Self
 import cv2
 import numpy as np
 
-from solver.estimate import Antenna, measure
+from solver.antenna import Antenna
+from solver.estimate import measure
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply

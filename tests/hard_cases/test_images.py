@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from solver.estimate import Antenna, estimate, set_up
+from solver.antenna import Antenna
+from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome

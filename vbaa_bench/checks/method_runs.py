@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from solver.estimate import Antenna
+from solver.antenna import Antenna
 from solver.fitting.batch import exact_fit_batch
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from solver.estimate import Antenna, see, set_up
+from solver.antenna import Antenna
+from solver.estimate import see, set_up
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.centreline import Centreline
 from solver.instrument.errors import InputError

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solver.estimate import Antenna, set_up
+from solver.antenna import Antenna
+from solver.estimate import set_up
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.measurement import Measurement

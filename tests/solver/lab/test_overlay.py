@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
+from solver.antenna import Antenna
 from solver.centreline import Flag
-from solver.estimate import Antenna, set_up
+from solver.estimate import set_up
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome

@@ -1,0 +1,88 @@
+"""What is learned once per rig, and what follows from it for every frame alike."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solver.calibrate import Calibration
+from solver.centreline import Extractor
+from solver.instrument.arrays import Floats
+from solver.instrument.rig import Rig
+from solver.instrument.transforms import invert
+from solver.rest import Rest
+from solver.sag import scale_error
+
+# A motor whose camera stands in the world may have turned by any angle of this order [rad].
+ANY_TILT = 0.5
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """All that is learned once per rig: calibrated camera and the beam at rest.
+
+    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam.
+    """
+
+    rig: Rig
+    calibration: Calibration
+    rest: Rest
+    extract: Extractor
+    clamp_sigma: float = 0.0
+    scale_sigma: float = 0.0
+
+    @cached_property
+    def antenna_from_beam(self) -> Floats:
+        """The frame (4, 4) of the beam at rest, as `Measurement` has it, in Sigma_a."""
+        tilt, towards = math.atan(self.rest.slope), self.rig.deflects_towards
+        frame = np.eye(4)
+        frame[:2, 0] = math.cos(tilt), math.sin(tilt)
+        frame[:2, 1] = -towards * math.sin(tilt), towards * math.cos(tilt)
+        frame[:2, 3] = self.rig.base_position[0], self.rest.y_at_clamp
+        return frame
+
+    @cached_property
+    def viewpoint(self) -> Floats:
+        """The camera's viewpoint (4,), homogeneous, in the frame of the beam at rest."""
+        return np.asarray(invert(self.antenna_from_beam) @ self.calibration.camera.viewpoint)
+
+    @cached_property
+    def base_covariance(self) -> Floats:
+        """What is not known of the clamp's pose (3, 3), as `Measurement` has it.
+
+        The angle of a motor whose camera stands in the world is not read: the clamp's tilt is then
+        almost unknown, and is the motor's angle.
+        """
+        tolerance = self.rig.tolerances
+        covariance = np.zeros((3, 3))
+        covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
+        covariance[0, 0] += self.clamp_sigma**2
+        covariance[1:, 1:] = self.rest.line_covariance
+        # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
+        covariance += np.diag([1e-18, 1e-18, 1e-18])
+        if self.in_world:
+            covariance[2, 2] += ANY_TILT**2
+        return covariance
+
+    @cached_property
+    def lengths_sigma(self) -> float:
+        """What the rig's tolerances and the calibration leave open of all lengths, relative.
+
+        A clamp off plane C, or a board that did not lie in it, is nearer to the camera or farther
+        from it than believed: all lengths err by the same share. A board tilted about its middle is
+        off by its angle times half the beam. The calibration's own error comes to that.
+        """
+        camera, rig, tolerance = self.calibration.camera, self.rig, self.rig.tolerances
+        if camera.telecentric:  # distance does not change its scale, and tilt but to second order
+            return math.hypot(tolerance.board_rotation**2, self.scale_sigma)
+        height = float(camera.viewpoint[2])
+        tilted = tolerance.board_rotation * rig.beam.length / 2
+        off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted)
+        hung = scale_error(camera.viewpoint, rig)
+        return math.hypot(off_plane / height, hung, self.scale_sigma)
+
+    @property
+    def in_world(self) -> bool:
+        """Whether the camera stands in the world, and does not turn with the motor."""
+        return self.rig.camera_mount == "world"
