@@ -10,6 +10,7 @@ from solver.fitting.minimise import DEFICIENT, STOPPED
 from solver.fitting.problem import FrameFit, Problem
 from solver.fitting.values import values_of
 from solver.fitting.verdict import judged
+from solver.instrument.arrays import Mask
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
@@ -40,16 +41,16 @@ def refusal_of(
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points, needed are {LEAST_POINTS}"
         )
-    refusal = no_contact(nearest_linear_bend(_of_kept(measurement, fit)))
+    refusal = no_contact(nearest_linear_bend(measurement, _kept(measurement, fit)))
     if refusal is not None and not (either_side and refusal.outcome is Outcome.INVALID):
         return refusal
     if fit is None:
         return _stopped(problem, "no exact beam lies near the points")
     if fit.status == DEFICIENT:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
-    rejected = problem.points - int(fit.kept.sum())
     off = ~fit.kept[problem.order]
-    if max(off.mean() / MOST_REJECTED, _in_runs(off) / MOST_COHERENT) > 1:
+    rejected = int(np.count_nonzero(off))
+    if max(rejected / len(off) / MOST_REJECTED, _in_runs(off) / MOST_COHERENT) > 1:
         return Estimate(
             Outcome.INVALID,
             f"{rejected} of {problem.points} points lie off every exact beam with one contact",
@@ -86,7 +87,8 @@ def answer(
     """
     arrays = problem.arrays
     moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
-    data = int(fit.kept.sum()) + 2 * len(arrays[3]) + int(moment)
+    kept = int(np.count_nonzero(fit.kept))
+    data = kept + 2 * len(arrays[3]) + int(moment)
     dof = max(data - 2 - int(psi_fitted), 1)
 
     def said(outcome: Outcome, message: str = "") -> Estimate:
@@ -98,12 +100,12 @@ def answer(
         return said(
             Outcome.INVALID,
             f"the nearest exact beam with one contact leaves a chi2 of {fit.chi2 / dof:.1f} "
-            f"per degree of freedom in {int(fit.kept.sum())} of {problem.points} points",
+            f"per degree of freedom in {kept} of {problem.points} points",
         )
     if spread is not None:
         fit = replace(fit, covariance=fit.covariance + np.outer(spread, spread))
     values, covariance = values_of(measurement, fit, psi_known)
-    rejected = problem.points - int(fit.kept.sum())
+    rejected = problem.points - kept
     remarks = [f"{rejected} of {problem.points} points were rejected"] if rejected else []
     if measurement.moment_y is not None and not moment:
         remarks.append("the moment is left out, for the rig states no sigma of its sensor")
@@ -121,16 +123,13 @@ def answer(
 def _in_runs(off: Any) -> float:
     """Share of points in the middle of five that are all off."""
     middle = off[2:-2] & off[1:-3] & off[3:-1] & off[:-4] & off[4:]
-    return float(middle.sum()) / max(len(off), 1)
+    return int(np.count_nonzero(middle)) / max(len(off), 1)
 
 
-def _of_kept(measurement: Measurement, fit: FrameFit | None) -> Measurement:
-    count = len(measurement.points)
-    if fit is None or fit.status == STOPPED or fit.kept[:count].all():
-        return measurement
-    kept = fit.kept[:count]
-    if kept.mean() < 1 - MOST_REJECTED:  # then it is not the points that are wrong
-        return measurement
-    view = measurement.view
-    fewer = replace(view, points=view.points[kept], sigma_vectors=view.sigma_vectors[kept])
-    return replace(measurement, view=fewer)
+def _kept(measurement: Measurement, fit: FrameFit | None) -> Mask | None:
+    """Which points (n,) of the first view a fit keeps; None where it is not to decide on them."""
+    if fit is None or fit.status == STOPPED:
+        return None
+    kept = fit.kept[: len(measurement.points)]
+    # Where so many are rejected it is not the points that are wrong.
+    return None if kept.all() or kept.mean() < 1 - MOST_REJECTED else kept

@@ -19,10 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from solver.fitting.correlation import correlation_length
-from solver.instrument.arrays import Floats
+from solver.fitting.correlation import integrated_correlation
+from solver.instrument.arrays import Floats, Mask
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.sums import dot
 
 # A bend is believed from this many of its own sigmas on.
 LEAST_SIGNIFICANCE = 5.0
@@ -54,38 +55,18 @@ class Bend:
         return self.amplitude / self.significance if self.significance else math.inf
 
 
-def nearest_linear_bend(measurement: Measurement) -> Bend:
-    """The bend of largest significance, of either sign; none at all of fewer than four points."""
+def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> Bend:
+    """The bend of largest significance, of either sign; none at all of fewer than four points.
+
+    Of the measurement's points (n,) those that are not `kept` have no say.
+    """
     length = measurement.rig.beam.length
-    points = measurement.points
+    points, sigma_vectors = measurement.points, measurement.sigma_vectors
+    if kept is not None:
+        points, sigma_vectors = points[kept], sigma_vectors[kept]
     if len(points) < LEAST_POINTS:
         return Bend(length, 0.0, 0.0)
-    turn, x, y, sigma, base = _in_own_direction(
-        points, measurement.sigma_vectors, measurement.base_covariance, length
-    )
-    if (x[1:] < x[:-1]).any():  # neighbours that err together must stand together
-        order = np.argsort(x)
-        x, y, sigma = x[order], y[order], sigma[order]
-    moments = _moments(x, y, sigma)
-    prior = np.asarray(np.linalg.inv(base), dtype=np.float64)
-    best = _largest(moments, prior, -turn, 1.0)
-    refined, residual = _refined(x, y, sigma, best, prior, -turn)
-    misfit = max(float(residual @ residual) / max(len(x) - 2, 1), 1.0)
-    widening = float(misfit * correlation_length(residual))
-    if widening > 1:
-        k = best[0]
-        best = _largest(moments, prior, -turn, widening)
-        if best[0] != k:
-            refined, _ = _refined(x, y, sigma, best, prior * widening, -turn)
-    x_c, amplitude, offset, tilt = refined
-    return Bend(
-        x_c=x_c * length,
-        amplitude=amplitude / length**2,
-        significance=math.copysign(best[2], amplitude) if amplitude else 0.0,
-        offset=offset * length,
-        tilt=turn + math.atan(tilt),
-        widening=widening,
-    )
+    return Bend(*_nearest(points, sigma_vectors, measurement.base_covariance, length))
 
 
 def no_contact(bend: Bend) -> Estimate | None:
@@ -95,6 +76,32 @@ def no_contact(bend: Bend) -> Estimate | None:
     if bend.significance < 0:
         return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")
     return None
+
+
+@njit(cache=True)
+def _nearest(
+    points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
+) -> tuple[float, float, float, float, float, float]:
+    """What `Bend` holds."""
+    turn, x, y, sigma, base = _in_own_direction(points, sigma_vectors, base_covariance, length)
+    if (x[1:] < x[:-1]).any():  # neighbours that err together must stand together
+        order = np.argsort(x)
+        x, y, sigma = x[order], y[order], sigma[order]
+    moments = _moments(x, y, sigma)
+    prior = np.linalg.inv(base).astype(np.float64)
+    best = _largest(moments, prior, -turn, 1.0)
+    refined, residual = _refined(x, y, sigma, best, prior, -turn)
+    misfit = max(dot(residual, residual) / max(len(x) - 2, 1), 1.0)
+    widening = misfit * integrated_correlation(residual)
+    if widening > 1:
+        k = best[0]
+        best = _largest(moments, prior, -turn, widening)
+        if best[0] != k:
+            refined, _ = _refined(x, y, sigma, best, prior * widening, -turn)
+    x_c, amplitude, offset, tilt = refined
+    significance = math.copysign(best[2], amplitude) if amplitude != 0 else 0.0
+    tilt = turn + math.atan(tilt)
+    return x_c * length, amplitude / length**2, significance, offset * length, tilt, widening
 
 
 @njit(cache=True)

@@ -68,17 +68,12 @@ def in_all_frames(
     and with `linear` what linear theory neglects.
     """
     rig, standing = measurement.rig, stands_in_world(measurement)
-    middle = np.ascontiguousarray(rig.antenna_from_board[:3, 3])
-    inputs, steps = np.zeros(CONTACT + _PLACED), np.ones(CONTACT + _PLACED)
-    inputs[:CONTACT] = contact
-    steps[[X_C, Y_C, S_C, DX, DY]] = steps[CONTACT : CONTACT + 3] = rig.beam.length
-    steps[FORCE] = max(contact[FORCE], 1e-300)
-    values, jacobian = _with_jacobian(
-        inputs,
-        1e-5 * steps,
-        np.ascontiguousarray(measurement.antenna_from_beam),
-        middle,
-        float(measurement.handedness),
+    values, by_contact, by_place = _with_jacobian(
+        contact,
+        rig.beam.length,
+        measurement.antenna_from_beam,
+        rig.antenna_from_board,
+        measurement.handedness,
         plane,
         standing,
     )
@@ -93,10 +88,10 @@ def in_all_frames(
     placed = np.full(_PLACED, tolerances.board_translation**2)
     placed[2] += tolerances.base_position**2
     placed[3:] = tolerances.board_rotation**2
-    by_place = jacobian[told, CONTACT:]
+    by_place = by_place[told]
     return (
         dict(zip(names, values[told].tolist(), strict=True)),
-        np.asarray(jacobian[told, :CONTACT]),
+        np.asarray(by_contact[told]),
         np.asarray((by_place * placed) @ by_place.T),
     )
 
@@ -144,12 +139,13 @@ def _carried(axes: Floats, turn: Floats, vector: Vector) -> Vector:
 def _values(
     v: Floats,
     antenna_from_beam: Floats,
-    middle: Floats,
-    handed: float,
+    antenna_from_board: Floats,
+    handed: int,
     plane: float,
     standing: bool,
-) -> Floats:
-    """The values of NAMES."""
+    out: Floats,
+) -> None:
+    """The values of NAMES into `out`."""
     x, y, force, theta, psi, tilt = v[X_C], v[Y_C], v[FORCE], v[THETA], v[PSI], v[TILT]
     direction = theta + v[LEAN]
     across, along = force * math.cos(direction), -force * math.sin(direction)
@@ -160,42 +156,51 @@ def _values(
     push = _carried(antenna_from_beam, turn, _turned(tilt, (along, across * cosine, across * sine)))
     moved = _carried(antenna_from_beam, turn, _turned(tilt, (0.0, y * cosine, y * sine)))
     stands = _carried(antenna_from_beam, turn, (v[DX], v[DY], 0.0))
-    origin = antenna_from_beam[:3, 3]
+    origin, middle = antenna_from_beam[:3, 3], antenna_from_board[:3, 3]
     lever = _cross(turn, (origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]))
     angle = v[ANGLE]
     if standing:  # what is seen is the world's, and Sigma_a has turned
         angle = handed * tilt
         arm, push, moved = _turned(-angle, arm), _turned(-angle, push), _turned(-angle, moved)
     there = _turned(angle, arm)
-    out = np.empty(len(NAMES))
     out[0], out[1], out[2], out[3], out[4], out[5] = x, y, v[S_C], force, across, theta
     out[6] = handed * (plane + psi)
     for i in range(3):
         clamp = origin[i] + stands[i] + shift[i] + lever[i]
         out[7 + i], out[10 + i], out[13 + i] = clamp + arm[i], clamp + there[i], push[i]
     out[16], out[17], out[18] = moved[1], moved[2], angle
-    return out
 
 
 @njit(cache=True, error_model="numpy")
 def _with_jacobian(
-    inputs: Floats,
-    steps: Floats,
+    contact: Floats,
+    length: float,
     antenna_from_beam: Floats,
-    middle: Floats,
-    handed: float,
+    antenna_from_board: Floats,
+    handed: int,
     plane: float,
     standing: bool,
 ) -> Any:
-    """Values (n,) and their Jacobian (n, 17) by central differences, which lose 1e-10 of them."""
-    values = _values(inputs, antenna_from_beam, middle, handed, plane, standing)
-    jacobian = np.empty((len(values), len(inputs)))
+    """Values (n,), and their Jacobians by the contact (n, 11) and by the error of Sigma_a (n, 6).
+
+    By central differences, which lose 1e-10 of them.
+    """
+    inputs, steps = np.zeros(CONTACT + _PLACED), np.ones(CONTACT + _PLACED)
+    inputs[:CONTACT] = contact
+    for j in (X_C, Y_C, S_C, DX, DY, CONTACT, CONTACT + 1, CONTACT + 2):
+        steps[j] = length
+    steps[FORCE] = max(contact[FORCE], 1e-300)
+    steps *= 1e-5
+    n = len(NAMES)
+    values, ahead, behind = np.empty(n), np.empty(n), np.empty(n)
+    _values(inputs, antenna_from_beam, antenna_from_board, handed, plane, standing, values)
+    jacobian = np.empty((n, len(inputs)))
     for j in range(len(inputs)):
-        ahead, behind = inputs.copy(), inputs.copy()
-        ahead[j] += steps[j]
-        behind[j] -= steps[j]
-        there = _values(ahead, antenna_from_beam, middle, handed, plane, standing)
-        back = _values(behind, antenna_from_beam, middle, handed, plane, standing)
-        for i in range(len(values)):
-            jacobian[i, j] = (there[i] - back[i]) / (2 * steps[j])
-    return values, jacobian
+        here = inputs[j]
+        inputs[j] = here + steps[j]
+        _values(inputs, antenna_from_beam, antenna_from_board, handed, plane, standing, ahead)
+        inputs[j] = here - steps[j]
+        _values(inputs, antenna_from_beam, antenna_from_board, handed, plane, standing, behind)
+        inputs[j] = here
+        jacobian[:, j] = (ahead - behind) / (2 * steps[j])
+    return values, jacobian[:, :CONTACT], jacobian[:, CONTACT:]

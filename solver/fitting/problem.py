@@ -1,10 +1,11 @@
 """A measurement as the arrays that the compiled fit takes, and the fit of one frame."""
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from solver.fitting.constraints import TIP_COLUMNS
 from solver.fitting.frame_fit import (
@@ -85,13 +86,13 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
     """
     rig, length = measurement.rig, measurement.rig.beam.length
     views = (measurement.view, *measurement.other_views)
-    orders = [np.argsort(view.points[:, 0], kind="stable") for view in views]
-    counts = [len(view.points) for view in views]
-    bounds = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    rows = [
-        np.vstack([view.points[order].T, view.sigma_vectors[order].T])
-        for view, order in zip(views, orders, strict=True)
-    ]
+    bounds = np.array([0, *accumulate(len(view.points) for view in views)])
+    order, rows = np.empty(bounds[-1], np.int64), np.empty((4, bounds[-1]))
+    for view, (first, last) in zip(views, pairwise(bounds), strict=True):
+        along = np.argsort(view.points[:, 0], kind="stable")
+        order[first:last] = first + along
+        rows[:2, first:last] = view.points[along].T
+        rows[2:, first:last] = view.sigma_vectors[along].T
     known = np.zeros(KNOWN)
     shown = [(i, view) for i, view in enumerate(views) if with_tips and view.tip is not None]
     tips = [_tip_row(view, i, length) for i, view in shown]
@@ -114,14 +115,13 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
             _LEAST_TOLERANCE,
         )
     arrays = (
-        np.ascontiguousarray(np.hstack(rows) / length),
+        rows / length,
         bounds,
         np.array([view_row(view.viewpoint, length) for view in views]),
         np.array(tips).reshape(-1, TIP_COLUMNS),
         known,
         base_whitening(measurement.base_covariance, length),
     )
-    order = np.concatenate([o + b for o, b in zip(orders, bounds[:-1], strict=True)])
     return Problem(
         arrays=arrays,
         order=order,
@@ -165,7 +165,7 @@ def without(problem: Problem, kept: Any) -> Problem:
     rows, bounds, *others = problem.arrays
     here = kept[problem.order]
     counts = [int(here[a:b].sum()) for a, b in pairwise(bounds)]
-    fewer = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    fewer = np.array([0, *accumulate(counts)])
     arrays = (np.ascontiguousarray(rows[:, here]), fewer, *others)
     return Problem(
         arrays, np.arange(int(here.sum())), problem.shape_free, problem.all_free,
@@ -184,10 +184,11 @@ def view_row(viewpoint: Floats, length: float) -> Floats:
     return np.array([x / z, y / z, w / z * length])
 
 
+@njit(cache=True)
 def base_whitening(covariance: Floats, length: float) -> Floats:
     """The matrix (3, 3) that makes the clamp's error white, with lengths in units of `length`."""
     unit = np.array([1 / length, 1 / length, 1.0])
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance * np.outer(unit, unit))))
+    return np.linalg.inv(np.linalg.cholesky(covariance * np.outer(unit, unit)))
 
 
 def _tip_row(view: View, index: int, length: float) -> Floats:

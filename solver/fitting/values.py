@@ -3,12 +3,13 @@
 from typing import Final
 
 import numpy as np
+from numba import njit
 
 from solver.beam_models import frictional
 from solver.beam_models.exact import contact_at
 from solver.fitting import frames
 from solver.fitting.problem import FrameFit
-from solver.fitting.residuals import DX, DY, LEVER, PSI, RIGIDITY, TILT, Q
+from solver.fitting.residuals import PARAMETERS
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement
 
@@ -18,8 +19,8 @@ SHAPE: Final = ("q", "lever", "psi", "dx", "dy", "tilt", "motor_angle", "rigidit
 _ANGLE, _EI, _SCALE, _GRIP = (
     SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale", "grip")
 )
-_LENGTHS: Final = [frames.X_C, frames.Y_C, frames.S_C]
-_TOUCHED: Final = [frames.FORCE, frames.THETA, *_LENGTHS, frames.LEAN]
+_LENGTHS: Final = (frames.X_C, frames.Y_C, frames.S_C)
+_TOUCHED: Final = (frames.FORCE, frames.THETA, *_LENGTHS, frames.LEAN)
 
 
 def shape_quantities(
@@ -36,34 +37,54 @@ def shape_quantities(
     known is of no account, nor is the grip unless it was fitted: a contact without friction has
     none. The other arguments and the last matrix are those of `in_all_frames`.
     """
-    q, lever, error = float(shape[0]), float(shape[1]), float(shape[_EI])
-    beam = measurement.rig.beam
-    stiff = beam.flexural_rigidity * (1 + error)
-    # Rows as `_TOUCHED`, the load F / EI first: value and gradient by (q, lever, grip).
-    touched = np.zeros((len(_TOUCHED), 4))
+    q, lever, beam = float(shape[0]), float(shape[1]), measurement.rig.beam
     if grip_fitted:
         at = frictional.contact(q, lever, float(shape[_GRIP]), beam.radius)
+        touched = np.empty((len(_TOUCHED), 4))
         touched[:, 0] = at.load, at.theta_c, at.x_c, at.y_c, at.s_c, at.lean
         touched[:, 1:] = (
             at.d_load, at.d_theta_c, at.d_x_c, at.d_y_c, at.d_s_c, at.d_lean,
         )  # fmt: skip
     else:
-        touched[0, :2] = q, 1.0
-        touched[1:5, :3] = contact_at(q, lever)
-    touched[0] *= stiff
-    contact = np.zeros(frames.CONTACT)
-    contact[_TOUCHED], contact[frames.PSI : frames.LEAN] = touched[:, 0], shape[2:_EI]
-    by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
-    by_shape[np.ix_(_TOUCHED, [0, 1, _GRIP])] = touched[:, 1:]
-    # By similarity: lengths grow with the scale, the force falls with its square.
-    by_shape[_LENGTHS, _SCALE] = contact[_LENGTHS]
-    force = contact[frames.FORCE]
-    by_shape[frames.FORCE, [_EI, _SCALE]] = force / (1 + error), -2 * force
-    by_shape[frames.PSI : frames.LEAN, 2:_EI] = np.eye(5)
+        touched = _frictionless(q, lever)
+    contact, by_shape = _contact(touched, shape, beam.flexural_rigidity)
     values, jacobian, placed = frames.in_all_frames(
         measurement, contact, psi_fitted=psi_fitted, clamp_fitted=clamp_fitted
     )
     return values, jacobian @ by_shape, placed
+
+
+@njit(cache=True, error_model="numpy")
+def _frictionless(q: float, lever: float) -> Floats:
+    """Rows as `_TOUCHED`, the load F / EI first: value and gradient by (q, lever, grip)."""
+    touched = np.zeros((len(_TOUCHED), 4))
+    touched[0, 0], touched[0, 1] = q, 1.0
+    for i, told in enumerate(contact_at(q, lever)):
+        touched[1 + i, 0], touched[1 + i, 1], touched[1 + i, 2] = told
+    return touched
+
+
+@njit(cache=True, error_model="numpy")
+def _contact(touched: Floats, shape: Floats, flexural_rigidity: float) -> tuple[Floats, Floats]:
+    """The contact (11,) as `frames` tells it, and its Jacobian (11, 10) by `SHAPE`."""
+    contact = np.zeros(frames.CONTACT)
+    by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
+    for i, row in enumerate(_TOUCHED):
+        contact[row] = touched[i, 0]
+        by_shape[row, 0], by_shape[row, 1], by_shape[row, _GRIP] = touched[i, 1:]
+    stiff = flexural_rigidity * (1 + shape[_EI])
+    contact[frames.FORCE] *= stiff
+    by_shape[frames.FORCE] *= stiff
+    # By similarity: lengths grow with the scale, the force falls with its square.
+    for row in _LENGTHS:
+        by_shape[row, _SCALE] = contact[row]
+    by_shape[frames.FORCE, _EI] = contact[frames.FORCE] / (1 + shape[_EI])
+    by_shape[frames.FORCE, _SCALE] = -2 * contact[frames.FORCE]
+    # Inclination, clamp and motor are told as they are.
+    for k in range(frames.LEAN - frames.PSI):
+        contact[frames.PSI + k] = shape[2 + k]
+        by_shape[frames.PSI + k, 2 + k] = 1.0
+    return contact, by_shape
 
 
 def values_of(
@@ -75,12 +96,12 @@ def values_of(
     encoder's. `psi_fitted`: the fit has told psi.
     """
     rig, length = measurement.rig, measurement.rig.beam.length
-    unit = np.array([length**-2, length, 1.0, length, length, 1.0, 1.0])
-    chosen, rows = [Q, LEVER, PSI, DX, DY, TILT, RIGIDITY], [0, 1, 2, 3, 4, 5, _EI]
-    shape = np.zeros(len(SHAPE))
-    shape[rows] = fit.p[chosen] * unit
-    covariance = np.zeros((len(SHAPE), len(SHAPE)))
-    covariance[np.ix_(rows, rows)] = fit.covariance[np.ix_(chosen, chosen)] * np.outer(unit, unit)
+    # The fit's parameters are those of `SHAPE`, but for the stretch, which stands in the place of
+    # the motor's angle.
+    unit = np.array([length**-2, length, 1.0, length, length, 1.0, 0.0, 1.0])
+    shape, covariance = np.zeros(len(SHAPE)), np.zeros((len(SHAPE), len(SHAPE)))
+    shape[:PARAMETERS] = fit.p * unit
+    covariance[:PARAMETERS, :PARAMETERS] = fit.covariance * np.outer(unit, unit)
     if covariance[_EI, _EI] == 0:  # where the fit had no need of EI
         tolerance = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
         covariance[_EI, _EI] = tolerance**2

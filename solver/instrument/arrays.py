@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -22,7 +23,13 @@ def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floa
     ):
         wanted = tuple("any" if n is None else n for n in shape)
         raise ValueError(f"{name} has shape {array.shape}, allowed is {wanted}")
-    if not np.isfinite(array).all():
+    if not _finite(array.ravel("K")):
         raise ValueError(f"{name} holds a value that is not finite")
     array.setflags(write=False)
     return array
+
+
+@njit(cache=True)
+def _finite(values: Floats) -> bool:
+    """Whether all of values (n,) are; compiled, for calls of numpy take longer than a few do."""
+    return bool(np.isfinite(values).all())

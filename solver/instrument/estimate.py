@@ -65,6 +65,7 @@ QUANTITIES = (
     "motor_angle_rad",
 )
 
+_KNOWN = frozenset(QUANTITIES)
 _SENTENCES = {
     Outcome.CONTACT: "The beam touches an object at the stated place.",
     Outcome.WEAK_CONTACT: "The beam is bent, but so little that the place is only an interval.",
@@ -99,7 +100,7 @@ class Estimate:
     def __post_init__(self) -> None:
         if bool(self.values) != self.outcome.has_values:
             raise ValueError(f"outcome '{self.outcome}' with values {dict(self.values)}")
-        unknown = [name for name in self.values if name not in QUANTITIES]
+        unknown = [name for name in self.values if name not in _KNOWN]
         if unknown:
             raise ValueError(f"an estimate holds {unknown}, allowed are {', '.join(QUANTITIES)}")
         if not all(math.isfinite(value) for value in self.values.values()):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.rig import Rig
@@ -122,9 +123,19 @@ class Measurement:
 
 
 def _check_positive_definite(name: str, covariance: Floats) -> None:
-    try:
-        np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError:
+    if not _positive_definite(covariance):
         raise ValueError(
             f"{name} is not positive definite: what is known exactly needs a small variance"
-        ) from None
+        )
+
+
+@njit(cache=True, error_model="numpy")
+def _positive_definite(matrix: Floats) -> bool:
+    """Whether every pivot of the elimination is positive, as Cholesky's factors need it."""
+    left = matrix.copy()
+    for k in range(len(left)):
+        if not left[k, k] > 0:
+            return False
+        for i in range(k + 1, len(left)):
+            left[i, k + 1 :] -= left[i, k] / left[k, k] * left[k, k + 1 :]
+    return True
