@@ -8,6 +8,7 @@ from solver.sums import FAST, dot
 
 FEWEST = 8
 ROUNDS = 12
+DEGREE = 7
 # Tukey's biweight cuts off at this many times the points' own scatter.
 CUT = 6.0
 
@@ -17,7 +18,7 @@ def smooth_curve(
     y: Floats,
     sigma: Floats,
     at: Floats | None = None,
-    degree: int = 7,
+    degree: int = DEGREE,
     cut: float = CUT,
 ) -> Floats | None:
     """The curve at x (n,), or at `at` (m,), through y (n,) where sigma (n,) is finite.
@@ -27,12 +28,12 @@ def smooth_curve(
     level. Points farther off than `cut` times their typical scatter have no say. None with too few
     points.
     """
-    curve: Floats = _curve(x, y, sigma, x if at is None else at, degree, cut)
-    return curve if len(curve) else None
+    found: Floats = curve(x, y, sigma, x if at is None else at, degree, cut)
+    return found if len(found) else None
 
 
 @njit(cache=True, error_model="numpy")
-def _curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: int, cut: float) -> Floats:
+def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: int, cut: float) -> Floats:
     """As `smooth_curve`; of length 0 where there is none."""
     none = np.empty(0)
     known = np.flatnonzero(np.isfinite(sigma))

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Stations:
     """
 
     along: npt.NDArray[np.int64]
-    upright: npt.NDArray[np.bool_]
+    upright: Mask
     start: Floats
     climb: Floats
     sense: Floats
@@ -32,10 +32,7 @@ class Stations:
 
     def pixels(self, centre: Floats) -> Floats:
         """Pixels (n, 2), as (u, v), of centres (n,) in their columns or rows."""
-        along = self.along.astype(np.float64)
-        return np.column_stack(
-            [np.where(self.upright, along, centre), np.where(self.upright, centre, along)]
-        )
+        return _pixels(self.along, self.upright, centre)
 
     @property
     def directions(self) -> Floats:
@@ -47,6 +44,15 @@ class Stations:
 def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
     """Stations along a path of pixels (m, 2), within an image of `shape`."""
     return Stations(*_stations(path, shape[0], shape[1]))
+
+
+@njit(cache=True, error_model="numpy")
+def _pixels(along: npt.NDArray[np.int64], upright: Mask, centre: Floats) -> Floats:
+    pixels = np.empty((len(along), 2))
+    for i in range(len(along)):
+        column, row = (along[i], centre[i]) if upright[i] else (centre[i], along[i])
+        pixels[i, 0], pixels[i, 1] = column, row
+    return pixels
 
 
 @njit(cache=True, error_model="numpy")
