@@ -16,12 +16,14 @@ from numba import njit
 from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
-from solver.centreline.smooth import smooth_curve
+from solver.centreline.smooth import CUT, curve
 from solver.instrument.arrays import Floats, Grey
 from solver.sums import FAST
 
-# Scan lines over the beam's length, and contact distances that are tried.
-LINES, DISTANCES = 72, 12
+# Scan lines over the beam's length, and contact distances that are tried, as shares of it.
+LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)
+# Places of a path, up to so far over the beam's length.
+PLACES = np.linspace(0.0, 1.06, 96)
 # Candidates that are tried as points of the beam.
 ANCHORS = 60
 # A candidate belongs to a shape up to this distance, in pixels and in the beam's radii.
@@ -54,35 +56,14 @@ def find(
     lines = _scan_lines(guide, image.shape)
     core = max(2, round(2 * guide.radius_px))
     seen = candidates(image, lines, guide.upright, core, polarity, noise)
-    pixels = seen[:, [0, 1]] if guide.upright else seen[:, [1, 0]]
-    places = guide.places(pixels)
-    inside = _within(places, guide.length)
-    if np.count_nonzero(inside) < LEAST_LINES:
-        return None
-    seen, (x, y) = seen[inside], places[inside].T.copy()
+    places = guide.places(seen[:, :2] if guide.upright else seen[:, 1::-1])
     near = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
-    line = np.searchsorted(lines, seen[:, 0])
-    distances = guide.length * np.linspace(0.08, 1.0, DISTANCES) if bends else np.array([STRAIGHT])
-    # Anchors far out tell most; the strongest come first.
-    order = np.argsort(-seen[:, 2] * x)[:ANCHORS]
-    # A thing much brighter than most is no better a candidate.
-    weight = np.minimum(seen[:, 2], np.median(seen[:, 2]))
-    load, tilt, x_c, score = _consensus(x, y, line, weight, order, distances, near, most_tilt)
-    if score <= 0:
-        return None
-    offset = y - _shape(x, load, tilt, x_c)
-    agreed = np.abs(offset) < near
-    agreeing = len(np.unique(line[agreed]))
-    if agreeing < LEAST_LINES:
-        return None
-    along = np.linspace(0.0, 1.06 * guide.length, 96)
-    half_px = np.full(np.count_nonzero(agreed), 0.5 * guide.pixel)
-    correction = smooth_curve(x[agreed], offset[agreed], half_px, along, degree=3)
-    across = _shape(along, load, tilt, x_c)
-    if correction is not None:
-        across += correction
-    contrast = float(np.median(seen[agreed, 2]))
-    return Path(np.column_stack([along, across]), contrast, agreeing / len(lines))
+    distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
+    line, strength = seen[:, 0], seen[:, 2]
+    path, contrast, agreeing = _followed(
+        places, line, strength, guide.length, guide.pixel, distances, near, most_tilt
+    )
+    return Path(path, contrast, agreeing / len(lines)) if agreeing >= LEAST_LINES else None
 
 
 def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
@@ -96,6 +77,47 @@ def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
     low, high = max(low, 0), min(high, limit - 1)
     lines = np.linspace(low, high, LINES).astype(np.int64)
     return np.asarray(lines[np.append(True, lines[1:] != lines[:-1])])
+
+
+@njit(cache=True, error_model="numpy")
+def _followed(
+    places: Floats,
+    line: Floats,
+    strength: Floats,
+    length: float,
+    pixel: float,
+    distances: Floats,
+    near: float,
+    most_tilt: float,
+) -> tuple[Floats, float, int]:
+    """The path's places, its contrast, and how many scan lines agree on it; 0 without a path.
+
+    `places` (m, 2) are those of the candidates, which come line after line.
+    """
+    path = np.empty((len(PLACES), 2))
+    inside = _within(places, length)
+    if np.count_nonzero(inside) < LEAST_LINES:
+        return path, 0.0, 0
+    x, y, line, strength = places[inside, 0], places[inside, 1], line[inside], strength[inside]
+    # Anchors far out tell most; the strongest come first.
+    order = np.argsort(-strength * x)[:ANCHORS]
+    # A thing much brighter than most is no better a candidate.
+    weight = np.minimum(strength, np.median(strength))
+    load, tilt, x_c, score = _consensus(x, y, line, weight, order, distances, near, most_tilt)
+    if score <= 0:
+        return path, 0.0, 0
+    offset = y - _shape(x, load, tilt, x_c)
+    agreed = np.flatnonzero(np.abs(offset) < near)
+    if len(agreed) == 0:
+        return path, 0.0, 0
+    half_px = np.full(len(agreed), 0.5 * pixel)
+    path[:, 0] = length * PLACES
+    path[:, 1] = _shape(path[:, 0], load, tilt, x_c)
+    correction = curve(x[agreed], offset[agreed], half_px, path[:, 0], 3, CUT)
+    if len(correction) > 0:
+        path[:, 1] += correction
+    agreeing = 1 + int(np.count_nonzero(np.diff(line[agreed])))
+    return path, float(np.median(strength[agreed])), agreeing
 
 
 @njit(cache=True, error_model="numpy")
@@ -125,7 +147,7 @@ def _unit(x: float, x_c: float) -> float:
 def _consensus(
     x: Floats,
     y: Floats,
-    line: npt.NDArray[np.int64],
+    line: Floats,
     weight: Floats,
     anchors: npt.NDArray[np.int64],
     distances: Floats,
@@ -193,7 +215,7 @@ def _gains(
 
 
 @njit(cache=True, error_model="numpy")
-def _best_of_lines(gain: Floats, line: npt.NDArray[np.int64]) -> float:
+def _best_of_lines(gain: Floats, line: Floats) -> float:
     """Sum over scan lines, which come one after another, of the best candidate of each."""
     total = best = 0.0
     for k in range(len(gain)):
