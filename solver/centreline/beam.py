@@ -69,14 +69,16 @@ class Beam:
         if not len(smooth):
             return down_columns(np.empty((0, 2)), np.empty(0))
         good = flags == 0
-        course = places.pixels(places.start + places.sense * smooth)
-        in_image = ((course > -0.5) & (course < np.array(image.shape)[::-1] - 0.5)).all(axis=1)
+        course = places.start + places.sense * smooth
+        height, width = image.shape
+        limit = np.where(places.upright, height - 0.5, width - 0.5)
+        in_image = (course > -0.5) & (course < limit)
         rejected = ~good & on_beam & in_image
         return Centreline(
             points=places.pixels(fits.centre)[good],
             directions=places.directions[good],
             sigma=sigma[good],
-            rejected=course[rejected],
+            rejected=places.pixels(course)[rejected],
             flags=flags[rejected],
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,

@@ -43,16 +43,16 @@ def _scan(
     dark: float,
     per_gray: float,
 ) -> Floats:
-    response, level = _responses(_summed(image, lines, upright, polarity), core)
+    response, level, most = _responses(_summed(image, lines, upright, polarity), core)
     reach = core // 2 + GAP + SIDE
     # In units of `response`: whatever the noise, less than this is not significant.
     scale = 1.0 / (core * SIDE)
     least = LEAST_SIGNIFICANCE * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
     out, found = np.empty((len(lines), MOST, 4)), np.zeros(len(lines), np.int64)
     for v in range(reach + 1, len(response) - reach - 1):
-        before, here, after = response[v - 1], response[v], response[v + 1]
-        if here.max() < least:
+        if most[v] < least:
             continue
+        before, here, after = response[v - 1], response[v], response[v + 1]
         for j in range(len(lines)):
             if here[j] < least or here[j] < before[j] or here[j] <= after[j]:
                 continue
@@ -95,10 +95,13 @@ def _summed(
 @njit(cache=True, error_model="numpy")
 def _responses(
     summed: npt.NDArray[np.int32], core: int
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """By how much each place stands out, times core x SIDE, and its surroundings, times SIDE."""
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """By how much each place stands out, times core x SIDE, and its surroundings, times SIDE.
+
+    The last is the most by which any of a row stands out.
+    """
     response = np.zeros((len(summed) - 1, summed.shape[1]), np.int32)
-    level = np.zeros_like(response)
+    level, most = np.zeros_like(response), np.zeros(len(response), np.int32)
     reach = core // 2 + GAP + SIDE
     inner, outer = np.int32(core), np.int32(SIDE)
     for v in range(reach, len(response) - reach):
@@ -106,11 +109,13 @@ def _responses(
         high = low + core
         a, b, c = summed[low - GAP - SIDE], summed[low - GAP], summed[low]
         d, e, f = summed[high], summed[high + GAP], summed[high + GAP + SIDE]
-        stands, about = response[v], level[v]
+        stands, about, top = response[v], level[v], np.int32(0)
         for j in range(len(stands)):
             about[j] = max(b[j] - a[j], f[j] - e[j])
             stands[j] = (d[j] - c[j]) * outer - about[j] * inner
-    return response, level
+            top = max(top, stands[j])
+        most[v] = top
+    return response, level, most
 
 
 @njit(cache=True, error_model="numpy")

@@ -23,7 +23,7 @@ from solver.sums import FAST
 # Scan lines over the beam's length, and contact distances that are tried, as shares of it.
 LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)
 # Places of a path, up to so far over the beam's length.
-PLACES = np.linspace(0.0, 1.06, 96)
+PLACES, FARTHEST = 96, 1.06
 # Candidates that are tried as points of the beam.
 ANCHORS = 60
 # A candidate belongs to a shape up to this distance, in pixels and in the beam's radii.
@@ -94,7 +94,7 @@ def _followed(
 
     `places` (m, 2) are those of the candidates, which come line after line.
     """
-    path = np.empty((len(PLACES), 2))
+    path = np.empty((PLACES, 2))
     inside = _within(places, length)
     if np.count_nonzero(inside) < LEAST_LINES:
         return path, 0.0, 0
@@ -111,7 +111,7 @@ def _followed(
     if len(agreed) == 0:
         return path, 0.0, 0
     half_px = np.full(len(agreed), 0.5 * pixel)
-    path[:, 0] = length * PLACES
+    path[:, 0] = np.linspace(0.0, FARTHEST * length, PLACES)
     path[:, 1] = _shape(path[:, 0], load, tilt, x_c)
     correction = curve(x[agreed], offset[agreed], half_px, path[:, 0], 3, CUT)
     if len(correction) > 0:

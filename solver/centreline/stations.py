@@ -37,8 +37,8 @@ class Stations:
     @property
     def directions(self) -> Floats:
         """Unit vectors (n, 2) along which the centres are measured."""
-        down = self.upright.astype(np.float64)
-        return np.column_stack([1 - down, down])
+        n = len(self)
+        return _pixels(np.zeros(n, np.int64), self.upright, np.ones(n))
 
 
 def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
