@@ -211,7 +211,7 @@ def _largest(
     return best, amplitude, significance, offset, slope
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _refined(
     x: Floats,
     y: Floats,
@@ -227,40 +227,36 @@ def _refined(
     """
     k, amplitude, _, offset, tilt = best
     x_c = (k + 1) / DISTANCES
-    row = np.empty(4)
+    weight = 1 / sigma
+    rows, normal, right = np.empty((4, len(x))), np.empty((4, 4)), np.empty(4)
+    rows[2], rows[3] = weight, x * weight
     kept, kept_residual, least = (x_c, amplitude, offset, tilt), np.zeros(len(x)), np.inf
     for _ in range(STEPS + 1):
         residual = np.empty(len(x))
-        normal, right = np.zeros((4, 4)), np.zeros(4)
         for i in range(len(x)):
             if x[i] <= x_c:
                 u, by_x_c = (3 * x_c - x[i]) * x[i] ** 2, 3 * x[i] ** 2
             else:
                 u, by_x_c = (3 * x[i] - x_c) * x_c**2, (6 * x[i] - 3 * x_c) * x_c
-            weight = 1 / sigma[i]
-            residual[i] = (y[i] - amplitude * u - offset - tilt * x[i]) * weight
-            row[0], row[1] = u * weight, amplitude * by_x_c * weight
-            row[2], row[3] = weight, x[i] * weight
-            for p in range(4):
-                right[p] += row[p] * residual[i]
-                for q in range(p + 1):
-                    normal[p, q] += row[p] * row[q]
+            residual[i] = (y[i] - amplitude * u - offset - tilt * x[i]) * weight[i]
+            rows[0, i], rows[1, i] = u * weight[i], amplitude * by_x_c * weight[i]
         # Where there is no bend to speak of, a step in x_c may lead anywhere: it must pay.
-        squares = float(residual @ residual)
+        squares = dot(residual, residual)
         turned = tilt - resting_tilt
         squares += prior[0, 0] * offset**2 + 2 * prior[0, 1] * offset * turned
         squares += prior[1, 1] * turned**2
         if not squares < least:
             break
         kept, kept_residual, least = (x_c, amplitude, offset, tilt), residual, squares
+        for p in range(4):
+            right[p] = dot(rows[p], residual)
+            for q in range(p + 1):
+                normal[p, q] = normal[q, p] = dot(rows[p], rows[q])
+        normal[2:, 2:] += prior
         for p in range(2):
             right[2 + p] -= prior[p, 0] * offset + prior[p, 1] * turned
-            for q in range(p + 1):
-                normal[2 + p, 2 + q] += prior[p, q]
         for p in range(4):
             normal[p, p] *= 1 + 1e-12
-            for q in range(p):
-                normal[q, p] = normal[p, q]
         if normal[0, 0] <= 0 or normal[1, 1] <= 0:  # no deflection at all: nothing to refine
             break
         # Columns are scaled to one, so that units do not decide how well this is solved.
