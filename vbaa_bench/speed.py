@@ -80,7 +80,7 @@ def solve(
     frames: Annotated[int, typer.Option(min=1, help="at most so many, of whole pushes")] = 120,
     repeats: Repeats = 3,
     first_ever: Annotated[
-        bool, typer.Option(help="measure a first start, too, which compiles for about a minute")
+        bool, typer.Option(help="measure a first start, too, which compiles for over a minute")
     ] = True,
     variant: Variant = None,
     as_json: AsJson = False,
