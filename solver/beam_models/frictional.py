@@ -34,7 +34,7 @@ _GENTLE: Final = 1e-5
 
 @dataclass(frozen=True)
 class Contact:
-    """Contacts of the shapes (q, lever, grip), each with its gradient by these, in front.
+    """Contacts of shapes, each with its gradient (3, ...) by (q, lever, grip).
 
     `load` is F / EI [1/m^2]; theta_c, the tangent's angle, and `lean`, that from the normal to the
     force, back to the clamp [rad]; x_c, y_c, s_c [m].
@@ -56,7 +56,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class _Curve:
-    """P and S at distances u, tan(psi), and the gradients (2, n) of P and S by (q, grip)."""
+    """P and S at distances u, tan(psi), 1 / cos(psi), the gradients (2, n) by (q, grip)."""
 
     p: Floats
     s: Floats

@@ -8,27 +8,16 @@ import numpy as np
 import pytest
 
 from solver.antenna import Antenna
-from solver.estimate import set_up
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.measurement import Measurement
-from solver.instrument.observation import Observations, open_observations
+from solver.instrument.observation import Observations
 from solver.lab.console import sentence
 from solver.lab.live import Answer, answers, json_line, warm_up
 from solver.lab.shots import Files
 from solver.lab.sources import open_source
 from solver.methods import METHODS
 from solver.table import COLUMNS
-
-
-@pytest.fixture(scope="module")
-def observations(dataset: Path) -> Observations:
-    return open_observations(dataset / "observations")
-
-
-@pytest.fixture(scope="module")
-def antenna(observations: Observations) -> Antenna:
-    return set_up(observations)
 
 
 class Remembers:

@@ -9,27 +9,16 @@ import pytest
 
 from solver.antenna import Antenna
 from solver.centreline import Flag
-from solver.estimate import set_up
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.observation import Observations, open_observations
+from solver.instrument.observation import Observations
 from solver.lab.drawing import MEASURED, REJECTED
 from solver.lab.live import Answer, answers
 from solver.lab.overlay import CONTACT, FORCE, TIP, OverlayWriter, draw
 from solver.lab.shots import Files
 from solver.methods import METHODS
 from solver.table import row
-
-
-@pytest.fixture(scope="module")
-def observations(dataset: Path) -> Observations:
-    return open_observations(dataset / "observations")
-
-
-@pytest.fixture(scope="module")
-def antenna(observations: Observations) -> Antenna:
-    return set_up(observations)
 
 
 @pytest.fixture(scope="module")
