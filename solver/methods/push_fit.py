@@ -9,9 +9,9 @@ tan), of either sign, so that its interval covers zero where the object is rigid
 
 Friction is an option, for it costs certainty where there is none: then Coulomb's coefficient is a
 fifth number. One image hardly tells a force that leans off the beam's normal from another one
-touched elsewhere; frames that must all place the object at one point do. The push begins with the
-first frame and goes on, with the contact sliding; wherever the motor has turned back, each frame
-has a lean of its own.
+touched elsewhere; frames that must all place the object at one point do. Which way the contact
+slides, on or back, follows from the motor's way; where it may be held instead, a frame has a lean
+of its own.
 
 Causal: a frame is answered from itself and those before it. Of a single frame the onset is not
 known, and the answer is that of `exact_fit`. Frames that do not fit one object are an outcome:
@@ -49,7 +49,7 @@ from solver.methods.exact_fit import exact_fit
 
 # A push with a single object is refused once in so many times.
 REFUSED: Final = 1e-4
-# Of friction that is known no better than it is beforehand nothing is said.
+# Of friction that is known hardly better than beforehand nothing is said.
 TOLD: Final = DRY / 2
 # An object whose compliance exceeds this many sigmas is told apart from a rigid one.
 SOFT: Final = 2.0
