@@ -66,6 +66,12 @@ class Antenna:
         return covariance
 
     @cached_property
+    def pixel(self) -> float:
+        """Size [m] of a pixel at the middle of the beam at rest."""
+        middle = np.array([self.rig.beam.length / 2, 0.0, 0.0]) + self.rig.base_position
+        return float(1 / self.calibration.camera.pixels_per_metre(middle[None])[0])
+
+    @cached_property
     def lengths_sigma(self) -> float:
         """What the rig's tolerances and the calibration leave open of all lengths, relative.
 

@@ -78,7 +78,7 @@ def measure(
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
     return Measurement(
         view=View((points - clamp) @ axes, sigmas @ axes, antenna.viewpoint, _tip(antenna, line)),
-        base_covariance=antenna.base_covariance,
+        base_covariance=_base_covariance(antenna, line),
         scale_sigma=math.hypot(antenna.lengths_sigma, _bow_error(points, rest)),
         motor_angle=None if antenna.in_world else readings.motor_angle,
         rig=rig,
@@ -89,6 +89,13 @@ def measure(
         earlier=tuple(earlier),
         viewpoint_known=antenna.calibration.viewpoint_known,
     )
+
+
+def _base_covariance(antenna: Antenna, line: Centreline) -> Floats:
+    """The clamp's covariance (3, 3); an error that all points share is one of the clamp's place."""
+    covariance = antenna.base_covariance.copy()
+    covariance[1, 1] += (line.common_sigma * antenna.pixel) ** 2
+    return covariance
 
 
 def _tip(antenna: Antenna, line: Centreline) -> Tip | None:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from solver.sag import raised
 LEAST_POINTS = 10
 # A beam is bowed if straight it would leave this much more chi^2, for three coefficients.
 BOWED_CHI2 = 30.0
+# An image differs from the others by this much chi^2, for four coefficients: by chance once in a
+# million. And by so many pixels: what is less moves no estimate.
+DISAGREEING_CHI2, LEAST_DISAGREEMENT_PX = 33.0, 0.03
 
 
 @dataclass(frozen=True)
@@ -72,14 +76,13 @@ class Rest:
 
 
 def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> Rest:
-    """The curve through the mean of the rest images; its covariance from the points' own scatter.
+    """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
-    The images are averaged place by place first: a centre's error on the pixel grid is the same in
-    all of them, so four images do not know the beam twice as well as one. Raises InputError where
-    they show too little of the beam.
+    The covariance follows from the points' own scatter. Raises InputError where the images show
+    too little of the beam.
     """
-    points, sigma = _mean_line(lines, calibration)
-    points = raised(points, calibration.camera.viewpoint, rig)
+    mean = _mean_line(lines, calibration)
+    points = raised(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < LEAST_POINTS:
         raise InputError(
             f"the rest images show {len(points)} columns of the beam, needed are {LEAST_POINTS}"
@@ -88,49 +91,137 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
     line = np.column_stack([np.ones_like(x), x])
     curve = np.column_stack([line, _bow_powers(x / length)])
-    flat, flat_covariance, flat_chi2 = _least_squares(line, y, sigma)
-    bent, bent_covariance, bent_chi2 = _least_squares(curve, y, sigma)
-    # A covariance computed for independent errors is too small where neighbours err alike.
-    if len(points) > 50 and flat_chi2 - bent_chi2 > BOWED_CHI2:
-        return Rest(float(bent[0]), float(bent[1]), bent[2:], bent_covariance, length)
+    straight = _least_squares(line, y, mean)
+    bowed = _least_squares(curve, y, mean)
+    # Both are judged by the scatter about the curve, which describes the beam either way.
+    gain = (straight.chi2 - bowed.chi2) / bowed.scatter
+    if len(points) > 50 and gain > BOWED_CHI2:
+        c = bowed.coefficients
+        return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
     covariance = np.zeros((5, 5))
-    covariance[:2, :2] = flat_covariance
-    return Rest(float(flat[0]), float(flat[1]), np.zeros(3), covariance, length)
+    covariance[:2, :2] = straight.covariance
+    c = straight.coefficients
+    return Rest(float(c[0]), float(c[1]), np.zeros(3), covariance, length)
+
+
+def disagreeing(lines: Sequence[Centreline]) -> list[int]:
+    """Find the images whose beam differs in place or shape from the median of all images.
+
+    `lines` are the centrelines of several images of the beam at rest. Gives indices, in order.
+    """
+    readings = [dict(zip(_keys(line).tolist(), range(len(line.sigma)), strict=True))
+                for line in lines]  # fmt: skip
+    places = sorted(set.intersection(*map(set, readings))) if len(lines) > 1 else []
+    if len(places) < LEAST_POINTS:
+        return []
+    where = [[reading[place] for place in places] for reading in readings]
+    centre = np.array(
+        [(line.points * line.directions).sum(axis=1)[at]
+         for line, at in zip(lines, where, strict=True)]
+    )  # fmt: skip
+    shape = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, len(places)), 3)
+    odd = []
+    for i, off in enumerate(centre - np.median(centre, axis=0)):
+        coefficients, *_ = np.linalg.lstsq(shape, off)
+        course = shape @ coefficients
+        residual = off - course
+        variance = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)
+        chi2 = float(course @ course) / variance
+        if chi2 > DISAGREEING_CHI2 and np.abs(course).max() > LEAST_DISAGREEMENT_PX:
+            odd.append(i)
+    return odd
 
 
 def _bow_powers(place: Floats) -> Floats:
     return np.column_stack([place**2, place**3, place**4])
 
 
-def _least_squares(design: Floats, y: Floats, sigma: Floats) -> tuple[Floats, Floats, float]:
-    """Coefficients, their widened covariance, and chi^2 in units of its own scatter."""
-    whitened = design / sigma[:, None]
+class _MeanLine(NamedTuple):
+    """The rest images' mean: points (n, 2) on C [m] and their sigma (n,) along y [m].
+
+    `random` is the part of the points' variance that differs from image to image, over the square
+    of sigma; `rows` how many pixel rows the beam crosses on its way.
+    """
+
+    points: Floats
+    sigma: Floats
+    random: float
+    rows: float
+
+
+class _LinearFit(NamedTuple):
+    """Coefficients (m,), their covariance (m, m), chi^2, and the residuals' variance in sigmas."""
+
+    coefficients: Floats
+    covariance: Floats
+    chi2: float
+    scatter: float
+
+
+def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
+    """Fit y (n,) by the columns of a design (n, m).
+
+    The covariance is widened by the residuals' variance and by how many neighbours err together.
+    Errors that repeat from image to image, as those of compression do, follow the pixel grid: of
+    a beam that crosses R rows the mean holds only R + 1 independent ones.
+    """
+    whitened = design / mean.sigma[:, None]
     inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
-    coefficients = inverse @ (whitened.T @ (y / sigma))
-    residual = (y - design @ coefficients) / sigma
-    widening = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)
-    robust = (1.4826 * float(np.median(np.abs(residual)))) ** 2 + 1e-12
-    return coefficients, inverse * widening, float(residual @ residual) / max(robust, 1.0)
+    coefficients = inverse @ (whitened.T @ (y / mean.sigma))
+    residual = (y - design @ coefficients) / mean.sigma
+    variance = max(float(np.mean(residual**2)), 1e-12)
+    correlation = correlation_length(residual)
+    repeating = variance - mean.random
+    # Counted only where chance would not show as much in one rig of a thousand.
+    if repeating < 3 * math.sqrt(2 / len(y)) * (variance + mean.random):
+        repeating = 0.0
+    widening = max(variance * correlation, repeating * len(y) / (mean.rows + 1))
+    # The median, so that an object beside the beam does not hide a bow.
+    robust = (1.4826 * float(np.median(np.abs(residual)))) ** 2
+    return _LinearFit(
+        coefficients,
+        inverse * widening,
+        float(residual @ residual),
+        max(robust, 1.0) * correlation,
+    )
 
 
-def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> tuple[Floats, Floats]:
-    """Points (n, 2) on C [m], each the mean over the images, and their sigma (n,) along y [m]."""
+def _keys(line: Centreline) -> Floats:
+    """One number for every place that is read: columns count from 0 up, rows down from -1."""
+    columns = line.directions[:, 1] != 0
+    return np.where(columns, line.points[:, 0], -1 - line.points[:, 1])
+
+
+def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLine:
+    """Average the images place by place.
+
+    A centre's error on the pixel grid is the same in all of them, so four images do not know the
+    beam twice as well as one.
+    """
     pixels = np.vstack([line.points for line in lines])
     if not len(pixels):
-        return np.empty((0, 2)), np.empty(0)
+        return _MeanLine(np.empty((0, 2)), np.empty(0), 1.0, 0.0)
     directions = np.vstack([line.directions for line in lines])
     sigma = np.concatenate([line.sigma for line in lines])
-    upright = directions[:, 1] != 0
-    # Columns count from 0 up, rows down from -1: one number for every place that is read.
-    key = np.where(upright, pixels[:, 0], -1 - pixels[:, 1])
     _, first, place, count = np.unique(
-        key, return_index=True, return_inverse=True, return_counts=True
+        np.concatenate([_keys(line) for line in lines]),
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
     )
     mean = np.column_stack([np.bincount(place, pixels[:, i]) / count for i in (0, 1)])
     mean_sigma = np.bincount(place, sigma) / count
+    off = ((pixels - mean[place]) ** 2).sum(axis=1) / mean_sigma[place] ** 2
+    several = count > 1
+    # Of a single image nothing tells noise from what repeats: its sigma stands.
+    random = 1.0
+    if several.any():
+        squares = np.bincount(place, off)[several] / (count[several] - 1)
+        random = float(np.mean(squares / count[several]))
     points, vectors = on_plane(calibration.camera, mean, directions[first] * mean_sigma[:, None])
     # Measured aslant, a point errs across the beam by the part that is not along it.
     order = np.argsort(points[:, 0])
     tilt = math.atan(np.polyfit(points[:, 0], points[:, 1], 1)[0]) if len(points) > 2 else 0.0
     across = np.abs(vectors @ [-math.sin(tilt), math.cos(tilt)]) / math.cos(tilt)
-    return points[order], np.maximum(across[order], 1e-12)
+    rows = float(np.ptp((mean * directions[first]).sum(axis=1)))
+    return _MeanLine(points[order], np.maximum(across[order], 1e-12), random, rows)

@@ -97,6 +97,10 @@ class _Rested:
     def appearance(self) -> Appearance:
         """The section under which the fitted centres lie on a smooth line and leave least."""
 
+        # In processed images the noise between images says little: misfits are judged by what
+        # the better start leaves.
+        usual = 1.0
+
         def cost(p: Floats) -> float:
             section = self._section(p)
             if section is None:
@@ -109,12 +113,13 @@ class _Rested:
             sigma = np.median([f.sigma[kept] for f in fits], axis=0) / np.sqrt(len(fits))
             # The Cauchy loss: an object at a few columns does not decide, and a start that is
             # far off in all of them still knows where to go.
-            rough = np.log1p((off[kept] / sigma) ** 2 / 25).sum() * 25
-            left = sum(np.log1p(f.chi2[kept] / f.dof[kept] / 9).sum() * 36 for f in fits)
+            rough = np.log1p((off[kept] / sigma) ** 2 / usual / 25).sum() * 25
+            left = sum(np.log1p(f.chi2[kept] / f.dof[kept] / usual / 9).sum() * 36 for f in fits)
             return float(rough + left)
 
         starts = [np.array([1.0, 0.3, 1.0, 0.0]), np.array([1.0, 0.8, 0.5, 0.0])]
         start = min(starts, key=cost)
+        usual = self._misfit(start)
         simplex = start + np.vstack([np.zeros(4), np.diag([0.1, 0.2, 0.4, 0.1])])
         found = minimize(
             cost,
@@ -149,6 +154,13 @@ class _Rested:
             half=self._half(section),
             full_scale=self.full_scale,
         )
+
+    def _misfit(self, p: Floats) -> float:
+        """Median chi^2 per degree of freedom that a section leaves; at least 1."""
+        section = self._section(p)
+        fits = [] if section is None else self._fits(section)
+        left = [f.chi2 / f.dof for f in fits if np.isfinite(f.sigma).any()]
+        return max(1.0, float(np.median(left))) if left else 1.0
 
     def _section(self, p: Floats) -> Section | None:
         times, spread, roundness, skew = (float(v) for v in p)

@@ -4,6 +4,7 @@ find -> stations -> profile fit -> what does not look like the beam is flagged -
 beam looks like was learned from the images of it at rest.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +19,7 @@ from solver.centreline.profile_fit import fit_profiles
 from solver.centreline.smooth import FEWEST
 from solver.centreline.stations import stations
 from solver.centreline.tip import find_tip
-from solver.instrument.arrays import Grey
+from solver.instrument.arrays import Floats, Grey
 
 # A tip must lie so far along the beam, over its length.
 SHORTEST, LONGEST = 0.75, 1.3
@@ -69,6 +70,7 @@ class Beam:
         if not len(smooth):
             return down_columns(np.empty((0, 2)), np.empty(0))
         good = flags == 0
+        noise = fits.sigma * np.sqrt(np.maximum(misfit, 1.0))
         course = places.start + places.sense * smooth
         height, width = image.shape
         limit = np.where(places.upright, height - 0.5, width - 0.5)
@@ -82,7 +84,20 @@ class Beam:
             flags=flags[rejected],
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
+            common_sigma=_common_sigma(fits.centre[good], sigma[good], noise[good]),
         )
+
+
+def _common_sigma(centre: Floats, sigma: Floats, noise: Floats) -> float:
+    """Sigma [px] of the mean error of points (n,) from what the sensor's noise does not explain.
+
+    Such errors, those of compression above all, follow the pixel grid: of a beam that crosses R
+    pixel rows only R + 1 of them are independent.
+    """
+    if not len(centre):
+        return 0.0
+    rough = float(np.median(np.maximum(sigma**2 - noise**2, 0.0)))
+    return math.sqrt(rough / (1.0 + float(np.ptp(centre))))
 
 
 def learn_beam(images: Sequence[Grey], guide: Guide) -> Beam:

@@ -11,6 +11,8 @@ ROUNDS = 12
 DEGREE = 7
 # Tukey's biweight cuts off at this many times the points' own scatter.
 CUT = 6.0
+# Points this far apart err independently in compressed images, whose blocks have 8 or 16 pixels.
+LAG = 16
 
 
 def smooth_curve(
@@ -104,6 +106,22 @@ def _chebyshev(place: Floats, terms: int) -> Floats:
     for j in range(2, terms):
         basis[j] = 2 * place * basis[j - 1] - basis[j - 2]
     return basis
+
+
+@njit(cache=True, error_model="numpy")
+def local_scatter(residual: Floats) -> float:
+    """Standard deviation of residuals (n,) against their neighbours; 0 of fewer than eight.
+
+    Each value is compared with the mean of those LAG places before and after it, so that errors
+    which vary slowly along the beam, such as a wrong model's, do not count. The median makes
+    it robust.
+    """
+    n = len(residual)
+    lag = min(LAG, n // 4)
+    if lag < 2:
+        return 0.0
+    off = residual[lag : n - lag] - (residual[: n - 2 * lag] + residual[2 * lag :]) / 2
+    return 1.4826 * np.median(np.abs(off)) / np.sqrt(1.5)
 
 
 @njit(cache=True, error_model="numpy")

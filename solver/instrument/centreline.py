@@ -26,6 +26,7 @@ class Centreline:
     along the row where the beam is steep. `sigma` (n,) [px]. `rejected` (m, 2) [px] are places
     where the beam should be and was not measured, `flags` (m,) why. `tip` (2,) [px] is the image
     of the beam's free end and `tip_covariance` (2, 2) [px^2] its error; None where it is not seen.
+    `common_sigma` [px] is the error, along the directions, that all points share.
     """
 
     points: Floats
@@ -35,6 +36,7 @@ class Centreline:
     flags: npt.NDArray[np.uint8] = field(default_factory=lambda: np.empty(0, np.uint8))
     tip: Floats | None = None
     tip_covariance: Floats | None = None
+    common_sigma: float = 0.0
 
     def __post_init__(self) -> None:
         points = frozen_floats("points", self.points, (None, 2))
