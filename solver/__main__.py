@@ -165,7 +165,9 @@ def rigidity(
         raise InputError("EI is found from images: keep some with the command snap")
     antenna = set_up(opened)
     # What hangs down at rest is a load to be fitted, not a bow to be taken off.
-    antenna = replace(antenna, rest=replace(antenna.rest, bow=np.zeros(3)))
+    at_rest = antenna.at_rest
+    straight = replace(at_rest, rest=replace(at_rest.rest, bow=np.zeros(3)))
+    antenna = replace(antenna, at_rest=straight)
     newton = gravity_m_s2 / 1e3
     found = flexural_rigidity(
         [measure(antenna, see(antenna, read_grey(path))) for path in opened.rest_images],

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from solver.at_rest import AtRest
 from solver.calibrate import Calibration
 from solver.centreline import Extractor
 from solver.instrument.arrays import Floats
@@ -27,10 +28,19 @@ class Antenna:
 
     rig: Rig
     calibration: Calibration
-    rest: Rest
-    extract: Extractor
+    at_rest: AtRest
     clamp_sigma: float = 0.0
     scale_sigma: float = 0.0
+
+    @property
+    def rest(self) -> Rest:
+        """The beam's line at rest."""
+        return self.at_rest.rest
+
+    @property
+    def extract(self) -> Extractor:
+        """What finds the beam in an image."""
+        return self.at_rest.extract
 
     @cached_property
     def antenna_from_beam(self) -> Floats:

@@ -1,15 +1,16 @@
 """From images to estimates: calibrate -> rest -> centreline -> plane -> method."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from solver.antenna import Antenna
+from solver.at_rest import Learn, learn_at_rest
 from solver.calibrate import calibrate
 from solver.calibrate.certainty import certainty
-from solver.centreline import Centreline, Extractor
+from solver.centreline import Centreline
 from solver.centreline.beam import learn_beam
 from solver.centreline.guide import Guide
 from solver.instrument.arrays import Floats, Grey
@@ -21,11 +22,8 @@ from solver.instrument.observation import NOTHING_READ, Observations, Readings
 from solver.instrument.rig import Rig
 from solver.methods import Method
 from solver.plane import on_plane
-from solver.rest import Rest, learn_rest
+from solver.rest import Rest
 from solver.sag import raised
-
-# From images of the beam at rest to what finds it in any image.
-Learn = Callable[[Sequence[Grey], Guide], Extractor]
 
 WORST_REPROJECTION_PX = 0.5
 
@@ -50,9 +48,8 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     nominal[:3, 3] = rig.base_position
     in_world = rig.camera_mount == "world"
     guide = Guide(calibration.camera, nominal, rig.beam.length, rig.beam.radius, in_world)
-    extract = learn(images, guide)
-    rest = learn_rest([extract(image) for image in images], calibration, rig)
-    return Antenna(rig, calibration, rest, extract, *certainty(calibration, rig))
+    at_rest = learn_at_rest(images, guide, learn, calibration, rig)
+    return Antenna(rig, calibration, at_rest, *certainty(calibration, rig))
 
 
 def measure(
@@ -169,6 +166,18 @@ def see(antenna: Antenna, image: Grey) -> Centreline:
     return antenna.extract(np.ascontiguousarray(image))
 
 
+def moved(antenna: Antenna, image: Grey) -> Estimate | None:
+    """Refuse an image (height, width) whose landmarks have moved since the rest images."""
+    shift = antenna.at_rest.landmarks.shift_of(image)
+    if shift is None or not shift.exceeds(0.0):
+        return None
+    return Estimate(
+        Outcome.CAMERA_MOVED,
+        f"the image has shifted by {shift.du:.2f} px along its rows and {shift.dv:.2f} px down "
+        "since the rest images: take those again",
+    )
+
+
 def estimate(
     antenna: Antenna,
     image: Grey,
@@ -178,7 +187,11 @@ def estimate(
 ) -> Estimate:
     """One frame's answer; an error of any kind becomes an outcome, never an exception."""
     try:
-        measurement = measure(antenna, see(antenna, image), readings, earlier)
+        line = see(antenna, image)
+        refusal = moved(antenna, image)
+        if refusal is not None:
+            return refusal
+        measurement = measure(antenna, line, readings, earlier)
     except (InputError, ValueError) as error:
         return Estimate(Outcome.INVALID, str(error))
     except Exception as error:  # noqa: BLE001 - any failure is a row in the table

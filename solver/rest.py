@@ -25,8 +25,8 @@ LEAST_POINTS = 10
 # A beam is bowed if straight it would leave this much more chi^2, for three coefficients.
 BOWED_CHI2 = 30.0
 # An image differs from the others by this much chi^2, for four coefficients: by chance once in a
-# million. And by so many pixels: what is less moves no estimate.
-DISAGREEING_CHI2, LEAST_DISAGREEMENT_PX = 33.0, 0.03
+# million. And by so many pixels: compressed images differ by less without any motion; chosen.
+DISAGREEING_CHI2, LEAST_DISAGREEMENT_PX = 33.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -104,32 +104,27 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     return Rest(float(c[0]), float(c[1]), np.zeros(3), covariance, length)
 
 
-def disagreeing(lines: Sequence[Centreline]) -> list[int]:
-    """Find the images whose beam differs in place or shape from the median of all images.
+def disagreements(lines: Sequence[Centreline]) -> Floats:
+    """Measure how far the beam of each image (n,) lies off the median of all [px].
 
-    `lines` are the centrelines of several images of the beam at rest. Gives indices, in order.
+    `lines` are the centrelines of n images of the beam at rest. An image within its errors of the
+    others has 0.
     """
-    readings = [dict(zip(_keys(line).tolist(), range(len(line.sigma)), strict=True))
-                for line in lines]  # fmt: skip
-    places = sorted(set.intersection(*map(set, readings))) if len(lines) > 1 else []
+    off = np.zeros(len(lines))
+    readings = [dict(zip(_keys(line), _centres(line), strict=True)) for line in lines]
+    places = sorted(set.intersection(*map(set, readings)))
     if len(places) < LEAST_POINTS:
-        return []
-    where = [[reading[place] for place in places] for reading in readings]
-    centre = np.array(
-        [(line.points * line.directions).sum(axis=1)[at]
-         for line, at in zip(lines, where, strict=True)]
-    )  # fmt: skip
+        return off
+    centre = np.array([[reading[place] for place in places] for reading in readings])
     shape = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, len(places)), 3)
-    odd = []
-    for i, off in enumerate(centre - np.median(centre, axis=0)):
-        coefficients, *_ = np.linalg.lstsq(shape, off)
-        course = shape @ coefficients
-        residual = off - course
+    for i, difference in enumerate(centre - np.median(centre, axis=0)):
+        course = shape @ np.linalg.lstsq(shape, difference)[0]
+        residual = difference - course
         variance = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)
-        chi2 = float(course @ course) / variance
-        if chi2 > DISAGREEING_CHI2 and np.abs(course).max() > LEAST_DISAGREEMENT_PX:
-            odd.append(i)
-    return odd
+        largest = float(np.abs(course).max())
+        if course @ course / variance > DISAGREEING_CHI2 and largest > LEAST_DISAGREEMENT_PX:
+            off[i] = largest
+    return off
 
 
 def _bow_powers(place: Floats) -> Floats:
@@ -189,7 +184,12 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
 def _keys(line: Centreline) -> Floats:
     """One number for every place that is read: columns count from 0 up, rows down from -1."""
     columns = line.directions[:, 1] != 0
-    return np.where(columns, line.points[:, 0], -1 - line.points[:, 1])
+    return np.asarray(np.where(columns, line.points[:, 0], -1 - line.points[:, 1]))
+
+
+def _centres(line: Centreline) -> Floats:
+    """Where in its column or row each point is."""
+    return np.asarray((line.points * line.directions).sum(axis=1))
 
 
 def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLine:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from solver.antenna import Antenna
 from solver.centreline import Centreline
-from solver.estimate import answer, measure, see
+from solver.estimate import answer, measure, moved, see
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
@@ -49,6 +49,9 @@ class Sequence:
         began = time.perf_counter()
         try:
             line = see(self._antenna, image)
+            refusal = moved(self._antenna, image)
+            if refusal is not None:
+                return Solved(refusal, line, time.perf_counter() - began)
             measurement = measure(self._antenna, line, readings, self._push)
         except (InputError, ValueError) as error:
             invalid = Estimate(Outcome.INVALID, str(error))

@@ -19,6 +19,7 @@ class Outcome(StrEnum):
     EDGE_ON = "edge-on"
     INVALID = "invalid"
     NOT_CONVERGED = "not converged"
+    CAMERA_MOVED = "camera moved"
     CRASHED = "crashed"
 
     @property
@@ -75,6 +76,7 @@ _SENTENCES = {
     Outcome.EDGE_ON: "The camera looks along the plane in which the beam bends.",
     Outcome.INVALID: "The measured shape is not one that a point contact can make.",
     Outcome.NOT_CONVERGED: "The iteration stopped before it reached a minimum.",
+    Outcome.CAMERA_MOVED: "The camera or the clamp has moved since the images at rest.",
     Outcome.CRASHED: "The method raised an error or gave no answer.",
 }
 

@@ -1,0 +1,116 @@
+"""The beam before contact: its look, its line and the landmarks about it, from the rest images.
+
+Copies of one image count once. An image that shows the beam elsewhere than the others do, touched
+or swinging, is left out.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solver.calibrate import Calibration
+from solver.centreline import Centreline, Extractor
+from solver.centreline.guide import Guide
+from solver.centreline.noise import noise_of
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.errors import InputError
+from solver.instrument.rig import Rig
+from solver.landmarks import Landmarks, learn_landmarks
+from solver.rest import Rest, disagreements, learn_rest
+
+# From images of the beam at rest to what finds it in any image.
+Learn = Callable[[Sequence[Grey], Guide], Extractor]
+
+# Rest images that differ by more have no common line [px]: half of the motion that is to be seen.
+MOST_DISAGREEMENT_PX = 0.25
+# Beside the beam, the ground in its immediate shadow is no landmark either [px].
+BESIDE_PX = 3.0
+# The beam's path for the landmarks goes on beyond its tip by this share of its length.
+BEYOND_TIP = 1.08
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """What the rest images teach.
+
+    `copies` counts the images that repeat another one, `left_out` holds the indices, among the
+    distinct images, of those that disagree with the others, `disagreement_px` is the largest
+    difference among the images that were used.
+    """
+
+    extract: Extractor
+    rest: Rest
+    landmarks: Landmarks
+    copies: int
+    left_out: tuple[int, ...]
+    disagreement_px: float
+
+
+def learn_at_rest(
+    images: Sequence[Grey], guide: Guide, learn: Learn, calibration: Calibration, rig: Rig
+) -> AtRest:
+    """Learn the beam at rest from gray images (height, width) of it.
+
+    `learn` makes the extractor. Raises InputError where the images show no beam, or show it in
+    different places.
+    """
+    distinct = _distinct(images)
+    extract, lines = _learned(distinct, guide, learn)
+    off = disagreements(lines)
+    odd = tuple(int(i) for i in np.flatnonzero(off))
+    if odd and 2 * len(odd) < len(distinct):
+        used = [image for i, image in enumerate(distinct) if i not in odd]
+        extract, lines = _learned(used, guide, learn)
+        off = disagreements(lines)
+    else:
+        used, odd = distinct, ()
+    largest = float(off.max(initial=0.0))
+    if largest > MOST_DISAGREEMENT_PX:
+        raise _moving(largest)
+    rest = learn_rest(lines, calibration, rig)
+    landmarks = learn_landmarks(
+        used, _path(rest, calibration, rig), 4 * guide.radius_px + 2 * BESIDE_PX, noise_of(used)
+    )
+    return AtRest(extract, rest, landmarks, len(images) - len(distinct), odd, largest)
+
+
+def _distinct(images: Sequence[Grey]) -> list[Grey]:
+    """The images without those that equal an earlier one."""
+    kept: list[Grey] = []
+    for image in images:
+        if not any(np.array_equal(image, one) for one in kept):
+            kept.append(image)
+    return kept
+
+
+def _learned(
+    images: Sequence[Grey], guide: Guide, learn: Learn
+) -> tuple[Extractor, list[Centreline]]:
+    """The extractor, and the centreline in every image. Raises InputError."""
+    try:
+        extract = learn(images, guide)
+    except InputError:
+        # Where the camera moved between the images, each of them may show the beam well.
+        if len(images) > 1:
+            alone = learn(images[:1], guide)
+            largest = float(disagreements([alone(image) for image in images]).max(initial=0.0))
+            if largest > MOST_DISAGREEMENT_PX:
+                raise _moving(largest) from None
+        raise
+    return extract, [extract(image) for image in images]
+
+
+def _moving(largest: float) -> InputError:
+    return InputError(
+        f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
+        "camera or the beam moved, or image stabilisation is on; take them again with both at rest"
+    )
+
+
+def _path(rest: Rest, calibration: Calibration, rig: Rig) -> Floats:
+    """Pixels (n, 2) of the beam at rest, from its clamp to beyond its tip."""
+    x = np.linspace(0.0, BEYOND_TIP * rig.beam.length, 100)
+    y = rest.y_at_clamp + rest.slope * x + rest.bow_at(np.minimum(x, rest.length))[0]
+    points = np.column_stack([rig.base_position[0] + x, y, np.zeros_like(x)])
+    return calibration.camera.project(points)

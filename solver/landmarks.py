@@ -1,0 +1,213 @@
+"""What does not move in the image: has the camera moved since the rest images were taken?
+
+The clamp's edge, a fixed mark and the texture of the ground keep their place in the image of a
+camera that has not been knocked. The strongest gradients of the rest images outside the beam are
+kept as landmarks, and the shift of an image against them is found by robust least squares on gray
+values (Lucas and Kanade 1981; Tukey's biweight), together with a gain and an offset of the light.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from solver.centreline.noise import Noise
+from solver.instrument.arrays import Floats, Grey
+
+# The strongest landmarks that are kept: a thousand pixels cost 0.05 ms an image.
+MOST = 1000
+# A gradient of so many sigmas of the noise, per pixel, is an edge.
+LEAST_GRADIENT = 3.0
+# Pixels at the image's border that a shift may push out of it, and the farthest shift that is
+# sought [px].
+FARTHEST = 6
+# Shadows and reflections move edges by about this much without any motion [px]; chosen.
+STEADINESS_PX = 0.03
+# The squared distance that a shift exceeds by chance as rarely as a normal variable three sigmas.
+MOVED_CHI2 = 11.83
+# A shift is known if every direction's sigma is below this [px], so that half a pixel is seen.
+KNOWN_PX = 0.1
+# Residuals may exceed the noise by this factor, for compression and changed light; beyond it the
+# pixels are not those of the rest images. Chosen.
+MOST_SCATTER = 4.0
+# This share of the landmarks must agree on the shift. Of a chequered ground that turns below the
+# camera half of them agree with any shift; measured.
+LEAST_SHARE = 0.75
+# The light may change by this factor; what covers the landmarks has no edges like theirs. Chosen.
+MOST_GAIN = 2.0
+STEPS = 8
+
+
+class Shift(NamedTuple):
+    """How far the image has shifted (du, dv) [px], and its covariance (2, 2) [px^2]."""
+
+    du: float
+    dv: float
+    covariance: Floats
+
+    def exceeds(self, sigma_px: float) -> bool:
+        """Whether it lies beyond three sigmas, where shifts of `sigma_px` are usual."""
+        spread = self.covariance + np.eye(2) * (STEADINESS_PX**2 + sigma_px**2)
+        shift = np.array([self.du, self.dv])
+        return bool(shift @ np.linalg.solve(spread, shift) > MOVED_CHI2)
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """n pixels (rows, columns) with their gray values, gradients [gray/px] and sigmas at rest."""
+
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+    gray: Floats
+    along_u: Floats
+    along_v: Floats
+    sigma: Floats
+
+    @cached_property
+    def known(self) -> bool:
+        """Whether a shift of half a pixel in any direction would be noticed."""
+        information = np.zeros((2, 2))
+        for i, a in enumerate((self.along_u, self.along_v)):
+            for j, b in enumerate((self.along_u, self.along_v)):
+                information[i, j] = float(np.sum(a * b / self.sigma**2))
+        least = float(np.linalg.eigvalsh(information)[0])
+        return least > 1 / KNOWN_PX**2
+
+    def shift_of(self, image: Grey) -> Shift | None:
+        """Measure the shift of an image (height, width); None where the landmarks disagree."""
+        if not self.known:
+            return None
+        du, dv, uu, uv, vv, share, scatter = _shift(
+            image, self.rows, self.columns, self.gray, self.along_u, self.along_v, self.sigma
+        )
+        if not (share >= LEAST_SHARE and scatter <= MOST_SCATTER):
+            return None
+        return Shift(du, dv, np.array([[uu, uv], [uv, vv]]))
+
+
+def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: Noise) -> Landmarks:
+    """Choose landmarks in images (height, width) of the beam at rest.
+
+    `beam` (n, 2) [px] is a path along the beam, from before its clamp to beyond its tip; a band of
+    `width` [px] about it is left out.
+    """
+    mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
+    along_v, along_u = np.gradient(cv2.GaussianBlur(mean, (0, 0), 0.7))
+    sigma = np.sqrt(noise.variance(mean))
+    free = np.zeros(mean.shape, np.uint8)
+    margin = FARTHEST + 2
+    free[margin:-margin, margin:-margin] = 1
+    path = np.rint(beam).astype(np.int32).reshape(-1, 1, 2)
+    cv2.polylines(free, [path], isClosed=False, color=0, thickness=max(math.ceil(width), 1))
+    strength = np.where(free, np.hypot(along_u, along_v) / sigma, 0.0).ravel()
+    strongest = np.argsort(strength)[::-1][:MOST]
+    chosen = np.sort(strongest[strength[strongest] > LEAST_GRADIENT])
+    rows, columns = np.divmod(chosen, mean.shape[1])
+    return Landmarks(
+        rows,
+        columns,
+        mean.ravel()[chosen],
+        along_u.ravel()[chosen],
+        along_v.ravel()[chosen],
+        sigma.ravel()[chosen],
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _shift(
+    image: Grey,
+    rows: Any,
+    columns: Any,
+    gray: Floats,
+    along_u: Floats,
+    along_v: Floats,
+    sigma: Floats,
+) -> Any:
+    """(du, dv, their covariance uu, uv, vv, share of agreeing landmarks, scatter in sigmas)."""
+    found = _refined(image, rows, columns, gray, along_u, along_v, sigma, 0.0, 0.0)
+    if found[5] >= LEAST_SHARE and found[6] <= MOST_SCATTER:
+        return found
+    # Far off, the edges no longer overlap: the best whole pixel comes first.
+    best, best_u, best_v = np.inf, 0, 0
+    for v in range(-FARTHEST, FARTHEST + 1):
+        for u in range(-FARTHEST, FARTHEST + 1):
+            cost = 0.0
+            for i in range(len(rows)):
+                off = (image[rows[i] + v, columns[i] + u] - gray[i]) / sigma[i]
+                cost += min(abs(off), 20.0)
+            if cost < best:
+                best, best_u, best_v = cost, u, v
+    return _refined(
+        image, rows, columns, gray, along_u, along_v, sigma, float(best_u), float(best_v)
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _refined(
+    image: Grey,
+    rows: Any,
+    columns: Any,
+    gray: Floats,
+    along_u: Floats,
+    along_v: Floats,
+    sigma: Floats,
+    du: float,
+    dv: float,
+) -> Any:
+    """Gauss-Newton from (du, dv): as `_shift`."""
+    n = len(rows)
+    residual, row = np.empty(n), np.empty(4)
+    normal, right = np.zeros((4, 4)), np.zeros(4)
+    gain, offset, scatter = 1.0, 0.0, 1.0
+    unknown = (du, dv, np.inf, 0.0, np.inf, 0.0, np.inf)
+    for _ in range(STEPS):
+        for i in range(n):
+            v, u = rows[i] + dv, columns[i] + du
+            r, c = int(np.floor(v)), int(np.floor(u))
+            if r < 0 or c < 0 or r + 1 >= image.shape[0] or c + 1 >= image.shape[1]:
+                return unknown
+            b, a = v - r, u - c
+            seen = (1 - b) * ((1 - a) * image[r, c] + a * image[r, c + 1])
+            seen += b * ((1 - a) * image[r + 1, c] + a * image[r + 1, c + 1])
+            residual[i] = (seen - gain * gray[i] - offset) / sigma[i]
+        scatter = 1.4826 * np.median(np.abs(residual))
+        cut = 4.685 * max(scatter, 1.0)
+        normal[:] = 0.0
+        right[:] = 0.0
+        for i in range(n):
+            w = 1 - (residual[i] / cut) ** 2
+            if w <= 0:
+                continue
+            w *= w
+            row[0], row[1] = -along_u[i] / sigma[i], -along_v[i] / sigma[i]
+            row[2], row[3] = gray[i] / sigma[i], 1 / sigma[i]
+            for p in range(4):
+                right[p] += w * row[p] * residual[i]
+                for q in range(4):
+                    normal[p, q] += w * row[p] * row[q]
+        for p in range(4):
+            normal[p, p] = normal[p, p] * (1 + 1e-9) + 1e-12
+        step = np.linalg.solve(normal, right)
+        du += min(max(step[0], -1.0), 1.0)
+        dv += min(max(step[1], -1.0), 1.0)
+        gain += step[2]
+        offset += step[3]
+        if abs(du) > FARTHEST + 1 or abs(dv) > FARTHEST + 1:
+            return unknown
+        if abs(step[0]) + abs(step[1]) < 1e-3:
+            break
+    if not 1 / MOST_GAIN < gain < MOST_GAIN:
+        return unknown
+    agreeing = 0
+    for i in range(n):
+        agreeing += abs(residual[i]) < 4.685 * max(scatter, 1.0)
+    covariance = np.linalg.inv(normal) * max(scatter, 1.0) ** 2
+    return (
+        du, dv, covariance[0, 0], covariance[0, 1], covariance[1, 1], agreeing / n, scatter,
+    )  # fmt: skip
