@@ -1,0 +1,92 @@
+"""Perturbations by video: images go through a codec and come back as the solver reads videos."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+
+from solver.instrument.arrays import Grey
+from solver.lab.sources import open_source
+from vbaa_bench.checks.stress.recording import (
+    Images,
+    NotApplicableError,
+    Perturbation,
+    Recording,
+)
+
+RATE: Final = 30
+# Encodes images (height, width), of even sizes, into a file.
+Encode = Callable[[Sequence[Grey], Path], None]
+
+
+def h264(crf: int, rest_from_video: bool) -> Perturbation:
+    """Encode the frames as one H.264 video; the rest images begin it, or stay as they were.
+
+    `crf` is x264's constant rate factor: 18 looks flawless, 23 is the default of most programs.
+    """
+    return _filmed(lambda images, path: _encode_h264(images, path, crf), ".mp4", rest_from_video)
+
+
+def mjpg(quality: int) -> Perturbation:
+    """Encode rest images and frames as one video of JPEG images, as webcams send it."""
+    return _filmed(lambda images, path: _encode_mjpg(images, path, quality), ".avi", True)
+
+
+def _filmed(encode: Encode, suffix: str, rest_from_video: bool) -> Perturbation:
+    def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
+        first = len(recording.rests) if rest_from_video else 0
+        images = through(encode, suffix, recording.rests[:first] + recording.frames)
+        rests = images[:first] or recording.rests
+        return replace(recording, rests=rests, frames=images[first:])
+
+    return perturb
+
+
+def through(encode: Encode, suffix: str, images: Images) -> Images:
+    """Encode images as a video and read it as the solver does.
+
+    Codecs want even sizes: the last column or row is repeated, and cut off again.
+    """
+    height, width = images[0].shape
+    even = [np.pad(image, ((0, height % 2), (0, width % 2)), mode="edge") for image in images]
+    with tempfile.TemporaryDirectory(prefix="vbaa-stress-") as folder:
+        path = Path(folder) / f"video{suffix}"
+        encode(even, path)
+        decoded = tuple(shot.grey()[:height, :width] for shot in open_source([str(path)]))
+    if len(decoded) != len(images):
+        raise RuntimeError(f"the video shows {len(decoded)} of {len(images)} images")
+    return decoded
+
+
+def _encode_h264(images: Sequence[Grey], path: Path, crf: int) -> None:
+    try:
+        import av
+    except ImportError as error:
+        raise NotApplicableError("needs the extra 'video'") from error
+    height, width = images[0].shape
+    with av.open(path, "w") as container:
+        stream = container.add_stream("libx264", Fraction(RATE), {"crf": str(crf)})
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        # The same bytes on every machine.
+        stream.codec_context.thread_count = 1
+        for image in images:
+            colour = np.repeat(np.asarray(image, np.uint8)[:, :, None], 3, axis=2)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(colour, "bgr24")))
+        container.mux(stream.encode())
+
+
+def _encode_mjpg(images: Sequence[Grey], path: Path, quality: int) -> None:
+    height, width = images[0].shape
+    code = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, code, RATE, (width, height), False)
+    if not writer.isOpened():
+        raise NotApplicableError("this OpenCV writes no MJPG")
+    writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
+    for image in images:
+        writer.write(image)
+    writer.release()
