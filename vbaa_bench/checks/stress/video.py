@@ -9,6 +9,7 @@ from typing import Final
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from solver.instrument.arrays import Grey
 from solver.lab.sources import open_source
@@ -75,18 +76,28 @@ def _encode_h264(images: Sequence[Grey], path: Path, crf: int) -> None:
         # The same bytes on every machine.
         stream.codec_context.thread_count = 1
         for image in images:
-            colour = np.repeat(np.asarray(image, np.uint8)[:, :, None], 3, axis=2)
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(colour, "bgr24")))
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(_luma(image), "yuv420p")))
         container.mux(stream.encode())
+
+
+def _luma(image: Grey) -> npt.NDArray[np.uint8]:
+    """Planes (3/2 height, width) of 4:2:0 video: luma from 16 to 235, and no colour.
+
+    FFmpeg's own conversion of gray values is up to one level too dark.
+    """
+    height, width = image.shape
+    planes = np.full((height * 3 // 2, width), 128, np.uint8)
+    planes[:height] = np.rint(16 + image * (219 / 255))
+    return planes
 
 
 def _encode_mjpg(images: Sequence[Grey], path: Path, quality: int) -> None:
     height, width = images[0].shape
     code = cv2.VideoWriter.fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, code, RATE, (width, height), False)
+    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, code, RATE, (width, height))
     if not writer.isOpened():
         raise NotApplicableError("this OpenCV writes no MJPG")
     writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
     for image in images:
-        writer.write(image)
+        writer.write(np.repeat(image[:, :, None], 3, axis=2))
     writer.release()
