@@ -260,13 +260,17 @@ def stress(
     count = workers or os.cpu_count() or 1
     with progress_bars() as progress:
         bars = {name: progress.add_task(name, total=None) for name in ("rendering", "solving")}
-        record = command.stress(
-            plan,
-            folder,
-            choose(variant),
-            count,
-            lambda name, done, total: progress.update(bars[name], completed=done, total=total),
-        )
+        try:
+            record = command.stress(
+                plan,
+                folder,
+                choose(variant),
+                count,
+                lambda name, done, total: progress.update(bars[name], completed=done, total=total),
+            )
+        except KeyboardInterrupt:
+            console.print("interrupted; the same command uses the rigs that are rendered")
+            raise
     if out:
         command.write(record, out)
     if as_json:

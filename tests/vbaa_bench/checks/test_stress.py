@@ -314,6 +314,7 @@ KNOCKED = next(row for row in ROWS if row.name == "across_2")
         (result(0.1, None), (False, False, True)),
         (result(None, None), (False, False, False)),
         (result(None, None, points="7"), (True, False, False)),
+        (result(None, None, points="7", outcome="no contact"), (False, False, True)),
         (result(None, None, outcome="refused", points="0"), (False, True, False)),
         (result(0.1, 0.1, findings="camera_shift_unknown"), (True, False, False)),
         (result(0.1, 0.1, findings="scale_inconsistent"), (True, True, False)),

@@ -21,6 +21,9 @@ from vbaa_bench.checks.stress.recording import (
 )
 
 RATE: Final = 30
+# The same bytes each time: the result of x264's vector code depends on what was in memory before,
+# and that of its threads on their number.
+_REPEATABLE: Final = "asm=0:threads=1"
 # Encodes images (height, width), of even sizes, into a file.
 Encode = Callable[[Sequence[Grey], Path], None]
 
@@ -71,12 +74,13 @@ def _encode_h264(images: Sequence[Grey], path: Path, crf: int) -> None:
         raise NotApplicableError("needs the extra 'video'") from error
     height, width = images[0].shape
     with av.open(path, "w") as container:
-        stream = container.add_stream("libx264", Fraction(RATE), {"crf": str(crf)})
+        options = {"crf": str(crf), "x264-params": _REPEATABLE}
+        stream = container.add_stream("libx264", Fraction(RATE), options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        # The same bytes on every machine.
-        stream.codec_context.thread_count = 1
-        for image in images:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(_luma(image), "yuv420p")))
+        for number, image in enumerate(images):
+            frame = av.VideoFrame.from_ndarray(_luma(image), "yuv420p")
+            frame.pts, frame.time_base = number, Fraction(1, RATE)
+            container.mux(stream.encode(frame))
         container.mux(stream.encode())
 
 
