@@ -12,6 +12,8 @@ from rich.table import Table
 
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
+from solver.lab.writing import make_room
+from solver.lab.writing import write as write_file
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
 from vbaa_bench.console import (
@@ -253,8 +255,10 @@ def stress(
     """
     # Imported late: doctor must run where the renderer cannot even be loaded.
     from vbaa_bench.checks.stress import command
-    from vbaa_bench.checks.stress.run import HEADS, lines
+    from vbaa_bench.checks.stress.run import HEADS, TITLE, lines
 
+    if out:
+        make_room(out)
     plan = command.Plan(load_scene(scene), rigs, frames, seed, row or (), method)
     folder = work or Path("runs/stress") / scene.stem
     count = workers or os.cpu_count() or 1
@@ -272,11 +276,12 @@ def stress(
             console.print("interrupted; the same command uses the rigs that are rendered")
             raise
     if out:
-        command.write(record, out)
+        write_file(out, command.text(record).encode())
     if as_json:
         say(command.without_frames(record), "", True)
     else:
-        show_wide(f"{record['scene']}, {rigs} rigs x {frames} frames", HEADS, lines(record["rows"]))
+        title = f"{record['scene']}: {rigs} rigs x {frames} frames\n{TITLE}"
+        show_wide(title, HEADS, lines(record["rows"]))
     if not record["holds"]:
         raise typer.Exit(1)
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_text
 from solver.methods import METHODS
 from vbaa_bench.checks.stress.rigs import drawn_rig, render
 from vbaa_bench.checks.stress.run import Record, chosen_rows, measure
@@ -72,10 +71,6 @@ def without_frames(record: Record) -> Record:
     return record | {"rows": rows}
 
 
-def write(record: Record, path: Path) -> None:
-    """Write a record as JSON. Raises InputError if `path` cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(record, indent=1, allow_nan=False) + "\n")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+def text(record: Record) -> str:
+    """Format a record as JSON."""
+    return json.dumps(record, indent=1, allow_nan=False) + "\n"

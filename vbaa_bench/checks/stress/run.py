@@ -18,16 +18,20 @@ from vbaa_bench.checks.stress.trial import RigResult, stress_rig
 from vbaa_bench.workers import WorkerDiedError
 
 Record = dict[str, Any]
+TITLE: Final = (
+    "answered, honest, detected, false: % of frames; RMSE, median |error| of x_c: % of L; "
+    "ratio: RMS sigma over RMSE; 95 % intervals over rigs"
+)
 HEADS: Final = (
     "what was done",
     "frames",
-    "answered, %",
-    "x_c RMSE, % of L",
+    "answered",
+    "RMSE",
     "median",
-    "honest, %",
-    "sigma / RMSE",
-    "detected, %",
-    "false, %",
+    "honest",
+    "ratio",
+    "detected",
+    "false",
     "wanted",
     "holds",
 )
