@@ -12,9 +12,19 @@ from rich.table import Table
 
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
+from solver.lab.writing import make_room
+from solver.lab.writing import write as write_file
 from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
-from vbaa_bench.console import console, outcomes, progress_bars, say, show_scores, show_table
+from vbaa_bench.console import (
+    console,
+    outcomes,
+    progress_bars,
+    say,
+    show_scores,
+    show_table,
+    show_wide,
+)
 from vbaa_bench.options import (
     AsJson,
     Centreline,
@@ -216,6 +226,64 @@ def stability(as_json: AsJson = False) -> None:
         ("method", "deflection", "x_c, % of L", "force, %", "condition", "x_c / L by 1 ulp"),
         methods.rows(record),
     )
+
+
+@app.command()
+def stress(
+    scene: ScenePath,
+    rigs: Annotated[int, typer.Option(min=1, max=10_000, help="drawn rigs")] = 30,
+    frames: Annotated[int, typer.Option(min=1, max=10_000, help="frames of each rig")] = 10,
+    seed: Annotated[int, typer.Option(min=0, help="draws other rigs")] = 1,
+    row: Annotated[
+        list[str] | None, typer.Option(help="a row of the table; repeatable", show_default="all")
+    ] = None,
+    method: Annotated[str, typer.Option(help=", ".join(METHODS))] = "exact_fit",
+    work: Annotated[
+        Path | None,
+        typer.Option(help="folder of the rigs' datasets", show_default="runs/stress/<scene>"),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="JSON to write, with the result of every frame")
+    ] = None,
+    workers: Workers = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Perturb the images of drawn rigs as ordinary cameras and laboratories do, and solve them.
+
+    Exit status 1 if a wanted figure is not reached. Rendered rigs are kept and used again.
+    """
+    # Imported late: doctor must run where the renderer cannot even be loaded.
+    from vbaa_bench.checks.stress import command
+    from vbaa_bench.checks.stress.run import HEADS, TITLE, lines
+
+    if out:
+        make_room(out)
+    plan = command.Plan(load_scene(scene), rigs, frames, seed, row or (), method)
+    folder = work or Path("runs/stress") / scene.stem
+    count = workers or os.cpu_count() or 1
+    with progress_bars() as progress:
+        bars = {name: progress.add_task(name, total=None) for name in ("rendering", "solving")}
+        try:
+            record = command.stress(
+                plan,
+                folder,
+                choose(variant),
+                count,
+                lambda name, done, total: progress.update(bars[name], completed=done, total=total),
+            )
+        except KeyboardInterrupt:
+            console.print("interrupted; the same command uses the rigs that are rendered")
+            raise
+    if out:
+        write_file(out, command.text(record).encode())
+    if as_json:
+        say(command.without_frames(record), "", True)
+    else:
+        title = f"{record['scene']}: {rigs} rigs x {frames} frames\n{TITLE}"
+        show_wide(title, HEADS, lines(record["rows"]))
+    if not record["holds"]:
+        raise typer.Exit(1)
 
 
 @app.command()

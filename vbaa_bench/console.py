@@ -63,6 +63,15 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
     Console().print(table)
 
 
+def show_wide(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table on lines as long as it needs, which a narrow terminal wraps."""
+    table = Table(*heads, title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    for row in rows:
+        table.add_row(*row)
+    wide = Console(width=10_000)
+    Console(width=wide.measure(table).maximum).print(table, markup=False)
+
+
 def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
     """The small table of scores, or the record as JSON."""
     if as_json:
