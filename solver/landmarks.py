@@ -42,6 +42,9 @@ LEAST_SHARE = 0.75
 # The light may change by this factor; what covers the landmarks has no edges like theirs. Chosen.
 MOST_GAIN = 2.0
 STEPS = 8
+# Where an image differs from the rest images by more than noise, by compression or light, pixels of
+# one block of so many rows and columns differ together.
+BLOCK = 8
 
 
 class Shift(NamedTuple):
@@ -88,7 +91,13 @@ class Landmarks:
         )
         if not (share >= LEAST_SHARE and scatter <= MOST_SCATTER):
             return None
-        return Shift(du, dv, np.array([[uu, uv], [uv, vv]]))
+        widening = 1 + max(scatter**2 - 1, 0.0) * self._pixels_a_block
+        return Shift(du, dv, np.array([[uu, uv], [uv, vv]]) * widening)
+
+    @cached_property
+    def _pixels_a_block(self) -> float:
+        blocks = np.unique(np.column_stack([self.rows, self.columns]) // BLOCK, axis=0)
+        return len(self.rows) / len(blocks)
 
 
 def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: Noise) -> Landmarks:
@@ -99,7 +108,8 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     """
     mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
     along_v, along_u = np.gradient(cv2.GaussianBlur(mean, (0, 0), 0.7))
-    sigma = np.sqrt(noise.variance(mean))
+    # The mean of the rest images has noise, too.
+    sigma = np.sqrt(noise.variance(mean) * (1 + 1 / len(images)))
     free = np.zeros(mean.shape, np.uint8)
     margin = FARTHEST + 2
     free[margin:-margin, margin:-margin] = 1
@@ -207,7 +217,7 @@ def _refined(
     agreeing = 0
     for i in range(n):
         agreeing += abs(residual[i]) < 4.685 * max(scatter, 1.0)
-    covariance = np.linalg.inv(normal) * max(scatter, 1.0) ** 2
+    covariance = np.linalg.inv(normal)
     return (
         du, dv, covariance[0, 0], covariance[0, 1], covariance[1, 1], agreeing / n, scatter,
     )  # fmt: skip

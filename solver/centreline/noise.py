@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import nnls
 
 from solver.instrument.arrays import Floats, Grey
 
@@ -12,6 +13,8 @@ from solver.instrument.arrays import Floats, Grey
 ROUNDING = 1 / 12
 # Gray values by their mean in so many bins, each of at least so many pixels.
 BINS, LEAST_IN_BIN = 24, 40
+# Median of the smaller of both squared deviations of white noise of unit variance, by simulation.
+SMALLER_OF_TWO = 0.2435
 
 
 @dataclass(frozen=True)
@@ -27,19 +30,22 @@ class Noise:
 
 
 def noise_of(images: Sequence[Grey]) -> Noise:
-    """The noise of images (height, width) of one and the same thing; one image is enough.
+    """Measure the noise in images (height, width) of one and the same thing; one is enough.
 
-    Of several, a pixel's scatter from image to image is noise. Of one, it is the scatter of a
-    pixel about its four neighbours, of which the quieter half is taken: edges are no noise.
+    Of several, a pixel's scatter from image to image is noise, once each image's overall
+    brightness, which flickers, is divided out. Of one, it is the smaller of a pixel's deviations
+    from its neighbours in its row and in its column, so that edges are not taken for noise.
     """
     stack = np.stack([np.asarray(image, np.float64) for image in images])
     mean = stack.mean(axis=0)
     if len(images) > 1:
-        variance = stack.var(axis=0, ddof=1)
+        brightness = np.einsum("ihw,hw->i", stack, mean) / np.einsum("hw,hw->", mean, mean)
+        variance = (stack / brightness[:, None, None]).var(axis=0, ddof=1)
     else:
-        inner = stack[0, 1:-1, 1:-1]
-        around = stack[0, :-2, 1:-1] + stack[0, 2:, 1:-1] + stack[0, 1:-1, :-2] + stack[0, 1:-1, 2:]
-        mean, variance = inner, (inner - around / 4) ** 2 / 1.25
+        mean = stack[0, 1:-1, 1:-1]
+        in_row = mean - (stack[0, 1:-1, :-2] + stack[0, 1:-1, 2:]) / 2
+        in_column = mean - (stack[0, :-2, 1:-1] + stack[0, 2:, 1:-1]) / 2
+        variance = np.minimum(in_row**2, in_column**2)
     order = np.argsort(mean, axis=None)
     gray, scatter = mean.ravel()[order], variance.ravel()[order]
     # Bins of equal width: the few bright pixels of a thin beam make the line's far end.
@@ -51,19 +57,17 @@ def noise_of(images: Sequence[Grey]) -> Noise:
             levels.append(float(gray[first:last].mean()))
             found.append(_typical(scatter[first:last], len(images)))
             weights.append(last - first)
-    floor = ROUNDING if not found else max(found[0], ROUNDING)
-    if len(found) < 2:
-        return Noise(floor, 0.0)
-    # The variance of a variance grows with its square: weights by n over the square.
+    if not found:
+        return Noise(ROUNDING, 0.0)
+    # The variance of a variance grows with its square: weights by n over the square. Neither read
+    # noise nor shot noise is negative.
     weight = np.sqrt(np.array(weights)) / np.maximum(found, ROUNDING)
-    slope, dark = np.polyfit(levels, found, 1, w=weight)
-    if slope <= 0:
-        return Noise(float(np.average(found, weights=weights)), 0.0)
-    return Noise(float(dark), float(slope))
+    design = np.column_stack([np.ones(len(levels)), levels])
+    (dark, per_gray), _ = nnls(design * weight[:, None], np.array(found) * weight)
+    return Noise(float(dark), float(per_gray))
 
 
 def _typical(scatter: Floats, images: int) -> float:
     if images > 1:
         return float(scatter.mean())
-    # The median of the square of a normal variable is 0.455 of its mean.
-    return float(np.median(scatter) / 0.4549)
+    return float(np.median(scatter) / SMALLER_OF_TWO)
