@@ -26,6 +26,11 @@ from solver.rest import Rest
 from solver.sag import raised
 
 WORST_REPROJECTION_PX = 0.5
+# A bent beam's course across its direction at the clamp, in powers of the distance; of a short
+# stretch the first two, and none of fewer points than these.
+CURVE_POWERS, LEAST_CURVE_POINTS = (2, 3, 4, 5, 6), 8
+# The points nearest to the tip that show the direction of the beam's straight end.
+BESIDE_TIP = 30
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
@@ -73,10 +78,12 @@ def measure(
     if not rest.straight:
         points, sigmas = _unbowed(points, sigmas, rest, rig)
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
+    bow_error = _bow_error(points, rest)
+    points = (points - clamp) @ axes
     return Measurement(
-        view=View((points - clamp) @ axes, sigmas @ axes, antenna.viewpoint, _tip(antenna, line)),
+        view=View(points, sigmas @ axes, antenna.viewpoint, _tip(antenna, line, points)),
         base_covariance=_base_covariance(antenna, line),
-        scale_sigma=math.hypot(antenna.lengths_sigma, _bow_error(points, rest)),
+        scale_sigma=math.hypot(antenna.lengths_sigma, bow_error),
         motor_angle=None if antenna.in_world else readings.motor_angle,
         rig=rig,
         antenna_from_beam=antenna.antenna_from_beam,
@@ -85,6 +92,7 @@ def measure(
         base_moment=readings.base_moment,
         earlier=tuple(earlier),
         viewpoint_known=antenna.calibration.viewpoint_known,
+        tip_sigma=antenna.tip_sigma,
     )
 
 
@@ -95,40 +103,48 @@ def _base_covariance(antenna: Antenna, line: Centreline) -> Floats:
     return covariance
 
 
-def _tip(antenna: Antenna, line: Centreline) -> Tip | None:
-    """The tip on plane C, in the frame of the beam at rest.
+def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
+    """Locate the tip in the frame of the beam at rest, where `points` (n, 2) [m] of the beam are.
 
-    What is seen of a cylinder's end is the rim that is nearest to the camera: on the mean over the
-    beam's width it stands pi/4 of the radius above the axis.
+    An end that is cut, rounded or shaded looks longer or shorter than the beam is, at rest as much
+    as when bent: what the rest images show of that is taken off along the beam's end.
     """
     if line.tip is None or line.tip_covariance is None:
         return None
-    camera, rig = antenna.calibration.camera, antenna.rig
-    # How the point moves with the pixel's u and v.
-    points, by_pixel = on_plane(camera, np.array([line.tip, line.tip]), np.eye(2))
-    viewpoint, point = camera.viewpoint, raised(points[:1], camera.viewpoint, rig)[0]
-    lift = rig.beam.radius * math.pi / 4
-    outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
-    axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
-    turned = by_pixel @ axes
-    covariance = turned.T @ line.tip_covariance @ turned
-    return Tip((point - lift * outward - clamp) @ axes, covariance)
+    tip = antenna.tip_in_beam_frame(line.tip, line.tip_covariance)
+    at_rest = antenna.tip_at_rest
+    if at_rest is None or not len(points):
+        return tip
+    nearest = np.argsort(np.linalg.norm(points - tip.point, axis=1))[:BESIDE_TIP]
+    along = tip.point - points[nearest].mean(axis=0)
+    excess = at_rest.point[0] - antenna.rig.beam.length
+    return Tip(tip.point - excess * along / np.linalg.norm(along), tip.covariance)
 
 
 def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:
     """Points (n, 2) on C and their one-sigma vectors, as a straight beam would show them.
 
-    A bow moves every point of the bent beam along its normal there, by as much as at rest.
+    A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc
+    lengths and normals are those of a smooth curve through the points that leaves the clamp as the
+    beam at rest does, so that it also holds where the beam's first part is hidden.
     """
+    if len(points) < LEAST_CURVE_POINTS:
+        return points, sigmas
     x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
-    curve = np.polynomial.Polynomial.fit(x, y, min(6, len(x) // 4), domain=[0, rest.length])
-    slope = curve.deriv()(x)
-    # Arc length from the clamp, which the bow is told by.
-    fine = np.linspace(0, rest.length, 241)
-    steps = np.hypot(1, curve.deriv()(fine))
-    arc = np.interp(x, fine, cumulative_trapezoid(steps, fine, initial=0.0))
+    terms = len(CURVE_POWERS) if np.ptp(x) > rest.length / 3 else 2
+    powers = np.array(CURVE_POWERS[:terms])
+    place = x[:, None] / rest.length
+    coefficients, *_ = np.linalg.lstsq(place**powers, y - rest.slope * x)
+    weights = coefficients * powers / rest.length
+
+    def slope(at: Floats) -> Floats:
+        return np.asarray(rest.slope + (at[:, None] / rest.length) ** (powers - 1) @ weights)
+
+    # Arc length from the clamp, by which the bow is known.
+    fine = np.linspace(0, max(rest.length, float(x.max())), 241)
+    arc = np.interp(x, fine, cumulative_trapezoid(np.hypot(1, slope(fine)), fine, initial=0.0))
     bow, bow_sigma = rest.bow_at(np.minimum(arc, rest.length))
-    normal = np.column_stack([-slope, np.ones_like(slope)]) / np.hypot(1, slope)[:, None]
+    normal = np.column_stack([-slope(x), np.ones_like(x)]) / np.hypot(1, slope(x))[:, None]
     size = np.maximum(np.linalg.norm(sigmas, axis=1), 1e-15)
     return points - bow[:, None] * normal, sigmas * (np.hypot(size, bow_sigma) / size)[:, None]
 

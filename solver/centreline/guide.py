@@ -1,6 +1,6 @@
 """Between image and beam: where a place of the beam's plane is seen, and the other way."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,12 @@ class Guide:
         if self.camera.distortion:
             pixels = self.camera.undistorted_pixels(pixels)
         return through(self._beam_from_image, pixels)
+
+    def turned_about(self) -> "Guide":
+        """The guide of a beam clamped at this one's tip, whose tip is where this one is clamped."""
+        half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+        half_turn[0, 3] = self.length
+        return replace(self, antenna_from_beam=self.antenna_from_beam @ half_turn)
 
     @cached_property
     def _image_from_beam(self) -> Floats:
