@@ -82,6 +82,14 @@ class Studio:
         moving = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(moving, surfaces["beam"].arc_length)
 
+    def centreline(self, pose: Pose) -> Floats:
+        """Arc length and place (n, 4) [m] of the beam in the frame in which the camera stands
+        still."""
+        line = pose.state.centreline
+        return np.column_stack(
+            [line[:, 0], apply(self._stage(pose.experiment, pose.state), line[:, 1:])]
+        )
+
     def card(self, view: int) -> World:
         """The calibration board alone: in plane C in view 0, tilted in the others."""
         antenna_from_board = self.rig.antenna_from_board @ self._tilt(view)

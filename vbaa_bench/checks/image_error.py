@@ -94,7 +94,7 @@ def reference_of(world: World, seen: Picture, line: Line, seconds: float) -> Ref
         parts.append(trace(world, pixels, size, 7_000_000 * (1 + len(parts)), "whole").radiance)
     made = np.zeros(known.shape)
     made[known] = np.mean(parts, axis=0)
-    peak = float(np.quantile(made[seen.layers.beam_mask], 0.99))
+    peak = float(np.quantile(made[seen.core], 0.99))
     noise = np.zeros(known.shape)
     noise[known] = np.var(parts, axis=0, ddof=1) / len(parts)
     return Reference(made, known, beam, line, peak, float(np.sqrt(noise[beam].mean())) / peak)
