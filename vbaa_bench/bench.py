@@ -62,8 +62,9 @@ class Bench:
 
     @cached_property
     def rest_world(self) -> World:
-        """The beam before contact."""
-        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, ())
+        """The beam before contact, the motor at angle zero."""
+        gravity = self.scene.gravity_m_s2
+        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
         return self.studio.rest(Experiment(self.scene, self.rig, nothing, self.folder))
 
     def pose(self, trial: Trial) -> Pose:

@@ -1,7 +1,7 @@
 """Scene -> what will be made: every trial with its equilibrium, and nothing impossible."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,11 +60,13 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
     made = trials(scene)
     seen = _Seen(file, rig)
     mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig)
-    pushes = list(dict.fromkeys(trial.push for trial in made))
-    for number, wanted in enumerate([] if mistakes else pushes):
+    pushes: dict[Push, set[float]] = {}
+    for trial in made:
+        pushes.setdefault(trial.push, set()).add(trial.onset)
+    for number, (wanted, onsets) in enumerate([] if mistakes else pushes.items()):
         experiment = Experiment(scene, rig, wanted, file.path.parent)
         try:
-            seen.add(experiment, experiment.states())
+            seen.add(experiment, experiment.states(), onsets)
         except EquilibriumError as error:
             mistakes.append(file.complaint(_key(file, wanted), f"{_said(wanted)}: {error}"))
         except InputError as error:
@@ -99,8 +101,8 @@ class _Seen:
         self._points = rest
         self.residual = 0.0
 
-    def add(self, experiment: Experiment, states: list[State]) -> None:
-        """Look at the states of one push."""
+    def add(self, experiment: Experiment, states: list[State], onsets: Collection[float]) -> None:
+        """Look at the states of one push, which meets its object at some motor angles [rad]."""
         wanted = experiment.push
         for goal, state in zip(wanted.goals, states, strict=True):
             self.residual = max(self.residual, state.residual)
@@ -108,11 +110,14 @@ class _Seen:
             if stress > self._stress:
                 self._stress, self._stressed = stress, f"{_where(wanted)}to {goal}"
             self._lowest = min(self._lowest, float(state.centreline[:, 3].min()))
-            points = apply(experiment.camera_frame_from_clamp(state), state.centreline[:, 1:])
-            points = np.vstack([self._points, points + self._rig.base_position])
-            # The outermost along every axis and diagonal stand for all.
-            reach = points @ _DIRECTIONS.T
-            self._points = points[np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))]
+            for onset in onsets:
+                stage = experiment.camera_frame_from_clamp(onset - state.pushing_angle)
+                points = apply(stage, state.centreline[:, 1:]) + self._rig.base_position
+                points = np.vstack([self._points, points])
+                # The outermost along every axis and diagonal stand for all.
+                reach = points @ _DIRECTIONS.T
+                outermost = np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))
+                self._points = points[outermost]
 
     def mistakes(self) -> list[str]:
         """What the beam does not bear, and what the camera does not see."""

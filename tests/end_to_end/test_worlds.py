@@ -113,7 +113,7 @@ def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Pat
     assert antenna.rig.camera_mount == "world"
     for row in truth.frames.iter_rows(named=True):
         x, y = (np.array(row[f"centreline_{axis}_mm"]) / 1e3 for axis in "xy")
-        turn = -np.radians(row["pushing_angle_deg"])
+        turn = np.radians(row["motor_angle_deg"])
         line = np.column_stack(
             [np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, 0 * x]
         )
@@ -131,7 +131,7 @@ def test_a_beam_above_plane_c_is_seen_where_it_is(variant: str, tmp_path: Path) 
         tmp_path,
         variant,
         ("[100, 200]", "[150]"),
-        ("[10, 20]", "[8]\n  normal_deg: [40]\n  motor_angle_at_contact_deg: 70"),
+        ("[10, 20]", "[8]\n  normal_deg: [40]\n  motor_angle_at_contact_deg: [70, 70]"),
         (
             "seed: 11",
             "seed: 11\nobject: {kind: knife_edge}\nmoment_sensor: {}\ngravity_m_s2: [0, 0, -9.81]\n"

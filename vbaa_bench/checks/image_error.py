@@ -51,7 +51,7 @@ class Line:
 def beam_line(rig: TrueRig, pose: Pose) -> Line:
     """Where the beam of a pose truly runs in the image; from left to right, as methods take it."""
     state, camera = pose.state, rig.camera
-    stage = pose.experiment.camera_frame_from_clamp(state)
+    stage = pose.camera_frame_from_clamp
     places = apply(stage, state.centreline[:, 1:]) + rig.base_position
     u, v = camera.project(places).T
     rows = np.interp(np.arange(camera.width), u, v, left=np.nan, right=np.nan)
