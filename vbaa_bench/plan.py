@@ -9,11 +9,15 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
-from solver.instrument.transforms import apply
+from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.experiment import Experiment
+from vbaa_bench.geometry.ground import MOST_SQUARES, RESOLVED_PX, finest_square
+from vbaa_bench.geometry.lamps import between
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.render.environment import read_environment
+from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.lights import Lamp
 from vbaa_bench.spec.load import Key, SceneFile
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.spec.trials import Push, Trial, trials
@@ -59,7 +63,7 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
     _environment_is_readable(file)
     made = trials(scene)
     seen = _Seen(file, rig)
-    mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig)
+    mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig) + _too_fine(file, rig)
     pushes: dict[Push, set[float]] = {}
     for trial in made:
         pushes.setdefault(trial.push, set()).add(trial.onset)
@@ -121,7 +125,9 @@ class _Seen:
 
     def mistakes(self) -> list[str]:
         """What the beam does not bear, and what the camera does not see."""
-        return self._overstressed() + self._below_ground() + self._out_of_view()
+        return (
+            self._overstressed() + self._below_ground() + self._out_of_view() + self._behind_lamps()
+        )
 
     def _below_ground(self) -> list[str]:
         ground = self._file.scene.background.distance_mm
@@ -163,6 +169,27 @@ class _Seen:
                 f"v {v.min():.0f}..{v.max():.0f} px, "
                 f"the image is {camera.width} x {camera.height} px",
             )
+        ]
+
+    def _behind_lamps(self) -> list[str]:
+        """Name the lamps that hide the beam, or the board in view 0, from the camera."""
+        file, rig, pose = self._file, self._rig, self._rig.camera.camera_from_antenna
+        board = apply(rig.antenna_from_board, nominal_rig(file.scene).board.corners())
+        share = np.linspace(0, 1, 65)[:, None]
+        at_rest = rig.base_position + share * [rig.beam.length, 0.0, 0.0]
+        ends = np.vstack([self._points, at_rest, board])
+        starts = np.broadcast_to(invert(pose)[:3, 3], ends.shape)
+        if rig.camera.telecentric:
+            depth = apply(pose, ends)[:, 2:]
+            starts = ends - depth * pose[2, :3]
+        shining = lights(file.scene, file.path.parent) if file.scene.lights else []
+        return [
+            file.complaint(
+                ("lights", number),
+                "stands between the camera and the beam or the board, allowed is out of its sight",
+            )
+            for number, light in enumerate(shining)
+            if isinstance(light, Lamp) and between(light.mesh, starts, ends).any()
         ]
 
 
@@ -216,6 +243,19 @@ def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
         place = ("second_peg", "distance_mm")
         mistakes.append(file.complaint(place, f"{said} and the tip at {length:g} mm"))
     return mistakes
+
+
+def _too_fine(file: SceneFile, rig: TrueRig) -> list[str]:
+    ground = file.scene.background
+    finest = finest_square(file.scene, rig.camera) / MILLIMETRE
+    if ground.pattern != "squares" or ground.square_mm >= finest:
+        return []
+    said = (
+        f"is {ground.square_mm:g}, allowed is >= {finest:.3g}: smaller squares are below "
+        f"{RESOLVED_PX:g} px, or more than {MOST_SQUARES} along a side of the ground in view; "
+        "pattern plain looks the same"
+    )
+    return [file.complaint(("background", "square_mm"), said)]
 
 
 def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:

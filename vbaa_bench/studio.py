@@ -16,6 +16,7 @@ from vbaa_bench.bodies import Body
 from vbaa_bench.cover import hidden_stretch, occluder
 from vbaa_bench.experiment import Experiment
 from vbaa_bench.geometry.board import board, squares
+from vbaa_bench.geometry.ground import chequered_side
 from vbaa_bench.geometry.objects import adaptor, hub, sheet
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
@@ -209,7 +210,8 @@ class Studio:
             whole = _set(sheet(middle, 20 * length, 1), stage)
             yield "background", Surface(whole, spec.reflectance, texture=self._texture)
             return
-        light, dark = squares(6 * length, spec.square_mm * MILLIMETRE)
+        side = chequered_side(self.scene, self.rig.camera)
+        light, dark = squares(side, spec.square_mm * MILLIMETRE)
         for name, cells, reflectance in (
             ("background", light, spec.reflectance),
             ("background_squares", dark, spec.square_reflectance),
