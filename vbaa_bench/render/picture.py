@@ -113,18 +113,19 @@ def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Pic
     shape = (world.camera.height, world.camera.width)
     nothing, blur = np.zeros(shape), world.blur_px
     made = _Canvas(*shape)
+    beam = world.view.hulls(world.bodies({"beam"} & world.moving), blur)
     if plate is None:
         found, whole, change = every_pixel(world), nothing == 0, nothing > 0
     else:
         # All that is touched, not what is met at its centre: a thin beam passes between centres.
-        whole = world.view.hulls(world.bodies(world.moving - world.sliding), blur)
+        others = world.moving - world.sliding - {"beam"}
+        whole = beam | world.view.hulls(world.bodies(others), blur)
         found = every_pixel(world) if world.sliding else layers(world, whole, plate.layers)
         if world.sliding:
             whole |= _grown(_slid(found, plate.layers), 1 + blur)
         change = _shaded(world, plate) & ~whole
-    beam = world.bodies({"beam"} & world.moving)
     # A touched pixel is up to one beyond those whose centres the beam meets.
-    near = world.view.hulls(beam, wanted.near_px - 1 + blur)
+    near = _grown(beam, wanted.near_px - 1)
     share = np.where(near, wanted.near, wanted.elsewhere)
     rims = near | _grown(_seams(found.object_index), 1 + blur)
     made.add(world, "whole", whole, Goal(wanted.noise, share, nothing, rims), seed)
