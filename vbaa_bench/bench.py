@@ -17,9 +17,9 @@ from vbaa_bench.experiment import Experiment
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.motion import exposed
 from vbaa_bench.readings import readings
-from vbaa_bench.render.layers import visibility
 from vbaa_bench.render.picture import Noise, Picture, Plate, Wanted, picture, plate, together
 from vbaa_bench.render.variant import activate, is_scalar
+from vbaa_bench.render.visibility import visibility
 from vbaa_bench.render.world import World
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
@@ -62,8 +62,9 @@ class Bench:
 
     @cached_property
     def rest_world(self) -> World:
-        """The beam before contact."""
-        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, ())
+        """The beam before contact, the motor at angle zero."""
+        gravity = self.scene.gravity_m_s2
+        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
         return self.studio.rest(Experiment(self.scene, self.rig, nothing, self.folder))
 
     def pose(self, trial: Trial) -> Pose:
@@ -85,7 +86,7 @@ class Bench:
         wanted = self._wanted(lambda radiance: METERING * radiance)
         seen = picture(self.rest_world, None, wanted, seed)
         light = self._vignetting * seen.radiance
-        beam = float(np.quantile(light[seen.layers.beam_mask], 0.99))
+        beam = float(np.quantile(light[seen.core], 0.99))
         peak = max(beam, float(np.quantile(light, 0.9)))
         tick()
         return metered_exposure(self.scene.sensor, peak)
@@ -130,7 +131,8 @@ class Bench:
         image, seen = self.photograph(trial, exposure)
         length_mm = self.scene.beam.length_mm
         truth = truth_row(pose.experiment, trial, pose.state, pose.hidden)
-        visible = visibility(seen.layers, length_mm)
+        line = self.studio.centreline(pose)
+        visible = visibility(seen.coverage, self.rig.camera, line, self.rig.beam.radius)
         truth["visible_share"] = visible.visible_share
         truth["availability_seen"] = visible.availability
         truth["hidden_stretches_mm"] = (length_mm * visible.hidden_stretches).ravel().tolist()

@@ -13,13 +13,6 @@ from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Trial
 
 
-def motor_angle(scene: Scene, state: State) -> float:
-    """True motor angle [rad]: seen from the camera it turns clockwise, bending the beam to +y."""
-    pushes = scene.pushes or scene.sampling
-    assert pushes is not None
-    return pushes.motor_angle_at_contact_deg * DEGREE - state.pushing_angle
-
-
 def truth_row(
     experiment: Experiment, trial: Trial, state: State, hidden: tuple[float, float] | None
 ) -> dict[str, Any]:
@@ -31,7 +24,7 @@ def truth_row(
     stand, and `contact_world_mm` is in Sigma_o, which is Sigma_a where the motor's angle is zero.
     """
     scene, mm = experiment.scene, MILLIMETRE
-    phi = motor_angle(scene, state)
+    phi = trial.motor_angle(state.pushing_angle)
     stress = state.largest_strain * experiment.youngs_modulus / 1e6
     sag = np.linalg.norm((state.tip - experiment.rest.tip)[1:])
     cover, wanted = trial.cover, trial.push

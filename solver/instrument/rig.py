@@ -56,7 +56,7 @@ class Rig:
     `deflects_towards` is +1 or -1: the side of Sigma_a's y axis to which contact bends the beam.
     `telecentric` says which kind of camera looks on, `distortion_coefficients` how many numbers
     describe its lens (0, 5 or 8), `camera_mount` whether it rides on the "antenna" or stands in
-    the "world", where Sigma_a is that at first contact. `known_psi` [rad] is
+    the "world", where Sigma_a is that of the rest images. `known_psi` [rad] is
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
     is how far the tip at rest hangs below plane C by the beam's weight.
     """

@@ -54,7 +54,7 @@ def overlay(
     image = read_grey(paths[0])
     row = truth.frames.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
     x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
-    stage = camera_frame_from_clamp(truth, row["pushing_angle_deg"] * DEGREE)
+    stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
 
     def pixels(at: Floats) -> Floats:
         points = np.column_stack([at, np.interp(at, x, y), np.interp(at, x, z)])

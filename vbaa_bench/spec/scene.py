@@ -15,6 +15,8 @@ from vbaa_bench.spec.objects import BlockSpec, ObjectSpec, OcclusionSpec, Second
 from vbaa_bench.spec.optics import OpticsSpec
 from vbaa_bench.spec.paint import Paint, PaintedPart
 from vbaa_bench.spec.part import (
+    ONSET,
+    Onset,
     Part,
     Positive,
     Share,
@@ -102,7 +104,17 @@ class PushSpec(Part):
         "rigid",
     )
     repeats: Annotated[int, Field(ge=1)] = 1
-    motor_angle_at_contact_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    # Drawn uniformly for every push, from low to high; equal ends fix it.
+    motor_angle_at_contact_deg: Onset = ONSET
+
+    @model_validator(mode="after")
+    def _onset_from_low_to_high(self) -> "PushSpec":
+        ends = self.motor_angle_at_contact_deg
+        if ends[0] > ends[1]:
+            raise ValueError(
+                f"motor_angle_at_contact_deg is {list(ends)}, allowed is a range from low to high"
+            )
+        return self
 
     @model_validator(mode="after")
     def _one_push_axis(self) -> "PushSpec":
@@ -124,7 +136,7 @@ class Scene(Part):
     # The exact beam, or the paper's own, (9) and (10), whose methods are unbiased on it.
     mechanics: Literal["exact", "linear"] = "exact"
     beam: BeamSpec = BeamSpec()
-    # In the world as it lies about the antenna at first contact; the motor's axis is along z.
+    # In the world, which is Sigma_a at motor angle zero; the motor's axis is along z.
     gravity_m_s2: Triple = (0.0, 0.0, 0.0)
     # Where the beam's clamp stands, counted from the motor's axis.
     adaptor_mm: Triple = (0.0, 0.0, 0.0)

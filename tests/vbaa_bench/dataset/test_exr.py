@@ -28,9 +28,18 @@ def test_layers_come_back_also_from_strided_arrays(tmp_path: Path) -> None:
     assert set(found) == set(CHANNELS)
     for name, values in layers.items():
         assert found[name].dtype == CHANNELS[name][1]
-        # Depth keeps sixteen significant bits, the others all that their type has.
-        exactly = 2.0**-16 if name == "depth" else 0.0
+        # Depth keeps sixteen significant bits, radiance eleven, the others all of their type.
+        exactly = {"depth": 2.0**-16, "radiance": 2.0**-11, "variance": 2.0**-11}.get(name, 0.0)
         assert found[name] == pytest.approx(values, rel=exactly, abs=0), name
+
+
+@pytest.mark.parametrize("irradiance", [1e-8, 1e-6, 1.0, 1e5, 1e6])
+def test_radiance_survives_under_any_light(tmp_path: Path, irradiance: float) -> None:
+    radiance = irradiance * np.linspace(0, 1, 101).reshape(1, -1)
+    write_exr(tmp_path / "r.exr", {"radiance": radiance, "variance": 1e-6 * radiance**2})
+    found = read_exr(tmp_path / "r.exr")
+    assert found["radiance"] == pytest.approx(radiance[0], rel=2.0**-11, abs=0)
+    assert found["variance"] == pytest.approx(1e-6 * radiance[0] ** 2, rel=2.0**-11, abs=0)
 
 
 def test_the_same_layers_give_the_same_bytes(tmp_path: Path) -> None:
