@@ -32,6 +32,11 @@ def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
         Console(soft_wrap=True).print(sentence, highlight=False, markup=False)
 
 
+def hear(line: str) -> None:
+    """Show what a method prints: as it is, beside a spinner."""
+    console.print(line, markup=False, soft_wrap=True)
+
+
 def progress_bars() -> Progress:
     """Bars with the time that has passed and that is left."""
     return Progress(

@@ -135,24 +135,19 @@ from solver.methods import METHODS
 
 good = METHODS["exact_fit"]
 
-def raises(measurement):
-    raise RuntimeError("no idea")
-
-def returns_nothing(measurement):
-    return None
+def fails_in_turn(measurement, count=[0]):
+    count[0] += 1
+    if count[0] % 4 == 1:
+        raise RuntimeError("no idea")
+    if count[0] % 4 == 2:
+        return None
+    if count[0] % 4 == 3:
+        raise SystemExit(2)
+    return METHODS["exact_fit"](measurement)
 
 def dies(measurement):
     os.write(2, b"\\xff\\xfe")
     os._exit(9)
-
-def sometimes(measurement, count=[0]):
-    count[0] += 1
-    if count[0] % 2:
-        raise ZeroDivisionError("every second time")
-    return METHODS["exact_fit"](measurement)
-
-def leaves(measurement):
-    raise SystemExit(2)
 
 def looks_for_truth(measurement):
     import pathlib, sys
@@ -170,12 +165,9 @@ def looks_for_truth(measurement):
 @pytest.mark.parametrize(
     ("method", "failed", "said"),
     [
-        ("raises", 4, "RuntimeError: no idea"),
-        ("returns_nothing", 4, "returned NoneType"),
-        ("dies", 4, "process died"),
-        ("leaves", 4, "SystemExit: 2"),
-        ("sometimes", 2, "ZeroDivisionError"),
-        ("looks_for_truth", 4, "found []"),
+        ("fails_in_turn", 3, "RuntimeError: no idea|returned NoneType|SystemExit: 2"),
+        ("dies", 4, "process died: exit status 9"),
+        ("looks_for_truth", 4, r"found \[\]"),
     ],
 )
 def test_a_method_that_fails_is_rows_with_an_outcome(
@@ -190,7 +182,7 @@ def test_a_method_that_fails_is_rows_with_an_outcome(
     assert found["failure_rate"] == failed / 4
     scores = pl.read_csv(results.scores / "scores.csv")
     assert scores.filter("failed")["outcome"].unique().to_list() == ["crashed"]
-    assert all(said in message for message in scores.filter("failed")["message"])
+    assert all(re.search(said, message) for message in scores.filter("failed")["message"])
 
 
 @pytest.mark.parametrize("method", ["exact_fit", "two_point", "bad_methods:good"])
