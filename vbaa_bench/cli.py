@@ -4,7 +4,7 @@ import os
 import sys
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -45,8 +45,8 @@ from vbaa_bench.score.child import MEMORY_GB, Solved
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import USUAL_CENTRELINE, Results, kept_as
 from vbaa_bench.score.metrics import CONDITIONS
-from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
+from vbaa_bench.score.score import with_own
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.speed import speed_app
 from vbaa_bench.workers import WorkerDiedError
@@ -81,6 +81,7 @@ def run(
     solved = _solve(results, method, centreline, repeats, memory)
     written = {name: one.table for name, one in solved.items()}
     summary = score_predictions(results, written)
+    _warn(summary)
     page = _report(results)
     show_scores(summary, {"report": str(page), **summary}, as_json)
     if not as_json:
@@ -126,14 +127,10 @@ def solve(
 
 @app.command()
 def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson = False) -> None:
-    """Score all solved methods, and predictions files of one's own beside them."""
+    """Score all solved methods, and predictions files of one's own beside them, which are kept."""
     results = Results(dataset)
-    files = found_predictions(results)
-    for path in predictions or []:
-        if path.stem in files:
-            raise InputError(f"{path}: a method {path.stem} is scored already; rename the file")
-        files[path.stem] = path
-    summary = score_predictions(results, files)
+    summary = score_predictions(results, with_own(results, predictions or []))
+    _warn(summary)
     show_scores(summary, summary, as_json)
 
 
@@ -321,6 +318,11 @@ def _solve(
         if solved[name].traceback:
             hear(f"{name}, the first of {solved[name].crashed} crashes:\n{solved[name].traceback}")
     return solved
+
+
+def _warn(summary: dict[str, Any]) -> None:
+    for warning in summary["warnings"]:
+        hear(f"warning: {warning}")
 
 
 def _fail_where_all_crashed(solved: dict[str, Solved]) -> None:

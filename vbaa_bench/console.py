@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 from rich import box
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -17,6 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 from solver.instrument.estimate import Outcome
 from vbaa_bench.score.metrics import read_predictions
@@ -50,7 +52,7 @@ def progress_bars() -> Progress:
 
 
 def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table whose first column names what the others measure; where it is narrow, names fold."""
+    """Print a table whose first column names what the others measure, whole at any width."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     lines = list(rows)
     for index, head in enumerate(heads):
@@ -64,8 +66,11 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
             width=None if index else max(min(widest, 26), len(head)),
         )
     for line in lines:
-        table.add_row(*line)
-    Console().print(table)
+        table.add_row(*map(Text, line))
+    shown = Console()
+    # Rich would cut what a narrow terminal, or a pipe of 80 columns, has no room for.
+    needed = Measurement.get(shown, shown.options.update(width=10_000), table).minimum
+    Console(width=max(shown.width, needed)).print(table)
 
 
 def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
@@ -73,19 +78,20 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
     if as_json:
         say(record, "", True)
         return
-    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
+    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "unanswered as L/2")
     rows = []
     for name, found in summary["methods"].items():
         numbers = (
             found["x_c_median_abs_pct_L"],
             found["x_c_rmse_pct_L"],
+            found["x_c_rmse_all_pct_L"],
             found["force_rmse_pct"],
             100 * found["failure_rate"],
             found["ms_per_frame_median"],
         )
         shown = ("–" if value is None else f"{value:.3g}" for value in numbers)
         rows.append((name, *shown, str(found["n"])))
-    show_table("scores", (*heads, "failed, %", "ms / frame", "n"), rows)
+    show_table("scores", (*heads, "force RMSE, %", "failed, %", "ms / frame", "n"), rows)
 
 
 def outcomes(table: Path) -> str:

@@ -1,5 +1,7 @@
 """Predictions against truth: errors per frame."""
 
+import codecs
+import io
 from pathlib import Path
 
 import polars as pl
@@ -21,15 +23,34 @@ def read_predictions(path: Path) -> pl.DataFrame:
 
     An `outcome` that is not stated is "contact" where x_c_mm is given. Raises InputError.
     """
+    return checked_predictions(parsed(read_file(path), path), str(path))
+
+
+def read_file(path: Path) -> bytes:
+    """Read a predictions file. Raises InputError."""
     try:
-        if path.suffix == ".parquet":
-            table = pl.read_parquet(path, glob=False)
-        else:
-            table = pl.read_csv(path, infer_schema=False, glob=False)
+        if not path.is_file():  # a pipe or a device may never end
+            raise InputError(f"{path}: is not a CSV or Parquet table (there is no such file)")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: is not a CSV or Parquet table ({error.strerror})") from error
+
+
+def parsed(data: bytes, path: Path) -> pl.DataFrame:
+    """The table in the bytes of a file: Parquet, or CSV with commas or semicolons, as Excel writes.
+
+    All columns of a CSV are texts. Raises InputError.
+    """
+    try:
+        if path.suffix.lower() == ".parquet":
+            return pl.read_parquet(io.BytesIO(data))
+        text = data.removeprefix(codecs.BOM_UTF8)
+        head = text.partition(b"\n")[0]
+        separator = ";" if b";" in head and b"," not in head else ","
+        return pl.read_csv(io.BytesIO(text), infer_schema=False, separator=separator)
     except (OSError, pl.exceptions.PolarsError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: is not a CSV or Parquet table ({reason})") from error
-    return checked_predictions(table, str(path))
+        raise InputError(f"{path}: is not a CSV or Parquet table ({reason[:200]})") from error
 
 
 def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:

@@ -130,6 +130,28 @@ def test_stated_sigmas_are_held_against_errors() -> None:
     assert bold["sigma_over_rmse"] == pytest.approx(honest["sigma_over_rmse"] / 2)
 
 
+def test_leaving_a_frame_out_counts_as_half_the_beam_unless_a_refusal_is_right() -> None:
+    hidden = {"visible_share": 0.1}  # "not identifiable" is right here
+    true = [{}, {}, hidden, FREE]
+    off = {"x_c_mm": 120.0 + 24.0}  # by a tenth of L
+    refused = {"outcome": "not identifiable"}
+
+    def both(answers: list[dict[str, Any] | None]) -> tuple[float, float]:
+        found = facts(scored(true, answers))
+        return found["x_c_rmse_pct_L"], found["x_c_rmse_all_pct_L"]
+
+    free = {"outcome": "no contact"}
+    assert both([off, off, off, free]) == pytest.approx((10, 10))
+    assert both([off, off, refused, free]) == pytest.approx((10, 10))
+    assert both([off, off, refused, None]) == pytest.approx((10, 10))
+    lacking = np.sqrt((10**2 + 50**2) / 2)
+    assert both([off, None, refused, off]) == pytest.approx((10, lacking))
+    assert both([off, refused, refused, free]) == pytest.approx((10, lacking))
+    # A method of forces alone owes no distance; one that answers nothing owes everything.
+    assert facts(scored([{}], [{"force_n": 0.1}]))["x_c_rmse_all_pct_L"] is None
+    assert facts(scored([{}], [{"outcome": "crashed"}]))["x_c_rmse_all_pct_L"] == 50
+
+
 def test_what_crashed_what_was_refused_and_what_was_missed_are_told_apart() -> None:
     contact = {"x_c_mm": 120.1, "x_c_sigma_mm": 0.1}
     rows = scored(
