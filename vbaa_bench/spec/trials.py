@@ -72,7 +72,11 @@ class Trial:
 
 def trials(scene: Scene) -> list[Trial]:
     """All trials of a scene, in the order of their opaque names, which is that of the files."""
+    # The scene is long and the frames are many: it is hashed once.
     identity = scene.model_dump_json()
+    push_names, frame_names = (
+        hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
+    )
     pushes = list(_grid(scene.pushes) if scene.pushes else _samples(scene, scene.sampling))
     repeats = range(scene.pushes.repeats if scene.pushes else 1)
     hidden = list(_covers(scene))
@@ -80,10 +84,10 @@ def trials(scene: Scene) -> list[Trial]:
     # A push behind another cover is another push: its frames are no twins for a method to pair.
     seen = itertools.product(pushes, repeats, hidden)
     for number, (push, repeat, cover) in enumerate(seen):
-        push_id = _digest(f"push {identity} {number}")[:8].hex()
+        push_id = _name(push_names, number)
         for step in range(len(push.goals)):
             index = len(made)
-            frame_id = _digest(f"frame {identity} {index}")[:8].hex()
+            frame_id = _name(frame_names, index)
             made.append(Trial(index, frame_id, push_id, repeat, push, step, cover))
     return sorted(made, key=lambda trial: trial.frame_id)
 
@@ -133,6 +137,13 @@ def random_generator(scene: Scene, stage: str, trial: int = 0) -> np.random.Gene
 def render_seed(scene: Scene, stage: str, trial: int = 0) -> int:
     """A 32-bit seed for the renderer, from the same derivation."""
     return int(random_generator(scene, stage, trial).integers(2**32))
+
+
+def _name(begun: "hashlib.blake2b", number: int) -> str:
+    """An opaque name: the digest of what was begun, with a number at its end."""
+    digest = begun.copy()
+    digest.update(str(number).encode())
+    return digest.digest()[:8].hex()
 
 
 def _digest(text: str) -> bytes:
