@@ -41,7 +41,7 @@ from vbaa_bench.options import (
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.accuracy import accuracy, markdown
 from vbaa_bench.score.applicable import applicable
-from vbaa_bench.score.child import MEMORY_GB, Solved
+from vbaa_bench.score.child import MEMORY_GB, MethodRun
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import USUAL_CENTRELINE, Results, kept_as
 from vbaa_bench.score.metrics import CONDITIONS
@@ -304,7 +304,7 @@ def _solve(
     centrelines: list[str] | None,
     repeats: int,
     memory: float,
-) -> dict[str, Solved]:
+) -> dict[str, MethodRun]:
     solved = {}
     asked = methods or applicable(open_observations(results.dataset.observations))
     chosen = dict.fromkeys(one for name in asked for one in (METHODS if name == ALL else [name]))
@@ -325,7 +325,7 @@ def _warn(summary: dict[str, Any]) -> None:
         hear(f"warning: {warning}")
 
 
-def _fail_where_all_crashed(solved: dict[str, Solved]) -> None:
+def _fail_where_all_crashed(solved: dict[str, MethodRun]) -> None:
     """Exit with status 1 if a method crashed on every frame."""
     if any(one.crashed == one.frames for one in solved.values()):
         raise typer.Exit(1)

@@ -35,10 +35,12 @@ MOST_OUTPUT: Final = 20_000
 _METHOD: Final = "method"
 # How long the supervisor may take to end once it is told to [s].
 _LONGEST_END_S: Final = 10.0
+# And how long the last of what was printed may take to be read [s].
+_LONGEST_REST_S: Final = 2.0
 
 
 @dataclass(frozen=True)
-class Solved:
+class MethodRun:
     """How a method did: its table, frames in all, how many of them crashed, the first traceback."""
 
     table: Path
@@ -57,7 +59,7 @@ def solve(
     memory_gb: float = MEMORY_GB,
     frame_s: float = LONGEST_FRAME_S,
     hear: Callable[[str], None] = lambda _line: None,
-) -> Solved:
+) -> MethodRun:
     """Write `out`, the CSV of a method's estimates for every frame of a dataset's observations.
 
     A frame on which the method raises an error, brings its process down or takes longer than
@@ -101,7 +103,7 @@ def solve(
     ]
     write(out, csv_text(rows).encode())
     crashed = sum(one["outcome"] == str(Outcome.CRASHED) for one in rows)
-    return Solved(out, len(rows), crashed, traceback)
+    return MethodRun(out, len(rows), crashed, traceback)
 
 
 @contextmanager
@@ -146,20 +148,21 @@ def _supervisor(
     environment = _environment(task[1], folder)
     # -P: nothing is imported from the folder where it starts.
     command = [sys.executable, "-P", "-m", "vbaa_bench.score.supervisor", *task]
+    readable, writable = os.pipe()
+    listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
+    listener.start()
     with subprocess.Popen(
         command,
         cwd=folder,
         env=environment,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stderr=writable,
         start_new_session=True,  # Ctrl-C is for the judge, who then ends the method
     ) as process:
+        os.close(writable)
         assert process.stdin is not None
         assert process.stdout is not None
-        assert process.stderr is not None
-        listener = threading.Thread(target=_listen, args=(process.stderr, hear), daemon=True)
-        listener.start()
         try:
             yield process.stdin, process.stdout
         finally:
@@ -169,14 +172,14 @@ def _supervisor(
                 process.wait(_LONGEST_END_S)
             except subprocess.TimeoutExpired:
                 process.kill()
-            # Who left the method's group may hold its standard error open for ever.
-            listener.join(_LONGEST_END_S)
+            # What has left the method's group may hold its standard error open for ever.
+            listener.join(_LONGEST_REST_S)
 
 
-def _listen(stream: IO[bytes], hear: Callable[[str], None]) -> None:
+def _listen(readable: int, hear: Callable[[str], None]) -> None:
     """Pass on what a method prints, line by line, to a limit; the rest is read and dropped."""
     left, dropped = MOST_OUTPUT, 0
-    with suppress(ValueError, OSError):  # the pipe was closed
+    with open(readable, "rb") as stream:
         while line := stream.readline(MOST_OUTPUT):
             text = line.decode("utf-8", "replace")
             if text := text[:left]:

@@ -14,7 +14,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, cut, shown
 from vbaa_bench.spec.scene import Scene
 
 Key = str | int
@@ -24,8 +24,7 @@ Key = str | int
 LARGEST_FILE: Final = 100_000
 DEEPEST: Final = 20
 MOST_VALUES: Final = 10_000
-# Chosen: of a wrong value and of a list of mistakes, what a terminal shows.
-LONGEST_SHOWN: Final = 200
+# Chosen: of a list of mistakes, what a terminal shows.
 MOST_MISTAKES: Final = 20
 
 
@@ -46,8 +45,9 @@ def load_scene(path: Path, seed: int | None = None) -> SceneFile:
     """Read and check a scene; `seed` replaces the file's. Raises InputError with all mistakes."""
     document = _document(path, _text(path))
     if not isinstance(document, CommentedMap):
-        said = _shown(document)
-        raise InputError(f"{path}:1:1: is {said}, allowed is a mapping of keys to values")
+        raise InputError(
+            f"{path}:1:1: is {shown(document)}, allowed is a mapping of keys to values"
+        )
     plain = _Plain(path).of(document)
     if seed is not None:
         plain["seed"] = seed
@@ -88,29 +88,19 @@ def _document(path: Path, text: str) -> Any:
     except MarkedYAMLError as error:
         mark = error.problem_mark
         where = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise InputError(f"{path}{where}: is not YAML ({_cut(str(error.problem))})") from error
+        raise InputError(f"{path}{where}: is not YAML ({cut(str(error.problem))})") from error
     except YAMLError as error:
-        raise InputError(f"{path}: is not YAML ({_cut(str(error))})") from error
+        raise InputError(f"{path}: is not YAML ({cut(str(error))})") from error
     except InputError:
         raise
     except Exception as error:  # odd tags, keys and numbers end in errors of any type
         raise InputError(
-            f"{path}: is not YAML that a scene can hold ({_cut(str(error))})"
+            f"{path}: is not YAML that a scene can hold ({cut(str(error))})"
         ) from error
 
 
 def _too_deep(path: Path, line: int = 0) -> InputError:
     return InputError(f"{path}:{line + 1}:1: is nested too deeply, allowed are {DEEPEST} levels")
-
-
-def _shown(value: Any) -> str:
-    return _cut(repr(value))
-
-
-def _cut(text: str) -> str:
-    """A text on one line, its end left out where it is long."""
-    text = " ".join(text.split())
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
 
 def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
@@ -122,7 +112,7 @@ def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
         key = _written(document, mistake["loc"], missing=kind == "missing")
         if kind == "extra_forbidden":
             known = _known_keys(document, key[:-1])
-            near = difflib.get_close_matches(_cut(str(key[-1])), known, n=1, cutoff=0.7)
+            near = difflib.get_close_matches(cut(str(key[-1])), known, n=1, cutoff=0.7)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
             sentence = f"is an unknown key; {hint}"
         elif kind == "missing":
@@ -130,13 +120,13 @@ def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
         elif kind in ("union_tag_invalid", "union_tag_not_found"):
             key = (*key, "kind")
             tags = ", ".join(_kind(model) for model in _options(document, key[:-1])[0])
-            said = "is missing" if kind == "union_tag_not_found" else f"is {_shown(value['kind'])}"
+            said = "is missing" if kind == "union_tag_not_found" else f"is {shown(value['kind'])}"
             sentence = f"{said}, allowed is one of {tags}"
         elif kind == "value_error":
             sentence = str(mistake["ctx"]["error"])
         else:
-            shown = list(value) if isinstance(value, tuple) else value
-            sentence = f"is {_shown(shown)}, {_allowed(document, key) or mistake['msg']}"
+            written = list(value) if isinstance(value, tuple) else value
+            sentence = f"is {shown(written)}, {_allowed(document, key) or mistake['msg']}"
         # A value that may be of two kinds is wrong as either, and is said once.
         lines.setdefault(key, _complaint(path, document, key, sentence))
     return list(lines.values())
@@ -267,7 +257,7 @@ def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> 
         except (KeyError, TypeError):  # a place the parser did not note
             break
     name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
-    label = f"{_cut(name.lstrip('.'))} " if name else ""
+    label = f"{cut(name.lstrip('.'))} " if name else ""
     return f"{path}:{line + 1}:{column + 1}: {label}{sentence}"
 
 

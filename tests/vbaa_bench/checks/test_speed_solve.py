@@ -21,7 +21,7 @@ from vbaa_bench.checks.method_runs import BATCHES
 from vbaa_bench.checks.speed_solve import chosen, measure, measure_apart
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.score.child import Solved
+from vbaa_bench.score.child import MethodRun
 from vbaa_bench.score.speed import judged
 
 
@@ -152,9 +152,9 @@ def test_a_mistake_is_one_sentence(dataset: Path, tmp_path: Path) -> None:
 def test_all_is_every_method_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     solved: list[str] = []
 
-    def solve(_data: Layout, method: str, out: Path, *_: Any, **_options: Any) -> Solved:
+    def solve(_data: Layout, method: str, out: Path, *_: Any, **_options: Any) -> MethodRun:
         solved.append(method)
-        return Solved(out, 1, 0, "")
+        return MethodRun(out, 1, 0, "")
 
     monkeypatch.setattr(cli, "solve_apart", solve)
     monkeypatch.setattr(cli, "outcomes", lambda _path: "")

@@ -25,7 +25,7 @@ from solver.table import csv_text, row
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.score import child
-from vbaa_bench.score.child import Solved, solve
+from vbaa_bench.score.child import MethodRun, solve
 from vbaa_bench.score.user_modules import copy_sources
 
 FAILING = """
@@ -220,8 +220,8 @@ def test_the_status_is_one_where_every_frame_crashed_and_the_traceback_is_shown(
 ) -> None:
     trace = 'Traceback (most recent call last):\n  File "[/x].py", line 3\nRuntimeError: no idea'
 
-    def pretended(_layout: Layout, _method: str, out: Path, *_: Any, **_more: Any) -> Solved:
-        return Solved(out, 4, crashed, trace)
+    def pretended(_layout: Layout, _method: str, out: Path, *_: Any, **_more: Any) -> MethodRun:
+        return MethodRun(out, 4, crashed, trace)
 
     monkeypatch.setattr(cli, "solve_apart", pretended)
     monkeypatch.setattr(cli, "outcomes", lambda _table: "")

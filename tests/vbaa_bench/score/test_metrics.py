@@ -1,6 +1,9 @@
 """Errors, refusals and stated errors, of truths written by hand."""
 
+import io
+import random
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.estimate import Outcome
 from tests.vbaa_bench.score.worlds import FREE, truth
-from vbaa_bench.score.metrics import checked_predictions, score_frames
+from vbaa_bench.score.metrics import checked_predictions, read_predictions, score_frames
 from vbaa_bench.score.refusals import right_refusals
 from vbaa_bench.score.summary import facts
 
@@ -128,6 +132,48 @@ def test_stated_sigmas_are_held_against_errors() -> None:
     assert bold["coverage_95"] == pytest.approx(0.673, abs=0.025)
     assert bold["nees"] == pytest.approx(4 * honest["nees"])
     assert bold["sigma_over_rmse"] == pytest.approx(honest["sigma_over_rmse"] / 2)
+
+
+def test_mutated_predictions_are_scored_or_refused(tmp_path: Path) -> None:
+    chance, refusals = random.Random(12), list[str]()
+    odd = (
+        '"',
+        "\0",
+        "\n",
+        "\r",
+        ",",
+        ";",
+        "nan",
+        "inf",
+        "1e400",
+        "1_0",
+        "x" * 9000,
+        "won",
+        "\ufeff",
+    )
+    true = truth({}, {}, FREE)
+    text = "frame_id,x_c_mm,x_c_sigma_mm,outcome\nf0,120,1,contact\nf1,120,1,\nf2,,,no contact\n"
+    whole = io.BytesIO()
+    pl.read_csv(io.StringIO(text)).write_parquet(whole)
+    for number in range(300):
+        path = tmp_path / ("own.csv" if number % 3 else "own.parquet")
+        if path.suffix == ".csv":
+            rows = [line.split(",") for line in text.splitlines()]
+            for _ in range(chance.randint(1, 2)):
+                row = chance.choice(rows)
+                at = chance.randrange(len(row))
+                row[at] = chance.choice(["", row[at]]) + chance.choice(odd)
+            path.write_text("\n".join(map(",".join, rows)), encoding="utf-8")
+        else:
+            data = bytearray(whole.getvalue())
+            data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+            path.write_bytes(data[: chance.choice([len(data), chance.randrange(len(data))])])
+        try:
+            score_frames(true, read_predictions(path), "own", str(path))
+        except InputError as error:
+            refusals.append(str(error))
+    assert 100 < len(refusals) < 300
+    assert max(map(len, refusals)) < 3 * LONGEST_SHOWN
 
 
 def test_leaving_a_frame_out_counts_as_half_the_beam_unless_a_refusal_is_right() -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import LONGEST_SHOWN, InputError
 from tests.conftest import SMALL_SCENE
-from vbaa_bench.spec.load import LARGEST_FILE, LONGEST_SHOWN, MOST_MISTAKES, load_scene
+from vbaa_bench.spec.load import LARGEST_FILE, MOST_MISTAKES, load_scene
 
 ODD = (
     *("!!float b", "!!set x", "? key: [1]", "%FOO x", "!!omap [1]", "!!int x", "!!binary x"),
