@@ -36,7 +36,7 @@ def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
 
 def hear(line: str) -> None:
     """Show what a method prints: as it is, beside a spinner."""
-    console.print(line, markup=False, soft_wrap=True)
+    console.print(line, markup=False, emoji=False, soft_wrap=True)
 
 
 def progress_bars() -> Progress:
@@ -56,8 +56,9 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     lines = list(rows)
     for index, head in enumerate(heads):
-        widest = max((len(line[index]) for line in lines), default=0)
-        # Numbers are shown whole, and of names as much as leaves room for them.
+        # Numbers and words of heads are shown whole, and of names as much as leaves room for them.
+        whole = [*(line[index] for line in lines), *head.split()]
+        widest = max(map(len, whole), default=0)
         table.add_column(
             head,
             justify="right" if index else "left",

@@ -2,7 +2,9 @@
 
 import pytest
 
+from solver.instrument.errors import InputError
 from vbaa_bench.console import hear, show_table
+from vbaa_bench.score.layout import kept_as
 
 
 def test_a_table_is_whole_where_the_terminal_is_narrow(
@@ -16,5 +18,12 @@ def test_a_table_is_whole_where_the_terminal_is_narrow(
 
 
 def test_what_is_heard_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
-    hear("[/x] [bold]as it is[/bold]")
-    assert capsys.readouterr().err == "[/x] [bold]as it is[/bold]\n"
+    hear("[/x] [bold]as it is[/bold] :smile:")
+    assert capsys.readouterr().err == "[/x] [bold]as it is[/bold] :smile:\n"
+
+
+def test_a_method_names_a_file_beside_the_others() -> None:
+    assert kept_as("mine:best", "area_weighted") == "mine.best@area_weighted"
+    for name in ("../../mine:best", "[/x]"):
+        with pytest.raises(InputError, match="no name, nor package"):
+            kept_as(name)

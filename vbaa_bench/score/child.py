@@ -88,8 +88,9 @@ def solve(
 
         with _supervisor(task, folder, lambda line: hear(shown(line))) as (orders, reports):
             _copy(observations, copy)
-            orders.write(b"\n")
-            orders.flush()
+            with suppress(BrokenPipeError):  # its own last words say why it died
+                orders.write(b"\n")
+                orders.flush()
             for line in reports:
                 report: dict[str, Any] = json.loads(line)
                 if "refused" in report:

@@ -48,7 +48,8 @@ def parsed(data: bytes, path: Path) -> pl.DataFrame:
         head = text.partition(b"\n")[0]
         separator = ";" if b";" in head and b"," not in head else ","
         return pl.read_csv(io.BytesIO(text), infer_schema=False, separator=separator)
-    except (OSError, pl.exceptions.PolarsError) as error:
+    # Polars panics on some damaged Parquet files.
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is not a CSV or Parquet table ({cut(reason)})") from error
 

@@ -151,13 +151,13 @@ def supervise(task: Task, observations: Observations, workers: _Workers) -> Iter
             rest.discard(at)
             push = frames[at].push_id
             in_a_row += 1
-        # The warm-up's own bent beam may have been too much; a second failed start is the last.
         if in_a_row == MOST_LOST_IN_A_ROW or not (started or warm):
             why = f"{in_a_row} frames in a row were lost" if started else "it cannot be started"
             for index in sorted(rest):
                 yield _lost(frames[index].frame_id, index, f"not tried, {why}; last {reason}")
             return
-        warm = False
+        # Perhaps the bent beam of the warm-up was too much; a second failed start is the last.
+        warm = warm and started
 
 
 def _lost(frame_id: str, index: int, reason: str) -> Message:

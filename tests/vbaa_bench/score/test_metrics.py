@@ -288,3 +288,15 @@ def test_a_camera_beside_the_beam_looks_along_plane_c() -> None:
     beside = replace(true, manifest={**true.manifest, "true_rig": {**rig, "camera": camera}})
     assert right_refusals(true)["may_say"][0].is_empty()
     assert set(right_refusals(beside)["may_say"][0]) == EDGE_ON
+
+
+def test_a_parquet_file_on_which_its_reader_panics_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def panics(_data: object) -> pl.DataFrame:
+        raise pl.exceptions.PanicException("assertion failed: offset + length <= self.length")
+
+    (tmp_path / "own.parquet").write_bytes(b"damaged")
+    monkeypatch.setattr(pl, "read_parquet", panics)
+    with pytest.raises(InputError, match=r"own\.parquet: is not a CSV or Parquet table \(assert"):
+        read_predictions(tmp_path / "own.parquet")
