@@ -8,7 +8,6 @@ from typing import Any
 import polars as pl
 from rich import box
 from rich.console import Console
-from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -55,22 +54,23 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
     """Print a table whose first column names what the others measure, whole at any width."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     lines = list(rows)
+    widths = []
     for index, head in enumerate(heads):
         # Numbers and words of heads are shown whole, and of names as much as leaves room for them.
-        whole = [*(line[index] for line in lines), *head.split()]
-        widest = max(map(len, whole), default=0)
+        widest = max(map(len, [*(line[index] for line in lines), *head.split()]))
+        widths.append(widest if index else max(min(widest, 26), len(head)))
         table.add_column(
             head,
             justify="right" if index else "left",
             overflow="fold",
-            min_width=widest if index else None,
-            width=None if index else max(min(widest, 26), len(head)),
+            width=widths[index],
         )
     for line in lines:
         table.add_row(*map(Text, line))
+    # Rich would cut what a narrow terminal, or a pipe of 80 columns, has no room for. The box takes
+    # a column on either side, and padding and a divider one each beside every column.
+    needed = sum(widths) + 2 * len(widths) + 2
     shown = Console()
-    # Rich would cut what a narrow terminal, or a pipe of 80 columns, has no room for.
-    needed = Measurement.get(shown, shown.options.update(width=10_000), table).minimum
     Console(width=max(shown.width, needed)).print(table)
 
 

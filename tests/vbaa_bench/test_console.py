@@ -11,10 +11,11 @@ def test_a_table_is_whole_where_the_terminal_is_narrow(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    row = ("[/x]", *(f"{number}" * 30 for number in range(1, 6)))
-    show_table("title", ("method", *"abcde"), [row])
-    shown = capsys.readouterr().out
-    assert all(cell in shown for cell in row)
+    for width in range(1, 20):
+        row = ("[/x]", *(f"{number}" * width for number in range(1, 7)))
+        show_table("title", ("method", "a long head, % of L", *"bcdef"), [row])
+        shown = capsys.readouterr().out
+        assert all(cell in shown for cell in (*row, *"bcdef"))
 
 
 def test_what_is_heard_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
