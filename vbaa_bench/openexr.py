@@ -10,6 +10,8 @@ from solver.instrument.errors import InputError
 
 def channels(path: Path) -> dict[str, np.ndarray]:
     """Every channel (height, width) of a file of one part. Raises InputError if it is none."""
+    if path.exists() and not path.is_file():  # a pipe or a device may never end
+        raise InputError(f"{path}: is not an EXR image that can be read (it is no file)")
     try:
         file = OpenEXR.File(str(path), separate_channels=True)
     except Exception as error:

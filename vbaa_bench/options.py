@@ -47,6 +47,12 @@ Centreline = Annotated[
     ),
 ]
 Repeats = Annotated[int, typer.Option(min=1, help="times each frame is solved; median time counts")]
+Memory = Annotated[
+    float,
+    typer.Option(
+        min=0, help="gigabytes that a method, and each process it starts, may allocate; 0: any"
+    ),
+]
 Predictions = Annotated[
     list[Path] | None,
     typer.Option(help="CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),

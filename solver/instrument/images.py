@@ -2,7 +2,7 @@
 
 import struct
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -20,6 +20,10 @@ _PNG = [
     cv2.IMWRITE_PNG_FILTER,
     cv2.IMWRITE_PNG_FILTER_NONE,
 ]
+_PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+_PNG_HEAD: Final = 25  # bytes up to the bit depth
+# Chosen: the largest cameras have 150 megapixels, the largest scene 67.
+MOST_PIXELS: Final = 200_000_000
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
 
@@ -32,7 +36,16 @@ def read_grey(path: Path) -> Grey:
         data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    if data[:8].tobytes() == _PNG_SIGNATURE:
+        head = _png_head(data[:_PNG_HEAD].tobytes(), path)
+        if head.width * head.height > MOST_PIXELS:  # before memory is taken for them
+            raise InputError(
+                f"{path}: claims {head.width} x {head.height} px, allowed are {MOST_PIXELS:,} px"
+            )
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:  # what is larger than OpenCV allows, of any format
+        image = None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
     return to_grey(image, str(path))
@@ -70,14 +83,25 @@ def png_bytes(image: Grey) -> bytes:
     return bytes(data)
 
 
-def png_size(path: Path) -> tuple[int, int]:
-    """Width and height of a PNG file, from its first bytes alone. Raises InputError."""
+class PngHead(NamedTuple):
+    """What the first bytes of a PNG file say: size in pixels, and 8 or 16 bits a channel."""
+
+    width: int
+    height: int
+    bits: int
+
+
+def png_head(path: Path) -> PngHead:
+    """Read the size and depth of a PNG file from its first bytes alone. Raises InputError."""
     try:
         with path.open("rb") as stream:
-            head = stream.read(24)
+            return _png_head(stream.read(_PNG_HEAD), path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    if len(head) < 24 or not head.startswith(b"\x89PNG\r\n\x1a\n"):
+
+
+def _png_head(head: bytes, path: Path) -> PngHead:
+    if len(head) < _PNG_HEAD or not head.startswith(_PNG_SIGNATURE):
         raise InputError(f"{path}: is not a PNG image")
-    width, height = struct.unpack(">II", head[16:24])
-    return width, height
+    width, height, bits = struct.unpack(">IIB", head[16:])
+    return PngHead(width, height, 16 if bits == 16 else 8)

@@ -8,7 +8,7 @@ import pytest
 
 from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Floats
-from solver.instrument.images import png_size, read_grey
+from solver.instrument.images import png_head, read_grey
 from solver.instrument.observation import Readings, open_observations
 from solver.methods import METHODS
 from tests.conftest import SMALL_SCENE
@@ -175,7 +175,7 @@ def test_the_overlay_knows_where_the_camera_stands(hidden: tuple[Layout, Truth])
 
 def test_a_contact_sheet_shows_every_scene(small_scene: Path, variant: str, tmp_path: Path) -> None:
     contact_sheet([small_scene] * 2, tmp_path / "sheet.png", variant, quiet)
-    width, height = png_size(tmp_path / "sheet.png")
+    width, height, _ = png_head(tmp_path / "sheet.png")
     assert width == 6 * 360
     assert height == 386
     sheet = read_grey(tmp_path / "sheet.png")

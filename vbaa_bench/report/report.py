@@ -125,7 +125,7 @@ def _template() -> jinja2.Template:
     environment.filters["g"] = lambda value: "–" if value is None else f"{value:.3g}"
     environment.filters["percent"] = lambda share: "–" if share is None else f"{100 * share:.3g}"
     environment.filters["has"] = lambda methods, key: any(
-        found[key] is not None for found in methods.values()
+        found.get(key) is not None for found in methods.values()
     )
     environment.filters["span"] = lambda pair: (
         "–" if pair is None else f"{pair[0]:.3g} … {pair[1]:.3g}"

@@ -81,7 +81,11 @@ class Trial:
 
 def trials(scene: Scene) -> list[Trial]:
     """All trials of a scene, in the order of their opaque names, which is that of the files."""
+    # The scene is long and the frames are many: it is hashed once.
     identity = scene.model_dump_json()
+    push_names, frame_names = (
+        hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
+    )
     pushes = list(_grid(scene.pushes) if scene.pushes else _samples(scene, scene.sampling))
     repeats = range(scene.pushes.repeats if scene.pushes else 1)
     hidden = list(_covers(scene))
@@ -91,12 +95,12 @@ def trials(scene: Scene) -> list[Trial]:
     # A stream of its own, so that nothing else that is drawn depends on it.
     onsets, draw = _onsets(scene), random_generator(scene, "onset")
     for number, (push, repeat, cover) in enumerate(combinations):
-        push_id = _digest(f"push {identity} {number}")[:8].hex()
+        push_id = _name(push_names, number)
         onset = float(draw.uniform(*onsets)) * DEGREE
         turned = replace(push, gravity=_seen_at(scene.gravity_m_s2, onset))
         for step in range(len(push.goals)):
             index = len(made)
-            frame_id = _digest(f"frame {identity} {index}")[:8].hex()
+            frame_id = _name(frame_names, index)
             made.append(Trial(index, frame_id, push_id, repeat, turned, step, cover, onset))
     return sorted(made, key=lambda trial: trial.frame_id)
 
@@ -160,6 +164,13 @@ def random_generator(scene: Scene, stage: str, trial: int = 0) -> np.random.Gene
 def render_seed(scene: Scene, stage: str, trial: int = 0) -> int:
     """A 32-bit seed for the renderer, from the same derivation."""
     return int(random_generator(scene, stage, trial).integers(2**32))
+
+
+def _name(begun: "hashlib.blake2b", number: int) -> str:
+    """An opaque name: the digest of what was begun, with a number at its end."""
+    digest = begun.copy()
+    digest.update(str(number).encode())
+    return digest.digest()[:8].hex()
 
 
 def _digest(text: str) -> bytes:

@@ -20,6 +20,7 @@ from solver.methods import METHODS
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import hashes
+from vbaa_bench.score.child import MethodRun
 from vbaa_bench.score.layout import USUAL_CENTRELINE, Results
 from vbaa_bench.score.score import found_predictions
 
@@ -105,8 +106,11 @@ def test_the_profile_fit_is_the_usual_one_and_has_the_plain_name(
 ) -> None:
     asked: dict[str, str] = {}
 
-    def solve(_of: Layout, _method: str, out: Path, _repeats: int, centreline: str) -> None:
+    def solve(
+        _of: Layout, _method: str, out: Path, _repeats: int, centreline: str, **_: Any
+    ) -> MethodRun:
         asked[out.stem] = centreline
+        return MethodRun(out, 1, 0, "")
 
     monkeypatch.setattr(cli, "solve_apart", solve)
     monkeypatch.setattr(cli, "outcomes", lambda _path: "")
