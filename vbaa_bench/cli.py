@@ -1,10 +1,11 @@
 """`vbaa-bench`: run (generate, solve, score, report), table, contact-sheet, speed, doctor."""
 
-import os
 import sys
 from itertools import product
 from pathlib import Path
 from typing import Annotated
+
+from vbaa_bench import interrupt  # isort: skip  # Ctrl-C during the imports below is no traceback
 
 import typer
 from rich.console import Console
@@ -38,7 +39,7 @@ from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.speed import speed_app
-from vbaa_bench.workers import WorkerDiedError
+from vbaa_bench.workers import WorkerDiedError, cores
 
 # What `--method` understands beside names of methods.
 ALL = "all"
@@ -257,7 +258,7 @@ def _generate(
         console.print(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
     root = out or Path("runs") / scene.stem
     # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
-    count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
+    count = workers or (1 if chosen == PLAIN else cores())
     with progress_bars() as progress:
         solved = progress.add_task("mechanics", total=None)
         task = progress.add_task("rendering", total=None, visible=False)
@@ -271,6 +272,7 @@ def _generate(
                     task, completed=done, total=total, visible=True
                 ),
                 lambda done, total: progress.update(solved, completed=done, total=total),
+                lambda sentence: console.print(sentence, markup=False),
             )
         except KeyboardInterrupt:
             console.print("interrupted; the same command goes on from what is finished")
@@ -301,12 +303,17 @@ def _solve(
 
 
 def main() -> None:
-    """Run; a mistake in the input is a clear sentence and exit status 2."""
+    """Run; a mistake in the input is a clear sentence and exit status 2, Ctrl-C is status 130."""
     try:
         app()
+    except KeyboardInterrupt:
+        sys.exit(130)
     except InputError as error:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
         sys.exit(2)
     except WorkerDiedError as error:
         console.print(f"error: {error}", markup=False)
         sys.exit(1)
+
+
+interrupt.raise_again()

@@ -16,10 +16,12 @@ from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.render.environment import read_environment
 from vbaa_bench.spec.load import Key, SceneFile
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
-from vbaa_bench.spec.trials import Push, Trial, trials
+from vbaa_bench.spec.trials import Push, Trial, frame_count, in_shards, trials
 
 # Thinner, and pixels' centres miss the beam for long stretches.
 THINNEST_PX = 0.25
+# As many as sampling.count allows: chosen, a week of rendering on two cores.
+MOST_FRAMES = 1_000_000
 # The axes, and the diagonals between them.
 _DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=float)
 
@@ -52,6 +54,7 @@ class Plan:
 def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Plan:
     """Solve every push of a scene. Raises InputError listing all that cannot physically be."""
     scene = file.scene
+    check_size(file)
     try:
         rig = true_rig(scene)
     except ValueError as error:
@@ -73,9 +76,16 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
     mistakes += seen.mistakes()
     if mistakes:
         raise InputError("\n".join(dict.fromkeys(mistakes)))
-    size = scene.frames_per_shard
-    shards = tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
-    return Plan(rig, shards, seen.residual)
+    return Plan(rig, in_shards(scene, made), seen.residual)
+
+
+def check_size(file: SceneFile) -> None:
+    """Raise InputError for more frames than a dataset can hold, before any of them is solved."""
+    count = frame_count(file.scene)
+    if count > MOST_FRAMES:
+        section = "sampling" if file.scene.sampling else "pushes"
+        said = f"ask for {count:,} frames, allowed are {MOST_FRAMES:,}"
+        raise InputError(file.complaint((section,), said))
 
 
 def _environment_is_readable(file: SceneFile) -> None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
 
 # A sensor's noise repeats nothing and predicts nothing: neither a search for repeats nor a row
 # filter pays. Of 8 bits this takes two thirds of the time of OpenCV's default, and four fifths
@@ -26,12 +27,9 @@ _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 def read_grey(path: Path) -> Grey:
     """The gray image (height, width) of a file, of 8 or 16 bits as the file has it.
 
-    Colour is made gray. Raises InputError if it is no image.
+    Colour is made gray. Raises InputError if it is no image, or not the one that was generated.
     """
-    try:
-        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    data = np.frombuffer(read_bytes(path), dtype=np.uint8)
     image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")

@@ -13,7 +13,7 @@ from solver.instrument.files import write_text
 from solver.instrument.observation import open_observations
 from solver.table import csv_text, row
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import verify_observations
+from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.score.layout import USUAL_CENTRELINE
 
 # A method that takes longer than this for a frame, repeats included, has given no answer [s].
@@ -30,11 +30,11 @@ def solve(
     centreline that cannot be found, for rest images in which that centreline sees no beam, for
     observations that are not what was generated, and for an unwritable `out`.
     """
+    check_complete(layout)
     frames = open_observations(layout.observations).frames
-    verify_observations(layout)
     with tempfile.TemporaryDirectory(prefix="vbaa-solve-") as folder:
         copy, answer = Path(folder) / "observations", Path(folder) / "answer.csv"
-        shutil.copytree(layout.observations, copy)
+        copy_observations(layout, copy)
         command = [sys.executable, "-m", "solver", str(copy), "--method", method, "--quiet"]
         command += ["--centreline", centreline, "--repeats", str(repeats), "--out", str(answer)]
         try:

@@ -2,7 +2,7 @@
 
 import hashlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +72,8 @@ class Trial:
 
 def trials(scene: Scene) -> list[Trial]:
     """All trials of a scene, in the order of their opaque names, which is that of the files."""
-    identity = scene.model_dump_json()
+    # A title names nothing, and frames keep their names when more are drawn.
+    identity = scene.model_dump_json(exclude={"title": True, "sampling": {"count"}})
     pushes = list(_grid(scene.pushes) if scene.pushes else _samples(scene, scene.sampling))
     repeats = range(scene.pushes.repeats if scene.pushes else 1)
     hidden = list(_covers(scene))
@@ -86,6 +87,26 @@ def trials(scene: Scene) -> list[Trial]:
             frame_id = _digest(f"frame {identity} {index}")[:8].hex()
             made.append(Trial(index, frame_id, push_id, repeat, push, step, cover))
     return sorted(made, key=lambda trial: trial.frame_id)
+
+
+def frame_count(scene: Scene) -> int:
+    """Count the frames of a scene without listing them; of a sampled grid about so many."""
+    hidden, hiding = 1, scene.occlusion
+    if hiding is not None:
+        hidden = len(hiding.kind) * len(hiding.place) * len(hiding.availability)
+    if scene.sampling is not None:
+        return scene.sampling.count * hidden
+    spec = scene.pushes
+    assert spec is not None
+    goals = len(spec.deflection_pct or ()) + len(spec.pushing_angle_deg or ())
+    pushes = len(spec.contact_distance_mm or (None,)) * len(spec.normal_deg)
+    return pushes * len(spec.stiffness_n_m) * spec.repeats * goals * hidden
+
+
+def in_shards(scene: Scene, made: Sequence[Trial]) -> tuple[tuple[Trial, ...], ...]:
+    """Cut the trials of a scene into its shards."""
+    size = scene.frames_per_shard
+    return tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
 
 
 def _grid(spec: PushSpec) -> Iterator[Push]:

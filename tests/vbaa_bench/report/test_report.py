@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
+from tests.sealing import reseal
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.report.report import report
 from vbaa_bench.score.layout import Results
@@ -54,6 +55,9 @@ def test_a_report_is_written_where_the_solver_cannot_be_set_up(
     true.select("frame_id", "x_c_mm").write_csv(tmp_path / "plain.csv")
     score(results, {"plain": tmp_path / "plain.csv"})
     shutil.rmtree(results.dataset.observations / "rest")
+    with pytest.raises(InputError, match=r"rest_00\.png: is missing; run the command"):
+        report(results)
+    reseal(results.dataset)
     page = report(results).read_text(encoding="utf-8")
     assert "the solver cannot be set up" in page
     assert "points of the profile fit" not in page
