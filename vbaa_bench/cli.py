@@ -22,6 +22,7 @@ from vbaa_bench.options import (
     DatasetPath,
     Method,
     Out,
+    Picture,
     Predictions,
     Repeats,
     ScenePath,
@@ -148,9 +149,7 @@ def table(
 @app.command("contact-sheet")
 def contact_sheet(
     scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
-    out: Annotated[
-        Path | None, typer.Option(help="PNG to write", show_default="in results")
-    ] = None,
+    out: Picture = None,
     lights: Annotated[
         bool, typer.Option("--lights", help="SCENES/lighting, by materials and backgrounds")
     ] = False,

@@ -14,8 +14,6 @@ from concurrent.futures.process import BrokenProcessPool
 from types import TracebackType
 from typing import Any, Self
 
-from solver.instrument.errors import InputError
-
 _resident: Any = None
 _pieces: Any = None
 _stop: Any = None
@@ -161,8 +159,6 @@ def _built(made: bytes) -> Any:
     try:
         build, arguments = pickle.loads(made)
         return build(*arguments)
-    except InputError as error:
-        return error
     except Exception as error:  # noqa: BLE001  # whatever it is, it is the reason
         return WorkerStartError(f"{type(error).__name__}: {error}")
 

@@ -78,7 +78,8 @@ def parse_hashes(data: bytes) -> dict[str, str] | None:
 def listed(tree: Path) -> list[str] | None:
     """List the files of a generated tree, sorted; None for a folder that was not generated.
 
-    Raises InputError where the tree is incomplete, DamageError where a listed file is missing.
+    Their bytes are compared when they are read. Raises InputError where the tree is incomplete,
+    DamageError where a listed file is missing.
     """
     table = read_hashes(tree)
     if table is None:

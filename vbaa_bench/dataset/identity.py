@@ -53,8 +53,11 @@ def check_identity(layout: Layout, here: Identity) -> bool:
         write_bytes(path, data)
         return True
     if not path.is_file():
-        if any(_contents(layout)):
-            raise InputError(f"{layout.root}: holds something else; choose an empty folder")
+        other = next(_contents(layout), None)
+        if other is not None:
+            raise InputError(
+                f"{layout.root}: holds something else ({other}); choose an empty folder"
+            )
         return False
     raise InputError(_refusal(layout, read_json(path), here))
 
@@ -82,16 +85,18 @@ def _contents(layout: Layout) -> Iterator[str]:
 
 def _refusal(layout: Layout, there: Identity, here: Identity) -> str:
     mend = "choose another folder with --out, or remove it"
+    here = json.loads(json.dumps(here))  # as the file has it: tuples are lists there
+    if isinstance(there.get("scene"), dict):
+        there["scene"].pop("title", None)  # older versions had it
     for part in ("scene", "files"):
         if there.get(part) != here[part]:
-            # Through JSON, as the file has it: tuples are lists there.
-            key, was, now = next(_differences(there.get(part), json.loads(json.dumps(here[part]))))
+            key, was, now = next(_differences(there.get(part), here[part]))
             return (
                 f"{layout.root}: holds the dataset of another scene, seed or mesh "
                 f"({key or part} is {_short(was)} there and {_short(now)} here); {mend}"
             )
     readable = "solve, score and report read it as it is"
-    if there.get("made_with") != here["made_with"]:
+    if "code" in there and there.get("made_with") != here["made_with"]:
         key, was, now = next(_differences(there.get("made_with"), here["made_with"]))
         return (
             f"{layout.root}: was begun with {key or 'packages'} {_short(was)}, here is "

@@ -17,6 +17,7 @@ _PACKAGES = (
     "mitsuba",
     "drjit",
     "numpy",
+    "numba",
     "scipy",
     "opencv-contrib-python-headless",
     "OpenEXR",
