@@ -5,7 +5,7 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated
 
-from vbaa_bench import interrupt  # isort: skip  # Ctrl-C during the imports below is no traceback
+from vbaa_bench.interrupt import raise_again  # isort: skip  # first: Ctrl-C while importing
 
 import typer
 from rich.console import Console
@@ -315,4 +315,4 @@ def main() -> None:
         sys.exit(1)
 
 
-interrupt.raise_again()
+raise_again()
