@@ -1,10 +1,11 @@
 """`vbaa-bench`: run (generate, solve, score, report), table, contact-sheet, speed, doctor."""
 
-import os
 import sys
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
+
+from vbaa_bench.interrupt import raise_again  # isort: skip  # first: Ctrl-C while importing
 
 import typer
 from rich.console import Console
@@ -33,6 +34,7 @@ from vbaa_bench.options import (
     Memory,
     Method,
     Out,
+    Picture,
     Predictions,
     Repeats,
     ScenePath,
@@ -51,7 +53,7 @@ from vbaa_bench.score.score import score as score_predictions
 from vbaa_bench.score.score import with_own
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.speed import speed_app
-from vbaa_bench.workers import WorkerDiedError
+from vbaa_bench.workers import WorkerDiedError, cores
 
 # What `--method` understands beside names of methods.
 ALL = "all"
@@ -162,9 +164,7 @@ def table(
 @app.command("contact-sheet")
 def contact_sheet(
     scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
-    out: Annotated[
-        Path | None, typer.Option(help="PNG to write", show_default="in results")
-    ] = None,
+    out: Picture = None,
     lights: Annotated[
         bool, typer.Option("--lights", help="SCENES/lighting, by materials and backgrounds")
     ] = False,
@@ -266,7 +266,7 @@ def stress(
         make_room(out)
     plan = command.Plan(load_scene(scene), rigs, frames, seed, row or (), method)
     folder = work or Path("runs/stress") / scene.stem
-    count = workers or os.cpu_count() or 1
+    count = workers or cores()
     with progress_bars() as progress:
         bars = {name: progress.add_task(name, total=None) for name in ("rendering", "solving")}
         try:
@@ -330,7 +330,7 @@ def _generate(
         console.print(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
     root = out or Path("runs") / scene.stem
     # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
-    count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
+    count = workers or (1 if chosen == PLAIN else cores())
     with progress_bars() as progress:
         solved = progress.add_task("mechanics", total=None)
         task = progress.add_task("rendering", total=None, visible=False)
@@ -344,6 +344,7 @@ def _generate(
                     task, completed=done, total=total, visible=True
                 ),
                 lambda done, total: progress.update(solved, completed=done, total=total),
+                lambda sentence: console.print(sentence, markup=False),
             )
         except KeyboardInterrupt:
             console.print("interrupted; the same command goes on from what is finished")
@@ -392,12 +393,17 @@ def _fail_where_all_crashed(solved: dict[str, MethodRun]) -> None:
 
 
 def main() -> None:
-    """Run; a mistake in the input is a clear sentence and exit status 2."""
+    """Run; a mistake in the input is a clear sentence and exit status 2, Ctrl-C is status 130."""
     try:
         app()
+    except KeyboardInterrupt:
+        sys.exit(130)
     except InputError as error:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
         sys.exit(2)
     except WorkerDiedError as error:
         console.print(f"error: {error}", markup=False)
         sys.exit(1)
+
+
+raise_again()

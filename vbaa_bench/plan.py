@@ -20,7 +20,7 @@ from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.spec.load import Key, SceneFile
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
-from vbaa_bench.spec.trials import Push, Trial, trials
+from vbaa_bench.spec.trials import Push, Trial, in_shards, trials
 
 # Thinner, and pixels' centres miss the beam for long stretches.
 THINNEST_PX = 0.25
@@ -79,9 +79,7 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
     mistakes += seen.mistakes()
     if mistakes:
         raise InputError("\n".join(dict.fromkeys(mistakes)))
-    size = scene.frames_per_shard
-    shards = tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
-    return Plan(rig, shards, seen.residual)
+    return Plan(rig, in_shards(scene, made), seen.residual)
 
 
 def _environment_is_readable(file: SceneFile) -> None:

@@ -14,6 +14,10 @@ class InputError(Exception):
     """
 
 
+class DamageError(InputError):
+    """A file of a generated dataset that is missing, or is not what was written."""
+
+
 def shown(value: object) -> str:
     """Quote a value in a message: on one line, the end of a long one left out."""
     return cut(repr(value))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
 
 # A sensor's noise repeats nothing and predicts nothing: neither a search for repeats nor a row
 # filter pays. Of 8 bits this takes two thirds of the time of OpenCV's default, and four fifths
@@ -30,12 +31,9 @@ _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 def read_grey(path: Path) -> Grey:
     """The gray image (height, width) of a file, of 8 or 16 bits as the file has it.
 
-    Colour is made gray. Raises InputError if it is no image.
+    Colour is made gray. Raises InputError if it is no image, or not the one that was generated.
     """
-    try:
-        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    data = np.frombuffer(read_bytes(path), dtype=np.uint8)
     if data[:8].tobytes() == _PNG_SIGNATURE:
         head = _png_head(data[:_PNG_HEAD].tobytes(), path)
         if head.width * head.height > MOST_PIXELS:  # before memory is taken for them

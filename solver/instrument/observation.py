@@ -6,8 +6,7 @@ observations/
   rest/rest_00.png ...          the beam before contact
   shard_00000/metadata.csv      one row a frame; columns below
   shard_00000/<frame_id>.png    one image a frame
-  hashes.json                   sha256 of every file (of generated trees)
-  INCOMPLETE                    stands there while a tree is being made
+  hashes.json, shard_00000/hashes.json   of generated trees: see solver/instrument/hashes.py
 
 Columns of metadata.csv: file_name, frame_id (the file's stem where there is none), and
 motor_angle_deg, which is empty where no encoder tells it; and where there are such: push_id and
@@ -22,16 +21,16 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Final
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError, cut, shown
+from solver.instrument.hashes import listed, read_bytes, read_hashes
 from solver.instrument.images import png_head, read_grey
 from solver.instrument.rig import Rig, read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE
 
-INCOMPLETE = "INCOMPLETE"
 # Chosen: a name in a table; files can have 255 characters, their suffix included.
 LONGEST_NAME: Final = 250
 # Chosen: so many frames tell whether a tree mixes depths, and opening stays quick.
@@ -91,21 +90,21 @@ class Observations:
 def open_observations(root: Path) -> Observations:
     """Open the tree at `root`. Raises InputError where it is missing, broken or incomplete.
 
-    The frames' images are looked at only when they are read.
+    Of a generated tree only the files that its hashes.json lists are used. The frames' images are
+    looked at only when they are read.
     """
     if not root.is_dir():
         raise InputError(f"{root}: is not a folder of observations")
-    if (root / INCOMPLETE).exists():
-        raise InputError(
-            f"{root}: is incomplete; run the command that was making it again to finish it"
-        )
+    names = listed(root)
     opened = open_rig(root)
-    tables = sorted(root.glob("shard_*/metadata.csv"))
+    if names is None:
+        tables = sorted(root.glob("shard_*/metadata.csv"))
+    else:
+        tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
     frames = tuple(frame for table in tables for frame in read_frames(table))
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv)")
-    names = Counter(frame.frame_id for frame in frames)
-    name, count = names.most_common(1)[0]
+    name, count = Counter(frame.frame_id for frame in frames).most_common(1)[0]
     if count > 1:
         raise InputError(
             f"{root}: {count} frames have the frame_id {shown(name)}, allowed is one each"
@@ -144,8 +143,15 @@ def open_rig(path: Path) -> Observations:
     no frames. Raises InputError.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
-    names = ("calibration/view_*.png", "rest/rest_*.png")
-    views, rests = (tuple(sorted(root.glob(name))) for name in names)
+    names, known = ("calibration/view_*.png", "rest/rest_*.png"), read_hashes(root)
+    views, rests = (
+        tuple(
+            sorted(root.glob(pattern))
+            if known is None
+            else [root / name for name in sorted(known) if PurePath(name).match(pattern)]
+        )
+        for pattern in names
+    )
     for name, found in zip(names, (views, rests), strict=True):
         if not found:
             raise InputError(f"{root}: holds no {name}, at least one is needed")
@@ -174,10 +180,8 @@ def read_frames(table: Path) -> Iterator[Frame]:
     Raises InputError.
     """
     try:
-        if not table.is_file():  # a pipe or a device may never end
-            raise InputError(f"{table}: cannot be read as UTF-8 text (it is no file)")
-        text = table.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_bytes(table).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise InputError(f"{table}: cannot be read as UTF-8 text ({error})") from error
     for line, row in _rows(table, text):
         cells = _Cells(f"{table}:{line}", row)

@@ -15,6 +15,7 @@ from solver.instrument.beam import Beam
 from solver.instrument.board import DICTIONARIES, Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.distortion import COUNTS
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
 from solver.instrument.keys import Keys
 from solver.instrument.transforms import rigid, rotation_vector
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
@@ -152,9 +153,7 @@ def read_rig(path: Path) -> Rig:
     A key that it does not know is a mistake too: misspelt, it would be a tolerance left out.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        document = json.loads(read_bytes(path).decode("utf-8"))
     except ValueError as error:
         raise InputError(f"{path}: is not JSON ({error})") from error
     key = Keys(path, document)

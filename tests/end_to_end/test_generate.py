@@ -20,7 +20,6 @@ from solver.plane import on_plane
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import verify_observations, verify_truth
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generate import generate
 from vbaa_bench.render.variant import FAST, PLAIN
@@ -55,14 +54,13 @@ def test_an_interrupted_dataset_is_finished_to_the_same_bytes(
     layout = Layout(root)
     layout.hashes.unlink()
     layout.manifest.unlink()
-    (layout.observations / "INCOMPLETE").touch()
     shutil.rmtree(layout.shard(layout.observations, 1))  # its truth is there, its images are not
     (root / ".shard_00001.part").mkdir()
     kept = layout.shard(layout.observations, 0) / "metadata.csv"
     written = kept.stat().st_mtime_ns
     with pytest.raises(InputError, match="incomplete"):
         open_observations(layout.observations)
-    with pytest.raises(InputError, match=r"manifest\.json"):
+    with pytest.raises(InputError, match="incomplete"):
         open_truth(layout.truth)
     generate(load_scene(small_scene), root, variant, 1, quiet)
     assert digests(root) == digests(dataset)
@@ -116,8 +114,6 @@ def test_a_complete_dataset_is_left_alone_and_another_scene_refused(
 
 def test_the_truth_is_complete(dataset: Path) -> None:
     layout = Layout(dataset)
-    verify_observations(layout)
-    verify_truth(layout)
     truth = open_truth(layout.truth)
     assert truth.frames.height == 4
     assert truth.frames["residual"].max() < 1e-8  # type: ignore[operator]
@@ -125,7 +121,7 @@ def test_the_truth_is_complete(dataset: Path) -> None:
     names = {frame.frame_id for frame in open_observations(layout.observations)}
     assert names == set(truth.frames["frame_id"])
     assert truth.manifest["seed"] == 11
-    assert set(truth.manifest["versions"]) >= {"mitsuba", "numpy", "vbaa-bench"}
+    assert set(truth.manifest["versions"]) >= {"mitsuba", "numpy", "drjit"}
     # Nothing covers the beam but the hub, its first hundredth or two.
     assert truth.frames["availability_seen"].min() >= 0.98  # type: ignore[operator]
     assert truth.frames["visible_share"].min() >= 0.98  # type: ignore[operator]

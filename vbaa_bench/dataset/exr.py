@@ -1,11 +1,13 @@
 """Truth images as OpenEXR: one part, ZIP, dotted layer names."""
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 
+from solver.instrument.files import write_bytes
 from vbaa_bench.openexr import channels
 
 # layer of a scene -> (channels, pixel type): half where eleven bits and its range, 6e-8 to 65,504,
@@ -27,8 +29,8 @@ CHANNELS = {
 _BITS = {"radiance": 11, "variance": 11, "depth": 16}
 
 
-def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
-    """Write layers (height, width), or (height, width, 3) of vectors, keyed as in CHANNELS."""
+def exr_bytes(layers: Mapping[str, np.ndarray]) -> bytes:
+    """Encode layers (height, width), or (height, width, 3) of vectors, keyed as in CHANNELS."""
     written = {}
     for layer, values in layers.items():
         names, kind = CHANNELS[layer]
@@ -37,8 +39,16 @@ def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
             values_of = np.ascontiguousarray(part, dtype=kind)
             written[name] = _rounded(values_of, _BITS[layer]) if layer in _BITS else values_of
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    # Encoded in memory: its hash is that of these bytes, and a full disk is an OSError.
+    stream = io.BytesIO()
     with OpenEXR.File(header, written) as file:
-        file.write(str(path))
+        file.write(stream)
+    return stream.getvalue()
+
+
+def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
+    """Write layers as `exr_bytes` takes them. Raises OSError."""
+    write_bytes(path, exr_bytes(layers))
 
 
 def _rounded(values: np.ndarray, bits: int) -> np.ndarray:
@@ -49,7 +59,7 @@ def _rounded(values: np.ndarray, bits: int) -> np.ndarray:
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:
-    """Layers of a truth image, as `write_exr` takes them. Raises InputError."""
+    """Read the layers of a truth image, as `exr_bytes` takes them. Raises InputError."""
     found = channels(path)
     return {
         layer: np.dstack([found[name] for name in names]).squeeze()

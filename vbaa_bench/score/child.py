@@ -15,12 +15,12 @@ from typing import IO, Any, Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.observation import Observations, open_observations
+from solver.instrument.observation import open_observations
 from solver.lab.writing import make_room, write
 from solver.methods import METHODS
 from solver.table import Row, csv_text, row
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import verify_observations
+from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.score.layout import USUAL_CENTRELINE
 from vbaa_bench.score.user_modules import copy_sources
 
@@ -74,8 +74,8 @@ def solve(
     `out` or a temporary folder that cannot be written.
     """
     make_room(out)
+    check_complete(layout)
     observations = open_observations(layout.observations)
-    verify_observations(layout)
     answers: dict[int, Row] = {}
     traceback = ""
     with _temporary_folder() as folder:
@@ -87,7 +87,7 @@ def solve(
             return text.replace(f"{folder / _METHOD}{os.sep}", "").replace(f"{folder}{os.sep}", "")
 
         with _supervisor(task, folder, lambda line: hear(shown(line))) as (orders, reports):
-            _copy(observations, copy)
+            _copy(layout, copy)
             with suppress(BrokenPipeError):  # its own last words say why it died
                 orders.write(b"\n")
                 orders.flush()
@@ -120,17 +120,10 @@ def _temporary_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _copy(observations: Observations, target: Path) -> None:
-    """Copy the files that an opened tree consists of, and no others. Raises InputError."""
-    root = observations.root
-    frames = [frame.path for frame in observations.frames]
-    paths = [root / "rig.json", *observations.board_views, *observations.rest_images, *frames]
-    paths += sorted(root.glob("shard_*/metadata.csv"))
+def _copy(layout: Layout, target: Path) -> None:
+    """Copy the observations for the method. Raises InputError."""
     try:
-        for path in paths:
-            copy = target / path.relative_to(root)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, copy)
+        copy_observations(layout, target)
     except OSError as error:
         raise InputError(
             f"{target.parent.parent}: the observations cannot be copied there for the method "

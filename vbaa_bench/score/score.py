@@ -12,7 +12,6 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
 from solver.lab.writing import write
 from solver.methods import METHODS
-from vbaa_bench.dataset.manifest import verify_observations, verify_truth
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.score.judged import COMPONENTS, JUDGED
 from vbaa_bench.score.layout import Results
@@ -24,13 +23,11 @@ from vbaa_bench.score.summary import summarise
 def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     """Write scores.parquet, scores.csv and summary.json for named prediction files; the summary.
 
-    The dataset is checked against its hashes first. Files from elsewhere are kept in
-    `predictions/` by their names, so that the next scoring finds them. `warnings` of the summary
-    are sentences on columns and sizes that seem to be mistakes. Raises InputError.
+    Files from elsewhere are kept in `predictions/` by their names, so that the next scoring finds
+    them. `warnings` of the summary are sentences on columns and sizes that seem to be mistakes.
+    Raises InputError, also where the truth is not what was generated.
     """
     truth = open_truth(results.dataset.truth)
-    verify_observations(results.dataset)
-    verify_truth(results.dataset)
     if not predictions:
         raise InputError(f"{results.predictions}: holds no predictions; solve or name a file")
     warnings: list[str] = []

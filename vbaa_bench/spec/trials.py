@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,8 +81,9 @@ class Trial:
 
 def trials(scene: Scene) -> list[Trial]:
     """All trials of a scene, in the order of their opaque names, which is that of the files."""
+    # A title names nothing, and frames keep their names when more are drawn.
+    identity = scene.model_dump_json(exclude={"title": True, "sampling": {"count"}})
     # The scene is long and the frames are many: it is hashed once.
-    identity = scene.model_dump_json()
     push_names, frame_names = (
         hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
     )
@@ -103,6 +104,12 @@ def trials(scene: Scene) -> list[Trial]:
             frame_id = _name(frame_names, index)
             made.append(Trial(index, frame_id, push_id, repeat, turned, step, cover, onset))
     return sorted(made, key=lambda trial: trial.frame_id)
+
+
+def in_shards(scene: Scene, made: Sequence[Trial]) -> tuple[tuple[Trial, ...], ...]:
+    """Cut the trials of a scene into its shards."""
+    size = scene.frames_per_shard
+    return tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
 
 
 def _grid(spec: PushSpec) -> Iterator[Push]:

@@ -1,3 +1,4 @@
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,18 @@ def test_the_same_layers_give_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a.exr", "b.exr"):
         write_exr(tmp_path / name, layers)
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
+
+
+def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path: Path) -> None:
+    layers = {"depth": np.random.default_rng(0).random((64, 64)).astype(np.float32)}
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, usual[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            write_exr(tmp_path / "layers.exr", layers)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert not list(tmp_path.iterdir())
 
 
 def test_broken_files_are_named(tmp_path: Path) -> None:

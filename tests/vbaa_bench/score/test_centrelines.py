@@ -17,9 +17,9 @@ from solver.estimate import estimate, set_up
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
+from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import hashes
 from vbaa_bench.score.child import MethodRun
 from vbaa_bench.score.layout import USUAL_CENTRELINE, Results
 from vbaa_bench.score.score import found_predictions
@@ -41,7 +41,7 @@ def solved(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Results:
     layout = results.dataset
     empty = open_observations(layout.observations).frames[1].path
     empty.write_bytes(png_bytes(np.full_like(read_grey(empty), 40)))
-    layout.hashes.write_text(json.dumps(hashes(layout.observations)), encoding="utf-8")
+    reseal(layout)
     said("solve", results.root, "--method", "two_point", *BOTH, "--repeats", "1")
     said("score", results.root)
     return results

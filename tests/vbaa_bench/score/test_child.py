@@ -20,8 +20,8 @@ from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.observation import open_observations
 from solver.table import csv_text, row
+from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.score import child
@@ -89,7 +89,6 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     write_methods(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
-    monkeypatch.setattr(child, "verify_observations", lambda _layout: None)
     # One push of four steps, so that a frame has a past that must survive.
     for step, table in enumerate(sorted(root.glob("observations/shard_*/metadata.csv"))):
         rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
@@ -98,6 +97,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
             for i, one in enumerate(rows)
         ]
         table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    reseal(Layout(root))
     heard: list[str] = []
     out = root / "predictions" / "own.csv"
     solved = solve(
@@ -159,31 +159,17 @@ def nothing_started(*_: Any) -> Iterator[tuple[IO[bytes], IO[bytes]]]:
 def test_what_cannot_be_written_is_said_before_anything_is_solved(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(_from: Path, _to: Path) -> None:
+    def full(_of: Layout, _to: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "predictions").write_text("")
     monkeypatch.setattr(child, "_supervisor", nothing_started)
-    monkeypatch.setattr(shutil, "copyfile", full)
+    monkeypatch.setattr(child, "copy_observations", full)
     out = tmp_path / "predictions" / "exact_fit.csv"
     with pytest.raises(InputError, match=r"exact_fit\.csv: cannot be written"):
         solve(Layout(dataset), "exact_fit", out, 1)
     with pytest.raises(InputError, match=r"cannot be copied .* \(No space left on device\)"):
         solve(Layout(dataset), "exact_fit", tmp_path / "out.csv", 1)
-
-
-def test_a_method_is_given_the_images_of_the_tree_and_no_link_out_of_it(
-    dataset: Path, tmp_path: Path
-) -> None:
-    root = tmp_path / "observations"
-    shutil.copytree(dataset / "observations", root)
-    (root / "more").symlink_to(dataset / "truth")
-    opened = open_observations(root)
-    child._copy(opened, tmp_path / "copy")
-    assert [f.frame_id for f in open_observations(tmp_path / "copy")] == [
-        frame.frame_id for frame in opened
-    ]
-    assert not (tmp_path / "copy" / "more").exists()
 
 
 def test_sources_and_neighbours_are_copied_and_datasets_are_not(

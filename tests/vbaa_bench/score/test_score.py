@@ -273,7 +273,7 @@ def test_canary_a_changed_truth_changes_no_estimate(
 
 def test_the_observations_hold_nothing_of_the_truth(results: Results) -> None:
     patterns = (
-        r"rig\.json|hashes\.json|calibration/view_\d\d\.png|rest/rest_\d\d\.png"
+        r"rig\.json|(shard_\d{5}/)?hashes\.json|calibration/view_\d\d\.png|rest/rest_\d\d\.png"
         r"|shard_\d{5}/metadata\.csv|shard_\d{5}/[0-9a-f]{16}\.png"
     )
     for path in results.dataset.observations.rglob("*"):
@@ -293,11 +293,15 @@ def test_the_observations_hold_nothing_of_the_truth(results: Results) -> None:
 def test_a_changed_file_is_noticed(results: Results) -> None:
     path = results.root / "oracle.csv"
     truth_table(results).write_csv(path)
-    victim = next(results.dataset.observations.glob("shard_*/*.png"))
-    data = bytearray(victim.read_bytes())
-    data[len(data) // 2] ^= 1
-    victim.write_bytes(bytes(data))
-    with pytest.raises(InputError, match=victim.name):
+    image = next(results.dataset.observations.glob("shard_*/*.png"))
+    table = next(results.dataset.truth.glob("shard_*/*.parquet"))
+    for victim in (image, table):
+        data = bytearray(victim.read_bytes())
+        data[len(data) // 2] ^= 1
+        victim.write_bytes(bytes(data))
+    with pytest.raises(InputError, match=image.name):
+        solve(results.dataset, "two_point", results.root / "answers.csv", 1)
+    with pytest.raises(InputError, match=table.name):
         score(results, {"oracle": path})
 
 
