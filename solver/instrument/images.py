@@ -20,13 +20,19 @@ _PNG = [
     cv2.IMWRITE_PNG_FILTER,
     cv2.IMWRITE_PNG_FILTER_NONE,
 ]
+# Of a colour image: its luma, one of its colours, or how yellow it is against blue (CIELAB's b).
+CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
+_PLACE: Final = {"b": 0, "g": 1, "r": 2}
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
 
-def read_grey(path: Path) -> Grey:
-    """The gray image (height, width) of a file, of 8 or 16 bits as the file has it.
+def read_grey(path: Path, channel: str = "gray") -> Grey:
+    """Read the gray image (height, width) of a file, of 8 or 16 bits as the file has it.
 
-    Colour is made gray. Raises InputError if it is no image.
+    Of a colour image one of CHANNELS is read. Pixels come as they are stored: a tag that asks for
+    the image to be shown turned (EXIF) is ignored, here as in videos. A camera that looks straight
+    down does not know which way is up, and its tag may change from one image to the next.
+    Raises InputError if it is no image.
     """
     try:
         data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
@@ -35,11 +41,14 @@ def read_grey(path: Path) -> Grey:
     image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
-    return to_grey(image, str(path))
+    return to_grey(image, str(path), channel)
 
 
-def to_grey(image: Any, name: str) -> Grey:
-    """Gray (height, width) of an image as OpenCV gives it: gray, BGR or BGRA. Raises InputError."""
+def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
+    """Convert an image as OpenCV gives it (gray, BGR or BGRA) to gray (height, width).
+
+    `channel` is one of CHANNELS; an image that is gray already stays as it is. Raises InputError.
+    """
     channels = 1 if image.ndim == 2 else image.shape[2]
     if image.dtype not in (np.uint8, np.uint16) or channels not in (1, *_TO_GREY):
         raise InputError(
@@ -48,6 +57,13 @@ def to_grey(image: Any, name: str) -> Grey:
         )
     if channels == 1:
         return np.asarray(image.reshape(image.shape[:2]))
+    if channel in _PLACE:
+        return np.ascontiguousarray(image[:, :, _PLACE[channel]])
+    if channel == "lab_b":
+        if image.dtype != np.uint8:
+            raise InputError(f"{name}: has 16 bits, the channel lab_b is of images of 8 bits")
+        lab = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2LAB)
+        return np.ascontiguousarray(lab[:, :, 2])
     return np.asarray(cv2.cvtColor(image, _TO_GREY[channels]))
 
 
