@@ -25,8 +25,8 @@ from solver.instrument.rig import Rig
 
 # Of a target that may be seen in part; they must not lie in fewer than three rows or columns.
 LEAST_POINTS = 12
-# Places of the beam at rest, of which the camera must show this share. Chosen: with less than half
-# of a beam no method answers.
+# Places of the beam at rest, of which the camera must show this share, and one in the image.
+# Chosen: with less than half of a beam no method answers.
 _PLACES, _LEAST_SHOWN = 20, 0.5
 
 
@@ -80,11 +80,15 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
             "does it lean another way in each view but the first?"
         ) from error
     along = np.linspace(0, rig.beam.length, _PLACES)[:, None] * [1.0, 0.0, 0.0]
-    if np.mean(found.camera.shows(rig.base_position + along)) < _LEAST_SHOWN:
+    places = rig.base_position + along
+    shown = found.camera.shows(places)
+    inside = np.abs(found.camera.project(places[shown]) / [width, height] - 0.5) < 0.5
+    if np.mean(shown) < _LEAST_SHOWN or not inside.all(axis=1).any():
         raise InputError(
-            "the calibrated camera does not show the beam: it is behind the camera, or where the "
-            "distortion found is not one-to-one; do base.position_mm, board.antenna_from_board_... "
-            "and camera.distortion_coefficients in rig.json fit the calibration views?"
+            "the calibrated camera does not show the beam: it is behind the camera, beside the "
+            "image or where the distortion found is not one-to-one; do base.position_mm, "
+            "board.antenna_from_board_... and camera.distortion_coefficients in rig.json fit the "
+            "calibration views?"
         )
     return found
 

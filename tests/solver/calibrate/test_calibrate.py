@@ -153,15 +153,15 @@ def test_views_are_read_one_after_the_other() -> None:
     assert len(alive) == 3
 
 
-@pytest.mark.parametrize("seen", ["behind", "folded"])
+@pytest.mark.parametrize("seen", ["behind", "beside", "folded"])
 def test_a_beam_that_the_camera_cannot_show_is_refused(
     seen: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = replace(micro_rig(), telecentric=False)
-    strange = {"behind": np.array([5.0, 5.0, 80e-3]), "folded": np.array([1.0, 0, 0])}[seen]
-    lens = {"behind": (), "folded": (-0.25, 0.0, 0.0, 0.0, 0.0)}[seen]
+    strange = {"behind": [0, 0, 80e-3], "beside": [1e3, 0, 0], "folded": [0.2, 0, 0]}[seen]
+    lens = (-0.25, 0.0, 0.0, 0.0, 0.0) if seen == "folded" else ()
     found = replace(microscope(0.0), telecentric=False, fx=2000, fy=2000, distortion=lens)
     monkeypatch.setattr("solver.calibrate.plane_alone", lambda *_: Calibration(found, 0.1))
     assert calibrate([micro_view(0.0)], told).camera is found
     with pytest.raises(InputError, match="does not show the beam"):
-        calibrate([micro_view(0.0)], replace(told, base_position=strange))
+        calibrate([micro_view(0.0)], replace(told, base_position=np.array(strange)))
