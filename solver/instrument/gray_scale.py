@@ -45,6 +45,9 @@ class GrayScale:
         return np.asarray(image >> self.shift, dtype=np.uint16) if self.shift else image
 
 
+EIGHT_BIT: Final = GrayScale()
+
+
 def gray_scale(images: Iterable[Grey], bits: int | None) -> GrayScale:
     """Find the gray scale of images at rest, one after the other; `bits` as stated, or None.
 
@@ -61,7 +64,7 @@ def gray_scale(images: Iterable[Grey], bits: int | None) -> GrayScale:
     if kinds == {np.dtype(np.uint8)}:
         if bits not in (None, 8):
             raise InputError(f"the images at rest have 8 bits, camera.bits in rig.json is {bits}")
-        return GrayScale()
+        return EIGHT_BIT
     empty = (held & -held).bit_length() - 1 if held else 0
     upper = 16 - min(empty, 8)
     if bits is None:
