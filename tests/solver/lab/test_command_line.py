@@ -265,7 +265,7 @@ from solver.methods import METHODS
 
 def third(measurement, count=[0]):
     count[0] += 1
-    if count[0] == 4:  # the first is the warm-up
+    if count[0] == 6:  # the first three are the warm-up
         raise KeyboardInterrupt
     return METHODS["exact_fit"](measurement)
 """
