@@ -25,13 +25,19 @@ _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD: Final = 25  # bytes up to the bit depth
 # Chosen: the largest cameras have 150 megapixels, the largest scene 67.
 MOST_PIXELS: Final = 200_000_000
+# Of a colour image: its luma, one of its colours, or how yellow it is against blue (CIELAB's b).
+CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
+_PLACE: Final = {"b": 0, "g": 1, "r": 2}
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
 
-def read_grey(path: Path) -> Grey:
-    """The gray image (height, width) of a file, of 8 or 16 bits as the file has it.
+def read_grey(path: Path, channel: str = "gray") -> Grey:
+    """Read the gray image (height, width) of a file, of 8 or 16 bits as the file has it.
 
-    Colour is made gray. Raises InputError if it is no image, or not the one that was generated.
+    Of a colour image one of CHANNELS is read. Pixels come as they are stored: a tag that asks for
+    the image to be shown turned (EXIF) is ignored, here as in videos. A camera that looks straight
+    down does not know which way is up, and its tag may change from one image to the next.
+    Raises InputError if it is no image, or not the one that was generated.
     """
     data = np.frombuffer(read_bytes(path), dtype=np.uint8)
     if data[:8].tobytes() == _PNG_SIGNATURE:
@@ -46,11 +52,14 @@ def read_grey(path: Path) -> Grey:
         image = None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
-    return to_grey(image, str(path))
+    return to_grey(image, str(path), channel)
 
 
-def to_grey(image: Any, name: str) -> Grey:
-    """Gray (height, width) of an image as OpenCV gives it: gray, BGR or BGRA. Raises InputError."""
+def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
+    """Convert an image as OpenCV gives it (gray, BGR or BGRA) to gray (height, width).
+
+    `channel` is one of CHANNELS; an image that is gray already stays as it is. Raises InputError.
+    """
     channels = 1 if image.ndim == 2 else image.shape[2]
     if image.dtype not in (np.uint8, np.uint16) or channels not in (1, *_TO_GREY):
         raise InputError(
@@ -59,6 +68,13 @@ def to_grey(image: Any, name: str) -> Grey:
         )
     if channels == 1:
         return np.asarray(image.reshape(image.shape[:2]))
+    if channel in _PLACE:
+        return np.ascontiguousarray(image[:, :, _PLACE[channel]])
+    if channel == "lab_b":
+        if image.dtype != np.uint8:
+            raise InputError(f"{name}: has 16 bits, the channel lab_b is of images of 8 bits")
+        lab = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2LAB)
+        return np.ascontiguousarray(lab[:, :, 2])
     return np.asarray(cv2.cvtColor(image, _TO_GREY[channels]))
 
 

@@ -59,7 +59,7 @@ NOTHING_READ = Readings()
 class Frame:
     """One image of the pushing beam: where it lies, and what was read when it was taken.
 
-    Frames of one push share `push_id` and count its `step`s.
+    Frames of one push share `push_id` and count its `step`s. `channel` of a colour image is read.
     """
 
     frame_id: str
@@ -67,10 +67,11 @@ class Frame:
     readings: Readings = NOTHING_READ
     push_id: str = ""
     step: int = 0
+    channel: str = "gray"
 
     def image(self) -> Grey:
-        """The gray image (height, width). Raises InputError."""
-        return read_grey(self.path)
+        """Read the gray image (height, width). Raises InputError."""
+        return read_grey(self.path, self.channel)
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,14 @@ class Observations:
 
     def __iter__(self) -> Iterator[Frame]:
         return iter(self.frames)
+
+    def read_board_views(self) -> Iterator[Grey]:
+        """Read the views of the board one after the other, in gray. Raises InputError."""
+        return (read_grey(path) for path in self.board_views)
+
+    def read_rest_images(self) -> Iterator[Grey]:
+        """Read the images at rest one after the other, as the frames are. Raises InputError."""
+        return (read_grey(path, self.rig.channel) for path in self.rest_images)
 
 
 def open_observations(root: Path) -> Observations:
@@ -101,7 +110,11 @@ def open_observations(root: Path) -> Observations:
         tables = sorted(root.glob("shard_*/metadata.csv"))
     else:
         tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
-    frames = tuple(frame for table in tables for frame in read_frames(table))
+    frames = tuple(
+        replace(frame, channel=opened.rig.channel)
+        for table in tables
+        for frame in read_frames(table)
+    )
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv)")
     name, count = Counter(frame.frame_id for frame in frames).most_common(1)[0]

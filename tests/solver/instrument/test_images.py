@@ -49,6 +49,23 @@ def test_a_file_keeps_blue_and_red_apart(tmp_path: Path) -> None:
         assert (read_grey(path) == gray).all()
 
 
+def test_a_channel_of_a_colour_image() -> None:
+    wood, paper = (40, 110, 160), (200, 200, 200)  # blue, green, red
+    image = np.array([[wood, paper]], np.uint8)
+    assert [to_grey(image, "x", one)[0, 0] for one in "bgr"] == list(wood)
+    # Neutral is 128 of CIELAB's b, yellow is above it.
+    yellow, neutral = to_grey(image, "x", "lab_b")[0]
+    assert neutral == 128
+    assert yellow > 160
+    with_opacity = np.dstack([image, np.full((1, 2), 255, np.uint8)])
+    assert np.array_equal(to_grey(with_opacity, "x", "lab_b"), to_grey(image, "x", "lab_b"))
+    deep = image.astype(np.uint16) * 257
+    assert (to_grey(deep, "x", "r") == deep[:, :, 2]).all()
+    with pytest.raises(InputError, match="x: has 16 bits, the channel lab_b is of images of 8"):
+        to_grey(deep, "x", "lab_b")
+    assert to_grey(image[:, :, 0], "x", "r") is not None  # what is gray already stays as it is
+
+
 def test_what_is_neither_gray_nor_colour_is_refused() -> None:
     with pytest.raises(InputError, match=r"x: has shape \(3, 3\) and type float64"):
         to_grey(np.zeros((3, 3)), "x")
