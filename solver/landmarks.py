@@ -91,7 +91,9 @@ class Landmarks:
         )
         if not (share >= LEAST_SHARE and scatter <= MOST_SCATTER):
             return None
-        widening = 1 + max(scatter**2 - 1, 0.0) * self._pixels_a_block
+        # The median of n independent |x| exceeds this by chance in one image of a thousand.
+        usual = 1 + 3.1 * 1.17 / math.sqrt(len(self.rows))
+        widening = 1 + (scatter**2 - 1) * self._pixels_a_block if scatter > usual else 1.0
         return Shift(du, dv, np.array([[uu, uv], [uv, vv]]) * widening)
 
     @cached_property

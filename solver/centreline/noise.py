@@ -13,8 +13,9 @@ from solver.instrument.arrays import Floats, Grey
 ROUNDING = 1 / 12
 # Gray values by their mean in so many bins, each of at least so many pixels.
 BINS, LEAST_IN_BIN = 24, 40
-# Median of the smaller of both squared deviations of white noise of unit variance, by simulation.
-SMALLER_OF_TWO = 0.2435
+# Mean of the lower three quarters of the smaller of both squared deviations, of white noise of unit
+# variance, by simulation.
+SMALLER_OF_TWO = 0.2149
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ def noise_of(images: Sequence[Grey]) -> Noise:
     stack = np.stack([np.asarray(image, np.float64) for image in images])
     mean = stack.mean(axis=0)
     if len(images) > 1:
-        brightness = np.einsum("ihw,hw->i", stack, mean) / np.einsum("hw,hw->", mean, mean)
+        total = max(float(np.einsum("hw,hw->", mean, mean)), 1e-12)
+        brightness = np.maximum(np.einsum("ihw,hw->i", stack, mean) / total, 1e-6)
         variance = (stack / brightness[:, None, None]).var(axis=0, ddof=1)
     else:
         mean = stack[0, 1:-1, 1:-1]
@@ -70,4 +72,5 @@ def noise_of(images: Sequence[Grey]) -> Noise:
 def _typical(scatter: Floats, images: int) -> float:
     if images > 1:
         return float(scatter.mean())
-    return float(np.median(scatter) / SMALLER_OF_TWO)
+    # The lower three quarters: both neighbourhoods of a corner are edges.
+    return float(np.sort(scatter)[: 3 * len(scatter) // 4].mean() / SMALLER_OF_TWO)
