@@ -114,7 +114,7 @@ def local_scatter(residual: Floats) -> float:
     if lag < 2:
         return 0.0
     off = residual[lag : n - lag] - (residual[: n - 2 * lag] + residual[2 * lag :]) / 2
-    return 1.4826 * np.median(np.abs(off)) / np.sqrt(1.5)
+    return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.5))
 
 
 @njit(cache=True, error_model="numpy")

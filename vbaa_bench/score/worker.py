@@ -18,7 +18,6 @@ from solver.centreline.extractors import EXTRACTORS
 from solver.estimate import set_up
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.images import read_grey
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import answers, warm_up
@@ -83,7 +82,7 @@ def work(
         send(refused=str(error))
         return
     if warm:
-        warm_up(antenna, method, read_grey(observations.rest_images[0]))
+        warm_up(antenna, method, next(observations.read_rest_images()))
     send(ready=True)
 
     class Resumed:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
+from solver.instrument.hashes import HASHES
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Frame, open_observations, open_rig, read_frames
 from vbaa_bench.geometry.mesh_file import read_mesh
@@ -94,7 +95,7 @@ def test_pipes_are_no_files(tmp_path: Path) -> None:
 
 def test_two_frames_of_one_name_are_refused(dataset: Path, tmp_path: Path) -> None:
     root = tmp_path / "observations"
-    shutil.copytree(dataset / "observations", root)
+    shutil.copytree(dataset / "observations", root, ignore=shutil.ignore_patterns(HASHES))
     for path in root.glob("shard_*/metadata.csv"):  # one in each shard
         lines = path.read_text(encoding="utf-8").splitlines()
         cells = lines[1].split(",")

@@ -35,7 +35,7 @@ from solver.methods import METHODS
 from neighbour import CALLS
 
 def in_turn(measurement):
-    if measurement.motor_angle is None:  # warming up
+    if measurement.view.tip is None:  # warming up
         return METHODS["exact_fit"](measurement)
     with CALLS.open("a") as calls:
         calls.write("x")
