@@ -32,5 +32,6 @@ lock: .tools/bin/uv
 	.tools/bin/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header --no-annotate \
 		--python-version 3.11 --extra dev pyproject.toml -o requirements.lock
 
+# Rendered data, runs/, are kept: they take hours.
 clean:
-	rm -rf .venv .tools runs build *.egg-info
+	rm -rf .venv .tools build *.egg-info

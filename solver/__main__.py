@@ -17,12 +17,13 @@ from solver.calibrate.rigidity import HungWeight, flexural_rigidity
 from solver.centreline.extractors import EXTRACTORS
 from solver.estimate import measure, see, set_up
 from solver.instrument.errors import InputError
-from solver.instrument.images import png_bytes, read_grey
+from solver.instrument.images import CHANNELS, png_bytes
 from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
 from solver.instrument.rig import read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.lab.check import checked
 from solver.lab.console import busy, console, table, watched
+from solver.lab.controls import NO_CONTROLS, Controls, controls_of
 from solver.lab.live import answers, json_line, warm_up
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.shots import Files, Source
@@ -36,6 +37,21 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_
 
 RigOption = Annotated[
     Path, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
+]
+ChannelOption = Annotated[
+    str | None,
+    typer.Option(
+        help=f"what of colour images is read: {', '.join(CHANNELS)}",
+        show_default="camera.channel of rig.json, or gray",
+    ),
+]
+SizeOption = Annotated[str | None, typer.Option(help="of a camera's images: WIDTHxHEIGHT")]
+ExposureOption = Annotated[
+    float | None, typer.Option(help="of a camera, by hand, in its own unit", show_default="auto")
+]
+ControlOption = Annotated[
+    list[str] | None,
+    typer.Option(help="any of OpenCV's camera properties: gain=4, fourcc=Y16; may be repeated"),
 ]
 
 
@@ -67,6 +83,10 @@ def solve(
     overlay: Annotated[
         Path | None, typer.Option(help="folder, .mp4 or .avi for images with what was seen")
     ] = None,
+    channel: ChannelOption = None,
+    size: SizeOption = None,
+    exposure: ExposureOption = None,
+    control: ControlOption = None,
     repeats: Annotated[
         int, typer.Option(min=1, help="solve each frame this often and state the median time")
     ] = 1,
@@ -78,7 +98,8 @@ def solve(
         raise InputError(
             f"centreline '{centreline}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
         )
-    opened, source = _open(sources, rig, readings)
+    controls = controls_of(size, exposure, control or ())
+    opened, source = _open(sources, rig, readings, channel, controls)
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
@@ -86,7 +107,7 @@ def solve(
         make_room(target)
     with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
         antenna = set_up(opened, EXTRACTORS[centreline])
-        warm_up(antenna, function, read_grey(opened.rest_images[0]))
+        warm_up(antenna, function, next(opened.read_rest_images()))
     rows: dict[int, Row] = {}
     interrupted = False
     try:
@@ -128,9 +149,22 @@ def board(
 def snap(
     source: Annotated[str, typer.Argument(help="a camera, or an image to be made gray")],
     out: Annotated[Path, typer.Argument(help="PNG to write, such as rest/rest_00.png")],
+    rig: Annotated[Path | None, typer.Option(help="rig.json, whose camera.channel is kept")] = None,
+    channel: ChannelOption = None,
+    size: SizeOption = None,
+    exposure: ExposureOption = None,
+    control: ControlOption = None,
+    drop: Annotated[
+        int,
+        typer.Option(min=0, help="first frames of a camera not to keep: its exposure settles"),
+    ] = 30,
 ) -> None:
     """Keep one image of a camera as a gray PNG: of the board, or of the beam at rest."""
-    shot = next(iter(open_source([source])))
+    kept = _channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
+    controls = controls_of(size, exposure, control or ())
+    opened = open_source([source], channel=kept, controls=controls)
+    make_room(out)
+    shot = next(shot for shot in opened if not opened.live or shot.number >= drop)
     write(out, png_bytes(shot.grey()))
 
 
@@ -160,7 +194,7 @@ def rigidity(
     """Find EI from a weight that hangs on the beam, in the plane of the calibration board."""
     if weight_g == 0 or gravity_m_s2 == 0:
         raise InputError("--weight-g and --gravity-m-s2 are above 0")
-    opened, source = _open(images, rig, None)
+    opened, source = _open(images, rig, None, None, NO_CONTROLS)
     if source.live:
         raise InputError("EI is found from images: keep some with the command snap")
     antenna = set_up(opened)
@@ -170,7 +204,7 @@ def rigidity(
     antenna = replace(antenna, at_rest=straight)
     newton = gravity_m_s2 / 1e3
     found = flexural_rigidity(
-        [measure(antenna, see(antenna, read_grey(path))) for path in opened.rest_images],
+        [measure(antenna, see(antenna, image)) for image in opened.read_rest_images()],
         [measure(antenna, see(antenna, shot.grey())) for shot in source],
         HungWeight(
             force=weight_g * newton,
@@ -197,21 +231,41 @@ def rigidity(
 
 
 def _open(
-    sources: list[str], rig: Path | None, readings: Path | None
+    sources: list[str],
+    rig: Path | None,
+    readings: Path | None,
+    channel: str | None,
+    controls: Controls,
 ) -> tuple[Observations, Source]:
-    """The rig with its calibration and rest images, and where frames come from."""
+    """The rig with its calibration and rest images, and where frames come from.
+
+    `channel` takes the place of the rig's, for images at rest and frames alike.
+    """
     if rig is not None:
-        return open_rig(rig), open_source(sources, readings)
+        opened = open_rig(rig)
+        kept = _channel(channel) or opened.rig.channel
+        opened = replace(opened, rig=replace(opened.rig, channel=kept))
+        return opened, open_source(sources, readings, kept, controls)
     root = Path(sources[0])
     if len(sources) > 1 or not root.is_dir():
         raise InputError(
             f"{sources[0]}: is not a folder of observations, "
             "and images, a video or a camera need --rig rig.json"
         )
-    if readings is not None:
-        raise InputError("--readings is for images; a folder of observations has its own")
+    if readings is not None or channel is not None or controls != NO_CONTROLS:
+        raise InputError(
+            "--readings, --channel, --size, --exposure and --control are for images, videos and "
+            "cameras; a folder of observations has its own"
+        )
     opened = open_observations(root)
     return opened, Files(opened.frames)
+
+
+def _channel(name: str | None) -> str | None:
+    """The option --channel. Raises InputError."""
+    if name is not None and name not in CHANNELS:
+        raise InputError(f"--channel is '{name}', allowed is one of {', '.join(CHANNELS)}")
+    return name
 
 
 def find_method(name: str) -> Method:

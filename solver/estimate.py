@@ -16,7 +16,6 @@ from solver.centreline.guide import Guide
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.images import read_grey
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.instrument.observation import NOTHING_READ, Observations, Readings
 from solver.instrument.rig import Rig
@@ -40,7 +39,7 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     images forbid it.
     """
     rig = observations.rig
-    calibration = calibrate([read_grey(path) for path in observations.board_views], rig)
+    calibration = calibrate(observations.read_board_views(), rig)
     if calibration.reprojection_px > WORST_REPROJECTION_PX:
         raise InputError(
             f"the calibration leaves {calibration.reprojection_px:.2f} px, allowed is "
@@ -48,7 +47,7 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
             f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
             "can describe?"
         )
-    images = [read_grey(path) for path in observations.rest_images]
+    images = list(observations.read_rest_images())
     nominal = np.diag([1.0, rig.deflects_towards, 1.0, 1.0])
     nominal[:3, 3] = rig.base_position
     in_world = rig.camera_mount == "world"

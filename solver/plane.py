@@ -14,13 +14,20 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
     """Points (n, 2) on C [m] seen at `pixels` (n, 2), and their one-sigma vectors (n, 2) [m].
 
     `sigmas` (n, 2) [px] are the one-sigma vectors in the image; they are carried through the lens
-    and the projection: d(point)/d(pixel) sigma. Raises ValueError where the lens's distortion is
-    not one-to-one.
+    and the projection: d(point)/d(pixel) sigma. Raises ValueError where the lens shows nothing at a
+    pixel.
     """
     if not camera.distortion:
         points, moved = _moved(camera.plane_from_pixels, pixels, sigmas)
         return points, moved
     seen = camera.normalised(pixels)
+    lost = np.isnan(seen[:, 0])
+    if lost.any():
+        u, v = pixels[lost][0]
+        raise ValueError(
+            f"the pixel ({u:.0f}, {v:.0f}) lies where the distortion {camera.distortion} shows "
+            "nothing: it is not one-to-one so far off the axis"
+        )
     _, jacobian = distort(seen, camera.distortion)
     along = _undone(jacobian, sigmas / [camera.fx, camera.fy])
     points, moved = _moved(camera.plane_from_normalised, seen, along)

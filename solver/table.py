@@ -3,6 +3,7 @@
 import csv
 import io
 import itertools
+import math
 from typing import Final
 
 from solver.instrument.estimate import Estimate
@@ -51,7 +52,10 @@ Row = dict[str, str | float | int | None]
 
 
 def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
-    """One frame's row; what the method does not estimate is None, an empty cell."""
+    """One frame's row; what the method does not estimate is None, an empty cell.
+
+    A number that is not finite in the column's unit is left out, too.
+    """
     cells: Row = dict.fromkeys(COLUMNS)
     cells.update(
         frame_id=frame_id,
@@ -64,10 +68,13 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
     )
     for name, value in estimate.values.items():
         column, unit = COLUMN_OF[name]
-        cells[column] = value / unit
+        cells[column] = float(value) / unit
         if estimate.covariance is not None:
             cells[_sigma_column(column)] = estimate.sigma(name) / unit
-    return cells
+    return {
+        name: None if isinstance(cell, float) and not math.isfinite(cell) else cell
+        for name, cell in cells.items()
+    }
 
 
 def csv_text(rows: list[Row]) -> str:

@@ -24,7 +24,7 @@ FLOORS: list[set[str]] = [
     {"bodies", "skin"},
     {"dataset", "render", "sensor"},
     {"geometry", "openexr"},
-    {"spec", "mechanics"},
+    {"spec", "mechanics", "interrupt"},
 ]
 # Only these may use the solver beyond its words.
 CALLERS_OF_THE_SOLVER = {"score", "checks", "cli", "options"}

@@ -3,12 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.files import write_bytes
+from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
 from solver.instrument.units import PERCENT
 from vbaa_bench.dataset.layout import Layout
@@ -17,9 +18,9 @@ from vbaa_bench.experiment import Experiment
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.motion import exposed
 from vbaa_bench.readings import readings
-from vbaa_bench.render.layers import visibility
 from vbaa_bench.render.picture import Noise, Picture, Plate, Wanted, picture, plate, together
 from vbaa_bench.render.variant import activate, is_scalar
+from vbaa_bench.render.visibility import visibility
 from vbaa_bench.render.world import World
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
@@ -62,8 +63,9 @@ class Bench:
 
     @cached_property
     def rest_world(self) -> World:
-        """The beam before contact."""
-        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, ())
+        """The beam before contact, the motor at angle zero."""
+        gravity = self.scene.gravity_m_s2
+        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
         return self.studio.rest(Experiment(self.scene, self.rig, nothing, self.folder))
 
     def pose(self, trial: Trial) -> Pose:
@@ -85,15 +87,19 @@ class Bench:
         wanted = self._wanted(lambda radiance: METERING * radiance)
         seen = picture(self.rest_world, None, wanted, seed)
         light = self._vignetting * seen.radiance
-        beam = float(np.quantile(light[seen.layers.beam_mask], 0.99))
+        beam = float(np.quantile(light[seen.core], 0.99))
         peak = max(beam, float(np.quantile(light, 0.9)))
         tick()
         return metered_exposure(self.scene.sensor, peak)
 
-    def board_view(self, tick: Callable[[], None], view: int, exposure: float) -> None:
-        """Save one calibration image."""
-        self._save(f"calibration/view_{view:02d}.png", self.board_image(view, exposure))
+    def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
+        """Save one calibration or rest image, such as rest/rest_00.png; the sha256 of the file."""
+        kind, _, number = PurePath(name).stem.partition("_")
+        made = {"view": self.board_image, "rest": self.rest_image}[kind](int(number), exposure)
+        data = png_bytes(made)
+        write_bytes(self.layout.observations / name, data)
         tick()
+        return digest(data)
 
     def board_image(self, view: int, exposure: float) -> Grey:
         """One calibration image."""
@@ -102,15 +108,12 @@ class Bench:
         seen = picture(self.studio.card(view), None, wanted, seed)
         return self._expose(seen, exposure, "board sensor", view)
 
-    def rest_image(self, tick: Callable[[], None], number: int, exposure: float) -> None:
-        """Save one image of the beam before contact."""
+    def rest_image(self, number: int, exposure: float) -> Grey:
+        """One image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
         wanted = self._wanted(self.sensor(exposure).noise_sigma)
         seen = picture(self.rest_world, None, wanted, seed)
-        self._save(
-            f"rest/rest_{number:02d}.png", self._expose(seen, exposure, "rest sensor", number)
-        )
-        tick()
+        return self._expose(seen, exposure, "rest sensor", number)
 
     def shard(
         self,
@@ -118,19 +121,21 @@ class Bench:
         number: int,
         trials: Sequence[Trial],
         exposure: float,
-    ) -> None:
-        """Make and save the frames of one shard."""
+    ) -> dict[str, str]:
+        """Make and save the frames of one shard; the sha256 of its hashes.json, by tree."""
         with ShardWriter(self.layout, number) as writer:
             for trial in trials:
                 self._frame(writer, trial, exposure)
                 tick()
+        return writer.digests
 
     def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
         pose = self.pose(trial)
         image, seen = self.photograph(trial, exposure)
         length_mm = self.scene.beam.length_mm
         truth = truth_row(pose.experiment, trial, pose.state, pose.hidden)
-        visible = visibility(seen.layers, length_mm)
+        line = self.studio.centreline(pose)
+        visible = visibility(seen.coverage, self.rig.camera, line, self.rig.beam.radius)
         truth["visible_share"] = visible.visible_share
         truth["availability_seen"] = visible.availability
         truth["hidden_stretches_mm"] = (length_mm * visible.hidden_stretches).ravel().tolist()
@@ -193,6 +198,3 @@ class Bench:
         corner = np.hypot(camera.width, camera.height) / 2
         darker = self.scene.optics.vignetting_pct * PERCENT
         return np.asarray(1 - darker * (across**2 + down**2) / corner**2)
-
-    def _save(self, name: str, image: Grey) -> None:
-        write_bytes(self.layout.observations / name, png_bytes(image))

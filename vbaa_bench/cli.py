@@ -1,13 +1,15 @@
 """`vbaa-bench`: run (generate, solve, score, report), table, contact-sheet, speed, doctor."""
 
-import os
 import sys
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
+
+from vbaa_bench.interrupt import raise_again  # isort: skip  # first: Ctrl-C while importing
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from solver.instrument.errors import InputError
@@ -18,19 +20,21 @@ from solver.methods import METHODS
 from vbaa_bench.checks import doctor as checks
 from vbaa_bench.console import (
     console,
+    hear,
     outcomes,
     progress_bars,
     say,
     show_scores,
     show_table,
-    show_wide,
 )
 from vbaa_bench.options import (
     AsJson,
     Centreline,
     DatasetPath,
+    Memory,
     Method,
     Out,
+    Picture,
     Predictions,
     Repeats,
     ScenePath,
@@ -41,14 +45,15 @@ from vbaa_bench.options import (
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.score.accuracy import accuracy, markdown
 from vbaa_bench.score.applicable import applicable
+from vbaa_bench.score.child import MEMORY_GB, MethodRun
 from vbaa_bench.score.child import solve as solve_apart
 from vbaa_bench.score.layout import USUAL_CENTRELINE, Results, kept_as
 from vbaa_bench.score.metrics import CONDITIONS
-from vbaa_bench.score.score import found_predictions
 from vbaa_bench.score.score import score as score_predictions
+from vbaa_bench.score.score import with_own
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.speed import speed_app
-from vbaa_bench.workers import WorkerDiedError
+from vbaa_bench.workers import WorkerDiedError, cores
 
 # What `--method` understands beside names of methods.
 ALL = "all"
@@ -72,19 +77,23 @@ def run(
     workers: Workers = None,
     variant: Variant = None,
     repeats: Repeats = 3,
+    memory: Memory = MEMORY_GB,
     as_json: AsJson = False,
 ) -> None:
     """Generate, solve, score and report a scene."""
     results = Results(_generate(scene, out, seed, workers, variant))
-    written = _solve(results, method, centreline, repeats)
+    solved = _solve(results, method, centreline, repeats, memory)
+    written = {name: one.table for name, one in solved.items()}
     summary = score_predictions(results, written)
+    _warn(summary)
     page = _report(results)
     show_scores(summary, {"report": str(page), **summary}, as_json)
     if not as_json:
         for name, path in written.items():
             if summary["methods"][name]["failure_rate"] == 1:
                 console.print(f"{name} answers no frame: {outcomes(path)}", markup=False)
-        Console(soft_wrap=True).print(f"report: {page}", highlight=False)
+        Console(soft_wrap=True).print(f"report: {page}", highlight=False, markup=False)
+    _fail_where_all_crashed(solved)
 
 
 @app.command()
@@ -108,26 +117,24 @@ def solve(
     method: Method = None,
     centreline: Centreline = None,
     repeats: Repeats = 3,
+    memory: Memory = MEMORY_GB,
     as_json: AsJson = False,
 ) -> None:
     """Run methods on a dataset's observations, each in a process that never sees the truth."""
     results = Results(dataset)
-    written = _solve(results, method, centreline, repeats)
-    record = {"predictions": {name: str(path) for name, path in written.items()}}
-    lines = [f"{path}: {outcomes(path)}" for path in written.values()]
+    solved = _solve(results, method, centreline, repeats, memory)
+    record = {"predictions": {name: str(one.table) for name, one in solved.items()}}
+    lines = [f"{one.table}: {outcomes(one.table)}" for one in solved.values()]
     say(record, "\n".join(lines), as_json)
+    _fail_where_all_crashed(solved)
 
 
 @app.command()
 def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson = False) -> None:
-    """Score all solved methods, and predictions files of one's own beside them."""
+    """Score all solved methods, and predictions files of one's own beside them, which are kept."""
     results = Results(dataset)
-    files = found_predictions(results)
-    for path in predictions or []:
-        if path.stem in files:
-            raise InputError(f"{path}: a method {path.stem} is scored already; rename the file")
-        files[path.stem] = path
-    summary = score_predictions(results, files)
+    summary = score_predictions(results, with_own(results, predictions or []))
+    _warn(summary)
     show_scores(summary, summary, as_json)
 
 
@@ -157,9 +164,7 @@ def table(
 @app.command("contact-sheet")
 def contact_sheet(
     scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
-    out: Annotated[
-        Path | None, typer.Option(help="PNG to write", show_default="in results")
-    ] = None,
+    out: Picture = None,
     lights: Annotated[
         bool, typer.Option("--lights", help="SCENES/lighting, by materials and backgrounds")
     ] = False,
@@ -261,7 +266,7 @@ def stress(
         make_room(out)
     plan = command.Plan(load_scene(scene), rigs, frames, seed, row or (), method)
     folder = work or Path("runs/stress") / scene.stem
-    count = workers or os.cpu_count() or 1
+    count = workers or cores()
     with progress_bars() as progress:
         bars = {name: progress.add_task(name, total=None) for name in ("rendering", "solving")}
         try:
@@ -281,7 +286,7 @@ def stress(
         say(command.without_frames(record), "", True)
     else:
         title = f"{record['scene']}: {rigs} rigs x {frames} frames\n{TITLE}"
-        show_wide(title, HEADS, lines(record["rows"]))
+        show_table(title, HEADS, lines(record["rows"]))
     if not record["holds"]:
         raise typer.Exit(1)
 
@@ -325,7 +330,7 @@ def _generate(
         console.print(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
     root = out or Path("runs") / scene.stem
     # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
-    count = workers or (1 if chosen == PLAIN else os.cpu_count() or 1)
+    count = workers or (1 if chosen == PLAIN else cores())
     with progress_bars() as progress:
         solved = progress.add_task("mechanics", total=None)
         task = progress.add_task("rendering", total=None, visible=False)
@@ -339,6 +344,7 @@ def _generate(
                     task, completed=done, total=total, visible=True
                 ),
                 lambda done, total: progress.update(solved, completed=done, total=total),
+                lambda sentence: console.print(sentence, markup=False),
             )
         except KeyboardInterrupt:
             console.print("interrupted; the same command goes on from what is finished")
@@ -354,27 +360,50 @@ def _report(results: Results) -> Path:
 
 
 def _solve(
-    results: Results, methods: list[str] | None, centrelines: list[str] | None, repeats: int
-) -> dict[str, Path]:
-    written = {}
+    results: Results,
+    methods: list[str] | None,
+    centrelines: list[str] | None,
+    repeats: int,
+    memory: float,
+) -> dict[str, MethodRun]:
+    solved = {}
     asked = methods or applicable(open_observations(results.dataset.observations))
     chosen = dict.fromkeys(one for name in asked for one in (METHODS if name == ALL else [name]))
     for method, centreline in product(chosen, dict.fromkeys(centrelines or [USUAL_CENTRELINE])):
         name = kept_as(method, centreline)
         target = results.predictions / f"{name}.csv"
-        with console.status(f"solving with {name}"):
-            solve_apart(results.dataset, method, target, repeats, centreline)
-        written[name] = target
-    return written
+        with console.status(escape(f"solving with {name}")):
+            solved[name] = solve_apart(
+                results.dataset, method, target, repeats, centreline, memory_gb=memory, hear=hear
+            )
+        if solved[name].traceback:
+            hear(f"{name}, the first of {solved[name].crashed} crashes:\n{solved[name].traceback}")
+    return solved
+
+
+def _warn(summary: dict[str, Any]) -> None:
+    for warning in summary["warnings"]:
+        hear(f"warning: {warning}")
+
+
+def _fail_where_all_crashed(solved: dict[str, MethodRun]) -> None:
+    """Exit with status 1 if a method crashed on every frame."""
+    if any(one.crashed == one.frames for one in solved.values()):
+        raise typer.Exit(1)
 
 
 def main() -> None:
-    """Run; a mistake in the input is a clear sentence and exit status 2."""
+    """Run; a mistake in the input is a clear sentence and exit status 2, Ctrl-C is status 130."""
     try:
         app()
+    except KeyboardInterrupt:
+        sys.exit(130)
     except InputError as error:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
         sys.exit(2)
     except WorkerDiedError as error:
         console.print(f"error: {error}", markup=False)
         sys.exit(1)
+
+
+raise_again()

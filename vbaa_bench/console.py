@@ -17,6 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 from solver.instrument.estimate import Outcome
 from vbaa_bench.score.metrics import read_predictions
@@ -32,6 +33,11 @@ def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
         Console(soft_wrap=True).print(sentence, highlight=False, markup=False)
 
 
+def hear(line: str) -> None:
+    """Show what a method prints: as it is, beside a spinner."""
+    console.print(line, markup=False, emoji=False, soft_wrap=True)
+
+
 def progress_bars() -> Progress:
     """Bars with the time that has passed and that is left."""
     return Progress(
@@ -45,31 +51,27 @@ def progress_bars() -> Progress:
 
 
 def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table whose first column names what the others measure; where it is narrow, names fold."""
+    """Print a table whose first column names what the others measure, whole at any width."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     lines = list(rows)
+    widths = []
     for index, head in enumerate(heads):
-        widest = max((len(line[index]) for line in lines), default=0)
-        # Numbers are shown whole, and of names as much as leaves room for them.
+        # Numbers and words of heads are shown whole, and of names as much as leaves room for them.
+        widest = max(map(len, [*(line[index] for line in lines), *head.split()]))
+        widths.append(widest if index else max(min(widest, 26), len(head)))
         table.add_column(
             head,
             justify="right" if index else "left",
             overflow="fold",
-            min_width=widest if index else None,
-            width=None if index else max(min(widest, 26), len(head)),
+            width=widths[index],
         )
     for line in lines:
-        table.add_row(*line)
-    Console().print(table)
-
-
-def show_wide(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table on lines as long as it needs, which a narrow terminal wraps."""
-    table = Table(*heads, title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    for row in rows:
-        table.add_row(*row)
-    wide = Console(width=10_000)
-    Console(width=wide.measure(table).maximum).print(table, markup=False)
+        table.add_row(*map(Text, line))
+    # Rich would cut what a narrow terminal, or a pipe of 80 columns, has no room for. The box takes
+    # a column on either side, and padding and a divider one each beside every column.
+    needed = sum(widths) + 2 * len(widths) + 2
+    shown = Console()
+    Console(width=max(shown.width, needed)).print(table)
 
 
 def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
@@ -77,19 +79,20 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
     if as_json:
         say(record, "", True)
         return
-    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "force RMSE, %")
+    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "unanswered as L/2")
     rows = []
     for name, found in summary["methods"].items():
         numbers = (
             found["x_c_median_abs_pct_L"],
             found["x_c_rmse_pct_L"],
+            found["x_c_rmse_all_pct_L"],
             found["force_rmse_pct"],
             100 * found["failure_rate"],
             found["ms_per_frame_median"],
         )
         shown = ("–" if value is None else f"{value:.3g}" for value in numbers)
         rows.append((name, *shown, str(found["n"])))
-    show_table("scores", (*heads, "failed, %", "ms / frame", "n"), rows)
+    show_table("scores", (*heads, "force RMSE, %", "failed, %", "ms / frame", "n"), rows)
 
 
 def outcomes(table: Path) -> str:

@@ -43,7 +43,7 @@ class Experiment:
         strip = spec.section == "strip"
         area = (4.0 if strip else np.pi) * beam.radius**2 * spec.aspect
         linear_density = spec.density_kg_m3 * area
-        x, y, z = self.scene.gravity_m_s2
+        x, y, z = self.push.gravity
         return Rod(
             beam,
             shape="rectangle" if strip else "ellipse",
@@ -212,11 +212,15 @@ class Experiment:
         mesh.vertices = apply(pose, np.asarray(mesh.vertices))
         return mesh
 
-    def camera_frame_from_clamp(self, state: State) -> Floats:
+    def clamp_from_world(self, motor_angle: float) -> Floats:
+        """Where the clamp sees the world (4, 4) when the motor stands at an angle [rad]."""
+        return self.motor.clamp_from_world(-motor_angle, (0.0, 0.0, 0.0))
+
+    def camera_frame_from_clamp(self, motor_angle: float) -> Floats:
         """Into the frame (4, 4) in which the camera stands still: the clamp's, or the world's."""
         if self.scene.camera.mount == "antenna":
             return np.eye(4)
-        return invert(self.motor.clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0)))
+        return invert(self.clamp_from_world(motor_angle))
 
     def _obstacle(self) -> Obstacle:
         spec = self.scene.object

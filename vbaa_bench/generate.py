@@ -1,26 +1,33 @@
 """A dataset, from scene to files: spec -> mechanics -> geometry -> render -> sensor -> dataset."""
 
-import json
-import os
-from collections.abc import Callable
-from pathlib import Path
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path, PurePath
 from typing import Any
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import sha256, write_text
-from solver.instrument.observation import INCOMPLETE
+from solver.instrument.files import write_bytes
+from solver.instrument.hashes import HASHES, digest
 from solver.instrument.rig import rig_to_json
 from vbaa_bench.bench import Bench
+from vbaa_bench.dataset.identity import Identity, check_identity, identity_of, write_identity
+from vbaa_bench.dataset.inventory import Contents, surplus, take_inventory
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json, seal, versions
-from vbaa_bench.plan import Plan, plan
+from vbaa_bench.dataset.lock import locked
+from vbaa_bench.dataset.manifest import read_json, seal
+from vbaa_bench.plan import plan
 from vbaa_bench.spec.load import SceneFile
-from vbaa_bench.spec.objects import MeshSpec
-from vbaa_bench.spec.rigs import nominal_rig
+from vbaa_bench.spec.rigs import nominal_rig, true_rig
+from vbaa_bench.spec.trials import Trial, in_shards, trials
 from vbaa_bench.truth import dataset_facts
-from vbaa_bench.workers import Pool
+from vbaa_bench.workers import Pool, cores
 
 Progress = Callable[[int, int], None]
+Shards = tuple[tuple[Trial, ...], ...]
+
+
+def _nothing(*_: object) -> None:
+    pass
 
 
 def generate(
@@ -29,103 +36,134 @@ def generate(
     variant: str,
     workers: int,
     progress: Progress,
-    planning: Progress = lambda _done, _total: None,
+    planning: Progress = _nothing,
+    remark: Callable[[str], None] = _nothing,
 ) -> Layout:
-    """Make the dataset of a scene at `root`, or finish one that was interrupted.
+    """Make the dataset of a scene at `root`; finish an interrupted one, mend a damaged one.
 
-    `planning(done, total)` is called as pushes are solved, `progress(done, total)` as images are
-    made. A complete dataset of the same scene
-    and seed is left as it is. Raises InputError where the scene is impossible or `root` is
-    not writable or holds something else.
+    Every file that is there is compared with its hash; only what is missing or damaged is made,
+    and what does not belong into observations/ and truth/ is removed. `planning(done, total)` is
+    called as pushes are solved, `progress(done, total)` as images are made, `remark(sentence)` for
+    every damage. Raises InputError where the scene is impossible, and where `root` is not
+    writable, is being written by another process, or holds something else, such as data of
+    another scene or made by other code.
     """
-    scene, layout = file.scene, Layout(root)
-    if _claimed(layout, file):  # complete: what is there need not be solved again
-        return layout
-    work = plan(file, planning)
+    layout = Layout(root)
     try:
-        if _claim(layout, file, variant):
-            return layout
-        write_text(layout.observations / "rig.json", rig_to_json(nominal_rig(scene)))
-        exposure = _make(file, work, layout, (variant, workers), progress)
-        seal(layout, dataset_facts(scene, work.rig, exposure, variant))
+        identity = identity_of(file, variant)
+        check_identity(layout, identity)
+        with _claimed(layout):
+            # Again: another process may have begun here before the lock was ours.
+            if not check_identity(layout, identity):
+                plan(file, planning)
+            _complete(file, layout, identity, (variant, workers), progress, remark)
     except OSError as error:
-        raise InputError(f"{layout.root}: cannot be written ({error.strerror})") from error
+        raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
     return layout
 
 
-def _make(
-    file: SceneFile, work: Plan, layout: Layout, machine: tuple[str, int], progress: Progress
-) -> float:
-    """All images and shards that are not there yet; the exposure they were made with."""
-    scene, folder = file.scene, file.path.parent.resolve()
-    variant, workers = machine
-    threads = max((os.cpu_count() or 1) // workers, 1)
-    # One more than there are images: the exposure is measured from one that is not kept.
-    total = work.frames + scene.calibration.views + scene.sensor.rest_images + 1
-    with Pool(workers, Bench, (scene, work.rig, folder, layout, variant, threads)) as pool:
-        exposure = float(pool.call("measure_exposure"))
-        jobs: list[tuple[str, tuple[Any, ...]]] = [
-            ("board_view", (view, exposure)) for view in range(scene.calibration.views)
-        ]
-        jobs += [("rest_image", (i, exposure)) for i in range(scene.sensor.rest_images)]
-        finished = 0
-        for number, shard in enumerate(work.shards):
-            if layout.shard(layout.observations, number).is_dir():
-                finished += len(shard)
-            else:
-                jobs.append(("shard", (number, shard, exposure)))
-        pool.run(jobs, lambda done: progress(finished + done, total))
-    return exposure
+@contextlib.contextmanager
+def _claimed(layout: Layout) -> Iterator[None]:
+    """Hold the folder's lock. A folder that was made for it goes again if it stays empty."""
+    new = not layout.root.exists()
+    layout.root.mkdir(parents=True, exist_ok=True)
+    try:
+        with locked(layout.lock):
+            yield
+    finally:
+        if new:
+            with contextlib.suppress(OSError):
+                layout.root.rmdir()
 
 
-def _claimed(layout: Layout, file: SceneFile) -> bool:
-    """Whether a complete dataset of this scene lies there."""
-    complete = layout.hashes.is_file() and layout.manifest.is_file()
-    marker = layout.truth / "identity.json"
-    if not (complete and marker.is_file()):
-        return False
-    found = read_json(marker)
-    return all(found.get(key) == value for key, value in _identity(file).items())
-
-
-def _identity(file: SceneFile) -> dict[str, Any]:
-    """What a dataset is of: the scene, and the files that it names."""
+def _complete(
+    file: SceneFile,
+    layout: Layout,
+    identity: Identity,
+    machine: tuple[str, int],
+    progress: Progress,
+    remark: Callable[[str], None],
+) -> None:
+    """Make what is missing or damaged in a claimed folder, and seal it."""
     scene = file.scene
-    files: dict[str, str | None] = {}
-    if isinstance(scene.object, MeshSpec):
-        path = file.path.parent / scene.object.file
-        files[scene.object.file] = sha256(path) if path.is_file() else None
-    for light in scene.lights:
-        if light.kind == "environment" and light.file is not None:
-            path = file.path.parent / light.file
-            files[light.file] = sha256(path) if path.is_file() else None
-    return {"scene": scene.model_dump(mode="json"), "files": files}
-
-
-def _claim(layout: Layout, file: SceneFile, variant: str) -> bool:
-    """Take `root` for this scene; True if its dataset is already complete. Raises InputError."""
-    marker = layout.truth / "identity.json"
-    identity = {**_identity(file), "made_with": {"variant": variant, **versions()}}
-    if not marker.is_file():
-        if layout.root.exists() and any(layout.root.iterdir()):
-            raise InputError(f"{layout.root}: holds something else; choose an empty folder")
-        layout.truth.mkdir(parents=True)
-        write_text(marker, json.dumps(identity) + "\n")
-    found = read_json(marker)
-    if any(found.get(key) != identity[key] for key in ("scene", "files")):
-        raise InputError(
-            f"{layout.root}: holds the dataset of another scene, seed or mesh; "
-            "choose another folder, or remove it"
-        )
-    if layout.hashes.is_file() and layout.manifest.is_file():
-        return True
-    if found.get("made_with") != identity["made_with"]:
-        raise InputError(
-            f"{layout.root}: was begun with {found.get('made_with')}, here is "
-            f"{identity['made_with']}; a dataset is of one kind, so remove the folder or finish "
-            "it where it was begun"
-        )
-    for folder in ("calibration", "rest"):
+    shards, rig = in_shards(scene, trials(scene)), true_rig(scene)
+    contents = Contents(
+        images=(
+            *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
+            *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
+        ),
+        shards=tuple(tuple(trial.frame_id for trial in shard) for shard in shards),
+        layers=bool(scene.layers),
+    )
+    _remove_surplus(layout, contents, remark)
+    inventory = take_inventory(layout, contents)
+    for sentence in inventory.damage:
+        remark(f"{sentence}; it is made again")
+    whole = inventory.whole
+    whole["truth"][layout.identity.name] = write_identity(layout, identity)
+    for folder in {path.parent for path in map(PurePath, contents.images)}:
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
-    write_text(layout.observations / INCOMPLETE, "")
-    return False
+    whole["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
+    if _is_whole(layout, contents, whole):
+        exposure = float(read_json(layout.manifest)["exposure_per_radiance"])
+    else:
+        bench = (scene, rig, file.path.parent.resolve(), layout, machine[0])
+        exposure = _make(bench, machine[1], shards, contents, whole, progress)
+    seal(layout, dataset_facts(scene, rig, exposure, machine[0]), whole)
+
+
+def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
+    for path in list(surplus(layout, contents)):
+        path.unlink()
+        if not path.name.endswith(".part"):  # what an interrupted write has left
+            remark(f"{path}: was not generated; it is removed")
+
+
+def _rig(layout: Layout, text: str) -> str:
+    """Write rig.json unless it is there as it should be; its sha256."""
+    path, data = layout.observations / "rig.json", text.encode()
+    if not (path.is_file() and path.read_bytes() == data):
+        write_bytes(path, data)
+    return digest(data)
+
+
+def _shard_name(number: int) -> str:
+    return Layout(Path()).shard(Path(), number).joinpath(HASHES).as_posix()
+
+
+def _is_whole(layout: Layout, contents: Contents, whole: Mapping[str, Mapping[str, str]]) -> bool:
+    """Whether nothing has to be rendered. The exposure is in the manifest, and is measured too."""
+    shards = {_shard_name(number) for number in range(len(contents.shards))}
+    made = {*contents.images, *shards} <= whole["observations"].keys()
+    return made and {layout.manifest.name, *shards} <= whole["truth"].keys()
+
+
+def _make(
+    bench: tuple[Any, ...],
+    workers: int,
+    shards: Shards,
+    contents: Contents,
+    whole: dict[str, dict[str, str]],
+    progress: Progress,
+) -> float:
+    """Make all images and shards that are not whole, and add their hashes to `whole`.
+
+    `bench` is what a Bench is built from, but for its threads. The exposure it was made with.
+    """
+    observations = whole["observations"]
+    threads = max(cores() // workers, 1)
+    # One more than there are images: the exposure is measured from one that is not kept.
+    total = sum(map(len, shards)) + len(contents.images) + 1
+    with Pool(workers, Bench, (*bench, threads)) as pool:
+        exposure = float(pool.call("measure_exposure"))
+        images = [name for name in contents.images if name not in observations]
+        numbers = [n for n in range(len(shards)) if _shard_name(n) not in observations]
+        jobs: list[tuple[str, tuple[Any, ...]]] = [("image", (name, exposure)) for name in images]
+        jobs += [("shard", (number, shards[number], exposure)) for number in numbers]
+        to_do = len(images) + sum(len(shards[number]) for number in numbers) + 1
+        digests = pool.run(jobs, lambda done: progress(total - to_do + done, total))
+    observations.update(zip(images, digests, strict=False))
+    for number, by_tree in zip(numbers, digests[len(images) :], strict=True):
+        for tree, value in by_tree.items():
+            whole[tree][_shard_name(number)] = value
+    return exposure

@@ -1,17 +1,20 @@
 """OpenEXR files, read whole."""
 
+import io
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
 
 
 def channels(path: Path) -> dict[str, np.ndarray]:
-    """Every channel (height, width) of a file of one part. Raises InputError if it is none."""
+    """Read every channel (height, width) of a file of one part. Raises InputError if it is none."""
+    data = io.BytesIO(read_bytes(path))
     try:
-        file = OpenEXR.File(str(path), separate_channels=True)
+        file = OpenEXR.File(data, separate_channels=True)
     except Exception as error:
         raise InputError(f"{path}: is not an EXR image that can be read ({error})") from error
     with file:

@@ -21,9 +21,28 @@ def _known(centrelines: list[str] | None) -> list[str] | None:
     return centrelines
 
 
+def _nameable(path: Path | None) -> Path | None:
+    """Refuse a name that no file can have, before minutes of work. Raises InputError."""
+    try:
+        if path is not None:
+            path.exists()
+    except OSError as error:
+        raise InputError(f"{path}: is no name of a file or folder ({error.strerror})") from error
+    return path
+
+
 ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
-DatasetPath = Annotated[Path, typer.Argument(help="a folder made by generate or run")]
-Out = Annotated[Path | None, typer.Option(help="folder to write", show_default="runs/<scene>")]
+DatasetPath = Annotated[
+    Path, typer.Argument(callback=_nameable, help="a folder made by generate or run")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(callback=_nameable, help="folder to write", show_default="runs/<scene>"),
+]
+Picture = Annotated[
+    Path | None,
+    typer.Option(callback=_nameable, help="PNG to write", show_default="in results"),
+]
 Seed = Annotated[int | None, typer.Option(min=0, help="replaces the scene's seed")]
 Workers = Annotated[
     int | None, typer.Option(min=1, max=256, help="processes", show_default="one a core")
@@ -47,6 +66,12 @@ Centreline = Annotated[
     ),
 ]
 Repeats = Annotated[int, typer.Option(min=1, help="times each frame is solved; median time counts")]
+Memory = Annotated[
+    float,
+    typer.Option(
+        min=0, help="gigabytes that a method, and each process it starts, may allocate; 0: any"
+    ),
+]
 Predictions = Annotated[
     list[Path] | None,
     typer.Option(help="CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),

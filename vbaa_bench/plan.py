@@ -1,7 +1,7 @@
 """Scene -> what will be made: every trial with its equilibrium, and nothing impossible."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,14 +9,18 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
-from solver.instrument.transforms import apply
+from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.experiment import Experiment
+from vbaa_bench.geometry.ground import MOST_SQUARES, RESOLVED_PX, finest_square
+from vbaa_bench.geometry.lamps import between
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.render.environment import read_environment
+from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.lights import Lamp
 from vbaa_bench.spec.load import Key, SceneFile
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
-from vbaa_bench.spec.trials import Push, Trial, trials
+from vbaa_bench.spec.trials import Push, Trial, in_shards, trials
 
 # Thinner, and pixels' centres miss the beam for long stretches.
 THINNEST_PX = 0.25
@@ -59,12 +63,14 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
     _environment_is_readable(file)
     made = trials(scene)
     seen = _Seen(file, rig)
-    mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig)
-    pushes = list(dict.fromkeys(trial.push for trial in made))
-    for number, wanted in enumerate([] if mistakes else pushes):
+    mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig) + _too_fine(file, rig)
+    pushes: dict[Push, set[float]] = {}
+    for trial in made:
+        pushes.setdefault(trial.push, set()).add(trial.onset)
+    for number, (wanted, onsets) in enumerate([] if mistakes else pushes.items()):
         experiment = Experiment(scene, rig, wanted, file.path.parent)
         try:
-            seen.add(experiment, experiment.states())
+            seen.add(experiment, experiment.states(), onsets)
         except EquilibriumError as error:
             mistakes.append(file.complaint(_key(file, wanted), f"{_said(wanted)}: {error}"))
         except InputError as error:
@@ -73,9 +79,7 @@ def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Pl
     mistakes += seen.mistakes()
     if mistakes:
         raise InputError("\n".join(dict.fromkeys(mistakes)))
-    size = scene.frames_per_shard
-    shards = tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
-    return Plan(rig, shards, seen.residual)
+    return Plan(rig, in_shards(scene, made), seen.residual)
 
 
 def _environment_is_readable(file: SceneFile) -> None:
@@ -99,8 +103,8 @@ class _Seen:
         self._points = rest
         self.residual = 0.0
 
-    def add(self, experiment: Experiment, states: list[State]) -> None:
-        """Look at the states of one push."""
+    def add(self, experiment: Experiment, states: list[State], onsets: Collection[float]) -> None:
+        """Look at the states of one push, which meets its object at some motor angles [rad]."""
         wanted = experiment.push
         for goal, state in zip(wanted.goals, states, strict=True):
             self.residual = max(self.residual, state.residual)
@@ -108,15 +112,20 @@ class _Seen:
             if stress > self._stress:
                 self._stress, self._stressed = stress, f"{_where(wanted)}to {goal}"
             self._lowest = min(self._lowest, float(state.centreline[:, 3].min()))
-            points = apply(experiment.camera_frame_from_clamp(state), state.centreline[:, 1:])
-            points = np.vstack([self._points, points + self._rig.base_position])
-            # The outermost along every axis and diagonal stand for all.
-            reach = points @ _DIRECTIONS.T
-            self._points = points[np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))]
+            for onset in onsets:
+                stage = experiment.camera_frame_from_clamp(onset - state.pushing_angle)
+                points = apply(stage, state.centreline[:, 1:]) + self._rig.base_position
+                points = np.vstack([self._points, points])
+                # The outermost along every axis and diagonal stand for all.
+                reach = points @ _DIRECTIONS.T
+                outermost = np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))
+                self._points = points[outermost]
 
     def mistakes(self) -> list[str]:
         """What the beam does not bear, and what the camera does not see."""
-        return self._overstressed() + self._below_ground() + self._out_of_view()
+        return (
+            self._overstressed() + self._below_ground() + self._out_of_view() + self._behind_lamps()
+        )
 
     def _below_ground(self) -> list[str]:
         ground = self._file.scene.background.distance_mm
@@ -158,6 +167,27 @@ class _Seen:
                 f"v {v.min():.0f}..{v.max():.0f} px, "
                 f"the image is {camera.width} x {camera.height} px",
             )
+        ]
+
+    def _behind_lamps(self) -> list[str]:
+        """Name the lamps that hide the beam, or the board in view 0, from the camera."""
+        file, rig, pose = self._file, self._rig, self._rig.camera.camera_from_antenna
+        board = apply(rig.antenna_from_board, nominal_rig(file.scene).board.corners())
+        share = np.linspace(0, 1, 65)[:, None]
+        at_rest = rig.base_position + share * [rig.beam.length, 0.0, 0.0]
+        ends = np.vstack([self._points, at_rest, board])
+        starts = np.broadcast_to(invert(pose)[:3, 3], ends.shape)
+        if rig.camera.telecentric:
+            depth = apply(pose, ends)[:, 2:]
+            starts = ends - depth * pose[2, :3]
+        shining = lights(file.scene, file.path.parent) if file.scene.lights else []
+        return [
+            file.complaint(
+                ("lights", number),
+                "stands between the camera and the beam or the board, allowed is out of its sight",
+            )
+            for number, light in enumerate(shining)
+            if isinstance(light, Lamp) and between(light.mesh, starts, ends).any()
         ]
 
 
@@ -211,6 +241,19 @@ def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
         place = ("second_peg", "distance_mm")
         mistakes.append(file.complaint(place, f"{said} and the tip at {length:g} mm"))
     return mistakes
+
+
+def _too_fine(file: SceneFile, rig: TrueRig) -> list[str]:
+    ground = file.scene.background
+    finest = finest_square(file.scene, rig.camera) / MILLIMETRE
+    if ground.pattern != "squares" or ground.square_mm >= finest:
+        return []
+    said = (
+        f"is {ground.square_mm:g}, allowed is >= {finest:.3g}: smaller squares are below "
+        f"{RESOLVED_PX:g} px, or more than {MOST_SQUARES} along a side of the ground in view; "
+        "pattern plain looks the same"
+    )
+    return [file.complaint(("background", "square_mm"), said)]
 
 
 def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:

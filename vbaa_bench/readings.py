@@ -6,7 +6,6 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Trial, random_generator
-from vbaa_bench.truth import motor_angle
 
 
 def readings(
@@ -49,7 +48,8 @@ def _encoder(scene: Scene, trial: Trial, state: State) -> float:
     """The encoder's reading [deg]: off by its noise, and a whole number of its steps."""
     noise = random_generator(scene, "encoder", trial.index)
     tolerance = scene.tolerances
-    reading = float(noise.normal(motor_angle(scene, state) / DEGREE, tolerance.encoder_deg))
+    true = trial.motor_angle(state.pushing_angle) / DEGREE
+    reading = float(noise.normal(true, tolerance.encoder_deg))
     if tolerance.encoder_step_deg > 0:
         reading = round(reading / tolerance.encoder_step_deg) * tolerance.encoder_step_deg
     return reading

@@ -1,6 +1,5 @@
 """`vbaa-bench speed`: mechanics, render, solve."""
 
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,12 +10,12 @@ from rich.table import Table
 
 from vbaa_bench.console import console, say, show_table
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import verify_observations
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.options import AsJson, Out, Repeats, ScenePath, Variant
+from vbaa_bench.options import AsJson, Repeats, ScenePath, Variant
 from vbaa_bench.render.variant import choose
 from vbaa_bench.score.speed import judged
 from vbaa_bench.spec.load import load_scene
+from vbaa_bench.workers import cores
 
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
 
@@ -50,7 +49,9 @@ def mechanics(
 @speed_app.command()
 def render(
     scene: ScenePath,
-    out: Out = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder to write", show_default="runs/<scene>_speed")
+    ] = None,
     seconds: Annotated[float, typer.Option(min=1, help="about how long to measure")] = 120,
     variant: Variant = None,
     as_json: AsJson = False,
@@ -59,7 +60,8 @@ def render(
     # Imported late: doctor must run where the renderer cannot even be loaded.
     from vbaa_bench.checks import speed_curves, speed_render
 
-    root = out or Path("runs") / scene.stem
+    # Beside the scene's dataset: a dataset's folder holds nothing else when it is begun.
+    root = out or Path("runs") / f"{scene.stem}_speed"
     with console.status("rendering frames"):
         record = speed_render.measure(load_scene(scene), choose(variant), seconds, root)
     say(record, speed_curves.sentence(record, root), as_json)
@@ -91,7 +93,6 @@ def solve(
 
     layout = Layout(dataset or _quickstart(variant))
     truth = open_truth(layout.truth)
-    verify_observations(layout)
     with console.status("measuring on one core"):
         measured = speed_solve.measure_apart(
             layout.observations, method, frames, repeats, first_ever=first_ever
@@ -142,7 +143,7 @@ def _quickstart(variant: str | None) -> Path:
 
     root = Path("runs") / QUICKSTART.stem
     with console.status(f"rendering {QUICKSTART}"):
-        generate(load_scene(QUICKSTART), root, choose(variant), os.cpu_count() or 1, _quiet)
+        generate(load_scene(QUICKSTART), root, choose(variant), cores(), _quiet)
     return root
 
 

@@ -16,6 +16,7 @@ from vbaa_bench.bodies import Body
 from vbaa_bench.cover import hidden_stretch, occluder
 from vbaa_bench.experiment import Experiment
 from vbaa_bench.geometry.board import board, squares
+from vbaa_bench.geometry.ground import chequered_side
 from vbaa_bench.geometry.objects import adaptor, hub, sheet
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
@@ -49,6 +50,16 @@ class Pose:
     covered: State | None = None
 
     @property
+    def motor_angle(self) -> float:
+        """True motor angle [rad]."""
+        return self.trial.motor_angle(self.state.pushing_angle)
+
+    @property
+    def camera_frame_from_clamp(self) -> Floats:
+        """Into the frame (4, 4) in which the camera stands still."""
+        return self.experiment.camera_frame_from_clamp(self.motor_angle)
+
+    @property
     def hidden(self) -> tuple[float, float] | None:
         """The stretch [m] of the beam that is covered, or to be left out."""
         scene = self.experiment.scene
@@ -67,20 +78,32 @@ class Studio:
 
     def rest(self, experiment: Experiment) -> World:
         """The beam at rest with no object near."""
-        return self._world(dict(self._standing(experiment, experiment.rest)))
+        return self._world(dict(self._standing(experiment, experiment.rest, 0.0)))
 
     def bench(self, pose: Pose) -> World:
         """The beam pushed against its object."""
-        surfaces = {**dict(self.things(pose)), **dict(self._standing(pose.experiment, pose.state))}
+        surfaces = self._surfaces(pose)
         # The beam comes first: its index in the truth layers is 1.
         surfaces = {"beam": surfaces.pop("beam"), **surfaces}
         return self._world(surfaces)
 
+    def _surfaces(self, pose: Pose) -> dict[str, Surface]:
+        standing = self._standing(pose.experiment, pose.state, pose.motor_angle)
+        return {**dict(self.things(pose)), **dict(standing)}
+
     def repose(self, world: World, pose: Pose) -> None:
         """Bend the beam of a pushed bench anew and put everything where it belongs."""
-        surfaces = {**dict(self.things(pose)), **dict(self._standing(pose.experiment, pose.state))}
+        surfaces = self._surfaces(pose)
         moving = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(moving, surfaces["beam"].arc_length)
+
+    def centreline(self, pose: Pose) -> Floats:
+        """Arc length and place (n, 4) [m] of the beam in the frame in which the camera stands
+        still."""
+        line = pose.state.centreline
+        return np.column_stack(
+            [line[:, 0], apply(self._stage(pose.experiment, pose.motor_angle), line[:, 1:])]
+        )
 
     def card(self, view: int) -> World:
         """The calibration board alone: in plane C in view 0, tilted in the others."""
@@ -107,10 +130,12 @@ class Studio:
         away = random.uniform(0.12, 0.2) * self.scene.camera.position_mm[2] * MILLIMETRE
         return rigid(lean * axis, np.array([0.0, 0.0, -away]))
 
-    def _standing(self, experiment: Experiment, state: State) -> Iterator[tuple[str, Surface]]:
+    def _standing(
+        self, experiment: Experiment, state: State, motor_angle: float
+    ) -> Iterator[tuple[str, Surface]]:
         """The antenna and what lies under it."""
         scene, spec = self.scene, self.scene.beam
-        stage = self._stage(experiment, state)
+        stage = self._stage(experiment, motor_angle)
         steel, arc_length = self._skin.mesh(state)
         yield "beam", replace(_painted(_set(steel, stage), spec), arc_length=arc_length)
         clamp, mm = scene.hub, MILLIMETRE
@@ -122,12 +147,12 @@ class Studio:
             arm = adaptor(offset, clamp.radius_mm * mm / 2)
             yield "adaptor", _painted(_set(arm, stage), clamp)
         yield "hub", _painted(_set(shaft, stage), clamp)
-        yield from self._background(experiment, state)
+        yield from self._background(experiment, motor_angle)
 
     def things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
         """What the beam is pushed against, and what hides it."""
         experiment, state, scene = pose.experiment, pose.state, self.scene
-        stage, top = self._stage(experiment, state), 0.0
+        stage, top = self._stage(experiment, pose.motor_angle), 0.0
         if not isinstance(scene.object, NothingSpec):
             touched = experiment.touched_mesh(state, pose.trial.step)
             top = float(touched.vertices[:, 2].max())
@@ -158,23 +183,24 @@ class Studio:
                 mesh.vertices[:] = (0.0, 0.0, experiment.ground)
             yield "occluder", _painted(_set(mesh, stage), hiding)
 
-    def _stage(self, experiment: Experiment, state: State) -> Floats:
+    def _stage(self, experiment: Experiment, motor_angle: float) -> Floats:
         """From the clamp's frame to that of the camera (4, 4)."""
-        stage = experiment.camera_frame_from_clamp(state).copy()
+        stage = experiment.camera_frame_from_clamp(motor_angle).copy()
         stage[:3, 3] += self.rig.base_position
         return stage
 
-    def _background(self, experiment: Experiment, state: State) -> Iterator[tuple[str, Surface]]:
-        """The ground, as it lies in a state."""
+    def _background(
+        self, experiment: Experiment, motor_angle: float
+    ) -> Iterator[tuple[str, Surface]]:
+        """The ground, as it lies when the motor stands at an angle [rad]."""
         spec, mount = self.scene.background, self.scene.camera.mount
         if spec.pattern == "plain" or spec.lies_in == mount:
             # A plain one looks the same however it turns.
             yield from self._ground(np.eye(4))
         elif mount == "antenna":
-            turned = experiment.motor.clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))
-            yield from self._ground(turned)
+            yield from self._ground(experiment.clamp_from_world(motor_angle))
         else:
-            yield from self._ground(self._stage(experiment, state))
+            yield from self._ground(self._stage(experiment, motor_angle))
 
     def _ground(self, stage: Floats) -> Iterator[tuple[str, Surface]]:
         """Far enough to the sides that the camera never sees its rim."""
@@ -184,7 +210,8 @@ class Studio:
             whole = _set(sheet(middle, 20 * length, 1), stage)
             yield "background", Surface(whole, spec.reflectance, texture=self._texture)
             return
-        light, dark = squares(6 * length, spec.square_mm * MILLIMETRE)
+        side = chequered_side(self.scene, self.rig.camera)
+        light, dark = squares(side, spec.square_mm * MILLIMETRE)
         for name, cells, reflectance in (
             ("background", light, spec.reflectance),
             ("background_squares", dark, spec.square_reflectance),

@@ -1,23 +1,18 @@
 """What the truth says of a frame, and of the rig: lengths in mm, angles in degrees."""
 
+import math
 from typing import Any
 
 import numpy as np
 
-from solver.instrument.transforms import apply, turn_about_z
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE, PERCENT
 from vbaa_bench.experiment import Experiment
 from vbaa_bench.mechanics.state import Contact, State
 from vbaa_bench.spec.rigs import TrueRig
 from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Trial
-
-
-def motor_angle(scene: Scene, state: State) -> float:
-    """True motor angle [rad]: seen from the camera it turns clockwise, bending the beam to +y."""
-    pushes = scene.pushes or scene.sampling
-    assert pushes is not None
-    return pushes.motor_angle_at_contact_deg * DEGREE - state.pushing_angle
 
 
 def truth_row(
@@ -31,9 +26,9 @@ def truth_row(
     stand, and `contact_world_mm` is in Sigma_o, which is Sigma_a where the motor's angle is zero.
     """
     scene, mm = experiment.scene, MILLIMETRE
-    phi = motor_angle(scene, state)
+    phi = trial.motor_angle(state.pushing_angle)
     stress = state.largest_strain * experiment.youngs_modulus / 1e6
-    sag = np.linalg.norm((state.tip - experiment.rest.tip)[1:])
+    sag = _norm((state.tip - experiment.rest.tip)[1:])
     cover, wanted = trial.cover, trial.push
     rigid = wanted.compliance == 0
     return {
@@ -47,7 +42,7 @@ def truth_row(
         "normal_deg": wanted.normal / DEGREE,
         "k_s_n_m": None if rigid else 1 / wanted.compliance,
         "k_s_over_k_beam": _stiffness_ratio(experiment, state),
-        "deflection_pct": float(sag) / experiment.rig.beam.length / PERCENT,
+        "deflection_pct": sag / experiment.rig.beam.length / PERCENT,
         "pushing_angle_deg": state.pushing_angle / DEGREE,
         "motor_angle_deg": phi / DEGREE,
         **_contact(experiment, state, phi),
@@ -87,28 +82,37 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
     across = np.array([0.0, -np.sin(psi), np.cos(psi)])
     # Eq. (1). The motor turns the clamp about its axis, wherever that truly stands.
     axis = np.array(experiment.motor.point)
-    world = turn_about_z(phi)
-    world[:3, 3] = axis - world[:3, :3] @ axis + base
+    turn = turn_about_z(phi)[:3, :3]
+    world = [_dot(row, contact.point - axis) for row in turn] + axis + base
     return {
         "x_c_mm": float(contact.point[0]) / mm,
-        "y_c_mm": float(contact.point @ in_plane) / mm,
+        "y_c_mm": _dot(contact.point, in_plane) / mm,
         "s_c_mm": contact.s / mm,
         "theta_c_deg": contact.theta / DEGREE,
         "psi_deg": psi / DEGREE,
         "force_psi_deg": contact.psi / DEGREE,
-        "force_n": float(np.linalg.norm(contact.force)),
-        "f_n": float(contact.force @ in_plane),
-        "w_s_mm": float(np.linalg.norm(contact.object_shift)) / mm,
+        "force_n": _norm(contact.force),
+        "f_n": _dot(contact.force, in_plane),
+        "w_s_mm": _norm(contact.object_shift) / mm,
         "force_antenna_n": contact.force.tolist(),
         "contact_deformation_mm": [
             float(contact.point[0]) / mm,
-            float(contact.point @ in_plane) / mm,
-            float(contact.point @ across) / mm,
+            _dot(contact.point, in_plane) / mm,
+            _dot(contact.point, across) / mm,
         ],
         "contact_antenna_mm": ((contact.point + base) / mm).tolist(),
-        "contact_world_mm": (apply(world, contact.point[None])[0] / mm).tolist(),
+        "contact_world_mm": (world / mm).tolist(),
         "contact_row": contact.row,
     }
+
+
+def _dot(a: Floats, b: Floats) -> float:
+    """Dot product, rounded once: BLAS rounds it as the processor's type has it."""
+    return math.fsum(a * b)
+
+
+def _norm(a: Floats) -> float:
+    return math.sqrt(_dot(a, a))
 
 
 def _psi(experiment: Experiment, contact: Contact) -> float:

@@ -5,7 +5,7 @@ board, which is what makes a pinhole's focal length observable; with view 0 alon
 known and the viewpoint is not. A telecentric camera has no focal length and is found from view 0.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import cv2
@@ -25,6 +25,9 @@ from solver.instrument.rig import Rig
 
 # Of a target that may be seen in part; they must not lie in fewer than three rows or columns.
 LEAST_POINTS = 12
+# Places of the beam at rest, of which the camera must show this share, and one in the image.
+# Chosen: with less than half of a beam no method answers.
+_PLACES, _LEAST_SHOWN = 20, 0.5
 
 
 @contextmanager
@@ -40,26 +43,54 @@ def _one_thread() -> Iterator[None]:
 
 
 @_one_thread()
-def calibrate(board_views: Sequence[Grey], rig: Rig) -> Calibration:
-    """Camera from gray images (height, width) of the rig's board, of 8 or 16 bits.
+def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
+    """Calibrate the camera from gray images (height, width) of the rig's board, of 8 or 16 bits.
 
-    Raises InputError if the views differ in size, view 0 does not show the board (a chessboard as
-    a whole, another target in good part), or, of several views of a pinhole, fewer than three do.
+    Views are asked for one after the other, and only their points are kept: a generator that reads
+    them needs the memory of one. Raises InputError if the views differ in size, view 0 does not
+    show the board (a chessboard as a whole, another target in good part), of several views of a
+    pinhole fewer than three do, they determine no camera, or the camera found does not show the
+    beam.
     """
-    sizes = {view.shape for view in board_views}
-    if len(sizes) != 1:
-        raise InputError(f"the calibration views differ in size: {sorted(sizes)}, allowed is one")
-    height, width = board_views[0].shape
-    lying = sighting(board_views[0], rig.board)
-    if lying is None:
+    shapes: list[tuple[int, ...]] = []
+    seen: list[Sighting | None] = []
+    for view in board_views:
+        shapes.append(view.shape)
+        if view.shape != shapes[0]:
+            sizes = sorted({shapes[0], view.shape})
+            raise InputError(f"the calibration views differ in size: {sizes}, allowed is one")
+        seen.append(sighting(view, rig.board))
+    if not seen:
+        raise InputError("there is no calibration view, needed is at least one")
+    if seen[0] is None:
         whole = "the whole board" if isinstance(rig.board, Chessboard) else "enough of the board"
         raise InputError(f"calibration view 0, which defines plane C, does not show {whole}")
-    if rig.telecentric:
-        return telecentric(lying, width, height, rig)
-    if len(board_views) == 1 and not rig.distortion_coefficients:
-        return plane_alone(lying, width, height, rig)
-    tilted = [sighting(view, rig.board) for view in board_views[1:]]
-    return pinhole([lying, *(seen for seen in tilted if seen is not None)], width, height, rig)
+    height, width = shapes[0]
+    detected = [one for one in seen if one is not None]
+    try:
+        if rig.telecentric:
+            found = telecentric(detected[0], width, height, rig)
+        elif len(shapes) == 1 and not rig.distortion_coefficients:
+            found = plane_alone(detected[0], width, height, rig)
+        else:
+            found = pinhole(detected, width, height, rig)
+    except (cv2.error, np.linalg.LinAlgError, ValueError) as error:
+        raise InputError(
+            "the calibration views determine no camera: is the board's size in rig.json right, and "
+            "does it lean another way in each view but the first?"
+        ) from error
+    along = np.linspace(0, rig.beam.length, _PLACES)[:, None] * [1.0, 0.0, 0.0]
+    places = rig.base_position + along
+    shown = found.camera.shows(places)
+    inside = np.abs(found.camera.project(places[shown]) / [width, height] - 0.5) < 0.5
+    if np.mean(shown) < _LEAST_SHOWN or not inside.all(axis=1).any():
+        raise InputError(
+            "the calibrated camera does not show the beam: it is behind the camera, beside the "
+            "image or where the distortion found is not one-to-one; do base.position_mm, "
+            "board.antenna_from_board_... and camera.distortion_coefficients in rig.json fit the "
+            "calibration views?"
+        )
+    return found
 
 
 def sighting(view: Grey, board: Board) -> Sighting | None:

@@ -23,6 +23,8 @@ def certainty(calibration: Calibration, rig: Rig) -> tuple[float, float]:
     camera = calibration.camera
     x = rig.beam.length * np.linspace(0.05, 0.95, 10)
     places = rig.base_position + np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+    shown = camera.shows(places)
+    x, places = x[shown], places[shown]
     pixels = camera.project(places)
     # The line through the errors along the beam: what it says at the clamp, and its slope.
     line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))

@@ -36,6 +36,13 @@ FARTHEST_OFF = 4.0
 WORST_MISFIT = 3.0
 # A point that is off by more of its sigmas counts for less.
 _ROBUST = 3.0
+# A weight is held on the beam while the fit moves it: shares of the length.
+_INNERMOST, _OUTERMOST = 1e-3, 0.9999
+# What stands for the distances [sigma] of a beam that no such load can bend.
+_NO_SHAPE = 1e6
+# A load W L^2 / EI below which nothing is bent that a camera sees: a millionth of the length.
+_LEAST_LOAD = 3e-6
+_HALVINGS = 20
 _NODES = np.linspace(0.0, 1.0, 60)
 
 
@@ -80,6 +87,8 @@ def flexural_rigidity(
     """
     rig = loaded[0].rig
     length = rig.beam.length
+    if not (math.isfinite(weight.force) and weight.force > 0):
+        raise InputError(f"the weight is {weight.force:g} N, allowed is a finite number above 0")
     if not 0 < weight.at < length:
         raise InputError(
             f"the weight hangs at {1e3 * weight.at:g} mm, allowed is on the beam, "
@@ -90,26 +99,32 @@ def flexural_rigidity(
     # Known beforehand: clamp along the beam, place of the weight, level, scale.
     known = np.array([math.sqrt(base[0, 0]), weight.at_sigma, weight.level_sigma])
     known = np.maximum(np.append(known, loaded[0].scale_sigma), 1e-9)
-    nominal = weight.force / rig.beam.flexural_rigidity
+    start = _linear_start(groups, weight.at, length)
+    # Every load is in units of the one that the images show, whatever EI the rig states.
+    unit = abs(start[0])
+    start[:2] /= [unit, unit / length]
+    start[2] /= length
 
     def residuals(p: Floats, widening: Floats) -> Floats:
-        load, own, y, tilt = p[0] * nominal, p[1] * nominal / length, p[2] * length, p[3]
+        load, own, y, tilt = p[0] * unit, p[1] * unit / length, p[2] * length, p[3]
         along, shift, level, scale = p[4:] * known
         parts = []
         for (points, sigmas), hung, wide in zip(groups, (0.0, load), widening, strict=True):
             # A large load while the fit is on its way: no shape, so a step that is refused.
-            at = weight.at + (shift if hung else 0.0)
-            curve = hung_beam(hung, own, at, level, length)
+            at = weight.at + shift
+            curve = hung_beam(hung, own, at if hung else 0.5 * length, level, length)
             if curve is None:
-                parts.append(np.full(len(points), 1e6))
+                parts.append(np.full(len(points), _NO_SHAPE))
                 continue
             turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
             at_clamp = (points / (1 + scale) - [along, y]) @ turn
             parts.append(_distances(curve, at_clamp, sigmas @ turn) / wide)
         return np.concatenate([*parts, p[4:]])
 
-    start = np.zeros(8)
-    start[0] = _side(groups, weight.at)
+    # Of all that is fitted, only the weight's place has an end: the beam's.
+    low, high = np.full(8, -np.inf), np.full(8, np.inf)
+    low[5], high[5] = (np.array([_INNERMOST, _OUTERMOST]) * length - weight.at) / known[1]
+    start[5] = np.clip(0.0, low[5], high[5])
     sizes = [len(points) for points, _ in groups]
     widening = np.ones(2)
     # The first pass tells how far the points' errors exceed their sigmas, and how long they last.
@@ -117,6 +132,7 @@ def flexural_rigidity(
         fit = least_squares(
             residuals,
             start,
+            bounds=(low, high),
             loss=partial(_loss, sum(sizes)),
             f_scale=_ROBUST,
             diff_step=1e-4,
@@ -132,16 +148,22 @@ def flexural_rigidity(
                 for s, part in zip(spread, parts, strict=True)
             ]
         )
-    covariance = np.linalg.inv(fit.jac.T @ fit.jac)
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac, hermitian=True)
     ratio, ratio_sigma = abs(float(fit.x[0])), math.sqrt(covariance[0, 0])
-    if not fit.success or ratio < LEAST_SNR * ratio_sigma:
+    if not np.abs(plain).max() < _NO_SHAPE:
+        raise InputError(
+            f"no beam of {1e3 * length:g} mm that a weight bends has the shape in the images: does "
+            f"it turn by more than {math.degrees(STEEPEST):.0f} deg, and does the weight alone "
+            "bend it?"
+        )
+    if not fit.success or not ratio > LEAST_SNR * ratio_sigma:
         raise InputError(
             "the weight bends the beam too little to tell EI: hang a heavier one, or nearer the tip"
         )
     _refuse_another(fit.x[5:7], known[1:3], max(spread))
-    value = weight.force / (ratio * nominal)
+    value = weight.force / (ratio * unit)
     sigma = value * math.hypot(ratio_sigma / ratio, weight.force_sigma / weight.force)
-    resting = hung_beam(0.0, fit.x[1] * nominal / length, weight.at, 0.0, length)
+    resting = hung_beam(0.0, fit.x[1] * unit / length, weight.at, 0.0, length)
     assert resting is not None
     return Rigidity(
         value=value,
@@ -233,12 +255,28 @@ def _pooled(measurements: Sequence[Measurement], when: str) -> tuple[Floats, Flo
     return points[order], sigmas[order]
 
 
-def _side(groups: Sequence[tuple[Floats, Floats]], at: float) -> float:
-    """1 or -1: to which side the weight has bent the outer half of the beam."""
-    outer = [points[points[:, 0] > at / 2, 1] for points, _ in groups]
-    if not all(len(y) for y in outer):
-        return 1.0
-    return 1.0 if np.median(outer[1]) >= np.median(outer[0]) else -1.0
+def _linear_start(groups: Sequence[tuple[Floats, Floats]], at: float, length: float) -> Floats:
+    """The fit's start (8,): load and own weight [1/m^2, 1/m^3], offset [m] and tilt [rad] at rest.
+
+    Linear theory, eqs. (9) and (10) with a clamp that is offset and tilted, at once for the beam at
+    rest and under the weight. The loads are halved until the beam has a shape.
+    """
+    design, y = [], []
+    for (points, _), loaded in zip(groups, (False, True), strict=True):
+        x = points[:, 0]
+        inner, outer = (3 * at - x) * x**2 / 6, (3 * x - at) * at**2 / 6
+        bent = np.where(x < at, inner, outer) * loaded
+        sagged = x**2 * (6 * length**2 - 4 * length * x + x**2) / 24
+        design.append(np.column_stack([bent, sagged, np.ones_like(x), x]))
+        y.append(points[:, 1])
+    scale = np.array([length**3, length**4, 1.0, length])
+    found = np.linalg.lstsq(np.vstack(design) / scale, np.concatenate(y), rcond=None)[0] / scale
+    found[0] = math.copysign(max(abs(found[0]), _LEAST_LOAD / length**2), found[0])
+    for _ in range(_HALVINGS):
+        if hung_beam(found[0], found[1], at, 0.0, length) is not None:
+            break
+        found[:2] /= 2
+    return np.concatenate([found, np.zeros(4)])
 
 
 def _distances(curve: CubicHermiteSpline, points: Floats, sigmas: Floats) -> Floats:

@@ -33,7 +33,10 @@ class Guide:
         return self.camera.project(apply(self.antenna_from_beam, points))
 
     def places(self, pixels: Floats) -> Floats:
-        """Places (n, 2) [m] of the beam's frame that are seen at pixels (n, 2)."""
+        """Find the places (n, 2) [m] of the beam's frame that are seen at pixels (n, 2).
+
+        NaN where the lens shows nothing: no beam is there, and the others count as ever.
+        """
         if self.camera.distortion:
             pixels = self.camera.undistorted_pixels(pixels)
         return through(self._beam_from_image, pixels)

@@ -15,22 +15,15 @@ CUT = 6.0
 LAG = 16
 
 
-def smooth_curve(
-    x: Floats,
-    y: Floats,
-    sigma: Floats,
-    at: Floats | None = None,
-    degree: int = DEGREE,
-    cut: float = CUT,
-) -> Floats | None:
-    """The curve at x (n,), or at `at` (m,), through y (n,) where sigma (n,) is finite.
+def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: int = DEGREE) -> Floats | None:
+    """Fit a smooth curve at x (n,) to y (n,) where sigma (n,) is finite.
 
     A polynomial of at most `degree`, less where points are few or span little of x, by iteratively
     reweighted least squares (Beaton and Tukey 1974). Beyond the outermost known points it stays
-    level. Points farther off than `cut` times their typical scatter have no say. None with too few
+    level. Points farther off than CUT times their typical scatter have no say. None with too few
     points.
     """
-    found: Floats = curve(x, y, sigma, x if at is None else at, degree, cut)
+    found: Floats = curve(x, y, sigma, x, degree, CUT)
     return found if len(found) else None
 
 

@@ -10,9 +10,13 @@ from functools import cached_property
 
 import numpy as np
 
-from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.arrays import Floats, Mask, frozen_floats
 from solver.instrument.distortion import COUNTS, distort, undistort
 from solver.instrument.transforms import apply, invert
+
+# A point that is folded back into the image lies far off the one that belongs there; rounding,
+# magnified near the fold, is less than this in normalised units: a thousandth of a pixel.
+_SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -91,17 +95,31 @@ class Camera:
             seen, _ = distort(seen, self.distortion)
         return self._pixels(seen)
 
+    def shows(self, points: Floats) -> Mask:
+        """Tell which points (n, 3) in Sigma_a [m] it shows, in the image or beside it.
+
+        They are before the camera, and so near to its axis that the distortion is one-to-one:
+        farther out, `project` folds a point back towards the axis.
+        """
+        x, y, z = apply(self.camera_from_antenna, points).T
+        shown = np.ones(len(points), np.bool_) if self.telecentric else z > 0
+        if self.distortion:
+            ideal = np.column_stack([x, y])[shown] / z[shown, None]
+            back = undistort(distort(ideal, self.distortion)[0], self.distortion)
+            shown[shown] = np.abs(back - ideal).max(axis=1) < _SAME
+        return shown
+
     def normalised(self, pixels: Floats) -> Floats:
         """Ideal coordinates (n, 2) of pixels (n, 2), as (u, v): x and y over depth, undistorted.
 
-        Exact to 1e-12. Of a telecentric camera, x and y themselves [m]. Raises ValueError where
-        the distortion is not one-to-one.
+        Exact to 1e-12. Of a telecentric camera, x and y themselves [m]. NaN where the lens shows
+        nothing, so far off the axis that its distortion is not one-to-one.
         """
         distorted = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
         return undistort(distorted, self.distortion)
 
     def undistorted_pixels(self, pixels: Floats) -> Floats:
-        """Where a lens free of distortion would show what is seen at pixels (n, 2)."""
+        """Where a lens free of distortion would show what is seen at pixels (n, 2); or NaN."""
         return self._pixels(self.normalised(pixels))
 
     def pixels_per_metre(self, points: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 import struct
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
 
 # A sensor's noise repeats nothing and predicts nothing: neither a search for repeats nor a row
 # filter pays. Of 8 bits this takes two thirds of the time of OpenCV's default, and four fifths
@@ -20,26 +21,45 @@ _PNG = [
     cv2.IMWRITE_PNG_FILTER,
     cv2.IMWRITE_PNG_FILTER_NONE,
 ]
+_PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+_PNG_HEAD: Final = 25  # bytes up to the bit depth
+# Chosen: the largest cameras have 150 megapixels, the largest scene 67.
+MOST_PIXELS: Final = 200_000_000
+# Of a colour image: its luma, one of its colours, or how yellow it is against blue (CIELAB's b).
+CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
+_PLACE: Final = {"b": 0, "g": 1, "r": 2}
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
 
-def read_grey(path: Path) -> Grey:
-    """The gray image (height, width) of a file, of 8 or 16 bits as the file has it.
+def read_grey(path: Path, channel: str = "gray") -> Grey:
+    """Read the gray image (height, width) of a file, of 8 or 16 bits as the file has it.
 
-    Colour is made gray. Raises InputError if it is no image.
+    Of a colour image one of CHANNELS is read. Pixels come as they are stored: a tag that asks for
+    the image to be shown turned (EXIF) is ignored, here as in videos. A camera that looks straight
+    down does not know which way is up, and its tag may change from one image to the next.
+    Raises InputError if it is no image, or not the one that was generated.
     """
+    data = np.frombuffer(read_bytes(path), dtype=np.uint8)
+    if data[:8].tobytes() == _PNG_SIGNATURE:
+        head = _png_head(data[:_PNG_HEAD].tobytes(), path)
+        if head.width * head.height > MOST_PIXELS:  # before memory is taken for them
+            raise InputError(
+                f"{path}: claims {head.width} x {head.height} px, allowed are {MOST_PIXELS:,} px"
+            )
     try:
-        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:  # what is larger than OpenCV allows, of any format
+        image = None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
-    return to_grey(image, str(path))
+    return to_grey(image, str(path), channel)
 
 
-def to_grey(image: Any, name: str) -> Grey:
-    """Gray (height, width) of an image as OpenCV gives it: gray, BGR or BGRA. Raises InputError."""
+def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
+    """Convert an image as OpenCV gives it (gray, BGR or BGRA) to gray (height, width).
+
+    `channel` is one of CHANNELS; an image that is gray already stays as it is. Raises InputError.
+    """
     channels = 1 if image.ndim == 2 else image.shape[2]
     if image.dtype not in (np.uint8, np.uint16) or channels not in (1, *_TO_GREY):
         raise InputError(
@@ -48,6 +68,13 @@ def to_grey(image: Any, name: str) -> Grey:
         )
     if channels == 1:
         return np.asarray(image.reshape(image.shape[:2]))
+    if channel in _PLACE:
+        return np.ascontiguousarray(image[:, :, _PLACE[channel]])
+    if channel == "lab_b":
+        if image.dtype != np.uint8:
+            raise InputError(f"{name}: has 16 bits, the channel lab_b is of images of 8 bits")
+        lab = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2LAB)
+        return np.ascontiguousarray(lab[:, :, 2])
     return np.asarray(cv2.cvtColor(image, _TO_GREY[channels]))
 
 
@@ -70,14 +97,25 @@ def png_bytes(image: Grey) -> bytes:
     return bytes(data)
 
 
-def png_size(path: Path) -> tuple[int, int]:
-    """Width and height of a PNG file, from its first bytes alone. Raises InputError."""
+class PngHead(NamedTuple):
+    """What the first bytes of a PNG file say: size in pixels, and 8 or 16 bits a channel."""
+
+    width: int
+    height: int
+    bits: int
+
+
+def png_head(path: Path) -> PngHead:
+    """Read the size and depth of a PNG file from its first bytes alone. Raises InputError."""
     try:
         with path.open("rb") as stream:
-            head = stream.read(24)
+            return _png_head(stream.read(_PNG_HEAD), path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    if len(head) < 24 or not head.startswith(b"\x89PNG\r\n\x1a\n"):
+
+
+def _png_head(head: bytes, path: Path) -> PngHead:
+    if len(head) < _PNG_HEAD or not head.startswith(_PNG_SIGNATURE):
         raise InputError(f"{path}: is not a PNG image")
-    width, height = struct.unpack(">II", head[16:24])
-    return width, height
+    width, height, bits = struct.unpack(">IIB", head[16:])
+    return PngHead(width, height, 16 if bits == 16 else 8)

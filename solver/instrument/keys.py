@@ -1,16 +1,25 @@
 """Looking dotted keys up in a JSON document, and saying clearly what is wrong with one."""
 
 import difflib
-import math
-from collections.abc import Iterator
+import json
+import reprlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NoReturn
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
+
+# A key or a value is shown up to so many characters.
+_LONGEST: Final = 80
+_SHORT: Final = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = _LONGEST
+# A hundred times what a document with every key takes [bytes].
+_LARGEST: Final = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -25,15 +34,35 @@ class Keys:
     document: Any
     asked: set[str] = field(default_factory=set)
 
+    @classmethod
+    def read(cls, path: Path) -> "Keys":
+        """Read a JSON file. Raises InputError where it is none, too large or nested too deeply,
+        and where it is not the one that was generated."""
+        try:
+            if path.is_file() and path.stat().st_size > _LARGEST:
+                raise InputError(f"{path}: is larger than {_LARGEST} bytes, which no rig needs")
+            return cls(path, json.loads(read_bytes(path).decode("utf-8")))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{path}: is not JSON ({error})") from error
+
     def refuse_others(self) -> None:
         """Raise InputError where the document holds a key for which nobody has asked."""
         for key in _names(self.document):
             if not any(asked == key or asked.startswith(f"{key}.") for asked in self.asked):
-                nearest = difflib.get_close_matches(key, self.asked, n=1, cutoff=0.0)[0]
+                short = key[:_LONGEST]
+                nearest = difflib.get_close_matches(short, self.asked, n=1, cutoff=0.0)[0]
                 raise InputError(
-                    f"{self.path}: the key {key} means nothing here, "
+                    f"{self.path}: the key {short} means nothing here, "
                     f"the nearest allowed is {nearest}"
                 )
+
+    def refuse(self, key: str, allowed: str) -> NoReturn:
+        """Raise InputError that names the key, its value and what is allowed."""
+        raise InputError(
+            f"{self.path}: {key} is {_SHORT.repr(self._value(key))}, allowed is {allowed}"
+        )
 
     def _value(self, key: str) -> Any:
         self.asked.add(key)
@@ -54,54 +83,47 @@ class Keys:
             value = value[part]
         return True
 
-    def number(self, key: str, low: float, high: float = math.inf) -> float:
-        """A finite number from `low` to `high`."""
+    def number(self, key: str, low: float, high: float) -> float:
+        """Look up a finite number from `low` to `high`."""
         value = self._value(key)
-        if not _is_finite_number(value) or not low <= value <= high:
-            bounds = f">= {low:g}" + ("" if high == math.inf else f" and <= {high:g}")
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number {bounds}")
+        if not _is_number(value, low, high):
+            self.refuse(key, f"a number from {low:g} to {high:g}")
         return float(value)
 
-    def count(self, key: str, low: int) -> int:
-        """A whole number from `low`."""
+    def count(self, key: str, low: int, high: int) -> int:
+        """Look up a whole number from `low` to `high`."""
         value = self._value(key)
-        if not isinstance(value, int) or isinstance(value, bool) or value < low:
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a whole number >= {low}")
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            self.refuse(key, f"a whole number from {low} to {high}")
         return value
 
-    def positive(self, key: str) -> float:
-        """A finite number above zero."""
+    def one_of(self, key: str, allowed: Sequence[str | int]) -> Any:
+        """Look up one of the allowed texts or whole numbers."""
         value = self._value(key)
-        if not _is_finite_number(value) or value <= 0:
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a number > 0")
-        return float(value)
+        if isinstance(value, bool) or value not in allowed:
+            self.refuse(key, f"one of {', '.join(map(str, allowed))}")
+        return value
 
-    def one_of(self, key: str, allowed: tuple[str, ...]) -> str:
-        """One of the allowed texts."""
+    def triple(self, key: str, low: float, high: float) -> Floats:
+        """Look up three finite numbers (3,) from `low` to `high`."""
         value = self._value(key)
-        if value not in allowed:
-            raise InputError(
-                f"{self.path}: {key} is {value!r}, allowed is one of {', '.join(allowed)}"
-            )
-        return str(value)
-
-    def triple(self, key: str) -> Floats:
-        """Three finite numbers (3,)."""
-        value = self._value(key)
-        if not (isinstance(value, list) and len(value) == 3 and all(map(_is_finite_number, value))):
-            raise InputError(f"{self.path}: {key} is {value!r}, allowed is a list of three numbers")
+        if not (
+            isinstance(value, list)
+            and len(value) == 3
+            and all(_is_number(item, low, high) for item in value)
+        ):
+            self.refuse(key, f"a list of three numbers from {low:g} to {high:g}")
         return np.array(value, dtype=np.float64)
 
 
-def _names(document: dict[str, Any], before: str = "") -> Iterator[str]:
-    """Every dotted key of a document, sections before what they hold."""
-    for name, value in document.items():
-        yield before + name
-        if isinstance(value, dict):
-            yield from _names(value, f"{before}{name}.")
+def _names(document: Any, before: str = "", deeper: int = 3) -> Iterator[str]:
+    """Every dotted key of a document, sections before what they hold, a few sections deep."""
+    if isinstance(document, dict) and deeper:
+        for name, value in document.items():
+            yield before + name
+            yield from _names(value, f"{before}{name}.", deeper - 1)
 
 
-def _is_finite_number(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return abs(value) < 1e300 and math.isfinite(value)  # a whole number may exceed every float
+def _is_number(value: Any, low: float, high: float) -> bool:
+    # A bool is an int in Python; NaN lies in no range, and the bounds are finite.
+    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high

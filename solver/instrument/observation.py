@@ -6,8 +6,7 @@ observations/
   rest/rest_00.png ...          the beam before contact
   shard_00000/metadata.csv      one row a frame; columns below
   shard_00000/<frame_id>.png    one image a frame
-  hashes.json                   sha256 of every file (of generated trees)
-  INCOMPLETE                    stands there while a tree is being made
+  hashes.json, shard_00000/hashes.json   of generated trees: see solver/instrument/hashes.py
 
 Columns of metadata.csv: file_name, frame_id (the file's stem where there is none), and
 motor_angle_deg, which is empty where no encoder tells it; and where there are such: push_id and
@@ -19,17 +18,23 @@ base_moment_{x,y,z}_n_mm (the force sensor: what the clamp exerts on the beam, i
 import csv
 import io
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import Final
 
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError
-from solver.instrument.images import png_size, read_grey
+from solver.instrument.errors import InputError, cut, shown
+from solver.instrument.hashes import listed, read_bytes, read_hashes
+from solver.instrument.images import png_head, read_grey
 from solver.instrument.rig import Rig, read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE
 
-INCOMPLETE = "INCOMPLETE"
+# Chosen: a name in a table; files can have 255 characters, their suffix included.
+LONGEST_NAME: Final = 250
+# Chosen: so many frames tell whether a tree mixes depths, and opening stays quick.
+LOOKED_AT: Final = 8
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ NOTHING_READ = Readings()
 class Frame:
     """One image of the pushing beam: where it lies, and what was read when it was taken.
 
-    Frames of one push share `push_id` and count its `step`s.
+    Frames of one push share `push_id` and count its `step`s. `channel` of a colour image is read.
     """
 
     frame_id: str
@@ -62,10 +67,11 @@ class Frame:
     readings: Readings = NOTHING_READ
     push_id: str = ""
     step: int = 0
+    channel: str = "gray"
 
     def image(self) -> Grey:
-        """The gray image (height, width). Raises InputError."""
-        return read_grey(self.path)
+        """Read the gray image (height, width). Raises InputError."""
+        return read_grey(self.path, self.channel)
 
 
 @dataclass(frozen=True)
@@ -81,24 +87,61 @@ class Observations:
     def __iter__(self) -> Iterator[Frame]:
         return iter(self.frames)
 
+    def read_board_views(self) -> Iterator[Grey]:
+        """Read the views of the board one after the other, in gray. Raises InputError."""
+        return (read_grey(path) for path in self.board_views)
+
+    def read_rest_images(self) -> Iterator[Grey]:
+        """Read the images at rest one after the other, as the frames are. Raises InputError."""
+        return (read_grey(path, self.rig.channel) for path in self.rest_images)
+
 
 def open_observations(root: Path) -> Observations:
     """Open the tree at `root`. Raises InputError where it is missing, broken or incomplete.
 
-    The frames' images are looked at only when they are read.
+    Of a generated tree only the files that its hashes.json lists are used. The frames' images are
+    looked at only when they are read.
     """
     if not root.is_dir():
         raise InputError(f"{root}: is not a folder of observations")
-    if (root / INCOMPLETE).exists():
-        raise InputError(
-            f"{root}: is incomplete; run the command that was making it again to finish it"
-        )
+    names = listed(root)
     opened = open_rig(root)
-    tables = sorted(root.glob("shard_*/metadata.csv"))
-    frames = tuple(frame for table in tables for frame in read_frames(table))
+    if names is None:
+        tables = sorted(root.glob("shard_*/metadata.csv"))
+    else:
+        tables = [root / name for name in names if PurePath(name).match("shard_*/metadata.csv")]
+    frames = tuple(
+        replace(frame, channel=opened.rig.channel)
+        for table in tables
+        for frame in read_frames(table)
+    )
     if not frames:
         raise InputError(f"{root}: holds no frames (shard_*/metadata.csv)")
+    name, count = Counter(frame.frame_id for frame in frames).most_common(1)[0]
+    if count > 1:
+        raise InputError(
+            f"{root}: {count} frames have the frame_id {shown(name)}, allowed is one each"
+        )
+    _refuse_other_depth(opened.rest_images[0], frames)
     return replace(opened, frames=frames)
+
+
+def _refuse_other_depth(rest_image: Path, frames: Sequence[Frame]) -> None:
+    """Raise InputError if the first frames all have another depth than the beam at rest.
+
+    A single frame that differs or cannot be read is a matter of its own answer.
+    """
+    bits, depths = png_head(rest_image).bits, set[int]()
+    for frame in frames[:LOOKED_AT]:
+        try:
+            depths.add(png_head(frame.path).bits)
+        except InputError:
+            return
+    if bits not in depths:
+        raise InputError(
+            f"{frames[0].path}: has {depths.pop()} bits and {rest_image.name} {bits}; "
+            "allowed are frames and rest images of one depth"
+        )
 
 
 def rig_file(path: Path) -> Path:
@@ -113,33 +156,49 @@ def open_rig(path: Path) -> Observations:
     no frames. Raises InputError.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
-    names = ("calibration/view_*.png", "rest/rest_*.png")
-    views, rests = (tuple(sorted(root.glob(name))) for name in names)
+    names, known = ("calibration/view_*.png", "rest/rest_*.png"), read_hashes(root)
+    views, rests = (
+        tuple(
+            sorted(root.glob(pattern))
+            if known is None
+            else [root / name for name in sorted(known) if PurePath(name).match(pattern)]
+        )
+        for pattern in names
+    )
     for name, found in zip(names, (views, rests), strict=True):
         if not found:
             raise InputError(f"{root}: holds no {name}, at least one is needed")
-    expected = png_size(views[0])
+    expected = png_head(views[0])
     for image in (*views, *rests):
-        size = png_size(image)
-        if size != expected:
+        size = png_head(image)
+        if size[:2] != expected[:2]:
             raise InputError(
-                f"{image}: has {size[0]} x {size[1]} px, allowed is the size of "
-                f"{views[0].name}, {expected[0]} x {expected[1]} px"
+                f"{image}: has {size.width} x {size.height} px, allowed is the size of "
+                f"{views[0].name}, {expected.width} x {expected.height} px"
+            )
+    depths = {image: png_head(image).bits for image in rests}
+    for image, bits in depths.items():
+        if bits != depths[rests[0]]:
+            raise InputError(
+                f"{image}: has {bits} bits and {rests[0].name} {depths[rests[0]]}; "
+                "allowed are rest images of one depth"
             )
     return Observations(root, rig, views, rests, ())
 
 
 def read_frames(table: Path) -> Iterator[Frame]:
-    """The frames of a metadata.csv, which lies beside their images. Raises InputError."""
+    """Read the frames of a metadata.csv, which lies beside their images.
+
+    Columns are separated by commas or, as some versions of Excel write them, by semicolons.
+    Raises InputError.
+    """
     try:
-        text = table.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_bytes(table).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise InputError(f"{table}: cannot be read as UTF-8 text ({error})") from error
-    for line, row in enumerate(csv.DictReader(io.StringIO(text, newline="")), start=2):
+    for line, row in _rows(table, text):
         cells = _Cells(f"{table}:{line}", row)
-        path = table.parent / cells.text("file_name")
-        if not path.is_file():
-            raise InputError(f"{table}:{line}: the image {path.name} is missing")
+        path = cells.image(table.parent)
         removed = cells.numbers("removed_from_mm", "removed_to_mm")
         if removed is not None and removed[0] > removed[1]:
             raise InputError(
@@ -160,12 +219,24 @@ def read_frames(table: Path) -> Iterator[Frame]:
             else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
         )
         yield Frame(
-            frame_id=row.get("frame_id") or path.stem,
+            frame_id=cells.name("frame_id") or path.stem,
             path=path,
             readings=readings,
-            push_id=row.get("push_id") or "",
+            push_id=cells.name("push_id"),
             step=cells.count("step"),
         )
+
+
+def _rows(table: Path, text: str) -> Iterator[tuple[int, dict[str, str | None]]]:
+    """Each row with the number of its line."""
+    head = text.partition("\n")[0]
+    separator = ";" if ";" in head and "," not in head else ","
+    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator)
+    try:
+        for row in reader:
+            yield reader.line_num, row
+    except csv.Error as error:
+        raise InputError(f"{table}:{reader.line_num + 1}: is not CSV ({error})") from error
 
 
 @dataclass(frozen=True)
@@ -175,10 +246,31 @@ class _Cells:
     where: str
     row: dict[str, str | None]
 
-    def text(self, name: str) -> str:
-        value = self.row.get(name)
+    def image(self, folder: Path) -> Path:
+        """The path of an image in a folder, or in a folder there."""
+        value = self.row.get("file_name")
         if not value:
-            raise InputError(f"{self.where}: {name} is missing")
+            raise InputError(f"{self.where}: file_name is missing")
+        path = Path(value)
+        if path.is_absolute() or ".." in path.parts:
+            raise InputError(
+                f"{self.where}: file_name is {shown(value)}, allowed is a file beside the table"
+            )
+        try:
+            there = (folder / path).is_file()
+        except OSError:  # a name that no file can have
+            there = False
+        if not there:
+            raise InputError(f"{self.where}: the image {cut(path.name)} is missing")
+        return folder / path
+
+    def name(self, column: str) -> str:
+        """A short text; an empty one where there is none."""
+        value = self.row.get(column) or ""
+        if len(value) > LONGEST_NAME:
+            raise InputError(
+                f"{self.where}: {column} has {len(value)} characters, allowed are {LONGEST_NAME}"
+            )
         return value
 
     def count(self, name: str) -> int:
@@ -200,6 +292,8 @@ class _Cells:
             except ValueError:
                 value = math.nan
             if not math.isfinite(value):
-                raise InputError(f"{self.where}: {name} is {text!r}, allowed is a finite number")
+                raise InputError(
+                    f"{self.where}: {name} is {shown(text)}, allowed is a finite number"
+                )
             values.append(value)
         return values

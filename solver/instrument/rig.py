@@ -5,7 +5,6 @@ Every quantity carries a one-sigma tolerance; methods use them as priors. On dis
 """
 
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from solver.instrument.beam import Beam
 from solver.instrument.board import DICTIONARIES, Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.distortion import COUNTS
 from solver.instrument.errors import InputError
+from solver.instrument.images import CHANNELS
 from solver.instrument.keys import Keys
 from solver.instrument.transforms import rigid, rotation_vector
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
@@ -22,6 +22,14 @@ from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 BOARDS = ("chessboard", "charuco", "lines")
 PROJECTIONS = ("perspective", "telecentric")
 MOUNTS = ("antenna", "world")
+# Chosen far beyond any antenna, from a nanotube to a mast, so that nothing but a slip of the unit
+# or of the keyboard is refused, and no product of them overflows.
+SIZES_MM = (1e-6, 1e6)
+FARTHEST_MM = 1e6
+RIGIDITIES_N_MM2 = (1e-18, 1e18)
+SENSED = (1e-15, 1e6)  # noise of a sensor [N] or [N mm]
+POINTS = (3, 200)  # of a board, each way; OpenCV's detectors take minutes over more
+BITS = (8, 16)
 
 
 @dataclass(frozen=True)
@@ -56,9 +64,10 @@ class Rig:
     `deflects_towards` is +1 or -1: the side of Sigma_a's y axis to which contact bends the beam.
     `telecentric` says which kind of camera looks on, `distortion_coefficients` how many numbers
     describe its lens (0, 5 or 8), `camera_mount` whether it rides on the "antenna" or stands in
-    the "world", where Sigma_a is that at first contact. `known_psi` [rad] is
+    the "world", where Sigma_a is that of the rest images. `known_psi` [rad] is
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
-    is how far the tip at rest hangs below plane C by the beam's weight.
+    is how far the tip at rest hangs below plane C by the beam's weight. `bits` of a gray value are
+    the camera's, None where the images tell them; `channel` of a colour image is read.
     """
 
     beam: Beam
@@ -73,6 +82,8 @@ class Rig:
     sensors: Sensors = Sensors()
     distortion_coefficients: int = 0
     sag: float = 0.0
+    bits: int | None = None
+    channel: str = "gray"
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
@@ -113,6 +124,10 @@ def rig_to_json(rig: Rig) -> str:
             "distortion_coefficients": rig.distortion_coefficients,
         },
     }
+    if rig.bits is not None:
+        document["camera"]["bits"] = rig.bits
+    if rig.channel != "gray":
+        document["camera"]["channel"] = rig.channel
     if rig.sag:
         document["beam"]["sag_mm"] = rig.sag / mm
     if rig.known_psi is not None:
@@ -151,68 +166,67 @@ def read_rig(path: Path) -> Rig:
 
     A key that it does not know is a mistake too: misspelt, it would be a tolerance left out.
     """
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise InputError(f"{path}: is not JSON ({error})") from error
-    key = Keys(path, document)
+    key = Keys.read(path)
     mm = MILLIMETRE
     # A rig.json that says nothing of its camera has a pinhole without distortion.
     telecentric = (
         key.has("camera.projection")
         and key.one_of("camera.projection", PROJECTIONS) == "telecentric"
     )
-    side = key.number("beam.deflects_towards", low=-1)
-    if side not in (-1, 1):
-        raise InputError(f"{path}: beam.deflects_towards is {side:g}, allowed is 1 or -1")
+    length_mm = key.number("beam.length_mm", *SIZES_MM)
     rig = Rig(
         beam=Beam(
-            length=key.positive("beam.length_mm") * mm,
-            diameter=key.positive("beam.diameter_mm") * mm,
-            flexural_rigidity=key.positive("beam.flexural_rigidity_n_mm2")
+            length=length_mm * mm,
+            # As long as it is thick, it is no beam.
+            diameter=key.number("beam.diameter_mm", SIZES_MM[0], length_mm) * mm,
+            flexural_rigidity=key.number("beam.flexural_rigidity_n_mm2", *RIGIDITIES_N_MM2)
             * NEWTON_SQUARE_MILLIMETRE,
         ),
-        base_position=key.triple("base.position_mm") * mm,
+        base_position=key.triple("base.position_mm", -FARTHEST_MM, FARTHEST_MM) * mm,
         board=_board(key),
         antenna_from_board=rigid(
-            key.triple("board.antenna_from_board_rotation_vector_deg") * DEGREE,
-            key.triple("board.antenna_from_board_translation_mm") * mm,
+            key.triple("board.antenna_from_board_rotation_vector_deg", -360, 360) * DEGREE,
+            key.triple("board.antenna_from_board_translation_mm", -FARTHEST_MM, FARTHEST_MM) * mm,
         ),
-        deflects_towards=int(side),
+        deflects_towards=int(key.one_of("beam.deflects_towards", (1, -1))),
         tolerances=Tolerances(
-            beam_length=key.number("beam.length_sigma_mm", low=0) * mm,
-            flexural_rigidity=key.number("beam.flexural_rigidity_sigma_n_mm2", low=0)
+            beam_length=key.number("beam.length_sigma_mm", 0, length_mm) * mm,
+            flexural_rigidity=key.number(
+                "beam.flexural_rigidity_sigma_n_mm2", 0, RIGIDITIES_N_MM2[1]
+            )
             * NEWTON_SQUARE_MILLIMETRE,
-            base_position=key.number("base.position_sigma_mm", low=0) * mm,
-            board_translation=key.number("board.translation_sigma_mm", low=0) * mm,
-            board_rotation=key.number("board.rotation_sigma_deg", low=0) * DEGREE,
-            encoder=key.number("encoder.sigma_deg", low=0) * DEGREE,
+            base_position=key.number("base.position_sigma_mm", 0, FARTHEST_MM) * mm,
+            board_translation=key.number("board.translation_sigma_mm", 0, FARTHEST_MM) * mm,
+            board_rotation=key.number("board.rotation_sigma_deg", 0, 180) * DEGREE,
+            encoder=key.number("encoder.sigma_deg", 0, 180) * DEGREE,
         ),
         telecentric=telecentric,
         camera_mount=key.one_of("camera.mount", MOUNTS) if key.has("camera.mount") else "antenna",
-        known_psi=key.number("beam.known_psi_deg", low=-90, high=90) * DEGREE
+        known_psi=key.number("beam.known_psi_deg", -90, 90) * DEGREE
         if key.has("beam.known_psi_deg")
         else None,
-        sag=key.number("beam.sag_mm", low=-math.inf) * mm if key.has("beam.sag_mm") else 0.0,
+        sag=key.number("beam.sag_mm", -length_mm, length_mm) * mm
+        if key.has("beam.sag_mm")
+        else 0.0,
         sensors=_sensors(key),
         distortion_coefficients=_distortion_coefficients(key, telecentric),
+        bits=key.count("camera.bits", *BITS) if key.has("camera.bits") else None,
+        channel=key.one_of("camera.channel", CHANNELS) if key.has("camera.channel") else "gray",
     )
     key.refuse_others()
     return rig
 
 
 def _board(key: Keys) -> Board:
-    columns, rows = key.count("board.columns", low=3), key.count("board.rows", low=3)
-    square = key.positive("board.square_mm") * MILLIMETRE
+    columns, rows = key.count("board.columns", *POINTS), key.count("board.rows", *POINTS)
+    square = key.number("board.square_mm", *SIZES_MM) * MILLIMETRE
     # A rig.json that says nothing of its board's kind has a chessboard.
     kind = key.one_of("board.kind", BOARDS) if key.has("board.kind") else "chessboard"
     try:
         if kind == "charuco":
             return Charuco(columns, rows, square, key.one_of("board.dictionary", DICTIONARIES))
         if kind == "lines":
-            width = key.positive("board.line_width_mm") * MILLIMETRE
+            width = key.number("board.line_width_mm", *SIZES_MM) * MILLIMETRE
             return LineNetwork(columns, rows, square, width)
     except ValueError as error:
         raise InputError(f"{key.path}: board: {error}") from error
@@ -221,19 +235,17 @@ def _board(key: Keys) -> Board:
 
 def _distortion_coefficients(key: Keys, telecentric: bool) -> int:
     name = "camera.distortion_coefficients"
-    count = key.count(name, low=0) if key.has(name) else 0
-    if count not in COUNTS:
-        raise InputError(f"{key.path}: {name} is {count}, allowed is 0, 5 or 8")
+    count = key.one_of(name, COUNTS) if key.has(name) else 0
     if count and telecentric:
         raise InputError(f"{key.path}: {name} is {count}, a telecentric camera has none")
-    return count
+    return int(count)
 
 
 def _sensors(key: Keys) -> Sensors:
     if key.has("force_sensor"):
-        force = key.positive("force_sensor.force_sigma_n")
-        moment = key.positive("force_sensor.moment_sigma_n_mm") * MILLIMETRE
-    moment_y = key.positive("moment_sensor.sigma_n_mm") if key.has("moment_sensor") else None
+        force = key.number("force_sensor.force_sigma_n", *SENSED)
+        moment = key.number("force_sensor.moment_sigma_n_mm", *SENSED) * MILLIMETRE
+    moment_y = key.number("moment_sensor.sigma_n_mm", *SENSED) if key.has("moment_sensor") else None
     return Sensors(
         moment_y=None if moment_y is None else moment_y * MILLIMETRE,
         base_force=force if key.has("force_sensor") else None,

@@ -34,8 +34,8 @@ class Video:
 
     live = False
 
-    def __init__(self, name: str, capture: Capture) -> None:
-        self._name, self._capture = name, capture
+    def __init__(self, name: str, capture: Capture, channel: str = "gray") -> None:
+        self._name, self._capture, self._channel = name, capture, channel
         self.rate = _rate(capture)
 
     def __len__(self) -> int:
@@ -48,7 +48,7 @@ class Video:
             if not there:
                 break
             seconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-            grey = to_grey(image, self._name)
+            grey = to_grey(image, self._name, self._channel)
             yield Shot(str(number), number, grey, time.perf_counter(), seconds=seconds)
             number += 1
         self._capture.release()
@@ -64,8 +64,8 @@ class Camera:
 
     live = True
 
-    def __init__(self, name: str, capture: Capture) -> None:
-        self._name, self._capture = name, capture
+    def __init__(self, name: str, capture: Capture, channel: str = "gray") -> None:
+        self._name, self._capture, self._channel = name, capture, channel
         self.rate = _rate(capture)
         self._arrival = threading.Condition()
         self._newest: tuple[int, Any, float, float] | None = None
@@ -87,7 +87,7 @@ class Camera:
                 yield Shot(
                     str(number),
                     number,
-                    to_grey(image, self._name),
+                    to_grey(image, self._name, self._channel),
                     taken,
                     seconds=seconds,
                     skipped=number - last - 1,
@@ -131,4 +131,6 @@ def open_capture(address: str | int) -> Any:
     if not capture.isOpened():
         what = f"camera {address}" if isinstance(address, int) else str(address)
         raise InputError(f"{what}: cannot be opened as a video or a camera")
+    # Pixels as they are stored, as `read_grey` has them: no turning by a tag.
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture

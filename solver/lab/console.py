@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sized
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
@@ -45,15 +46,30 @@ def _shown(given: Iterator[Answer], status: Status) -> Iterator[Answer]:
 
 
 def table(rows: list[Row], method: str) -> Table:
-    """The table of a method's answers, in short."""
-    shown_table = Table(title=method)
+    """Lay out a method's answers in short; frames are called by as little of their path as tells
+    them apart."""
+    shown_table = Table(title=escape(method))
     columns = ("frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
     for column in (*columns, "image_ms"):
         shown_table.add_column(column)
-    for cells in rows:
-        shown = [cells[column] for column in (*columns, "image_ms")]
-        shown_table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in shown))
+    names = short_names([str(cells["frame_id"]) for cells in rows])
+    for name, cells in zip(names, rows, strict=True):
+        shown = [cells[column] for column in (*columns[1:], "image_ms")]
+        texts = (f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in shown)
+        shown_table.add_row(escape(name), *texts)
     return shown_table
+
+
+def short_names(paths: list[str]) -> list[str]:
+    """Shorten paths to their last parts, as few as tell all of them apart."""
+    parts = [Path(path).parts for path in paths]
+    short = paths
+    for depth in range(max(map(len, parts), default=0), 0, -1):
+        shorter = ["/".join(part[-depth:]) for part in parts]
+        if len(set(shorter)) < len(set(paths)):
+            break
+        short = shorter
+    return short
 
 
 def sentence(cells: Row) -> str:

@@ -19,6 +19,10 @@ from solver.methods import Method
 from solver.sequence import Sequence, Solved
 from solver.table import Row, row
 
+# So far off that no fit keeps a point, and so few of them that every fit is made with the others.
+_STRAY_SIGMAS = 60.0
+_TURNED = 0.05  # [rad]
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -57,17 +61,25 @@ def answers(
 
 
 def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
-    """Let a method meet a bent beam once, so that no frame waits for its compilation.
+    """Let a method see what frames may show, a blank image and stray points: none waits for numba.
 
     The beam at rest is bent by hand, its tip by 3 % of the length, as if touched in the middle.
+    Arrays of other layouts are compiled for anew: those of an image without any candidate, and
+    those of the points that are left when some are rejected.
     """
+    see(antenna, np.full_like(rest_image, np.median(rest_image)))
     resting = measure(antenna, see(antenna, rest_image))
     length, view = resting.rig.beam.length, resting.view
     x = np.clip(view.points[:, 0] / length, 0.0, 1.0)
     y = 0.05 * length * np.where(x < 0.5, x**2 * (1.5 - x), 0.75 * x - 0.125)
     bent = np.column_stack([view.points[:, 0], view.points[:, 1] + y])
-    tipless = View(bent, view.sigma_vectors, view.viewpoint)
-    answer(method, replace(resting, view=tipless))
+    clean = View(bent, view.sigma_vectors, view.viewpoint)
+    stray = bent + _STRAY_SIGMAS * view.sigma_vectors * (np.arange(len(bent)) % 20 == 0)[:, None]
+    for tipless in (clean, View(stray, view.sigma_vectors, view.viewpoint)):
+        answer(method, replace(resting, view=tipless))
+    # A push of two frames; what its motor turned is of the order of the bend's slope.
+    first = replace(resting, view=clean, motor_angle=_TURNED / 2)
+    answer(method, replace(first, motor_angle=_TURNED, earlier=(first,)))
 
 
 def json_line(given: Answer) -> str:

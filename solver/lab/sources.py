@@ -1,30 +1,42 @@
 """What a command line names as the source of frames."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.observation import Frame, read_frames
 from solver.lab.capture import Camera, Video, open_capture
+from solver.lab.controls import NO_CONTROLS, Controls, set_controls
 from solver.lab.shots import Files, Source
 
 VIDEOS: Final = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".webm", ".wmv")
 
 
-def open_source(names: Sequence[str], readings: Path | None = None) -> Source:
-    """Images, or one video, or one camera (its number or address).
+def open_source(
+    names: Sequence[str],
+    readings: Path | None = None,
+    channel: str = "gray",
+    controls: Controls = NO_CONTROLS,
+) -> Source:
+    """Open images, or one video, or one camera (its number or address).
 
-    `readings` is a table as an observations tree has it, lying beside the images. Raises
-    InputError.
+    `readings` is a table as an observations tree has it, lying beside the images; `channel` of
+    colour images is read; `controls` are set on a camera. Raises InputError.
     """
     only = names[0] if len(names) == 1 else ""
     if only.isdecimal() or "://" in only or only.startswith("/dev/"):
-        return Camera(f"camera {only}", open_capture(int(only) if only.isdecimal() else only))
+        name = f"camera {only}"
+        capture = open_capture(int(only) if only.isdecimal() else only)
+        set_controls(capture, controls, name)
+        return Camera(name, capture, channel)
+    if controls != NO_CONTROLS:
+        raise InputError(f"{names[0]}: is no camera, whose size, exposure or controls could be set")
     if Path(only).suffix.lower() in VIDEOS:
         if not Path(only).is_file():
             raise InputError(f"{only}: there is no such video")
-        return Video(only, open_capture(only))
+        return Video(only, open_capture(only), channel)
     for name in names:
         if Path(name).is_dir():
             raise InputError(f"{name}: is a folder, name the images in it: {name}/*.png")
@@ -40,8 +52,8 @@ def open_source(names: Sequence[str], readings: Path | None = None) -> Source:
         if readings is not None and known is None:
             raise InputError(f"{readings}: holds no row for {path.name}")
         frames.append(
-            Frame(str(path), path)
+            Frame(str(path), path, channel=channel)
             if known is None
-            else Frame(str(path), path, known.readings, known.push_id, known.step)
+            else replace(known, frame_id=str(path), path=path, channel=channel)
         )
     return Files(frames)

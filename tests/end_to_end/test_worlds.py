@@ -8,7 +8,7 @@ import pytest
 
 from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Floats
-from solver.instrument.images import png_size, read_grey
+from solver.instrument.images import png_head, read_grey
 from solver.instrument.observation import Readings, open_observations
 from solver.methods import METHODS
 from tests.conftest import SMALL_SCENE
@@ -96,7 +96,8 @@ def test_removed_data_are_left_out_by_the_solver(hidden: tuple[Layout, Truth]) -
     assert other.values["x_c_m"] == pytest.approx(row["x_c_mm"] / 1e3, abs=0.003 * 0.24)
     assert other.dof is not None
     assert one.dof is not None
-    assert other.dof == pytest.approx(0.6 * one.dof, abs=15)
+    # Three fifths of the points are left; the fit rejects up to a tenth of them, from seed to seed.
+    assert 0.5 < other.dof / one.dof < 0.75
 
 
 def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Path) -> None:
@@ -105,7 +106,10 @@ def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Pat
         variant,
         ("width_px: 512", "width_px: 512\n  mount: world"),
         ("[100, 200]", "[150]"),
-        ("deflection_pct: [10, 20]", "pushing_angle_deg: [-3, 5]"),
+        (
+            "deflection_pct: [10, 20]",
+            "pushing_angle_deg: [-3, 5]\n  motor_angle_at_contact_deg: [2, 4]",
+        ),
         ("seed: 11", "seed: 11\nbackground: {lies_in: world, pattern: squares}"),
     )
     truth, observations = open_truth(layout.truth), open_observations(layout.observations)
@@ -113,7 +117,7 @@ def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Pat
     assert antenna.rig.camera_mount == "world"
     for row in truth.frames.iter_rows(named=True):
         x, y = (np.array(row[f"centreline_{axis}_mm"]) / 1e3 for axis in "xy")
-        turn = -np.radians(row["pushing_angle_deg"])
+        turn = np.radians(row["motor_angle_deg"])
         line = np.column_stack(
             [np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, 0 * x]
         )
@@ -131,7 +135,7 @@ def test_a_beam_above_plane_c_is_seen_where_it_is(variant: str, tmp_path: Path) 
         tmp_path,
         variant,
         ("[100, 200]", "[150]"),
-        ("[10, 20]", "[8]\n  normal_deg: [40]\n  motor_angle_at_contact_deg: 70"),
+        ("[10, 20]", "[8]\n  normal_deg: [40]\n  motor_angle_at_contact_deg: [70, 70]"),
         (
             "seed: 11",
             "seed: 11\nobject: {kind: knife_edge}\nmoment_sensor: {}\ngravity_m_s2: [0, 0, -9.81]\n"
@@ -171,7 +175,7 @@ def test_the_overlay_knows_where_the_camera_stands(hidden: tuple[Layout, Truth])
 
 def test_a_contact_sheet_shows_every_scene(small_scene: Path, variant: str, tmp_path: Path) -> None:
     contact_sheet([small_scene] * 2, tmp_path / "sheet.png", variant, quiet)
-    width, height = png_size(tmp_path / "sheet.png")
+    width, height, _ = png_head(tmp_path / "sheet.png")
     assert width == 6 * 360
     assert height == 386
     sheet = read_grey(tmp_path / "sheet.png")

@@ -13,6 +13,8 @@ from vbaa_bench.mechanics.state import State
 from vbaa_bench.plan import plan
 from vbaa_bench.spec.load import load_scene
 
+UNTURNED = "\n  motor_angle_at_contact_deg: [0, 0]"
+
 
 def planned(folder: Path, extra: str, pushes: str) -> list[list[State]]:
     """The states of every push of a scene that has been planned."""
@@ -132,9 +134,16 @@ def test_a_beam_on_a_flat_face_leans_on_its_inner_edge(tmp_path: Path) -> None:
 
 def test_a_beam_hangs_otherwise_where_gravity_lies_in_the_plane(tmp_path: Path) -> None:
     extra = "gravity_m_s2: [0, -9.81, 0]\n"
-    (states,) = planned(tmp_path, extra, at(140, "pushing_angle_deg: [-30, 0]"))
+    (states,) = planned(tmp_path, extra, at(140, f"pushing_angle_deg: [-30, 0]{UNTURNED}"))
     turned, level = states
     assert level.tip[1] == pytest.approx(-4.03e-3, rel=1e-3)
     # Turned by 30 degrees, gravity has cos 30 of itself across the beam, and some along it.
     assert turned.tip[1] == pytest.approx(level.tip[1] * np.cos(np.radians(30)), rel=0.02)
+    # Gravity stays where it is in the world, whatever the angle at which the push begins.
+    quarter = UNTURNED.replace("0, 0", "90, 90")
+    (begun_elsewhere,) = planned(tmp_path, extra, at(140, f"pushing_angle_deg: [2]{quarter}"))
+    along = "gravity_m_s2: [-9.81, 0, 0]\n"
+    (same,) = planned(tmp_path, along, at(140, f"pushing_angle_deg: [2]{UNTURNED}"))
+    assert begun_elsewhere[0].contact.force == pytest.approx(same[0].contact.force, rel=1e-9)
+    assert begun_elsewhere[0].tip == pytest.approx(same[0].tip, rel=1e-9)
     assert abs(turned.residual) < 1e-8

@@ -36,7 +36,9 @@ class Diagnosis:
             return f"Nothing renders here. {ADVICE}."
         if not self.fast:
             return f"Everything runs, but about ten times slower than it could. {ADVICE}."
-        return "All is well. CUDA is used when asked for: --variant cuda_ad_mono."
+        if any(found.works for found in self.probes if found.variant == CUDA):
+            return f"All is well. CUDA is used when asked for: --variant {CUDA}."
+        return f"All is well, on the processor: {CUDA} does not work here."
 
     def record(self) -> dict[str, Any]:
         """For scripts."""

@@ -51,7 +51,7 @@ class Line:
 def beam_line(rig: TrueRig, pose: Pose) -> Line:
     """Where the beam of a pose truly runs in the image; from left to right, as methods take it."""
     state, camera = pose.state, rig.camera
-    stage = pose.experiment.camera_frame_from_clamp(state)
+    stage = pose.camera_frame_from_clamp
     places = apply(stage, state.centreline[:, 1:]) + rig.base_position
     u, v = camera.project(places).T
     rows = np.interp(np.arange(camera.width), u, v, left=np.nan, right=np.nan)
@@ -94,7 +94,7 @@ def reference_of(world: World, seen: Picture, line: Line, seconds: float) -> Ref
         parts.append(trace(world, pixels, size, 7_000_000 * (1 + len(parts)), "whole").radiance)
     made = np.zeros(known.shape)
     made[known] = np.mean(parts, axis=0)
-    peak = float(np.quantile(made[seen.layers.beam_mask], 0.99))
+    peak = float(np.quantile(made[seen.core], 0.99))
     noise = np.zeros(known.shape)
     noise[known] = np.var(parts, axis=0, ddof=1) / len(parts)
     return Reference(made, known, beam, line, peak, float(np.sqrt(noise[beam].mean())) / peak)

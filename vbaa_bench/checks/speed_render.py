@@ -8,7 +8,6 @@ with kernels compiled before, but for plain points that there is time to make on
 """
 
 import math
-import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -36,6 +35,7 @@ from vbaa_bench.render.world import World
 from vbaa_bench.spec.load import SceneFile
 from vbaa_bench.spec.trials import random_generator
 from vbaa_bench.studio import Pose
+from vbaa_bench.workers import cores
 
 # Ours: the scene's noise wanted, times these. Plain: samples a pixel.
 _SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
@@ -107,12 +107,16 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
     """Curves of seconds per frame against error, of one pose of a scene, in about so many seconds.
 
     Writes render_speed.csv and render_speed.png to `out`. Raises InputError where plain Mitsuba
-    cannot render what the scene asks.
+    cannot render what the scene asks, and where `out` cannot be written.
     """
     _refuse(file, variant)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror})") from error
     end = perf_counter() + seconds
     work = plan(file)
-    folder, threads = file.path.parent.resolve(), os.cpu_count() or 1
+    folder, threads = file.path.parent.resolve(), cores()
     bench = Bench(file.scene, work.rig, folder, Layout(out), variant, threads)
     trial = sorted(work.trials, key=lambda trial: trial.index)[work.frames // 2]
     with tempfile.TemporaryDirectory() as aside:

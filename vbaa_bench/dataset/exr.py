@@ -1,17 +1,20 @@
 """Truth images as OpenEXR: one part, ZIP, dotted layer names."""
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 
+from solver.instrument.files import write_bytes
 from vbaa_bench.openexr import channels
 
-# layer of a scene -> (channels, pixel type): half where eleven bits suffice, full where not.
+# layer of a scene -> (channels, pixel type): half where eleven bits and its range, 6e-8 to 65,504,
+# suffice, full where not: radiance is as large or small as the scene's `irradiance` makes it.
 # Radiance is that of the scene; the lens's vignetting comes after it.
 CHANNELS = {
-    "radiance": (("radiance.Y",), np.float16),
+    "radiance": (("radiance.Y",), np.float32),
     "variance": (("variance.Y",), np.float32),
     "beam_mask": (("beam.mask",), np.float16),
     "coverage": (("beam.coverage",), np.float16),
@@ -21,30 +24,42 @@ CHANNELS = {
     "object_index": (("object.index",), np.uint32),
     "occlusion": (("beam.occlusion",), np.float16),
 }
+# Significant bits that are kept of a layer: the rest would double the file. A 2,000th of radiance
+# is far below its noise, and its variance is of one degree of freedom; of depth a 65,000th is kept.
+_BITS = {"radiance": 11, "variance": 11, "depth": 16}
 
 
-def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
-    """Write layers (height, width), or (height, width, 3) of vectors, keyed as in CHANNELS."""
+def exr_bytes(layers: Mapping[str, np.ndarray]) -> bytes:
+    """Encode layers (height, width), or (height, width, 3) of vectors, keyed as in CHANNELS."""
     written = {}
     for layer, values in layers.items():
         names, kind = CHANNELS[layer]
         for name, part in zip(names, np.atleast_3d(values).transpose(2, 0, 1), strict=True):
             # OpenEXR writes strided arrays wrong without an error: copy to contiguous memory.
             values_of = np.ascontiguousarray(part, dtype=kind)
-            written[name] = _sixteen_bits(values_of) if layer == "depth" else values_of
+            written[name] = _rounded(values_of, _BITS[layer]) if layer in _BITS else values_of
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    # Encoded in memory: its hash is that of these bytes, and a full disk is an OSError.
+    stream = io.BytesIO()
     with OpenEXR.File(header, written) as file:
-        file.write(str(path))
+        file.write(stream)
+    return stream.getvalue()
 
 
-def _sixteen_bits(values: np.ndarray) -> np.ndarray:
-    """Floats rounded to sixteen significant bits, a 65,000th: files are smaller by a quarter."""
-    bits = values.view(np.uint32) + np.uint32(0x80)
-    return (bits & np.uint32(0xFFFFFF00)).view(np.float32)
+def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
+    """Write layers as `exr_bytes` takes them. Raises OSError."""
+    write_bytes(path, exr_bytes(layers))
+
+
+def _rounded(values: np.ndarray, bits: int) -> np.ndarray:
+    """Round 32-bit floats to so many significant bits."""
+    dropped = 24 - bits  # of a significand's 24
+    kept = np.uint32(2**32 - 2**dropped)
+    return ((values.view(np.uint32) + np.uint32(2 ** (dropped - 1))) & kept).view(np.float32)
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:
-    """Layers of a truth image, as `write_exr` takes them. Raises InputError."""
+    """Read the layers of a truth image, as `exr_bytes` takes them. Raises InputError."""
     found = channels(path)
     return {
         layer: np.dstack([found[name] for name in names]).squeeze()

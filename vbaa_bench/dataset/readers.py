@@ -1,15 +1,27 @@
-"""Opening the truth."""
+"""Opening the truth, and handing the observations to a method."""
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
 
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import HASHES, listed, read_bytes
+from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
+
+# What every manifest holds of what is read from it.
+_FACTS: Final = {"scene", "seed", "variant", "true_rig"}
+_RIG: Final = {"beam_length_mm", "beam_diameter_mm", "flexural_rigidity_n_mm2", "base_position_mm"}
+_CAMERA: Final = {"width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"} | {
+    "camera_from_antenna",
+    "telecentric",
+    "distortion",
+}
 
 
 @dataclass(frozen=True)
@@ -37,18 +49,72 @@ class Truth:
         )
 
 
+def check_complete(layout: Layout) -> None:
+    """Raise InputError unless a complete dataset is there: its observations/hashes.json is."""
+    try:
+        complete, begun = layout.hashes.is_file(), layout.identity.is_file()
+    except OSError as error:
+        raise InputError(f"{layout.root}: cannot be read ({error.strerror})") from error
+    if complete:
+        return
+    if begun:
+        raise InputError(
+            f"{layout.root}: is incomplete; run the command that was making it again to finish it"
+        )
+    raise InputError(f"{layout.root}: is no dataset, it has no {HASHES} in observations")
+
+
 def open_truth(root: Path) -> Truth:
-    """Open the truth tree at `root`. Raises InputError if it is missing, broken or incomplete."""
-    if not (root / "manifest.json").is_file():
-        raise InputError(f"{root}: has no manifest.json, so it is no complete truth tree")
+    """Open the truth tree of a dataset, at `root`, beside which its observations are.
+
+    Only what its hashes.json lists is read, and must be what was generated. Raises InputError if
+    it is missing, broken or incomplete.
+    """
+    check_complete(Layout(root.parent))
+    names = listed(root)
     manifest = read_json(root / "manifest.json")
-    tables = sorted(root.glob("shard_*/truth.parquet"))
+    _check_manifest(root / "manifest.json", manifest)
+    tables = [
+        table
+        for table in sorted(root.glob("shard_*/truth.parquet"))
+        if names is None or table.relative_to(root).as_posix() in names
+    ]
     if not tables:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
     try:
         # Relaxed: a column that is null in a whole shard has no type there.
-        shards = [pl.read_parquet(table) for table in tables]
+        shards = [pl.read_parquet(io.BytesIO(read_bytes(table))) for table in tables]
         frames = pl.concat(shards, how="vertical_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
     return Truth(root, manifest, frames)
+
+
+def _check_manifest(path: Path, manifest: dict[str, Any]) -> None:
+    """Raise InputError if a manifest lacks what is read from it."""
+    rig = manifest.get("true_rig")
+    camera = rig.get("camera") if isinstance(rig, dict) else None
+    for keys, prefix, part in (
+        (_FACTS, "", manifest),
+        (_RIG, "true_rig.", rig),
+        (_CAMERA, "true_rig.camera.", camera),
+    ):
+        missing = sorted(keys - (part.keys() if isinstance(part, dict) else set()))
+        if missing:
+            raise InputError(
+                f"{path}: the key {prefix}{missing[0]} is missing; it is no manifest that generate "
+                "has written"
+            )
+
+
+def copy_observations(layout: Layout, target: Path) -> None:
+    """Copy a dataset's observations to a new folder, checking each file as it is read.
+
+    Only the files that hashes.json lists are copied: no link is followed to others. Raises
+    InputError for an incomplete or damaged tree, OSError where `target` cannot be written.
+    """
+    check_complete(layout)
+    for name in listed(layout.observations) or []:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        (target / name).write_bytes(read_bytes(layout.observations / name))
+    (target / HASHES).write_bytes((layout.observations / HASHES).read_bytes())

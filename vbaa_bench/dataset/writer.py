@@ -1,8 +1,8 @@
-"""Shards: made aside, moved into place whole."""
+"""Shards: made aside, moved into place whole, each with the hashes of its files."""
 
 import csv
 import io
-import os
+import json
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,24 +13,35 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Grey
-from solver.instrument.files import write_bytes, write_text
+from solver.instrument.files import sync_folder, write_bytes
+from solver.instrument.hashes import HASHES, digest
 from solver.instrument.images import png_bytes
-from vbaa_bench.dataset.exr import write_exr
+from vbaa_bench.dataset.exr import exr_bytes
 from vbaa_bench.dataset.layout import Layout
 
 
+def hashes_bytes(table: Mapping[str, str]) -> bytes:
+    """Encode a table of names and sha256 as the content of a hashes.json."""
+    return (json.dumps(dict(sorted(table.items())), indent=2) + "\n").encode()
+
+
 class ShardWriter:
-    """Writes the frames of one shard; on a clean exit both trees get it, otherwise neither."""
+    """Writes the frames of one shard; on a clean exit both trees get it, otherwise neither.
+
+    After a clean exit `digests` holds, by tree, the sha256 of the hashes.json of its shard.
+    """
 
     def __init__(self, layout: Layout, number: int) -> None:
         self._layout, self._number = layout, number
         self._aside = layout.aside(number)
         self._rows: list[Mapping[str, Any]] = []
         self._metadata: list[Mapping[str, str | float | int]] = []
+        self._hashes: dict[str, dict[str, str]] = {tree.name: {} for tree in layout.trees}
+        self.digests: dict[str, str] = {}
 
     def __enter__(self) -> Self:
         shutil.rmtree(self._aside, ignore_errors=True)
-        for tree in ("observations", "truth"):
+        for tree in self._hashes:
             (self._aside / tree).mkdir(parents=True)
         return self
 
@@ -42,11 +53,11 @@ class ShardWriter:
         truth: Mapping[str, Any],
         layers: Mapping[str, np.ndarray],
     ) -> None:
-        """One frame: gray image, its columns of metadata.csv (the same in all frames), truth row,
-        truth layers (may be none)."""
-        write_bytes(self._aside / "observations" / f"{frame_id}.png", png_bytes(image))
+        """Add one frame: gray image, its columns of metadata.csv (the same in all frames), truth
+        row, truth layers (may be none). Raises OSError."""
+        self._write("observations", f"{frame_id}.png", png_bytes(image))
         if layers:
-            write_exr(self._aside / "truth" / f"{frame_id}.exr", layers)
+            self._write("truth", f"{frame_id}.exr", exr_bytes(layers))
         self._metadata.append({"file_name": f"{frame_id}.png", "frame_id": frame_id, **readings})
         self._rows.append({"frame_id": frame_id, **truth})
 
@@ -56,31 +67,37 @@ class ShardWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if kind is None:
-            self._close()
-        shutil.rmtree(self._aside, ignore_errors=True)
+        try:
+            if kind is None:
+                self._close()
+        finally:
+            shutil.rmtree(self._aside, ignore_errors=True)
+
+    def _write(self, tree: str, name: str, data: bytes) -> None:
+        """Write a file aside; its hash is that of the bytes in memory, whatever the disk does."""
+        self._hashes[tree][name] = digest(data)
+        write_bytes(self._aside / tree / name, data)
 
     def _close(self) -> None:
         stream = io.StringIO()
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(self._metadata[0])
         table.writerows(row.values() for row in self._metadata)
-        write_text(self._aside / "observations" / "metadata.csv", stream.getvalue())
+        self._write("observations", "metadata.csv", stream.getvalue().encode())
         parquet = io.BytesIO()
         pl.DataFrame(self._rows, infer_schema_length=None).write_parquet(parquet)
-        write_bytes(self._aside / "truth" / "truth.parquet", parquet.getvalue())
-        # The observations go last: a shard is finished when they are in place.
-        layout = self._layout
-        for tree, name in ((layout.truth, "truth"), (layout.observations, "observations")):
-            _replace_folder(self._aside / name, layout.shard(tree, self._number))
+        self._write("truth", "truth.parquet", parquet.getvalue())
+        for tree in self._layout.trees:
+            data = hashes_bytes(self._hashes[tree.name])
+            write_bytes(self._aside / tree.name / HASHES, data)
+            _replace_folder(self._aside / tree.name, self._layout.shard(tree, self._number))
+            self.digests[tree.name] = digest(data)
 
 
 def _replace_folder(source: Path, target: Path) -> None:
+    sync_folder(source)
+    if target.is_symlink() or target.is_file():
+        target.unlink()
     shutil.rmtree(target, ignore_errors=True)
-    for path in (*source.iterdir(), source):
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
     source.replace(target)
+    sync_folder(target.parent)

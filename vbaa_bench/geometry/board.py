@@ -1,5 +1,7 @@
 """What is printed in cells edge to edge: the calibration targets, and a patterned ground."""
 
+import math
+
 import cv2
 import numpy as np
 import trimesh
@@ -28,8 +30,11 @@ def board(target: Board) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
 
 
 def squares(side: float, square: float) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """(light, dark) cells [m] of a chequered sheet about the origin, facing +z, edge to edge."""
-    count = max(round(side / square), 2)
+    """(light, dark) cells [m] of a chequered sheet about the origin, facing +z, edge to edge.
+
+    It is no smaller than `side`; four squares meet at the origin.
+    """
+    count = 2 * max(math.ceil(side / (2 * square)), 1)
     row, column = np.mgrid[0:count, 0:count]
     dark = (row + column) % 2 == 0
     edges = _edges(count, square)

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 
 # Of a ring; its inner and outer polygons keep the area of the true circles.
 SEGMENTS = 48
@@ -63,3 +63,26 @@ def irradiance(lamp: trimesh.Trimesh, at: Floats, normal: Floats) -> float:
     sines = np.linalg.norm(edges, axis=2)
     angles = np.arctan2(sines, np.einsum("ijk,ijk->ij", corners, following))
     return float(0.5 * np.sum(angles * (edges @ normal) / sines))
+
+
+def between(lamp: trimesh.Trimesh, starts: Floats, ends: Floats) -> Mask:
+    """Test whether a lamp crosses the lines from `starts` (n, 3) to `ends` (n, 3).
+
+    Each line is cut with every triangle (Moeller and Trumbore 1997).
+    """
+    first, second, third = np.moveaxis(np.asarray(lamp.triangles), 1, 0)
+    one, other = second - first, third - first
+    ahead, away = (ends - starts)[:, None], starts[:, None] - first
+    across = np.cross(ahead, other)
+    volume = (across * one).sum(axis=-1)
+    # Along the lamp's own plane nothing is hidden.
+    level = np.abs(volume) < 1e-12 * np.linalg.norm(ahead, axis=-1) * np.linalg.norm(
+        np.cross(one, other), axis=-1
+    )
+    scale = 1 / np.where(level, 1.0, volume)
+    u = (away * across).sum(axis=-1) * scale
+    turned = np.cross(away, one)
+    v = (ahead * turned).sum(axis=-1) * scale
+    share = (other * turned).sum(axis=-1) * scale
+    hit = ~level & (u >= 0) & (v >= 0) & (u + v <= 1) & (share > 0) & (share < 1)
+    return np.asarray(hit.any(axis=1))

@@ -90,6 +90,8 @@ def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
     if kind not in KINDS:
         raise InputError(f"{path}: has the suffix {kind!r}, allowed are {', '.join(KINDS)}")
     try:
+        if path.exists() and not path.is_file():  # a pipe or a device may never end
+            raise ValueError("it is no file")
         size = path.stat().st_size
         content = path.read_bytes() if size <= MOST_BYTES else b""
     except (OSError, ValueError) as error:

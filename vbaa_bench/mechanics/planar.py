@@ -85,7 +85,7 @@ def push(
         normal=normal,
         lever=-beam.radius * normal,
         force=force,
-        object_shift=-compliance * (force @ towards) * towards,
+        object_shift=-compliance * (force * towards).sum() * towards,
         row=row,
     )
     return State(

@@ -22,8 +22,7 @@ class Layers:
 
     `object_index`: 0 nothing, else the surface's place from 1. `depth_mm` along the optical axis,
     `arc_length_mm` along the beam, `normal` in Sigma_a, towards the camera; all 0 where there is
-    none. `occlusion`: where the beam lies behind something else, `hidden_arc_length_mm` which
-    part of it.
+    none. `occlusion`: where the beam lies behind something else.
     """
 
     object_index: npt.NDArray[np.uint32]
@@ -32,7 +31,6 @@ class Layers:
     arc_length_mm: npt.NDArray[np.float32]
     beam_mask: Mask
     occlusion: Mask
-    hidden_arc_length_mm: npt.NDArray[np.float32]
 
     @classmethod
     def empty(cls, height: int, width: int) -> Self:
@@ -45,7 +43,6 @@ class Layers:
             np.zeros(shape, np.float32),
             np.zeros(shape, np.bool_),
             np.zeros(shape, np.bool_),
-            np.zeros(shape, np.float32),
         )
 
     def with_pixels(self, where: Mask, values: Self) -> Self:
@@ -86,12 +83,12 @@ def _seen(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> L
     towards = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
     facing = dr.select(si.is_valid(), towards, mi.Normal3f(0))
     beam = mi.Bool(False)
-    hidden, hidden_arc = mi.Bool(False), mi.Float(0)
+    hidden = mi.Bool(False)
     if "beam" in world.names and not still:
         number = world.names.index("beam") + 1
         beam = index == number
-        hidden, hidden_arc = _behind(world, ray, si, beam, number)
-    dr.eval(index, si.p, si.uv, facing, beam, hidden, hidden_arc)  # all in one kernel
+        hidden = _behind(world, ray, si, beam, number)
+    dr.eval(index, si.p, si.uv, facing, beam, hidden)  # all in one kernel
     found = np.asarray(index)
     # One coordinate after the other: Dr.Jit would compile a kernel anew to interleave them.
     points = np.stack([np.asarray(part) for part in si.p], axis=-1)
@@ -105,7 +102,6 @@ def _seen(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> L
         arc_length_mm=arc.astype(np.float32),
         beam_mask=np.broadcast_to(np.asarray(beam), found.shape),
         occlusion=np.broadcast_to(np.asarray(hidden), found.shape),
-        hidden_arc_length_mm=np.broadcast_to(np.asarray(hidden_arc), found.shape),
     )
 
 
@@ -128,50 +124,19 @@ def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool
         arc_length_mm=np.where(beam, uv, 0).astype(np.float32),
         beam_mask=beam,
         occlusion=np.zeros(len(index), np.bool_),
-        hidden_arc_length_mm=np.zeros(len(index), np.float32),
     )
 
 
-def _behind(world: World, ray: Any, si: Any, beam: Any, number: int) -> tuple[Any, Any]:
-    """Whether the beam lies behind what is seen first, and its arc length [mm] there."""
-    hidden, arc = mi.Bool(False), mi.Float(0)
+def _behind(world: World, ray: Any, si: Any, beam: Any, number: int) -> Any:
+    """Whether the beam lies behind what is seen first."""
+    hidden = mi.Bool(False)
     looking = si.is_valid() & ~beam
     for _ in range(_DEEPEST):
         si = world.scene.ray_intersect(si.spawn_ray(ray.d), looking)
         found = looking & (world.index_of(si) == number)
         hidden |= found
-        arc = dr.select(found, si.uv.x, arc)
         looking &= si.is_valid() & ~found
-    return hidden, arc
-
-
-@dataclass(frozen=True)
-class Visibility:
-    """What of the beam is seen, in even hundredths of its length.
-
-    `visible_share` of all of it; `availability`, the paper's ratio AR (eq. 32), of what would be
-    seen if nothing hid it; `hidden_stretches` (n, 2), from and to as shares of the length.
-    """
-
-    visible_share: float
-    availability: float
-    hidden_stretches: Floats
-
-
-def visibility(layers: Layers, length_mm: float) -> Visibility:
-    """Of a beam of `length_mm` in an image: stretches are seen, or hidden, that have a pixel."""
-    seen, behind = np.zeros(100, np.bool_), np.zeros(100, np.bool_)
-    seen[_hundredths(layers.arc_length_mm[layers.beam_mask] / length_mm)] = True
-    behind[_hundredths(layers.hidden_arc_length_mm[layers.occlusion] / length_mm)] = True
-    hidden = behind & ~seen
-    steps = np.diff(np.concatenate([[0], hidden.astype(int), [0]]))
-    stretches = np.column_stack([np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)]) / 100
-    there = np.count_nonzero(seen | hidden)
-    return Visibility(float(seen.mean()), float(seen.sum() / max(there, 1)), stretches)
-
-
-def _hundredths(share: npt.NDArray[np.floating]) -> npt.NDArray[np.intp]:
-    return np.clip((100 * share).astype(np.intp), 0, 99)
+    return hidden
 
 
 def _depth(world: World, points: Floats) -> Floats:

@@ -67,6 +67,12 @@ class Picture:
     coverage: Floats
     samples: Floats
 
+    @property
+    def core(self) -> Mask:
+        """Pixels (height, width) that the beam covers about as much as any: none may be covered
+        whole, and none hit at its centre."""
+        return np.asarray((self.coverage > 0) & (self.coverage >= 0.5 * self.coverage.max()))
+
     def by_name(self) -> dict[str, np.ndarray]:
         """Everything that may be kept of a frame, as a scene's `layers` name it."""
         found = self.layers
@@ -107,14 +113,19 @@ def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Pic
     shape = (world.camera.height, world.camera.width)
     nothing, blur = np.zeros(shape), world.blur_px
     made = _Canvas(*shape)
+    beam = world.view.hulls(world.bodies({"beam"} & world.moving), blur)
     if plate is None:
         found, whole, change = every_pixel(world), nothing == 0, nothing > 0
     else:
-        seen, shaded = _changed(world, plate)
-        found = every_pixel(world) if world.sliding else layers(world, seen, plate.layers)
-        whole = _grown(_moved(world, found, plate.layers), 1 + blur)
-        change = (seen | shaded) & ~whole
-    near = _grown(found.beam_mask, wanted.near_px + blur)
+        # All that is touched, not what is met at its centre: a thin beam passes between centres.
+        others = world.moving - world.sliding - {"beam"}
+        whole = beam | world.view.hulls(world.bodies(others), blur)
+        found = every_pixel(world) if world.sliding else layers(world, whole, plate.layers)
+        if world.sliding:
+            whole |= _grown(_slid(found, plate.layers), 1 + blur)
+        change = _shaded(world, plate) & ~whole
+    # A touched pixel is up to one beyond those whose centres the beam meets.
+    near = _grown(beam, wanted.near_px - 1)
     share = np.where(near, wanted.near, wanted.elsewhere)
     rims = near | _grown(_seams(found.object_index), 1 + blur)
     made.add(world, "whole", whole, Goal(wanted.noise, share, nothing, rims), seed)
@@ -122,7 +133,9 @@ def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Pic
         goal = Goal(wanted.noise, share, plate.radiance, near)
         made.add(world, "change", change, goal, seed + (1 << 30))
         made.radiance += np.where(whole, 0, plate.radiance)
-    return Picture(made.radiance, made.variance, found, made.coverage, made.samples)
+    # A scalar variant has no coverage to tell: there a pixel's centre stands for its area.
+    coverage = found.beam_mask.astype(float) if is_scalar() else made.coverage
+    return Picture(made.radiance, made.variance, found, coverage, made.samples)
 
 
 def together(pictures: Sequence[Picture]) -> Picture:
@@ -200,35 +213,23 @@ def _excess(world: World, asked: Asked, where: Mask, goal: Goal, seed: int) -> F
     return np.maximum(np.where(goal.dense, worst, coarse)[where], 0)
 
 
-def _changed(world: World, plate: Plate) -> tuple[Mask, Mask]:
-    """Where what moves may be seen, and where it may cast a shadow on what does not."""
-    everywhere = np.ones(plate.radiance.shape, np.bool_)
-    index = plate.layers.object_index
-    bodies = [
-        world.vertices[name][run]
-        for name in world.moving - world.sliding
-        for run in world.pieces[name]
-    ]
-    margin = 2 + world.blur_px
-    seen = world.view.hulls(bodies, margin)
-    ground = world.ground
+def _shaded(world: World, plate: Plate) -> Mask:
+    """Where what moves may cast a shadow on what does not."""
+    index, bodies = plate.layers.object_index, world.bodies(world.moving - world.sliding)
+    blur, ground = world.blur_px, world.ground
     thrown = shadows(bodies, world.lights, ground)
     if thrown is None or world.optics.lens.aperture > 0:
-        return seen, everywhere
+        return np.ones(index.shape, np.bool_)
     lowest = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
     flat = [world.names.index(name) + 1 for name in lowest]
     raised = (index > 0) & ~np.isin(index, flat)
-    return seen, world.view.hulls(thrown, margin) | _grown(raised, margin)
+    return world.view.hulls(thrown, blur) | _grown(raised, 2 + blur)
 
 
-def _moved(world: World, found: Layers, still: Layers) -> Mask:
-    """Where something that moves is seen: of a pattern that slides, where it differs."""
-    moving = [world.names.index(name) + 1 for name in world.moving - world.sliding]
-    moved = np.isin(found.object_index, moving)
-    if world.sliding:
-        moved |= found.object_index != still.object_index
-        moved |= _seams(found.object_index) | _seams(still.object_index)
-    return moved
+def _slid(found: Layers, still: Layers) -> Mask:
+    """Where a pattern that slides differs from how it lies in the still scene."""
+    differs = found.object_index != still.object_index
+    return np.asarray(differs | _seams(found.object_index) | _seams(still.object_index))
 
 
 def _seams(index: np.ndarray) -> Mask:

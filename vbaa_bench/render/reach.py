@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -26,6 +27,17 @@ def pieces(faces: np.ndarray) -> list[np.ndarray]:
     return [np.unique(run) for run in np.array_split(faces, math.ceil(len(faces) / _FACES))]
 
 
+class _Flat(NamedTuple):
+    """An image free of distortion: the place [px] of its first pixel and its size (width, height);
+    the row and column (height, width) of every camera pixel in it, None where it is the camera's
+    own image; and by how much it is larger than that, at most."""
+
+    low: Floats
+    size: tuple[int, int]
+    where: tuple[np.ndarray, np.ndarray] | None
+    stretch: float
+
+
 @dataclass(frozen=True)
 class View:
     """Fills hulls in the image of a camera."""
@@ -33,43 +45,51 @@ class View:
     camera: Camera
 
     def hulls(self, bodies: Iterable[Floats], margin: int) -> Mask:
-        """Where any of some convex bodies shows, and `margin` pixels farther: each body is the hull
-        of points (n, 3) in Sigma_a [m]."""
-        low, size, where = self._canvas
+        """Mark every pixel (height, width) that any of some convex bodies touches, however little,
+        and those up to `margin` pixels farther: each body is the hull of points (n, 3) [m] in
+        Sigma_a."""
+        flat = self._flat
+        # A polygon is drawn to 1 px: its corners are rounded, and its sides are. A pixel's own
+        # half adds to the margin; looked up in an image free of distortion, it is rounded too.
+        grown = math.floor(flat.stretch * (margin + 0.5) + (1.0 if flat.where is None else 1.5))
+        # What is drawn just outside the image grows into it.
+        size = np.add(flat.size, 2 * grown)
         canvas = np.zeros(size[::-1], np.uint8)
         everywhere = np.ones((self.camera.height, self.camera.width), np.bool_)
         ideal = replace(self.camera, distortion=())
         for points in bodies:
             if not self.camera.telecentric and self._depths(points).min() <= 0:
                 return everywhere
-            pixels = np.rint(ideal.project(points) - low)
-            apart = (pixels.max(axis=0) < -margin) | (pixels.min(axis=0) >= np.add(size, margin))
+            pixels = np.rint(ideal.project(points) - flat.low) + grown
+            apart = (pixels.max(axis=0) < 0) | (pixels.min(axis=0) >= size)
             if apart.any():
                 continue
             if np.abs(pixels).max() > _FARTHEST_PX:
                 return everywhere
             cv2.fillConvexPoly(canvas, cv2.convexHull(pixels.astype(np.int32)), 1)
-        shown = canvas if where is None else canvas[where[1], where[0]]
-        reach = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
-        return np.asarray(cv2.dilate(shown, reach) > 0)
+        touched = cv2.dilate(canvas, np.ones((2 * grown + 1, 2 * grown + 1), np.uint8)) > 0
+        touched = touched[grown : grown + flat.size[1], grown : grown + flat.size[0]]
+        return np.asarray(touched if flat.where is None else touched[flat.where])
 
     def _depths(self, points: Floats) -> Floats:
         pose = self.camera.camera_from_antenna
         return np.asarray(points @ pose[2, :3] + pose[2, 3])
 
     @cached_property
-    def _canvas(self) -> tuple[Floats, tuple[int, int], tuple[np.ndarray, np.ndarray] | None]:
-        """Corner and size of an image free of distortion, and where in it every pixel lies."""
+    def _flat(self) -> "_Flat":
+        """An image free of distortion that holds all that the camera sees."""
         camera = self.camera
         if not camera.distortion:
-            return np.zeros(2), (camera.width, camera.height), None
+            return _Flat(np.zeros(2), (camera.width, camera.height), None, 1.0)
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
         ideal = camera.undistorted_pixels(np.column_stack([columns.ravel(), rows.ravel()]))
         low = np.floor(ideal.min(axis=0))
         place = np.rint(ideal - low).astype(int)
         width, height = place.max(axis=0) + 1
-        x, y = place.T.reshape(2, camera.height, camera.width)
-        return low, (int(width), int(height)), (x, y)
+        column, row = place.T.reshape(2, camera.height, camera.width)
+        u, v = ideal.T.reshape(2, camera.height, camera.width)
+        stretch = max(float(np.abs(np.gradient(axis)).sum(axis=0).max()) for axis in (u, v))
+        return _Flat(low, (int(width), int(height)), (row, column), stretch)
 
 
 def shadows(

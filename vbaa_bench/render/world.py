@@ -168,6 +168,10 @@ class World:
             found |= index == self.names.index(name) + 1
         return found
 
+    def bodies(self, names: Collection[str]) -> list[Floats]:
+        """Vertices (n, 3) [m] of the pieces of moving surfaces, each to be taken by its hull."""
+        return [self.vertices[name][piece] for name in names for piece in self.pieces[name]]
+
     def move(self, vertices: Mapping[str, Floats], arc_length: Floats | None = None) -> None:
         """New vertices (n, 3) [m] for some surfaces, and with them the beam's arc lengths [m].
 

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from scipy.special import erf
 
-from vbaa_bench.report.figures import Chart
+from vbaa_bench.report.figures import Chart, few_dots
 from vbaa_bench.score.judged import JUDGED, Judged
 
 _SHOWN: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
@@ -80,7 +80,7 @@ def _dots(
     *,
     logarithmic: bool = False,
 ) -> Chart | None:
-    """Every frame a dot at (truth, error), sizes of errors on a logarithmic axis."""
+    """A dot at (truth, error) for each of few frames, the error's size on a logarithmic axis."""
     rows = scores.drop_nulls([true[0], error[0]]).select(
         "method", pl.col(true[0]).alias("true"), pl.col(error[0]).abs().alias("error")
     )
@@ -92,7 +92,7 @@ def _dots(
         type="log" if logarithmic else "linear", zero=False
     )
     y = alt.Y("error:Q", title=f"|error| of {quantity} [{error[1]}]").scale(type="log")
-    dots = alt.Chart(rows).mark_circle(size=20, opacity=0.6)
+    dots = alt.Chart(few_dots(rows)).mark_circle(size=20, opacity=0.6)
     return alt.layer(dots.encode(x=x, y=y, color=_colour(rows, colours))).properties(
         width=_WIDTH, height=_HEIGHT, title=f"Error of {quantity}"
     )

@@ -82,7 +82,7 @@ def _telling(work: Plan, bench: Bench) -> Trial:
 
 
 def _contact_pixel(pose: Pose, bench: Bench) -> Floats:
-    stage = pose.experiment.camera_frame_from_clamp(pose.state)
+    stage = pose.camera_frame_from_clamp
     point = apply(stage, pose.state.contact.point[None]) + bench.rig.base_position
     pixel: Floats = bench.rig.camera.project(point)[0]
     return pixel

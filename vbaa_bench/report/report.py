@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import altair as alt
 import cv2
 import jinja2
 import numpy as np
@@ -39,6 +40,7 @@ def report(results: Results) -> Path:
     speed = figures.speed_against_error(summary, css)
     page = _template().render(
         title=truth.manifest["scene"]["title"],
+        most_dots=figures.MOST_DOTS,
         frames=truth.frames.height,
         seed=truth.manifest["seed"],
         variant=truth.manifest["variant"],
@@ -125,7 +127,7 @@ def _template() -> jinja2.Template:
     environment.filters["g"] = lambda value: "–" if value is None else f"{value:.3g}"
     environment.filters["percent"] = lambda share: "–" if share is None else f"{100 * share:.3g}"
     environment.filters["has"] = lambda methods, key: any(
-        found[key] is not None for found in methods.values()
+        found.get(key) is not None for found in methods.values()
     )
     environment.filters["span"] = lambda pair: (
         "–" if pair is None else f"{pair[0]:.3g} … {pair[1]:.3g}"
@@ -134,8 +136,14 @@ def _template() -> jinja2.Template:
 
 
 def _svg(chart: figures.Chart) -> str:
-    return str(vlc.vegalite_to_svg(chart.to_json()))
+    return str(vlc.vegalite_to_svg(_json(chart)))
 
 
 def _png(chart: figures.Chart) -> bytes:
-    return bytes(vlc.vegalite_to_png(chart.to_json(), scale=2))
+    return bytes(vlc.vegalite_to_png(_json(chart), scale=2))
+
+
+def _json(chart: figures.Chart) -> str:
+    """The chart with its data: dots are few already, curves of many methods may have many rows."""
+    with alt.data_transformers.disable_max_rows():
+        return chart.to_json()

@@ -20,6 +20,7 @@ Row = dict[str, Any]
 # Heads of the Markdown table and where their numbers stand in a row.
 _COLUMNS: Final = {
     "x_c RMSE, % of L": "x_c_rmse_pct_L",
+    "unanswered as L/2": "x_c_rmse_all_pct_L",
     "median": "x_c_median_abs_pct_L",
     "force, %": "force_rmse_pct",
     "psi, deg": "psi_rmse_deg",

@@ -1,96 +1,208 @@
-"""A method runs in a child process that is given a copy of the observations and nothing else."""
+"""Run a method in its own process, which is given a copy of the observations and nothing else."""
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import IO, Any, Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.files import write_text
 from solver.instrument.observation import open_observations
-from solver.table import csv_text, row
+from solver.lab.writing import make_room, write
+from solver.methods import METHODS
+from solver.table import Row, csv_text, row
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import verify_observations
+from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.score.layout import USUAL_CENTRELINE
+from vbaa_bench.score.user_modules import copy_sources
 
 # A method that takes longer than this for a frame, repeats included, has given no answer [s].
-LONGEST_FRAME_S = 60
+LONGEST_FRAME_S: Final = 60.0
+# What a method may allocate [GB]. Chosen: the solver itself takes less than one, and an ordinary
+# computer has this much beside the judge.
+MEMORY_GB: Final = 8.0
+# Of what a method prints so much is passed on [characters]. Chosen: a few hundred lines.
+MOST_OUTPUT: Final = 20_000
+# The folder, beside the observations, that a user's own sources are copied to.
+_METHOD: Final = "method"
+# How long the supervisor may take to end once it is told to [s].
+_LONGEST_END_S: Final = 10.0
+# And how long the last of what was printed may take to be read [s].
+_LONGEST_REST_S: Final = 2.0
+
+
+@dataclass(frozen=True)
+class MethodRun:
+    """How a method did: its table, frames in all, how many of them crashed, the first traceback."""
+
+    table: Path
+    frames: int
+    crashed: int
+    traceback: str
 
 
 def solve(
-    layout: Layout, method: str, out: Path, repeats: int, centreline: str = USUAL_CENTRELINE
-) -> None:
+    layout: Layout,
+    method: str,
+    out: Path,
+    repeats: int,
+    centreline: str = USUAL_CENTRELINE,
+    *,
+    memory_gb: float = MEMORY_GB,
+    frame_s: float = LONGEST_FRAME_S,
+    hear: Callable[[str], None] = lambda _line: None,
+) -> MethodRun:
     """Write `out`, the CSV of a method's estimates for every frame of a dataset's observations.
 
-    A method that brings its process down, or never ends, gives a table in which every frame is
-    crashed. `centreline` names how the beam is measured. Raises InputError for a method or a
-    centreline that cannot be found, for rest images in which that centreline sees no beam, for
-    observations that are not what was generated, and for an unwritable `out`.
+    A frame on which the method raises an error, brings its process down or takes longer than
+    `frame_s` has the outcome "crashed"; the others keep their answers. After three such frames in
+    a row of which the process did not survive, the rest is crashed too. The method, and each
+    process that it starts, may allocate `memory_gb`; 0 is no limit. `hear` is called with each
+    line that the method prints, up to MOST_OUTPUT characters. `centreline` names how the beam is
+    measured.
+
+    Raises InputError for a method or a centreline that cannot be found, for rest images in which
+    that centreline sees no beam, for observations that are not what was generated, and for an
+    `out` or a temporary folder that cannot be written.
     """
-    frames = open_observations(layout.observations).frames
-    verify_observations(layout)
-    with tempfile.TemporaryDirectory(prefix="vbaa-solve-") as folder:
-        copy, answer = Path(folder) / "observations", Path(folder) / "answer.csv"
-        shutil.copytree(layout.observations, copy)
-        command = [sys.executable, "-m", "solver", str(copy), "--method", method, "--quiet"]
-        command += ["--centreline", centreline, "--repeats", str(repeats), "--out", str(answer)]
-        try:
-            child = subprocess.run(
-                command,
-                cwd=folder,
-                env=_environment(method, Path(folder)),
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                text=True,
-                errors="replace",
-                timeout=LONGEST_FRAME_S * len(frames),
-                check=False,
-            )
-            status, said = child.returncode, child.stderr.strip()
-        except subprocess.TimeoutExpired:
-            status, said = None, "no answer in time"
-        if status == 2 and said.startswith("error: "):
-            raise InputError(said.removeprefix("error: ").replace(folder + os.sep, ""))
-        if status == 0 and answer.is_file():
-            text = answer.read_text(encoding="utf-8")
-        else:
-            last = said.splitlines()[-1] if said else f"exit status {status}"
-            crashed = Estimate(Outcome.CRASHED, f"the method's process died: {last}")
-            text = csv_text([row(frame.frame_id, crashed, None) for frame in frames])
+    make_room(out)
+    check_complete(layout)
+    observations = open_observations(layout.observations)
+    answers: dict[int, Row] = {}
+    traceback = ""
+    with _temporary_folder() as folder:
+        copy = folder / "observations"
+        task = (str(copy), method, centreline, str(repeats), str(memory_gb), str(frame_s))
+
+        def shown(text: str) -> str:
+            """A text in which files are named as the user has them."""
+            return text.replace(f"{folder / _METHOD}{os.sep}", "").replace(f"{folder}{os.sep}", "")
+
+        with _supervisor(task, folder, lambda line: hear(shown(line))) as (orders, reports):
+            _copy(layout, copy)
+            with suppress(BrokenPipeError):  # its own last words say why it died
+                orders.write(b"\n")
+                orders.flush()
+            for line in reports:
+                report: dict[str, Any] = json.loads(line)
+                if "refused" in report:
+                    raise InputError(shown(report["refused"]))
+                answers[report["index"]] = report["row"]
+                traceback = traceback or shown(report.get("traceback", ""))
+    lost = Estimate(Outcome.CRASHED, "the process that runs the method died")
+    rows = [
+        answers.get(index) or row(frame.frame_id, lost, None)
+        for index, frame in enumerate(observations.frames)
+    ]
+    write(out, csv_text(rows).encode())
+    crashed = sum(one["outcome"] == str(Outcome.CRASHED) for one in rows)
+    return MethodRun(out, len(rows), crashed, traceback)
+
+
+@contextmanager
+def _temporary_folder() -> Iterator[Path]:
+    """A folder that is removed in the end, whatever lies in it. Raises InputError."""
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_text(out, text)
+        folder = Path(tempfile.mkdtemp(prefix="vbaa-solve-"))
     except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+        raise InputError(f"no temporary folder can be made ({error}); set TMPDIR") from error
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _copy(layout: Layout, target: Path) -> None:
+    """Copy the observations for the method. Raises InputError."""
+    try:
+        copy_observations(layout, target)
+    except OSError as error:
+        raise InputError(
+            f"{target.parent.parent}: the observations cannot be copied there for the method "
+            f"({error.strerror}); set TMPDIR to a folder with more room"
+        ) from error
+
+
+@contextmanager
+def _supervisor(
+    task: tuple[str, ...], folder: Path, hear: Callable[[str], None]
+) -> Iterator[tuple[IO[bytes], IO[bytes]]]:
+    """The process that runs the method: its standard input and output.
+
+    It ends, and the method with it, where its standard input ends: also with this process.
+    """
+    environment = _environment(task[1], folder)
+    # -P: nothing is imported from the folder where it starts.
+    command = [sys.executable, "-P", "-m", "vbaa_bench.score.supervisor", *task]
+    readable, writable = os.pipe()
+    listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
+    listener.start()
+    with subprocess.Popen(
+        command,
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=writable,
+        start_new_session=True,  # Ctrl-C is for the judge, who then ends the method
+    ) as process:
+        os.close(writable)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            yield process.stdin, process.stdout
+        finally:
+            with suppress(BrokenPipeError):
+                process.stdin.close()
+            try:
+                process.wait(_LONGEST_END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+            # What has left the method's group may hold its standard error open for ever.
+            listener.join(_LONGEST_REST_S)
+
+
+def _listen(readable: int, hear: Callable[[str], None]) -> None:
+    """Pass on what a method prints, line by line, to a limit; the rest is read and dropped."""
+    left, dropped = MOST_OUTPUT, 0
+    with open(readable, "rb") as stream:
+        while line := stream.readline(MOST_OUTPUT):
+            text = line.decode("utf-8", "replace")
+            if text := text[:left]:
+                hear(text.rstrip("\r\n"))
+            left -= len(text)
+            dropped += len(line) if not text else 0
+    if dropped:
+        hear(f"... and {dropped} bytes more, not shown")
 
 
 def _environment(method: str, folder: Path) -> dict[str, str]:
     """No more than a process needs, and nothing that says where it was started from.
 
-    Somebody's own module, found in the current folder or on PYTHONPATH, is copied into `folder`:
-    the place it came from may have truth beside it. This keeps a method from meeting the truth
-    by accident; it is no jail for one that searches the disk.
+    Somebody's own module is copied into `folder`: the place it came from may have truth beside
+    it. This keeps a method from meeting the truth by accident; it is no jail for one that
+    searches the disk. Raises InputError.
     """
     kept = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
     # One thread: times are of one core, whatever the machine.
     environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
+    environment["PYTHONUNBUFFERED"] = "1"  # what is printed before a crash is shown
     module, colon, _ = method.partition(":")
-    top = module.partition(".")[0]
-    if colon and top:
-        elsewhere = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-        for place in (Path.cwd(), *(Path(name) for name in elsewhere if name)):
-            if (place / top).is_dir():
-                shutil.copytree(place / top, folder / "method" / top)
-            elif (place / f"{top}.py").is_file():
-                (folder / "method").mkdir()
-                shutil.copy(place / f"{top}.py", folder / "method")
-            else:
-                continue
-            environment["PYTHONPATH"] = str(folder / "method")
-            break
+    if colon and method not in METHODS:
+        target = folder / _METHOD
+        try:
+            copy_sources(module, target)
+        except OSError as error:
+            raise InputError(f"method '{method}' cannot be copied ({error})") from error
+        environment["PYTHONPATH"] = str(target)
     return environment

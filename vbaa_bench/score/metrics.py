@@ -1,10 +1,12 @@
 """Predictions against truth: errors per frame."""
 
+import codecs
+import io
 from pathlib import Path
 
 import polars as pl
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, cut, shown
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.score.judged import COMPONENTS, JUDGED, NUMBERS, VECTORS, Judged, components
@@ -21,15 +23,35 @@ def read_predictions(path: Path) -> pl.DataFrame:
 
     An `outcome` that is not stated is "contact" where x_c_mm is given. Raises InputError.
     """
+    return checked_predictions(parsed(read_file(path), path), str(path))
+
+
+def read_file(path: Path) -> bytes:
+    """Read a predictions file. Raises InputError."""
     try:
-        if path.suffix == ".parquet":
-            table = pl.read_parquet(path, glob=False)
-        else:
-            table = pl.read_csv(path, infer_schema=False, glob=False)
-    except (OSError, pl.exceptions.PolarsError) as error:
+        if not path.is_file():  # a pipe or a device may never end
+            raise InputError(f"{path}: is not a CSV or Parquet table (there is no such file)")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: is not a CSV or Parquet table ({error.strerror})") from error
+
+
+def parsed(data: bytes, path: Path) -> pl.DataFrame:
+    """The table in the bytes of a file: Parquet, or CSV with commas or semicolons, as Excel writes.
+
+    All columns of a CSV are texts. Raises InputError.
+    """
+    try:
+        if path.suffix.lower() == ".parquet":
+            return pl.read_parquet(io.BytesIO(data))
+        text = data.removeprefix(codecs.BOM_UTF8)
+        head = text.partition(b"\n")[0]
+        separator = ";" if b";" in head and b"," not in head else ","
+        return pl.read_csv(io.BytesIO(text), infer_schema=False, separator=separator)
+    # Polars panics on some damaged Parquet files.
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: is not a CSV or Parquet table ({reason})") from error
-    return checked_predictions(table, str(path))
+        raise InputError(f"{path}: is not a CSV or Parquet table ({cut(reason)})") from error
 
 
 def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
@@ -45,7 +67,7 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
     for name in [name for name in NUMBERS if name in known]:
         kind = table[name].dtype
         if not (kind.is_numeric() or kind in (pl.String, pl.Null)):
-            raise InputError(f"{source}: {name} holds {kind}, allowed are numbers")
+            raise InputError(f"{source}: {name} holds {cut(str(kind))}, allowed are numbers")
     try:
         table = table.select(
             pl.col("frame_id").cast(pl.String),
@@ -53,7 +75,7 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
         )
     except pl.exceptions.PolarsError as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{source}: a column does not hold numbers ({reason})") from error
+        raise InputError(f"{source}: a column does not hold numbers ({cut(reason)})") from error
     missing: list[pl.Expr] = [
         pl.lit(None, pl.String if n in _TEXTS else pl.Float64).alias(n)
         for n in (*NUMBERS, *_TEXTS)
@@ -129,7 +151,7 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     unknown_outcomes = set(joined["outcome"]) - {str(outcome) for outcome in Outcome}
     if unknown_outcomes:
         raise InputError(
-            f"{source}: outcome '{min(unknown_outcomes)}' is unknown, allowed is one of "
+            f"{source}: outcome {shown(min(unknown_outcomes))} is unknown, allowed is one of "
             f"{', '.join(str(outcome) for outcome in Outcome)}"
         )
     judged = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, _ALL))
@@ -146,12 +168,12 @@ def _refuse_strangers(truth: Truth, predictions: pl.DataFrame, source: str) -> N
     ids = predictions["frame_id"]
     if ids.is_duplicated().any():
         twice = ids.filter(ids.is_duplicated())[0]
-        raise InputError(f"{source}: frame_id {twice} stands there more than once")
+        raise InputError(f"{source}: frame_id {cut(str(twice))} stands there more than once")
     unknown = predictions.join(truth.frames, on="frame_id", how="anti")
     if unknown.height:
+        first = cut(str(unknown["frame_id"][0]))
         raise InputError(
-            f"{source}: frame_id {unknown['frame_id'][0]} and {unknown.height - 1} more are "
-            "not of this dataset"
+            f"{source}: frame_id {first} and {unknown.height - 1} more are not of this dataset"
         )
 
 

@@ -9,7 +9,8 @@ from solver.antenna import Antenna
 from solver.estimate import see, set_up
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.centreline import Centreline
-from solver.instrument.errors import InputError
+from solver.instrument.errors import DamageError, InputError
+from solver.instrument.hashes import MEND
 from solver.instrument.images import eight_bit, read_grey
 from solver.instrument.observation import open_observations
 from solver.instrument.transforms import apply
@@ -49,12 +50,12 @@ def overlay(
     paths = list(results.dataset.observations.glob(f"shard_*/{frame_id}.png"))
     if not paths:
         raise InputError(
-            f"{results.dataset.observations}: the image of frame {frame_id} is missing"
+            f"{results.dataset.observations}: the image of frame {frame_id} is missing; {MEND}"
         )
     image = read_grey(paths[0])
     row = truth.frames.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
     x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
-    stage = camera_frame_from_clamp(truth, row["pushing_angle_deg"] * DEGREE)
+    stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
 
     def pixels(at: Floats) -> Floats:
         points = np.column_stack([at, np.interp(at, x, y), np.interp(at, x, z)])
@@ -84,9 +85,14 @@ def overlay(
 
 
 def antenna_of(results: Results) -> tuple[Antenna | None, str]:
-    """What the solver learns from the observations, once; or None, and why it cannot."""
+    """What the solver learns from the observations, once; or None, and why it cannot.
+
+    Raises DamageError where the observations are not what was generated.
+    """
     try:
         return set_up(open_observations(results.dataset.observations)), ""
+    except DamageError:
+        raise
     except (InputError, ValueError) as error:
         return None, str(error)
 

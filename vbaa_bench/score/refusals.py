@@ -51,7 +51,7 @@ def _snr(truth: Truth, row: dict[str, Any]) -> float:
     psi = (row["psi_deg"] or 0.0) * DEGREE
     shift = row["deflection_pct"] / 100 * length * np.array([np.cos(psi), np.sin(psi)])
     ends = np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0], [length, *shift]])
-    stage = camera_frame_from_clamp(truth, row["pushing_angle_deg"] * DEGREE)
+    stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
     clamp, tip, moved = truth.camera.project(apply(stage, ends))
     columns = np.linalg.norm(tip - clamp) * _visible(row)
     return float(np.linalg.norm(moved - tip) * np.sqrt(columns) / COLUMN_SIGMA_PX)
@@ -80,7 +80,7 @@ def _visible(row: dict[str, Any]) -> float:
 
 def _sight_against_plane_deg(truth: Truth, row: dict[str, Any]) -> float:
     """The angle between the ray to the contact and the deformation plane."""
-    stage = camera_frame_from_clamp(truth, row["pushing_angle_deg"] * DEGREE)
+    stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
     viewpoint = invert(stage) @ truth.camera.viewpoint
     psi = row["psi_deg"] * DEGREE
     across = np.array([-np.sin(psi), np.cos(psi)])

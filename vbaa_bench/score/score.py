@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,34 +10,40 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
+from solver.lab.writing import write
 from solver.methods import METHODS
-from vbaa_bench.dataset.manifest import verify_observations, verify_truth
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.score.judged import COMPONENTS, JUDGED
 from vbaa_bench.score.layout import Results
-from vbaa_bench.score.metrics import read_predictions, score_frames
+from vbaa_bench.score.metrics import checked_predictions, parsed, read_file, score_frames
+from vbaa_bench.score.plausible import doubtful_units, unknown_columns
 from vbaa_bench.score.summary import summarise
 
 
 def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     """Write scores.parquet, scores.csv and summary.json for named prediction files; the summary.
 
-    The dataset is checked against its hashes first. Raises InputError.
+    Files from elsewhere are kept in `predictions/` by their names, so that the next scoring finds
+    them. `warnings` of the summary are sentences on columns and sizes that seem to be mistakes.
+    Raises InputError, also where the truth is not what was generated.
     """
     truth = open_truth(results.dataset.truth)
-    verify_observations(results.dataset)
-    verify_truth(results.dataset)
     if not predictions:
         raise InputError(f"{results.predictions}: holds no predictions; solve or name a file")
-    scores = pl.concat(
-        [
-            score_frames(truth, read_predictions(path), name, str(path))
-            for name, path in predictions.items()
-        ]
-    )
-    summary = summarise(scores)
+    warnings: list[str] = []
+    judged: list[pl.DataFrame] = []
+    contents = {name: read_file(path) for name, path in predictions.items()}
+    for name, path in predictions.items():
+        table = parsed(contents[name], path)
+        rows = score_frames(truth, checked_predictions(table, str(path)), name, str(path))
+        warnings += [*unknown_columns(table.columns, str(path)), *doubtful_units(rows, str(path))]
+        judged.append(rows)
+    scores = pl.concat(judged)
+    summary = {**summarise(scores), "warnings": warnings}
     parquet = io.BytesIO()
     scores.write_parquet(parquet)
+    for name, path in predictions.items():
+        _keep(results, name, path, contents[name])
     try:
         results.scores.mkdir(parents=True, exist_ok=True)
         write_bytes(results.scores / "scores.parquet", parquet.getvalue())
@@ -46,6 +52,39 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"{results.scores}: cannot be written ({error.strerror})") from error
     return summary
+
+
+def _keep(results: Results, name: str, path: Path, data: bytes) -> None:
+    """Write a copy of a predictions file into `predictions/`, unless it lies there."""
+    target = results.predictions / f"{name}{_suffix(path)}"
+    if path.resolve() == target.resolve():
+        return
+    write(target, data)
+    for suffix in {".csv", ".parquet"} - {target.suffix}:  # of the same name, and replaced
+        target.with_suffix(suffix).unlink(missing_ok=True)
+
+
+def _suffix(path: Path) -> str:
+    return ".parquet" if path.suffix.lower() == ".parquet" else ".csv"
+
+
+def with_own(results: Results, own: Sequence[Path]) -> dict[str, Path]:
+    """Find all predictions of a dataset, and add files of somebody's own by their stems.
+
+    A file that was kept before is replaced. Raises InputError for a stem that is a name of solve's,
+    and for two files of one stem.
+    """
+    found = found_predictions(results)
+    stems = [path.stem for path in own]
+    for path in own:
+        if "." in path.stem or path.stem.partition("@")[0] in METHODS:
+            raise InputError(
+                f"{path}: {path.stem} names a method of solve's, and may be scored already; "
+                "rename the file, without a dot"
+            )
+        if stems.count(path.stem) > 1:
+            raise InputError(f"{path}: two files are called {path.stem}; rename one")
+    return {**found, **dict(zip(stems, own, strict=True))}
 
 
 def read_scores(results: Results) -> pl.DataFrame:
@@ -63,10 +102,13 @@ def read_scores(results: Results) -> pl.DataFrame:
 
 
 def found_predictions(results: Results) -> dict[str, Path]:
-    """The prediction files that `solve` left beside the dataset, by method; the solver's first.
+    """The prediction files beside the dataset, by method or name; the solver's methods first.
 
     What a method makes of another centreline stands next to it.
     """
-    found = {path.stem: path for path in sorted(results.predictions.glob("*.csv"))}
+    paths = sorted(results.predictions.glob("*.csv")) + sorted(
+        results.predictions.glob("*.parquet")
+    )
+    found = {path.stem: path for path in paths}
     own = [name for method in METHODS for name in found if name.partition("@")[0] == method]
     return {name: found[name] for name in [*own, *found]}

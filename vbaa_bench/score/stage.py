@@ -8,14 +8,15 @@ from solver.instrument.units import MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
 
 
-def camera_frame_from_clamp(truth: Truth, pushing_angle: float) -> Floats:
-    """From the clamp's frame into that in which the true camera stands still (4, 4)."""
+def camera_frame_from_clamp(truth: Truth, motor_angle: float) -> Floats:
+    """From the clamp's frame, the motor at an angle [rad], into that in which the true camera
+    stands still (4, 4)."""
     scene = truth.manifest["scene"]
     base = np.array(truth.manifest["true_rig"]["base_position_mm"]) * MILLIMETRE
     stage = np.eye(4)
     if scene["camera"]["mount"] == "world":
         axis = -np.array(scene["adaptor_mm"]) * MILLIMETRE
-        stage = turn_about_z(-pushing_angle)
+        stage = turn_about_z(motor_angle)
         stage[:3, 3] = axis - stage[:3, :3] @ axis
     stage[:3, 3] += base
     return stage

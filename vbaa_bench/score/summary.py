@@ -18,6 +18,9 @@ from vbaa_bench.score.refusals import SURE_SNR
 
 CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
 _TWO_SIDED_95 = 1.96
+# Chosen: guessing the middle of the beam errs by no more, so that leaving a frame out never pays
+# for a method that is better than that.
+_UNANSWERED_PCT_L = 50.0
 
 
 def summarise(scores: pl.DataFrame) -> dict[str, Any]:
@@ -42,8 +45,10 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
     `rightly_refused_rate` those of them of which that is true, `crashed_rate` frames without any
     answer; all three are part of `failure_rate`. `honest_rate` is the share of frames that were
     answered by an outcome that is right, or by an x_c within three stated sigmas; null where no
-    sigma is stated. `compliance_last_rmse_pct` and other `last` values are of the last frames
-    of pushes.
+    sigma is stated. `x_c_rmse_all_pct_L` is the RMSE in which a frame without an answer counts as
+    one that is wrong by half the beam's length, unless it touches nothing or is rightly refused;
+    null for a method of forces alone. `compliance_last_rmse_pct` and other `last` values are of
+    the last frames of pushes.
     """
     x_c, force = np.abs(_values(rows, "x_c_error_pct_L")), _values(rows, "force_error_pct")
     psi, compliance = _values(rows, "psi_error_deg"), _values(rows, "compliance_error_pct")
@@ -53,6 +58,7 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
     counts = rows["outcome"].value_counts(sort=True)
     return {
         "x_c_rmse_pct_L": _rms(x_c),
+        "x_c_rmse_all_pct_L": _rmse_all(touched),
         "x_c_median_abs_pct_L": _quantile(x_c, 0.5),
         "x_c_p95_abs_pct_L": _quantile(x_c, 0.95),
         "s_c_rmse_pct_L": _rms(_values(rows, "s_c_error_pct_L")),
@@ -118,6 +124,14 @@ def _honest(rows: pl.DataFrame) -> float | None:
     answered = rows.drop_nulls("x_c_error_mm")
     unstated = answered.height > 0 and answered["x_c_sigma_mm"].is_null().all()
     return None if unstated else _share(rows, "honest")
+
+
+def _rmse_all(touched: pl.DataFrame) -> float | None:
+    """The RMSE of x_c over all frames that owe an answer, _UNANSWERED_PCT_L for those without."""
+    if touched["x_c_error_pct_L"].is_null().all() and touched["force_error_n"].count():
+        return None
+    owed = touched.filter(~pl.col("rightly_refused"))
+    return _rms(owed["x_c_error_pct_L"].fill_null(_UNANSWERED_PCT_L).to_numpy())
 
 
 def _share(rows: pl.DataFrame, condition: str | pl.Expr) -> float | None:

@@ -13,8 +13,8 @@ from vbaa_bench.spec.part import Part, Positive, Triple
 class CameraSpec(Part):
     """Above plane C; roll and a look-at off the beam's axis as in any mount.
 
-    It rides on the antenna, or stands in the world: then its place is that in Sigma_a at first
-    contact, and no encoder tells the motor's angle (section III-A). A telecentric lens has a
+    It rides on the antenna, or stands in the world: then its place is that in Sigma_a at motor
+    angle zero, and no encoder tells the motor's angle (section III-A). A telecentric lens has a
     magnification in place of a focal length.
     """
 

@@ -1,21 +1,31 @@
 """YAML 1.2 -> Scene. Every mistake in the file is listed at once, with its place."""
 
 import difflib
+import functools
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Final, get_args
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, cut, shown
 from vbaa_bench.spec.scene import Scene
 
 Key = str | int
+
+# Chosen: shipped scenes are up to 3 kB and four levels deep and have 100 values. A file of the
+# largest size takes two seconds to parse.
+LARGEST_FILE: Final = 100_000
+DEEPEST: Final = 20
+MOST_VALUES: Final = 10_000
+# Chosen: of a list of mistakes, what a terminal shows.
+MOST_MISTAKES: Final = 20
 
 
 @dataclass(frozen=True)
@@ -33,23 +43,12 @@ class SceneFile:
 
 def load_scene(path: Path, seed: int | None = None) -> SceneFile:
     """Read and check a scene; `seed` replaces the file's. Raises InputError with all mistakes."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text") from error
-    try:
-        document = YAML(typ="rt").load(io.StringIO(text))
-    except MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise InputError(f"{path}{where}: is not YAML ({error.problem})") from error
-    except YAMLError as error:
-        raise InputError(f"{path}: is not YAML ({error})") from error
+    document = _document(path, _text(path))
     if not isinstance(document, CommentedMap):
-        raise InputError(f"{path}:1:1: is {document!r}, allowed is a mapping of keys to values")
-    plain = _plain(document)
+        raise InputError(
+            f"{path}:1:1: is {shown(document)}, allowed is a mapping of keys to values"
+        )
+    plain = _Plain(path).of(document)
     if seed is not None:
         plain["seed"] = seed
     try:
@@ -59,14 +58,61 @@ def load_scene(path: Path, seed: int | None = None) -> SceneFile:
     return SceneFile(path, scene, document)
 
 
+def _text(path: Path) -> str:
+    try:
+        # A pipe or a device may never end; a folder's own error says that it is one.
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError(f"{path}: cannot be read (it is no file)")
+        with path.open("rb") as stream:
+            data = stream.read(LARGEST_FILE + 1)
+        if len(data) > LARGEST_FILE:
+            raise InputError(f"{path}: is too large, allowed are {LARGEST_FILE:,} bytes")
+        return data.decode("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text") from error
+
+
+def _document(path: Path, text: str) -> Any:
+    """The parsed document, with the places of its keys."""
+    try:
+        depth = 0
+        # Events come one by one: the parser's own recursion never sees a deep document.
+        for event in YAML(typ="rt").parse(io.StringIO(text)):
+            depth += isinstance(event, CollectionStartEvent)
+            depth -= isinstance(event, CollectionEndEvent)
+            if depth > DEEPEST:
+                raise _too_deep(path, event.start_mark.line)
+        return YAML(typ="rt").load(io.StringIO(text))
+    except MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
+        raise InputError(f"{path}{where}: is not YAML ({cut(str(error.problem))})") from error
+    except YAMLError as error:
+        raise InputError(f"{path}: is not YAML ({cut(str(error))})") from error
+    except InputError:
+        raise
+    except Exception as error:  # odd tags, keys and numbers end in errors of any type
+        raise InputError(
+            f"{path}: is not YAML that a scene can hold ({cut(str(error))})"
+        ) from error
+
+
+def _too_deep(path: Path, line: int = 0) -> InputError:
+    return InputError(f"{path}:{line + 1}:1: is nested too deeply, allowed are {DEEPEST} levels")
+
+
 def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
     lines: dict[tuple[Key, ...], str] = {}
-    for mistake in error.errors():
+    for number, mistake in enumerate(error.errors()):
+        if len(lines) == MOST_MISTAKES:
+            return [*lines.values(), f"{path}: and {error.error_count() - number} more mistakes"]
         kind, value = mistake["type"], mistake["input"]
         key = _written(document, mistake["loc"], missing=kind == "missing")
         if kind == "extra_forbidden":
             known = _known_keys(document, key[:-1])
-            near = difflib.get_close_matches(str(key[-1]), known, n=1, cutoff=0.7)
+            near = difflib.get_close_matches(cut(str(key[-1])), known, n=1, cutoff=0.7)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
             sentence = f"is an unknown key; {hint}"
         elif kind == "missing":
@@ -74,13 +120,13 @@ def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
         elif kind in ("union_tag_invalid", "union_tag_not_found"):
             key = (*key, "kind")
             tags = ", ".join(_kind(model) for model in _options(document, key[:-1])[0])
-            said = "is missing" if kind == "union_tag_not_found" else f"is {value['kind']!r}"
+            said = "is missing" if kind == "union_tag_not_found" else f"is {shown(value['kind'])}"
             sentence = f"{said}, allowed is one of {tags}"
         elif kind == "value_error":
             sentence = str(mistake["ctx"]["error"])
         else:
-            shown = list(value) if isinstance(value, tuple) else value
-            sentence = f"is {shown!r}, {_allowed(document, key) or mistake['msg']}"
+            written = list(value) if isinstance(value, tuple) else value
+            sentence = f"is {shown(written)}, {_allowed(document, key) or mistake['msg']}"
         # A value that may be of two kinds is wrong as either, and is said once.
         lines.setdefault(key, _complaint(path, document, key, sentence))
     return list(lines.values())
@@ -103,7 +149,7 @@ def _written(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[
 
 def _allowed(document: Any, key: Sequence[Key]) -> str | None:
     """The allowed values at `key`, from the scene's own JSON schema."""
-    schema = Scene.model_json_schema()
+    schema = _schema()
     node: dict[str, Any] = schema
     written = document
     for part in key:
@@ -140,6 +186,11 @@ def _allowed(document: Any, key: Sequence[Key]) -> str | None:
     kinds |= {"boolean": "true or false", "array": "a list", "object": "a mapping"}
     said = " ".join([kinds.get(node.get("type", ""), "a value"), *bounds])
     return f"allowed is {' or '.join([said, *words])}"
+
+
+@functools.cache
+def _schema() -> dict[str, Any]:
+    return Scene.model_json_schema()
 
 
 def _resolved(schema: dict[str, Any], node: dict[str, Any], written: Any) -> dict[str, Any]:
@@ -206,19 +257,34 @@ def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> 
         except (KeyError, TypeError):  # a place the parser did not note
             break
     name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
-    label = f"{name.lstrip('.')} " if name else ""
+    label = f"{cut(name.lstrip('.'))} " if name else ""
     return f"{path}:{line + 1}:{column + 1}: {label}{sentence}"
 
 
-def _plain(node: Any) -> Any:
-    """Plain Python of a parsed document: lists become tuples, as the scene's strict types ask."""
-    if isinstance(node, CommentedMap):
-        return {key: _plain(value) for key, value in node.items()}
-    if isinstance(node, CommentedSeq):
-        return tuple(_plain(value) for value in node)
-    if isinstance(node, bool) or node is None:
+class _Plain:
+    """Plain Python of a parsed document: lists become tuples, as the scene's strict types ask.
+
+    An alias counts as often as it is used: a few lines of aliases of aliases make millions of
+    values. Raises InputError.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._values = path, 0
+
+    def of(self, node: Any, depth: int = 1) -> Any:
+        """The same of a part of the document, `depth` levels down."""
+        self._values += 1
+        if self._values > MOST_VALUES:
+            raise InputError(f"{self._path}: holds too many values, allowed are {MOST_VALUES:,}")
+        if depth > DEEPEST:  # an alias within itself
+            raise _too_deep(self._path)
+        if isinstance(node, CommentedMap):
+            return {key: self.of(value, depth + 1) for key, value in node.items()}
+        if isinstance(node, CommentedSeq):
+            return tuple(self.of(value, depth + 1) for value in node)
+        if isinstance(node, bool) or node is None:
+            return node
+        for plain in (int, float, str):
+            if isinstance(node, plain):
+                return plain(node)
         return node
-    for plain in (int, float, str):
-        if isinstance(node, plain):
-            return plain(node)
-    return node

@@ -15,7 +15,8 @@ from vbaa_bench.spec.part import Below, NonNegative, Part, Positive, Share, Trip
 class _ObjectSpec(PaintedPart):
     # Coulomb's coefficient; zero is the paper's extremely slippery object.
     friction: Annotated[float, Field(ge=0, le=1)] = 0.0
-    # How far the object has moved, in the world, from one step of a push to the next.
+    # How far the object has moved from one step of a push to the next, along the axes of the
+    # antenna at first contact.
     drift_mm: Triple = (0.0, 0.0, 0.0)
 
 

@@ -16,6 +16,13 @@ Below = Annotated[float, Field(lt=0, ge=-1e6)]
 Tilt = Annotated[float, Field(gt=-90, lt=90)]
 
 
+Turn = Annotated[float, Field(ge=-360, le=360)]
+# The motor's angle at first contact is drawn, push by push, from low to high [deg]: were it always
+# the same, an encoder and the tip would tell where the contact is.
+Onset = tuple[Turn, Turn]
+ONSET: Onset = (-10.0, 10.0)
+
+
 class Part(BaseModel):
     """A section of a scene."""
 

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from scipy.stats import qmc
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.spec.part import Part, Positive, Tilt
+from vbaa_bench.spec.part import ONSET, Onset, Part, Positive, Tilt
 
 Percent = Annotated[float, Field(gt=0, lt=60)]
 
@@ -27,11 +27,12 @@ class SamplingSpec(Part):
     normal_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
     # Of the object; without it, it is rigid. Stiffnesses are always spread over their logarithms.
     stiffness_n_m: tuple[Positive, Positive] | None = None
-    motor_angle_at_contact_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    # Drawn uniformly by a stream of its own, whatever the method.
+    motor_angle_at_contact_deg: Onset = ONSET
 
     @model_validator(mode="after")
     def _ordered(self) -> "SamplingSpec":
-        for name in AXES:
+        for name in (*AXES, "motor_angle_at_contact_deg"):
             ends = getattr(self, name)
             if ends is not None and ends[0] > ends[1]:
                 raise ValueError(f"{name} is {list(ends)}, allowed is a range from low to high")

@@ -3,7 +3,8 @@
 Units are in the names. Defaults describe the paper's rig (section VI).
 """
 
-from typing import Annotated, Literal, get_args
+import math
+from typing import Annotated, Final, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -15,6 +16,8 @@ from vbaa_bench.spec.objects import BlockSpec, ObjectSpec, OcclusionSpec, Second
 from vbaa_bench.spec.optics import OpticsSpec
 from vbaa_bench.spec.paint import Paint, PaintedPart
 from vbaa_bench.spec.part import (
+    ONSET,
+    Onset,
     Part,
     Positive,
     Share,
@@ -81,6 +84,9 @@ class ToleranceSpec(Part):
     true_rig: Literal["nominal", "drawn"] = "nominal"
 
 
+# As many as sampling.count allows. Chosen: two days of rendering, a terabyte with all layers.
+MOST_FRAMES: Final = 1_000_000
+
 Angle = Annotated[float, Field(gt=-60, lt=60)]
 
 
@@ -101,8 +107,18 @@ class PushSpec(Part):
     stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = (
         "rigid",
     )
-    repeats: Annotated[int, Field(ge=1)] = 1
-    motor_angle_at_contact_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    repeats: Annotated[int, Field(ge=1, le=MOST_FRAMES)] = 1
+    # Drawn uniformly for every push, from low to high; equal ends fix it.
+    motor_angle_at_contact_deg: Onset = ONSET
+
+    @model_validator(mode="after")
+    def _onset_from_low_to_high(self) -> "PushSpec":
+        ends = self.motor_angle_at_contact_deg
+        if ends[0] > ends[1]:
+            raise ValueError(
+                f"motor_angle_at_contact_deg is {list(ends)}, allowed is a range from low to high"
+            )
+        return self
 
     @model_validator(mode="after")
     def _one_push_axis(self) -> "PushSpec":
@@ -124,7 +140,7 @@ class Scene(Part):
     # The exact beam, or the paper's own, (9) and (10), whose methods are unbiased on it.
     mechanics: Literal["exact", "linear"] = "exact"
     beam: BeamSpec = BeamSpec()
-    # In the world as it lies about the antenna at first contact; the motor's axis is along z.
+    # In the world, which is Sigma_a at motor angle zero; the motor's axis is along z.
     gravity_m_s2: Triple = (0.0, 0.0, 0.0)
     # Where the beam's clamp stands, counted from the motor's axis.
     adaptor_mm: Triple = (0.0, 0.0, 0.0)
@@ -198,6 +214,27 @@ class Scene(Part):
                 raise ValueError(
                     "object.kind is none, so nothing is touched: pushing_angle_deg must be <= 0"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _frames_that_can_be_made(self) -> "Scene":
+        axes = {"sampling.count": self.sampling.count if self.sampling else 1}
+        if self.pushes is not None:
+            steps = self.pushes.deflection_pct or self.pushes.pushing_angle_deg or ()
+            axes = {
+                "contact distances": len(self.pushes.contact_distance_mm or (None,)),
+                "normals": len(self.pushes.normal_deg),
+                "stiffnesses": len(self.pushes.stiffness_n_m),
+                "repeats": self.pushes.repeats,
+                "steps": len(steps),
+            }
+        if self.occlusion is not None:
+            hiding = self.occlusion
+            axes["occlusions"] = len(hiding.kind) * len(hiding.place) * len(hiding.availability)
+        frames = math.prod(axes.values())
+        if frames > MOST_FRAMES:
+            said = " x ".join(f"{count:,} {name}" for name, count in axes.items() if count > 1)
+            raise ValueError(f"{said} are {frames:,} frames, allowed are {MOST_FRAMES:,}")
         return self
 
     @model_validator(mode="after")

@@ -2,8 +2,9 @@
 
 import hashlib
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,12 +32,13 @@ class Goal:
 class Push:
     """One push: first contact at `contact_distance` [m] (None against a wall), with an object
     whose normal is tilted by `normal` [rad] and which yields by `compliance` [m/N]; then on from
-    goal to goal."""
+    goal to goal. All is seen from the antenna at first contact, so is `gravity` (3,) [m/s^2]."""
 
     contact_distance: float | None
     normal: float
     compliance: float
     goals: tuple[Goal, ...]
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class Trial:
     """One frame to be made: `step` of a push, seen `repeat` times, behind a `cover` or none.
 
     `index` counts the grid of the scene; `frame_id` and `push_id` tell nothing, but that frames
-    of one repetition of a push share the latter.
+    of one repetition of a push share the latter, and `onset`, the motor's angle [rad] at first
+    contact.
     """
 
     index: int
@@ -63,29 +66,50 @@ class Trial:
     push: Push
     step: int
     cover: Cover | None
+    onset: float
 
     @property
     def goal(self) -> Goal:
         """How far it is pushed."""
         return self.push.goals[self.step]
 
+    def motor_angle(self, pushing_angle: float) -> float:
+        """True motor angle [rad]: seen from the camera it turns clockwise, bending the beam to
+        +y."""
+        return self.onset - pushing_angle
+
 
 def trials(scene: Scene) -> list[Trial]:
     """All trials of a scene, in the order of their opaque names, which is that of the files."""
-    identity = scene.model_dump_json()
+    # A title names nothing, and frames keep their names when more are drawn.
+    identity = scene.model_dump_json(exclude={"title": True, "sampling": {"count"}})
+    # The scene is long and the frames are many: it is hashed once.
+    push_names, frame_names = (
+        hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
+    )
     pushes = list(_grid(scene.pushes) if scene.pushes else _samples(scene, scene.sampling))
     repeats = range(scene.pushes.repeats if scene.pushes else 1)
     hidden = list(_covers(scene))
     made: list[Trial] = []
     # A push behind another cover is another push: its frames are no twins for a method to pair.
-    seen = itertools.product(pushes, repeats, hidden)
-    for number, (push, repeat, cover) in enumerate(seen):
-        push_id = _digest(f"push {identity} {number}")[:8].hex()
+    combinations = itertools.product(pushes, repeats, hidden)
+    # A stream of its own, so that nothing else that is drawn depends on it.
+    onsets, draw = _onsets(scene), random_generator(scene, "onset")
+    for number, (push, repeat, cover) in enumerate(combinations):
+        push_id = _name(push_names, number)
+        onset = float(draw.uniform(*onsets)) * DEGREE
+        turned = replace(push, gravity=_seen_at(scene.gravity_m_s2, onset))
         for step in range(len(push.goals)):
             index = len(made)
-            frame_id = _digest(f"frame {identity} {index}")[:8].hex()
-            made.append(Trial(index, frame_id, push_id, repeat, push, step, cover))
+            frame_id = _name(frame_names, index)
+            made.append(Trial(index, frame_id, push_id, repeat, turned, step, cover, onset))
     return sorted(made, key=lambda trial: trial.frame_id)
+
+
+def in_shards(scene: Scene, made: Sequence[Trial]) -> tuple[tuple[Trial, ...], ...]:
+    """Cut the trials of a scene into its shards."""
+    size = scene.frames_per_shard
+    return tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
 
 
 def _grid(spec: PushSpec) -> Iterator[Push]:
@@ -114,6 +138,20 @@ def _samples(scene: Scene, spec: SamplingSpec | None) -> Iterator[Push]:
         )
 
 
+def _onsets(scene: Scene) -> tuple[float, float]:
+    """Between which the motor's angle [deg] at first contact is drawn."""
+    pushes = scene.pushes or scene.sampling
+    assert pushes is not None
+    return pushes.motor_angle_at_contact_deg
+
+
+def _seen_at(vector: tuple[float, float, float], motor_angle: float) -> tuple[float, float, float]:
+    """A vector of the world, along the axes of the antenna at a motor angle [rad]."""
+    x, y, z = vector
+    cos, sin = math.cos(motor_angle), math.sin(motor_angle)
+    return (cos * x + sin * y, cos * y - sin * x, z)
+
+
 def _covers(scene: Scene) -> Iterator[Cover | None]:
     hiding = scene.occlusion
     if hiding is None:
@@ -133,6 +171,13 @@ def random_generator(scene: Scene, stage: str, trial: int = 0) -> np.random.Gene
 def render_seed(scene: Scene, stage: str, trial: int = 0) -> int:
     """A 32-bit seed for the renderer, from the same derivation."""
     return int(random_generator(scene, stage, trial).integers(2**32))
+
+
+def _name(begun: "hashlib.blake2b", number: int) -> str:
+    """An opaque name: the digest of what was begun, with a number at its end."""
+    digest = begun.copy()
+    digest.update(str(number).encode())
+    return digest.digest()[:8].hex()
 
 
 def _digest(text: str) -> bytes:

@@ -1,12 +1,14 @@
 """From drawn views to the camera."""
 
 import math
+import weakref
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from solver.calibrate import calibrate
+from solver.calibrate import Calibration, calibrate
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.beam import Beam
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
@@ -133,3 +135,33 @@ def test_views_of_two_sizes_are_refused() -> None:
     views = [np.zeros((280, 320), np.uint8), np.zeros((280, 300), np.uint8)]
     with pytest.raises(InputError, match="differ in size"):
         calibrate(views, rig(TARGETS["lines"][0]))
+
+
+def test_views_are_read_one_after_the_other() -> None:
+    """While a view is made, no more than the one before it is still there."""
+    alive: list[weakref.ref[Grey]] = []
+
+    def views() -> Iterator[Grey]:
+        for number in range(3):
+            assert sum(view() is not None for view in alive) <= 1
+            view = np.zeros((360, 480), np.uint8) if number else micro_view(0.0)
+            alive.append(weakref.ref(view))
+            yield view
+            del view
+
+    assert calibrate(views(), micro_rig()).camera.telecentric
+    assert len(alive) == 3
+
+
+@pytest.mark.parametrize("seen", ["behind", "beside", "folded"])
+def test_a_beam_that_the_camera_cannot_show_is_refused(
+    seen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = replace(micro_rig(), telecentric=False)
+    strange = {"behind": [0, 0, 80e-3], "beside": [1e3, 0, 0], "folded": [0.2, 0, 0]}[seen]
+    lens = (-0.25, 0.0, 0.0, 0.0, 0.0) if seen == "folded" else ()
+    found = replace(microscope(0.0), telecentric=False, fx=2000, fy=2000, distortion=lens)
+    monkeypatch.setattr("solver.calibrate.plane_alone", lambda *_: Calibration(found, 0.1))
+    assert calibrate([micro_view(0.0)], told).camera is found
+    with pytest.raises(InputError, match="does not show the beam"):
+        calibrate([micro_view(0.0)], replace(told, base_position=np.array(strange)))

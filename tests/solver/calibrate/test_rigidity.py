@@ -145,3 +145,36 @@ def test_a_tenth_of_stray_points_is_not_followed() -> None:
     found = flexural_rigidity([at_rest], [measurement(points, SIGMA)], WEIGHT)
     assert abs(found.value - EI) < 4 * found.sigma
     assert found.sigma < 0.005 * EI
+
+
+@pytest.mark.parametrize("factor", [30.0, 1 / 30])
+def test_a_rig_that_is_30_times_off_does_not_matter(factor: float) -> None:
+    """Rig and images of a beam `factor` times as stiff, under a weight that bends it as usual."""
+    heavy = replace(WEIGHT, force=factor * WEIGHT.force)
+    random = np.random.default_rng(14)
+    shapes = (
+        hung_beam(load, STEEL / EI / 30, AT, 0.0, LENGTH) for load in (0.0, WEIGHT.force / EI)
+    )
+    at_rest, loaded = (seen(shape, random, 0.0, 0.0) for shape in shapes)
+    found = flexural_rigidity([at_rest], [loaded], heavy)
+    assert abs(found.value - factor * EI) < 4 * found.sigma
+    assert found.sigma < 0.01 * factor * EI
+
+
+@pytest.mark.parametrize(("stated", "sigma"), [(0.2399, 0.1), (0.22, 0.02)])
+def test_a_weight_whose_place_is_hardly_known_may_hang_at_the_tip(
+    stated: float, sigma: float
+) -> None:
+    at_rest, loaded = bent(0.235, np.random.default_rng(15))
+    vague = replace(WEIGHT, at=stated, at_sigma=sigma)
+    found = flexural_rigidity([at_rest], [loaded], vague)
+    assert abs(found.value - EI) < 4 * found.sigma
+    assert abs(found.at - 0.235) < 4 * found.at_sigma
+    assert found.at < LENGTH
+
+
+@pytest.mark.parametrize("force", [0.0, math.inf, math.nan])
+def test_a_weight_that_is_none_is_refused(force: float) -> None:
+    at_rest, loaded = bent(AT, np.random.default_rng(16))
+    with pytest.raises(InputError, match="allowed is a finite number above 0"):
+        flexural_rigidity([at_rest], [loaded], replace(WEIGHT, force=force))

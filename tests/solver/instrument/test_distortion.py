@@ -58,8 +58,40 @@ def test_a_lens_that_folds_the_image_is_found_out() -> None:
     rim = np.array([[0.27, 0.0], [0.0, -0.2]])
     assert one_to_one(rim, lens)
     assert not one_to_one(rim * 1.02, lens)
-    with pytest.raises(ValueError, match="not one-to-one"):
-        undistort(rim * 1.02, lens)
+    # What lies beyond is nowhere; what lies within is found beside it.
+    found = undistort(np.vstack([rim[:1] * 1.02, rim]), lens)
+    assert np.isnan(found[0]).all()
+    assert distort(found[1:], lens)[0] == pytest.approx(rim, abs=1e-12)
+
+
+def test_no_point_is_found_on_a_side_folded_over() -> None:
+    # r (1 - r^2 / 4) falls from 0.7698 at r = 1.155 and is -0.93 at 2.36, where the Jacobian's
+    # determinant is positive again.
+    lens = (-0.25, 0.0, 0.0, 0.0, 0.0)
+    assert np.isnan(undistort(np.array([[0.93, 0.0], [0.0, -0.78]]), lens)).all()
+    assert undistort(np.array([[0.769, 0.0]]), lens)[0, 0] < 1.1547
+
+
+@pytest.mark.parametrize("count", [5, 8])
+def test_points_are_found_up_to_the_fold_of_any_lens(count: int) -> None:
+    random = np.random.default_rng(count)
+    size = np.array([0.4, 0.3, 0.005, 0.005, 0.2, 0.3, 0.2, 0.1])[:count]
+    folded = 0
+    for _ in range(40):
+        lens = tuple(float(value) for value in size * random.standard_normal(count))
+        # Along many rays, up to where OpenCV's model turns back on one of them.
+        radii, turns = np.linspace(0, 1.2, 241), np.linspace(0, 2 * np.pi, 24, endpoint=False)
+        rays = np.column_stack([np.cos(turns), np.sin(turns)])
+        points = (radii[:, None, None] * rays).reshape(-1, 2)
+        ahead = np.column_stack([points, np.ones(len(points))])
+        shown, _ = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), np.eye(3), np.array(lens))
+        climb = np.diff((shown.reshape(241, 24, 2) * rays).sum(axis=2), axis=0).min(axis=1)
+        stop = len(radii) - 1 if (climb > 0).all() else int(np.argmax(climb <= 0))
+        folded += stop < len(radii) - 1
+        inner = 24 * max(stop - 2, 1)
+        found = undistort(shown.reshape(-1, 2)[:inner].astype(np.float64), lens)
+        assert found == pytest.approx(points[:inner], abs=1e-6), lens
+    assert folded > 3  # not only harmless lenses
 
 
 def test_a_lens_folded_between_axis_and_rim_is_found_out() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.images import eight_bit, png_bytes, png_size, read_grey, to_grey
+from solver.instrument.images import eight_bit, png_bytes, png_head, read_grey, to_grey
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
@@ -19,7 +19,7 @@ def test_gray_values_survive_a_file(tmp_path: Path, bits: int) -> None:
     back = read_grey(path)
     assert back.dtype == kind
     assert (back == image).all()
-    assert png_size(path) == (41, 30)
+    assert png_head(path) == (41, 30, 8 if bits == 8 else 16)
 
 
 def test_the_same_image_gives_the_same_bytes() -> None:
@@ -47,6 +47,23 @@ def test_a_file_keeps_blue_and_red_apart(tmp_path: Path) -> None:
         one[:, :, place] = 255
         path.write_bytes(bytes(cv2.imencode(".png", one)[1]))
         assert (read_grey(path) == gray).all()
+
+
+def test_a_channel_of_a_colour_image() -> None:
+    wood, paper = (40, 110, 160), (200, 200, 200)  # blue, green, red
+    image = np.array([[wood, paper]], np.uint8)
+    assert [to_grey(image, "x", one)[0, 0] for one in "bgr"] == list(wood)
+    # Neutral is 128 of CIELAB's b, yellow is above it.
+    yellow, neutral = to_grey(image, "x", "lab_b")[0]
+    assert neutral == 128
+    assert yellow > 160
+    with_opacity = np.dstack([image, np.full((1, 2), 255, np.uint8)])
+    assert np.array_equal(to_grey(with_opacity, "x", "lab_b"), to_grey(image, "x", "lab_b"))
+    deep = image.astype(np.uint16) * 257
+    assert (to_grey(deep, "x", "r") == deep[:, :, 2]).all()
+    with pytest.raises(InputError, match="x: has 16 bits, the channel lab_b is of images of 8"):
+        to_grey(deep, "x", "lab_b")
+    assert to_grey(image[:, :, 0], "x", "r") is not None  # what is gray already stays as it is
 
 
 def test_what_is_neither_gray_nor_colour_is_refused() -> None:

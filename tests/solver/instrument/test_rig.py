@@ -1,13 +1,18 @@
 import json
+import math
+import os
+from copy import deepcopy
 from dataclasses import asdict, replace
 from pathlib import Path
+from random import Random
+from typing import Any
 
 import numpy as np
 import pytest
 
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
-from solver.instrument.rig import read_rig, rig_to_json
+from solver.instrument.rig import Sensors, read_rig, rig_to_json
 from tests.simulated import rig
 
 
@@ -90,7 +95,7 @@ def test_a_board_that_cannot_be_is_named(
 
 @pytest.mark.parametrize(
     ("projection", "coefficients", "said"),
-    [("perspective", 4, "allowed is 0, 5 or 8"), ("telecentric", 5, "has none")],
+    [("perspective", 4, "allowed is one of 0, 5, 8"), ("telecentric", 5, "has none")],
 )
 def test_a_lens_that_cannot_be_is_named(
     tmp_path: Path, projection: str, coefficients: int, said: str
@@ -107,14 +112,22 @@ def test_a_lens_that_cannot_be_is_named(
 @pytest.mark.parametrize(
     ("key", "value", "allowed"),
     [
-        ("beam.length_mm", 0, "> 0"),
-        ("beam.length_mm", "240", "> 0"),
-        ("beam.deflects_towards", 0.5, "1 or -1"),
-        ("beam.diameter_mm", None, "> 0"),
+        ("beam.length_mm", 0, "is 0, allowed is a number from 1e-06 to 1e+06"),
+        ("beam.length_mm", "240", "is '240', allowed is a number"),
+        ("beam.length_mm", 10**400, "allowed is a number from"),
+        ("beam.diameter_mm", 241, "is 241, allowed is a number from 1e-06 to 240"),
+        ("beam.flexural_rigidity_n_mm2", float("inf"), "is inf, allowed is a number from"),
+        ("beam.sag_mm", 1e308, "is 1e+308, allowed is a number from -240 to 240"),
+        ("beam.deflects_towards", 0.5, "is 0.5, allowed is one of 1, -1"),
+        ("beam.deflects_towards", True, "is True, allowed is one of 1, -1"),
+        ("beam.diameter_mm", None, "is None, allowed is a number"),
+        ("camera.bits", 7, "is 7, allowed is a whole number from 8 to 16"),
+        ("camera.channel", "x" * 10000, "xxx', allowed is one of gray, r, g, b, lab_b"),
         ("base.position_mm", [0, 0], "three numbers"),
         ("base.position_mm", [0, 0, float("nan")], "three numbers"),
-        ("encoder.sigma_deg", -1, ">= 0"),
-        ("board.columns", True, ">= 3"),
+        ("encoder.sigma_deg", -1, "from 0 to 180"),
+        ("board.columns", True, "from 3 to 200"),
+        ("board.rows", 10**12, "from 3 to 200"),
         ("board.columns", 12.5, "whole"),
         (
             "camera.projection",
@@ -134,6 +147,7 @@ def test_a_mistake_is_named(tmp_path: Path, key: str, value: object, allowed: st
         read_rig(path)
     for part in (str(path), key, allowed):
         assert part in str(caught.value)
+    assert len(str(caught.value)) < len(str(path)) + 300
 
 
 def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
@@ -146,6 +160,75 @@ def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
     path.write_text("{}")
     with pytest.raises(InputError, match="missing"):
         read_rig(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        '{"beam": ' * 20_000 + "1" + "}" * 20_000,
+        " " * 1_000_000,
+        "\udcff",
+        "1" * 5000,
+    ],
+    ids=["brackets", "sections", "blanks", "no UTF-8", "digits"],
+)
+def test_a_file_that_is_no_rig_is_one_sentence(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rig.json"
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(InputError) as caught:
+        read_rig(path)
+    assert len(str(caught.value)) < len(str(path)) + 300
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "rig.json")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_rig(tmp_path / "rig.json")
+
+
+ODD: tuple[Any, ...] = (
+    *(None, True, "", "240", [], {}, [1, 2, 3], [[1]], {"x": 1}, [math.nan] * 3, [1e308] * 3),
+    *(0, -1, 3, 10**400, -(10**20), 1e308, -1e308, 5e-324, 1e-30, 1e30, math.nan, math.inf),
+)
+
+
+def test_any_rig_is_read_or_refused(tmp_path: Path) -> None:
+    """Values that are wrong in every way: what is not refused is finite and of its type."""
+    random = Random(0)
+    whole = json.loads(
+        rig_to_json(
+            replace(
+                rig(encoder=1e-3),
+                known_psi=0.1,
+                sag=1e-4,
+                sensors=Sensors(1e-4, 1e-3, 1e-4),
+                bits=12,
+                channel="r",
+                distortion_coefficients=5,
+            )
+        )
+    )
+    path = tmp_path / "rig.json"
+    refusals, texts = [], []
+    for _ in range(500):
+        document = deepcopy(whole)
+        for _ in range(random.choice((1, 1, 2))):
+            section = random.choice(list(document))
+            if isinstance(document[section], dict) and random.random() < 0.9:
+                name = random.choice(list(document[section]))
+                document[section][name] = random.choice(ODD)
+            else:
+                document[section] = random.choice(ODD)
+        path.write_text(json.dumps(document))
+        try:
+            texts.append(rig_to_json(read_rig(path)))
+        except InputError as error:
+            refusals.append(str(error))
+    assert all(said.startswith(str(path)) and "\n" not in said for said in refusals)
+    assert not any("NaN" in text or "Infinity" in text for text in texts)
+    assert len(refusals) > 300
+    assert len(texts) > 20
 
 
 @pytest.mark.parametrize(

@@ -265,7 +265,7 @@ from solver.methods import METHODS
 
 def third(measurement, count=[0]):
     count[0] += 1
-    if count[0] == 4:  # the first is the warm-up
+    if count[0] == 6:  # the first three are the warm-up
         raise KeyboardInterrupt
     return METHODS["exact_fit"](measurement)
 """
@@ -323,6 +323,44 @@ def test_an_image_is_kept_in_gray(command: Command, images: list[Path]) -> None:
     assert kept.shape == grey.shape
     assert np.abs(kept.astype(int) - grey).mean() < 3
     assert "camera 97: cannot be opened" in command.refused("snap", "97", "x.png")
+
+
+class Settling:
+    """A camera whose exposure settles over its first frames."""
+
+    def __init__(self) -> None:
+        self._read = 0
+
+    def read(self) -> tuple[bool, object]:
+        time.sleep(0.001)
+        self._read += 1
+        colour = np.zeros((4, 6, 3), np.uint8)
+        colour[:, :, 2] = min(8 * self._read, 200)
+        return True, colour
+
+    def get(self, _prop: int) -> float:
+        return 0.0
+
+    def release(self) -> None:
+        pass
+
+
+def test_the_first_frames_of_a_camera_are_not_kept(
+    command: Command, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("solver.lab.sources.open_capture", lambda _address: Settling())
+    assert command("snap", "0", "kept.png", "--channel", "r") == (0, "", "")
+    assert (read_grey(Path("kept.png")) == 200).all()
+    assert command("snap", "0", "first.png", "--channel", "r", "--drop", "0") == (0, "", "")
+    assert (read_grey(Path("first.png")) < 200).all()
+    told = json.loads((root / "rig.json").read_text())
+    told["camera"]["channel"] = "g"
+    Path("rig.json").write_text(json.dumps(told))
+    assert command("snap", "0", "green.png", "--rig", "rig.json") == (0, "", "")
+    assert not read_grey(Path("green.png")).any()
+    assert "allowed is one of gray, r, g, b, lab_b" in command.refused(
+        "snap", "0", "x.png", "--channel", "c"
+    )
 
 
 def under_weight(root: Path, rigidity: float, force: float, at: float) -> Grey:

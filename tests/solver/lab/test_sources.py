@@ -3,7 +3,9 @@
 import math
 import queue
 import shutil
+import struct
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,8 @@ import pytest
 from solver.instrument.errors import InputError
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import Frame, open_observations, open_rig, read_frames
-from solver.lab.capture import Camera
+from solver.lab.capture import Camera, Video
+from solver.lab.controls import Controls
 from solver.lab.shots import Files
 from solver.lab.sources import open_source
 
@@ -125,6 +128,72 @@ def test_a_video_shows_every_frame_with_its_time(tmp_path: Path) -> None:
     )
 
 
+def turned(path: Path) -> Path:
+    """A video that asks to be shown turned by 90 degrees."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10, (64, 48))
+    for _ in range(3):
+        writer.write(np.full((48, 64, 3), 90, np.uint8))
+    writer.release()
+    data = bytearray(path.read_bytes())
+    # The track header's matrix, 44 bytes after its name (ISO/IEC 14496-12).
+    matrix = data.index(b"tkhd") + 44
+    assert struct.unpack_from(">9i", data, matrix) == (1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30)
+    struct.pack_into(">9i", data, matrix, 0, 1 << 16, 0, -1 << 16, 0, 0, 48 << 16, 0, 1 << 30)
+    path.write_bytes(data)
+    return path
+
+
+def test_stills_and_videos_come_as_they_are_stored_whatever_their_tags(tmp_path: Path) -> None:
+    path = turned(tmp_path / "turned.mp4")
+    there, shown = cv2.VideoCapture(str(path)).read()
+    assert there
+    assert shown is not None
+    assert shown.shape == (64, 48, 3)  # OpenCV obeys the tag
+    assert next(iter(open_source([str(path)]))).grey().shape == (48, 64)
+    still = tmp_path / "turned.jpg"
+    jpeg = bytes(cv2.imencode(".jpg", np.full((48, 64), 90, np.uint8))[1])
+    # An EXIF block whose only entry is the orientation: turned by 90 degrees.
+    entry = struct.pack("<HHIHH", 0x0112, 3, 1, 6, 0)
+    tiff = b"II*\0" + struct.pack("<IH", 8, 1) + entry + struct.pack("<I", 0)
+    exif = b"Exif\0\0" + tiff
+    still.write_bytes(jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:])
+    upright = cv2.imread(str(still))
+    assert upright is not None
+    assert upright.shape == (64, 48, 3)
+    assert next(iter(open_source([str(still)]))).grey().shape == (48, 64)
+
+
+def test_the_channel_is_that_of_stills_videos_and_cameras(tmp_path: Path) -> None:
+    colour = np.zeros((48, 64, 3), np.uint8)
+    colour[:] = 30, 90, 200  # blue, green, red
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), colour)
+    for channel, gray in (("b", 30), ("g", 90), ("r", 200), ("gray", 116)):
+        shot = next(iter(open_source([str(path)], channel=channel)))
+        assert (shot.grey() == gray).all()
+        moving = Camera("camera 0", Still(colour), channel)
+        assert (next(iter(moving)).grey() == gray).all()
+        film = Video("film", Still(colour), channel)
+        assert (next(iter(film)).grey() == gray).all()
+
+
+class Still:
+    """A camera that shows one image for ever."""
+
+    def __init__(self, image: Any) -> None:
+        self._image = image
+
+    def read(self) -> tuple[bool, Any]:
+        time.sleep(0.001)
+        return True, self._image
+
+    def get(self, _prop: int) -> float:
+        return 0.0
+
+    def release(self) -> None:
+        pass
+
+
 def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:
     def refused(*names: str) -> str:
         with pytest.raises(InputError) as caught:
@@ -141,6 +210,13 @@ def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:
     image = tmp_path / "a.png"
     image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
     assert "one video at a time" in refused(str(image), str(broken))
+
+
+def test_only_a_camera_can_be_set(tmp_path: Path) -> None:
+    image = tmp_path / "a.png"
+    image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
+    with pytest.raises(InputError, match=r"a\.png: is no camera, whose size"):
+        open_source([str(image)], controls=Controls(exposure=5.0))
 
 
 def test_readings_are_found_by_the_images_they_belong_to(dataset: Path) -> None:

@@ -4,12 +4,15 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
+from vbaa_bench import cli, speed
+from vbaa_bench.checks import speed_render
 from vbaa_bench.checks.image_error import Line
 from vbaa_bench.checks.speed_curves import at_equal_error
 from vbaa_bench.checks.speed_render import measure
-from vbaa_bench.render.variant import PLAIN
+from vbaa_bench.render.variant import FAST, PLAIN
 from vbaa_bench.spec.load import load_scene
 
 SCENE = """
@@ -52,6 +55,28 @@ def test_a_centroid_is_that_of_the_light_above_the_ground_and_of_no_hidden_colum
     assert np.abs(found - rows)[np.arange(width) != 5].max() < 0.1
     moved = Line(rows, 4).centroids(np.roll(image, 1, axis=0), image) - found
     assert np.allclose(moved[~np.isnan(moved)], 1)
+
+
+def test_a_scenes_folder_stays_free_for_its_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[Path] = []
+
+    def measured(_file: object, _variant: str, _seconds: float, out: Path) -> dict[str, Any]:
+        written.append(out)
+        raise InputError("measured enough")
+
+    monkeypatch.setattr(speed_render, "measure", measured)
+    monkeypatch.setattr(speed, "choose", str)
+    path = tmp_path / "small.yaml"
+    path.write_text(SCENE, encoding="utf-8")
+    CliRunner().invoke(cli.app, ["speed", "render", str(path)])
+    assert written
+    dataset = Path("runs/small")
+    assert dataset != written[0]
+    assert dataset not in written[0].parents
+    with pytest.raises(InputError, match="cannot be written"):
+        measure(load_scene(path), FAST, 1, path / "below_a_file")
 
 
 def test_a_frame_of_both_says_its_seconds_and_its_error(variant: str, tmp_path: Path) -> None:

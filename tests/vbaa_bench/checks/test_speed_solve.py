@@ -19,7 +19,9 @@ from solver.methods import METHODS
 from vbaa_bench import cli
 from vbaa_bench.checks.method_runs import BATCHES
 from vbaa_bench.checks.speed_solve import chosen, measure, measure_apart
+from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.score.child import MethodRun
 from vbaa_bench.score.speed import judged
 
 
@@ -149,7 +151,12 @@ def test_a_mistake_is_one_sentence(dataset: Path, tmp_path: Path) -> None:
 
 def test_all_is_every_method_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     solved: list[str] = []
-    monkeypatch.setattr(cli, "solve_apart", lambda _data, method, *_: solved.append(method))
+
+    def solve(_data: Layout, method: str, out: Path, *_: Any, **_options: Any) -> MethodRun:
+        solved.append(method)
+        return MethodRun(out, 1, 0, "")
+
+    monkeypatch.setattr(cli, "solve_apart", solve)
     monkeypatch.setattr(cli, "outcomes", lambda _path: "")
     line = ["solve", str(tmp_path), "--method", "all", "--method", "two_point"]
     done = CliRunner().invoke(cli.app, [*line, "--method", "mine:best", "--json"])

@@ -144,7 +144,7 @@ def test_the_command_prints_a_table_or_json(
     done = CliRunner().invoke(cli.app, ["stability", "--json"])
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout) == record
-    shown = CliRunner().invoke(cli.app, ["stability"], env={"COLUMNS": "140"})
+    shown = CliRunner().invoke(cli.app, ["stability"], env={"COLUMNS": "80"})
     assert shown.exit_code == 0, shown.output
     for name in METHODS:
         assert name in shown.stdout

@@ -1,3 +1,4 @@
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +29,18 @@ def test_layers_come_back_also_from_strided_arrays(tmp_path: Path) -> None:
     assert set(found) == set(CHANNELS)
     for name, values in layers.items():
         assert found[name].dtype == CHANNELS[name][1]
-        # Depth keeps sixteen significant bits, the others all that their type has.
-        exactly = 2.0**-16 if name == "depth" else 0.0
+        # Depth keeps sixteen significant bits, radiance eleven, the others all of their type.
+        exactly = {"depth": 2.0**-16, "radiance": 2.0**-11, "variance": 2.0**-11}.get(name, 0.0)
         assert found[name] == pytest.approx(values, rel=exactly, abs=0), name
+
+
+@pytest.mark.parametrize("irradiance", [1e-8, 1e-6, 1.0, 1e5, 1e6])
+def test_radiance_survives_under_any_light(tmp_path: Path, irradiance: float) -> None:
+    radiance = irradiance * np.linspace(0, 1, 101).reshape(1, -1)
+    write_exr(tmp_path / "r.exr", {"radiance": radiance, "variance": 1e-6 * radiance**2})
+    found = read_exr(tmp_path / "r.exr")
+    assert found["radiance"] == pytest.approx(radiance[0], rel=2.0**-11, abs=0)
+    assert found["variance"] == pytest.approx(1e-6 * radiance[0] ** 2, rel=2.0**-11, abs=0)
 
 
 def test_the_same_layers_give_the_same_bytes(tmp_path: Path) -> None:
@@ -38,6 +48,18 @@ def test_the_same_layers_give_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a.exr", "b.exr"):
         write_exr(tmp_path / name, layers)
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
+
+
+def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path: Path) -> None:
+    layers = {"depth": np.random.default_rng(0).random((64, 64)).astype(np.float32)}
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, usual[1]))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            write_exr(tmp_path / "layers.exr", layers)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert not list(tmp_path.iterdir())
 
 
 def test_broken_files_are_named(tmp_path: Path) -> None:

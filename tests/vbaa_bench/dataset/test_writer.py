@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import numpy as np
@@ -5,6 +6,7 @@ import polars as pl
 import pytest
 
 from solver.instrument.files import write_bytes
+from tests.sealing import reseal
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.writer import ShardWriter
@@ -28,10 +30,12 @@ def test_a_shard_appears_whole_in_both_trees(tmp_path: Path) -> None:
         "observations",
         "observations/shard_00003",
         "observations/shard_00003/abc.png",
+        "observations/shard_00003/hashes.json",
         "observations/shard_00003/metadata.csv",
         "truth",
         "truth/shard_00003",
         "truth/shard_00003/abc.exr",
+        "truth/shard_00003/hashes.json",
         "truth/shard_00003/truth.parquet",
     ]
     row = pl.read_parquet(tmp_path / "truth/shard_00003/truth.parquet").row(0, named=True)
@@ -75,7 +79,13 @@ def test_shards_of_which_one_has_no_contact_are_read_together(tmp_path: Path) ->
         with ShardWriter(layout, number) as writer:
             image = np.zeros((4, 5), np.uint8)
             writer.add(f"f{number}", image, {"step": 0}, {"x_c_mm": x_c, "force_n": force}, {})
-    layout.manifest.write_text("{}", encoding="utf-8")
+    rig = {"beam_length_mm": 1, "beam_diameter_mm": 1, "flexural_rigidity_n_mm2": 1}
+    sizes = dict.fromkeys(["width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"], 1)
+    camera = {**sizes, "camera_from_antenna": [], "telecentric": False, "distortion": []}
+    true_rig = {**rig, "base_position_mm": [0, 0, 0], "camera": camera}
+    facts = {"scene": {}, "seed": 1, "variant": "", "true_rig": true_rig}
+    layout.manifest.write_text(json.dumps(facts), encoding="utf-8")
+    reseal(layout)
     frames = open_truth(layout.truth).frames
     assert frames["x_c_mm"].to_list() == [None, 1.5]
     assert frames["force_n"].to_list() == [None, [0.0, 1.0, 0.0]]

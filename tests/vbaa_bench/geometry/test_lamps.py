@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vbaa_bench.geometry.lamps import annulus, axes, irradiance, rectangle
+from vbaa_bench.geometry.lamps import annulus, axes, between, irradiance, rectangle
 
 UP = np.array([0.0, 0.0, 1.0])
 X = np.array([1.0, 0.0, 0.0])
@@ -42,3 +42,16 @@ def test_a_rectangle_keeps_its_first_side_along_the_beam() -> None:
     assert np.ptp(panel.vertices, axis=0) == pytest.approx([0.3, 0.2 / 2**0.5, 0.2 / 2**0.5])
     # A lamp that shines along the beam has no such side: any will do.
     assert rectangle(np.zeros(3), X, X, (0.3, 0.2)).area == pytest.approx(0.06)
+
+
+def test_a_lamp_hides_what_is_behind_it_alone() -> None:
+    panel = rectangle(np.array([0.0, 0.0, 0.2]), -UP, X, (0.1, 0.1))
+    start = np.array([0.0, 0.0, 0.3])
+    # Through its middle; beside it; ending before it; along its plane; away from it.
+    ends = np.array([[0, 0, 0], [0.3, 0, 0], [0, 0, 0.25], [1, 0, 0.3], [0, 0, 0.5]], dtype=float)
+    found = between(panel, np.broadcast_to(start, ends.shape), ends)
+    assert found.tolist() == [True, False, False, False, False]
+    ring = annulus(start, -UP, 0.035, 0.06)
+    assert not between(ring, start[None], ends[:1]).any()  # through its hole
+    beside = start + np.array([[0.045, 0.0, 0.1]])
+    assert between(ring, beside, beside - [0, 0, 0.2]).all()

@@ -3,12 +3,15 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
+from tests.sealing import reseal
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.report.report import report
+from vbaa_bench.report import calibration, figures
+from vbaa_bench.report.report import _svg, report
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.score import score
 
@@ -45,6 +48,42 @@ def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
         report(results)
 
 
+def test_charts_of_many_frames_stay_small() -> None:
+    count = 6000  # beyond altair's limit of 5,000 rows
+    random = np.random.default_rng(0)
+    scores = pl.DataFrame(
+        {
+            "method": "exact_fit",
+            "failed": False,
+            "push": "10 %",
+            "deflection_pct": 10.0,
+            "pushing_angle_deg": 5.0,
+            "true_x_c_mm": random.uniform(80, 200, count),
+            "true_force_n": random.uniform(0.1, 1, count),
+            "x_c_mm": random.uniform(80, 200, count),
+            "x_c_error_pct_L": random.normal(size=count),
+            "force_n": random.uniform(0.1, 1, count),
+            "true_psi_deg": random.uniform(-30, 30, count),
+            "psi_error_deg": random.normal(size=count),
+            "k_s_n_m": 1.0,
+            "true_compliance_mm_per_n": random.uniform(1, 2, count),
+            "compliance_error_pct": random.normal(size=count),
+        }
+    )
+    charts = [
+        figures.error_against_distance(scores, "exact_fit"),
+        figures.fig8_contact_distance(scores, "exact_fit"),
+        figures.fig8_force(scores, "exact_fit", 240, 4000),
+        *calibration.further_errors(scores, {"exact_fit": "red"}),
+    ]
+    assert len(charts) == 5
+    for chart in charts:
+        assert 1e5 < len(_svg(chart)) < 5e5
+    shown = figures.few_dots(scores)
+    assert shown.height == figures.MOST_DOTS
+    assert shown.equals(figures.few_dots(scores))
+
+
 def test_a_report_is_written_where_the_solver_cannot_be_set_up(
     dataset: Path, tmp_path: Path
 ) -> None:
@@ -54,6 +93,9 @@ def test_a_report_is_written_where_the_solver_cannot_be_set_up(
     true.select("frame_id", "x_c_mm").write_csv(tmp_path / "plain.csv")
     score(results, {"plain": tmp_path / "plain.csv"})
     shutil.rmtree(results.dataset.observations / "rest")
+    with pytest.raises(InputError, match=r"rest_00\.png: is missing; run the command"):
+        report(results)
+    reseal(results.dataset)
     page = report(results).read_text(encoding="utf-8")
     assert "the solver cannot be set up" in page
     assert "points of the profile fit" not in page

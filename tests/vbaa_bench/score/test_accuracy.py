@@ -7,7 +7,9 @@ import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
+from tests.sealing import reseal
 from tests.vbaa_bench.score.worlds import FREE, MANIFEST, truth
+from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.score.accuracy import accuracy, markdown
 from vbaa_bench.score.metrics import checked_predictions, score_frames
@@ -30,6 +32,8 @@ def written(root: Path, true: Truth, scores: pl.DataFrame, of: str) -> Path:
     true.frames.write_parquet(root / "truth" / "shard_00000" / "truth.parquet")
     manifest = {**MANIFEST, "scene": scene(of)}
     (root / "truth" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    (root / "observations").mkdir()
+    reseal(Layout(root))
     return root
 
 

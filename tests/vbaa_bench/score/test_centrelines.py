@@ -17,9 +17,10 @@ from solver.estimate import estimate, set_up
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
+from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import hashes
+from vbaa_bench.score.child import MethodRun
 from vbaa_bench.score.layout import USUAL_CENTRELINE, Results
 from vbaa_bench.score.score import found_predictions
 
@@ -40,7 +41,7 @@ def solved(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Results:
     layout = results.dataset
     empty = open_observations(layout.observations).frames[1].path
     empty.write_bytes(png_bytes(np.full_like(read_grey(empty), 40)))
-    layout.hashes.write_text(json.dumps(hashes(layout.observations)), encoding="utf-8")
+    reseal(layout)
     said("solve", results.root, "--method", "two_point", *BOTH, "--repeats", "1")
     said("score", results.root)
     return results
@@ -105,8 +106,11 @@ def test_the_profile_fit_is_the_usual_one_and_has_the_plain_name(
 ) -> None:
     asked: dict[str, str] = {}
 
-    def solve(_of: Layout, _method: str, out: Path, _repeats: int, centreline: str) -> None:
+    def solve(
+        _of: Layout, _method: str, out: Path, _repeats: int, centreline: str, **_: Any
+    ) -> MethodRun:
         asked[out.stem] = centreline
+        return MethodRun(out, 1, 0, "")
 
     monkeypatch.setattr(cli, "solve_apart", solve)
     monkeypatch.setattr(cli, "outcomes", lambda _path: "")

@@ -1,6 +1,9 @@
 """Errors, refusals and stated errors, of truths written by hand."""
 
+import io
+import random
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.estimate import Outcome
 from tests.vbaa_bench.score.worlds import FREE, truth
-from vbaa_bench.score.metrics import checked_predictions, score_frames
+from vbaa_bench.score.metrics import checked_predictions, read_predictions, score_frames
 from vbaa_bench.score.refusals import right_refusals
 from vbaa_bench.score.summary import facts
 
@@ -130,6 +134,70 @@ def test_stated_sigmas_are_held_against_errors() -> None:
     assert bold["sigma_over_rmse"] == pytest.approx(honest["sigma_over_rmse"] / 2)
 
 
+def test_mutated_predictions_are_scored_or_refused(tmp_path: Path) -> None:
+    chance, refusals = random.Random(12), list[str]()
+    odd = (
+        '"',
+        "\0",
+        "\n",
+        "\r",
+        ",",
+        ";",
+        "nan",
+        "inf",
+        "1e400",
+        "1_0",
+        "x" * 9000,
+        "won",
+        "\ufeff",
+    )
+    true = truth({}, {}, FREE)
+    text = "frame_id,x_c_mm,x_c_sigma_mm,outcome\nf0,120,1,contact\nf1,120,1,\nf2,,,no contact\n"
+    whole = io.BytesIO()
+    pl.read_csv(io.StringIO(text)).write_parquet(whole)
+    for number in range(300):
+        path = tmp_path / ("own.csv" if number % 3 else "own.parquet")
+        if path.suffix == ".csv":
+            rows = [line.split(",") for line in text.splitlines()]
+            for _ in range(chance.randint(1, 2)):
+                row = chance.choice(rows)
+                at = chance.randrange(len(row))
+                row[at] = chance.choice(["", row[at]]) + chance.choice(odd)
+            path.write_text("\n".join(map(",".join, rows)), encoding="utf-8")
+        else:
+            data = bytearray(whole.getvalue())
+            data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+            path.write_bytes(data[: chance.choice([len(data), chance.randrange(len(data))])])
+        try:
+            score_frames(true, read_predictions(path), "own", str(path))
+        except InputError as error:
+            refusals.append(str(error))
+    assert 100 < len(refusals) < 300
+    assert max(map(len, refusals)) < 3 * LONGEST_SHOWN
+
+
+def test_leaving_a_frame_out_counts_as_half_the_beam_unless_a_refusal_is_right() -> None:
+    hidden = {"visible_share": 0.1}  # "not identifiable" is right here
+    true = [{}, {}, hidden, FREE]
+    off = {"x_c_mm": 120.0 + 24.0}  # by a tenth of L
+    refused = {"outcome": "not identifiable"}
+
+    def both(answers: list[dict[str, Any] | None]) -> tuple[float, float]:
+        found = facts(scored(true, answers))
+        return found["x_c_rmse_pct_L"], found["x_c_rmse_all_pct_L"]
+
+    free = {"outcome": "no contact"}
+    assert both([off, off, off, free]) == pytest.approx((10, 10))
+    assert both([off, off, refused, free]) == pytest.approx((10, 10))
+    assert both([off, off, refused, None]) == pytest.approx((10, 10))
+    lacking = np.sqrt((10**2 + 50**2) / 2)
+    assert both([off, None, refused, off]) == pytest.approx((10, lacking))
+    assert both([off, refused, refused, free]) == pytest.approx((10, lacking))
+    # A method of forces alone owes no distance; one that answers nothing owes everything.
+    assert facts(scored([{}], [{"force_n": 0.1}]))["x_c_rmse_all_pct_L"] is None
+    assert facts(scored([{}], [{"outcome": "crashed"}]))["x_c_rmse_all_pct_L"] == 50
+
+
 def test_what_crashed_what_was_refused_and_what_was_missed_are_told_apart() -> None:
     contact = {"x_c_mm": 120.1, "x_c_sigma_mm": 0.1}
     rows = scored(
@@ -220,3 +288,15 @@ def test_a_camera_beside_the_beam_looks_along_plane_c() -> None:
     beside = replace(true, manifest={**true.manifest, "true_rig": {**rig, "camera": camera}})
     assert right_refusals(true)["may_say"][0].is_empty()
     assert set(right_refusals(beside)["may_say"][0]) == EDGE_ON
+
+
+def test_a_parquet_file_on_which_its_reader_panics_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def panics(_data: object) -> pl.DataFrame:
+        raise pl.exceptions.PanicException("assertion failed: offset + length <= self.length")
+
+    (tmp_path / "own.parquet").write_bytes(b"damaged")
+    monkeypatch.setattr(pl, "read_parquet", panics)
+    with pytest.raises(InputError, match=r"own\.parquet: is not a CSV or Parquet table \(assert"):
+        read_predictions(tmp_path / "own.parquet")

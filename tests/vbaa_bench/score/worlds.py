@@ -23,8 +23,12 @@ CAMERA = Camera(
 )
 MANIFEST: dict[str, Any] = {
     "scene": {"camera": {"mount": "antenna"}, "adaptor_mm": [0.0, 0.0, 0.0]},
+    "seed": 1,
+    "variant": "",
     "true_rig": {
         "beam_length_mm": 240.0,
+        "beam_diameter_mm": 0.8,
+        "flexural_rigidity_n_mm2": 4021.2,
         "base_position_mm": [0.0, 0.0, 0.0],
         "camera": {
             "width_px": CAMERA.width,

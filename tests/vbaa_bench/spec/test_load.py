@@ -175,3 +175,42 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     path.write_text("- a list\n", encoding="utf-8")
     with pytest.raises(InputError, match="allowed is a mapping"):
         load_scene(path)
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        "{kind: area, position_mm: [120, 20, 200]}",
+        # Below the camera, it hides the tip alone.
+        "{kind: area, position_mm: [180, 20, 200], size_mm: [60, 60]}",
+        "{kind: side, azimuth_deg: 0, elevation_deg: 89, distance_mm: 200}",
+    ],
+)
+def test_a_lamp_before_the_camera_is_refused(tmp_path: Path, lamp: str) -> None:
+    extra = f"lights:\n  - {{kind: ring}}\n  - {lamp}\n"
+    assert complaints(tmp_path, SMALL_SCENE + extra) == [
+        f"scene.yaml:{SMALL_SCENE.count(chr(10)) + 3}:5: lights[1] stands between the camera and "
+        "the beam or the board, allowed is out of its sight"
+    ]
+
+
+def test_a_telecentric_camera_looks_along_parallel_lines(tmp_path: Path) -> None:
+    camera = "projection: telecentric\n  magnification_px_per_mm: 1.9\n  height_px: 176"
+    text = SMALL_SCENE.replace("height_px: 176", camera)
+    lamp = "lights: [{kind: area, position_mm: [X, 20, 200], size_mm: [60, 60]}]\n"
+    (message,) = complaints(tmp_path, text + lamp.replace("X", "230"))
+    assert "lights[0] stands between" in message
+    path = tmp_path / "beside.yaml"
+    path.write_text(text + lamp.replace("X", "290"), encoding="utf-8")
+    assert plan(load_scene(path)).frames == 4
+
+
+def test_the_motor_angles_of_first_contact_are_a_range(tmp_path: Path) -> None:
+    for ends, said in [
+        ("[5, -5]", "motor_angle_at_contact_deg is [5.0, -5.0], allowed is a range from low"),
+        ("7", "motor_angle_at_contact_deg is 7"),
+    ]:
+        (message,) = complaints(tmp_path, SMALL_SCENE.replace(
+            "pushes:\n", f"pushes:\n  motor_angle_at_contact_deg: {ends}\n"
+        ))  # fmt: skip
+        assert said in message

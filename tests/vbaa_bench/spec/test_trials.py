@@ -1,12 +1,16 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from vbaa_bench.experiment import Experiment
+from vbaa_bench.readings import readings
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.spec.rigs import nominal_rig, true_rig
 from vbaa_bench.spec.trials import random_generator, trials
 
-FIG8 = Path(__file__).parents[3] / "scenes" / "fig8_rigid.yaml"
+SCENES = Path(__file__).parents[3] / "scenes"
+FIG8 = SCENES / "fig8_rigid.yaml"
 
 
 def test_names_are_opaque_and_unique() -> None:
@@ -58,3 +62,64 @@ def test_a_drawn_rig_lies_off_its_nominal_by_its_tolerances() -> None:
         )
     spread = np.std(pulls, axis=0)
     assert ((spread > 0.65) & (spread < 1.4)).all()  # 60 draws: 1 +- 0.09
+
+
+def test_every_push_begins_at_a_motor_angle_of_its_own() -> None:
+    made = sorted(trials(load_scene(FIG8).scene), key=lambda trial: trial.index)
+    onsets = {trial.push_id: trial.onset for trial in made}
+    assert all(onsets[trial.push_id] == trial.onset for trial in made)
+    assert len(set(onsets.values())) == len(onsets) == 90
+    degrees = np.degrees(list(onsets.values()))
+    assert np.abs(degrees).max() <= 10
+    assert np.ptp(degrees) > 15
+    # Mechanics does not depend on it, so that pushes are solved once for all repeats.
+    assert len({trial.push for trial in made}) == 9
+
+
+def test_no_other_draw_depends_on_that_of_the_motor_angle() -> None:
+    scene = load_scene(SCENES / "train_3d.yaml").scene
+    assert scene.sampling is not None
+    fixed = scene.sampling.model_copy(update={"motor_angle_at_contact_deg": (5.0, 5.0)})
+    by_index = [
+        sorted(trials(one), key=lambda trial: trial.index)
+        for one in (scene, scene.model_copy(update={"sampling": fixed}))
+    ]
+    drawn, same = by_index
+    assert [trial.push for trial in drawn] == [trial.push for trial in same]
+    assert {trial.onset for trial in same} == {np.radians(5)}
+    assert len({trial.onset for trial in drawn}) == 500
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.rglob("*.yaml")), ids=lambda path: path.stem)
+def test_no_shipped_scene_fixes_the_motor_angle_of_first_contact(path: Path) -> None:
+    scene = load_scene(path).scene
+    pushes = scene.pushes or scene.sampling
+    assert pushes is not None
+    low, high = pushes.motor_angle_at_contact_deg
+    assert high - low >= 5
+
+
+def test_encoder_and_tip_do_not_tell_the_contact() -> None:
+    file = load_scene(FIG8)
+    rig = true_rig(file.scene)
+    states = {
+        push: Experiment(file.scene, rig, push, FIG8.parent).states()
+        for push in {trial.push for trial in trials(file.scene)}
+    }
+    seen = np.array(
+        [
+            (
+                float(readings(file.scene, trial, state, None)["motor_angle_deg"]),
+                state.tip[1] / 0.24 * 100,
+                state.contact.point[0] / 0.24,
+            )
+            for trial in trials(file.scene)
+            for state in [states[trial.push][trial.step]]
+        ]
+    )
+    # Of each frame the nearest other, in angle [deg] and deflection [%], says where the contact is.
+    apart = np.linalg.norm(seen[:, None, :2] - seen[None, :, :2], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    error = seen[apart.argmin(axis=1), 2] - seen[:, 2]
+    # Contacts spread over a standard deviation of 21 % of L; with a fixed angle this errs by none.
+    assert np.sqrt(np.mean(error**2)) > 0.15

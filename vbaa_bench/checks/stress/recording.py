@@ -10,7 +10,7 @@ import numpy as np
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.camera import Camera
 from solver.instrument.files import write_text
-from solver.instrument.images import png_bytes, read_grey
+from solver.instrument.images import png_bytes
 from solver.instrument.observation import open_observations
 from solver.instrument.rig import Rig, rig_to_json
 
@@ -68,8 +68,8 @@ def read_recording(observations: Path, camera: Camera) -> Recording:
     opened = open_observations(observations)
     return Recording(
         rig=opened.rig,
-        boards=tuple(map(read_grey, opened.board_views)),
-        rests=tuple(map(read_grey, opened.rest_images)),
+        boards=tuple(opened.read_board_views()),
+        rests=tuple(opened.read_rest_images()),
         frames=tuple(frame.image() for frame in opened.frames),
         camera=camera,
     )

@@ -1,0 +1,102 @@
+"""Generated folders carry hashes.json: the sha256 of each file; whoever reads a file checks it.
+
+The hashes.json of a tree lists the files of the tree, and of each shard its hashes.json, which
+lists the files of the shard. A tree's is written last, in one step: with it the tree is complete.
+A laboratory's folder has no hashes.json, and its files are read as they are.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Final
+
+from solver.instrument.errors import DamageError, InputError
+
+HASHES: Final = "hashes.json"
+MEND: Final = "run the command that made it again: it remakes what is damaged"
+
+
+def digest(data: bytes) -> str:
+    """Compute the sha256 of bytes, in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file; where a hashes.json lists it, its bytes must be those that were written.
+
+    Raises InputError where it cannot be read, DamageError where it is not what was generated.
+    """
+    expected = _recorded(path)
+    try:
+        # A pipe or a device may never end; a folder's own error says that it is one.
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError(f"{path}: cannot be read (it is no file)")
+        data = path.read_bytes()
+    except FileNotFoundError as error:
+        if expected is not None:
+            raise DamageError(f"{path}: is missing; {MEND}") from error
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if expected not in (None, digest(data)):
+        raise DamageError(f"{path}: is not what was generated; {MEND}")
+    return data
+
+
+def _recorded(path: Path) -> str | None:
+    """The sha256 in the hashes.json beside the file or one folder above; None where it has none."""
+    for folder in path.parents[:2]:
+        if folder / HASHES != path and (folder / HASHES).is_file():
+            table = read_hashes(folder)
+            if table and (name := path.relative_to(folder).as_posix()) in table:
+                return table[name]
+    return None
+
+
+def read_hashes(folder: Path) -> dict[str, str] | None:
+    """Read the hashes.json of a folder, names to sha256; None where there is none.
+
+    Raises InputError where it cannot be read, DamageError where it is not what was written.
+    """
+    path = folder / HASHES
+    if not path.is_file():
+        return None
+    table = parse_hashes(read_bytes(path))
+    if table is None:
+        raise DamageError(f"{path}: is not a JSON object of names and hashes; {MEND}")
+    return table
+
+
+def parse_hashes(data: bytes) -> dict[str, str] | None:
+    """Parse the bytes of a hashes.json; None where they are none."""
+    try:
+        table = json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
+        return None
+    return table
+
+
+def listed(tree: Path) -> list[str] | None:
+    """List the files of a generated tree, sorted; None for a folder that was not generated.
+
+    Their bytes are compared when they are read. Raises InputError where the tree is incomplete,
+    DamageError where a listed file is missing.
+    """
+    table = read_hashes(tree)
+    if table is None:
+        if any(tree.glob(f"shard_*/{HASHES}")):
+            raise InputError(
+                f"{tree}: is incomplete; run the command that was making it again to finish it"
+            )
+        return None
+    names = set(table)
+    for name in table:
+        folder, _, last = name.rpartition("/")
+        if folder and last == HASHES:
+            names |= {f"{folder}/{inner}" for inner in read_hashes(tree / folder) or {}}
+    for name in sorted(names):
+        if not (tree / name).is_file():
+            raise DamageError(f"{tree / name}: is missing; {MEND}")
+    return sorted(names)

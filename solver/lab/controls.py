@@ -1,0 +1,98 @@
+"""Settings of a camera before its first frame, through OpenCV."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import cv2
+
+from solver.instrument.errors import InputError
+
+# What OpenCV's back ends call exposure by hand: V4L2's own number, 0 of the others.
+_BY_HAND: Final = {"V4L2": 1.0}
+# A camera sets the nearest value that it has.
+_NEAR: Final = 0.05
+
+
+class Adjustable(Protocol):
+    """What is used of OpenCV's VideoCapture to set a camera."""
+
+    def get(self, propId: int, /) -> float:
+        """A property by its number, 0 if it is not known."""
+
+    def set(self, propId: int, value: float, /) -> bool:
+        """Whether a property could be set."""
+
+    def getBackendName(self) -> str:  # noqa: N802 - OpenCV's name
+        """The name of the system that reaches the camera."""
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Image size [px], exposure in the camera's own unit, and OpenCV's properties by number."""
+
+    size: tuple[int, int] | None = None
+    exposure: float | None = None
+    properties: tuple[tuple[int, float], ...] = ()
+
+
+NO_CONTROLS: Final = Controls()
+
+
+def controls_of(size: str | None, exposure: float | None, control: Sequence[str]) -> Controls:
+    """Read the options --size WxH, --exposure and --control NAME=VALUE. Raises InputError."""
+    pixels = None
+    if size is not None:
+        parts = size.lower().split("x")
+        if len(parts) != 2 or not all(part.isdecimal() and 0 < int(part) < 1e5 for part in parts):
+            raise InputError(f"--size is '{size}', allowed is WIDTHxHEIGHT in pixels: 1280x720")
+        pixels = int(parts[0]), int(parts[1])
+    return Controls(pixels, exposure, tuple(map(_property, control)))
+
+
+def _property(text: str) -> tuple[int, float]:
+    """Number and value of a property such as gain=4 or fourcc=Y16."""
+    name, _, value = text.partition("=")
+    number = getattr(cv2, f"CAP_PROP_{name.strip().upper()}", None)
+    if number is None:
+        raise InputError(
+            f"--control is '{text}', allowed is NAME=VALUE, where OpenCV has a CAP_PROP_NAME: "
+            "gain=4, fourcc=Y16, convert_rgb=0"
+        )
+    if number == cv2.CAP_PROP_FOURCC and 0 < len(value) <= 4:
+        return number, float(cv2.VideoWriter.fourcc(*value.ljust(4)))
+    try:
+        found = float(value)
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        raise InputError(f"--control is '{text}', allowed after = is a finite number")
+    return number, found
+
+
+def set_controls(capture: Adjustable | Any, controls: Controls, name: str) -> None:
+    """Set a camera before its first frame. Raises InputError where it does not obey."""
+    # The format decides which sizes there are, and both which exposures.
+    for number, value in sorted(controls.properties, key=lambda p: p[0] != cv2.CAP_PROP_FOURCC):
+        if not capture.set(number, value):
+            raise InputError(f"{name} does not take property {number} with the value {value:g}")
+    if controls.size is not None:
+        sides = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT
+        for side, pixels in zip(sides, controls.size, strict=True):
+            capture.set(side, pixels)
+        width, height = (int(capture.get(side)) for side in sides)
+        if (width, height) != controls.size:
+            raise InputError(
+                f"{name} gives {width} x {height} px, not the {controls.size[0]} x "
+                f"{controls.size[1]} of --size"
+            )
+    if controls.exposure is not None:
+        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _BY_HAND.get(capture.getBackendName(), 0.0))
+        taken = capture.set(cv2.CAP_PROP_EXPOSURE, controls.exposure)
+        has = capture.get(cv2.CAP_PROP_EXPOSURE)
+        if not taken or abs(has - controls.exposure) > _NEAR * max(abs(controls.exposure), 1.0):
+            raise InputError(
+                f"{name} does not take the exposure {controls.exposure:g}, it has {has:g}; the "
+                "unit is the camera's own (on Linux 0.1 ms, on Windows a power of two of seconds)"
+            )

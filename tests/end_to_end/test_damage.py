@@ -1,0 +1,382 @@
+"""A dataset that is damaged, half-sealed, held by another process, or of other code."""
+
+import contextlib
+import json
+import random
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from typer.testing import CliRunner
+
+from solver.instrument import files as writing
+from solver.instrument.errors import DamageError, InputError
+from solver.instrument.files import sha256
+from solver.instrument.hashes import HASHES
+from solver.instrument.observation import open_observations
+from tests.conftest import SMALL_SCENE
+from tests.end_to_end.test_generate import digests, quiet
+from tests.sealing import reseal
+from vbaa_bench import cli
+from vbaa_bench import generate as generating
+from vbaa_bench.dataset import identity
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.lock import locked
+from vbaa_bench.dataset.readers import copy_observations, open_truth
+from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.generate import generate
+from vbaa_bench.report.report import report
+from vbaa_bench.score.layout import Results
+from vbaa_bench.score.score import score
+from vbaa_bench.spec.load import load_scene
+from vbaa_bench.spec.trials import trials
+
+
+def flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[random.Random(path.name).randrange(len(data))] ^= 4
+    path.write_bytes(data)
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-7])
+
+
+DAMAGES: tuple[Callable[[Path], None], ...] = (flip, cut, Path.unlink)
+
+
+class Restorer:
+    """In the place of a pool of workers: every job copies what it should make from a whole dataset.
+
+    `jobs` are those that were asked for.
+    """
+
+    source: Layout
+    jobs: list[tuple[str, tuple[Any, ...]]]
+
+    def __init__(self, _count: int, _build: object, bench: tuple[Any, ...]) -> None:
+        self._layout: Layout = bench[3]
+
+    def __enter__(self) -> "Restorer":
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def call(self, _method: str) -> float:
+        return float(json.loads(self.source.manifest.read_text())["exposure_per_radiance"])
+
+    def run(self, jobs: Sequence[tuple[str, tuple[Any, ...]]], _done: object) -> list[Any]:
+        self.jobs.extend(jobs)
+        return [getattr(self, method)(*arguments) for method, arguments in jobs]
+
+    def image(self, name: str, _exposure: float) -> str:
+        shutil.copy(self.source.observations / name, self._layout.observations / name)
+        return sha256(self.source.observations / name)
+
+    def shard(self, number: int, *_: object) -> dict[str, str]:
+        for tree, source in zip(self._layout.trees, self.source.trees, strict=True):
+            target = self._layout.shard(tree, number)
+            shutil.rmtree(target, ignore_errors=True)
+            shutil.copytree(self.source.shard(source, number), target)
+        return {
+            tree.name: sha256(self.source.shard(tree, number) / HASHES)
+            for tree in self.source.trees
+        }
+
+
+@pytest.fixture
+def restorer(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> type[Restorer]:
+    monkeypatch.setattr(generating, "Pool", Restorer)
+    Restorer.source, Restorer.jobs = Layout(dataset), []
+    return Restorer
+
+
+@pytest.fixture
+def copied(dataset: Path, tmp_path: Path) -> Layout:
+    return Layout(shutil.copytree(dataset, tmp_path / "copy"))
+
+
+def files(root: Path) -> list[Path]:
+    return sorted(path.relative_to(root) for path in root.rglob("*") if path.is_file())
+
+
+def damaged(layout: Layout, source: Path) -> Iterator[tuple[Path, Path]]:
+    """Every file below the dataset, damaged in every way, one after the other."""
+    for name in files(source):
+        for damage in DAMAGES:
+            damage(layout.root / name)
+            yield name, layout.root / name
+            shutil.copy(source / name, layout.root / name)
+
+
+def test_every_damage_is_mended_to_the_same_bytes_and_nothing_else_is_made(
+    dataset: Path, copied: Layout, small_scene: Path, variant: str, restorer: type[Restorer]
+) -> None:
+    file, whole = load_scene(small_scene), digests(dataset)
+    for name, path in damaged(copied, dataset):
+        restorer.jobs.clear()
+        remarks: list[str] = []
+        generate(file, copied.root, variant, 1, quiet, remark=remarks.append)
+        assert digests(copied.root) == whole, name
+        folder = name.parent.name
+        if name.parts[-1] in ("identity.json", "manifest.json", "rig.json") or len(name.parts) == 2:
+            assert all(method == "image" for method, _ in restorer.jobs), path
+        elif folder.startswith("shard_"):
+            assert [job[1][0] for job in restorer.jobs] == [int(folder[-5:])]
+            assert folder in remarks[0]
+        else:
+            assert [job[1][0] for job in restorer.jobs] == [f"{folder}/{name.name}"]
+            assert name.name in remarks[0]
+
+
+def test_damages_are_mended_together_and_what_was_not_generated_goes(
+    dataset: Path, copied: Layout, small_scene: Path, variant: str, restorer: type[Restorer]
+) -> None:
+    kept = copied.shard(copied.observations, 0) / "metadata.csv"
+    written = kept.stat().st_mtime_ns
+    flip(copied.observations / "calibration" / "view_01.png")
+    cut(next(copied.shard(copied.truth, 1).glob("*.exr")))
+    (copied.shard(copied.truth, 1) / "more.txt").touch()
+    (copied.observations / "more.txt").touch()
+    copied.manifest.unlink()
+    remarks: list[str] = []
+    generate(load_scene(small_scene), copied.root, variant, 1, quiet, remark=remarks.append)
+    assert digests(copied.root) == digests(dataset)
+    assert kept.stat().st_mtime_ns == written
+    assert len(remarks) == 4
+    assert len(restorer.jobs) == 2
+
+
+def test_who_reads_a_damaged_file_names_it_and_how_to_mend_it(
+    dataset: Path, copied: Layout, tmp_path: Path
+) -> None:
+    def score_reads() -> None:
+        open_truth(copied.truth)
+
+    def solve_reads() -> None:
+        copy_observations(copied, tmp_path / "handed over")
+        open_observations(copied.observations)
+
+    for name, path in damaged(copied, dataset):
+        tree, last = name.parts[0], name.name
+        # A tree that is opened misses every file; of what is there, only what is read is compared.
+        unread = last == "identity.json" or name.suffix == ".exr"
+        read_by_score = tree == "truth" and not (unread and path.exists())
+        for reads, opens in ((score_reads, read_by_score), (solve_reads, tree == "observations")):
+            if last == HASHES:  # it may accuse a file that it lists, or one that nobody opens
+                with contextlib.suppress(InputError):
+                    reads()
+                continue
+            if not opens:
+                reads()
+                continue
+            with pytest.raises(DamageError, match="run the command") as refusal:
+                reads()
+            assert str(path) in str(refusal.value)
+
+
+def test_report_reads_no_damaged_image_table_or_manifest(
+    dataset: Path, copied: Layout, tmp_path: Path
+) -> None:
+    results = Results(copied.root)
+    frames = open_truth(copied.truth).frames
+    frames.select("frame_id", x_c_mm=pl.col("x_c_mm")).write_csv(tmp_path / "perfect.csv")
+    score(results, {"perfect": tmp_path / "perfect.csv"})
+    names = [
+        Path("observations/calibration/view_03.png"),
+        Path("observations/rest/rest_01.png"),
+        next(path for path in files(dataset) if path.match("observations/shard_*/*.png")),
+        Path("truth/shard_00000/truth.parquet"),
+        Path("truth/manifest.json"),
+    ]
+    for name in names:
+        flip(copied.root / name)
+        with pytest.raises(DamageError, match=name.name):
+            report(results)
+        shutil.copy(dataset / name, copied.root / name)
+    copied.manifest.write_text("{}", encoding="utf-8")
+    reseal(copied)
+    with pytest.raises(InputError, match=r"manifest\.json: the key scene is missing"):
+        report(results)
+
+
+def test_a_kill_between_two_steps_of_sealing_leaves_it_incomplete_to_all(
+    dataset: Path,
+    copied: Layout,
+    small_scene: Path,
+    variant: str,
+    restorer: type[Restorer],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    write = writing.write_bytes
+    for steps in range(4):
+        for path in (copied.hashes, copied.truth / HASHES, copied.manifest):
+            path.unlink(missing_ok=True)
+        left = iter(range(steps))
+
+        def killed(path: Path, data: bytes, left: Iterator[int] = left) -> None:
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+            write(path, data)
+
+        monkeypatch.setattr("vbaa_bench.dataset.manifest.write_bytes", killed)
+        if steps < 3:
+            with pytest.raises(KeyboardInterrupt):
+                generate(load_scene(small_scene), copied.root, variant, 1, quiet)
+            for opened in (
+                lambda: open_observations(copied.observations),
+                lambda: open_truth(copied.truth),
+            ):
+                with pytest.raises(InputError, match="incomplete; run the command"):
+                    opened()
+        else:
+            generate(load_scene(small_scene), copied.root, variant, 1, quiet)
+            open_observations(copied.observations)
+            open_truth(copied.truth)
+    assert digests(copied.root) == digests(dataset)
+    assert not any(method == "shard" for method, _ in restorer.jobs)
+
+
+def test_what_the_disk_has_lost_is_not_sealed(
+    dataset: Path, copied: Layout, small_scene: Path, variant: str, restorer: type[Restorer]
+) -> None:
+    class Forgetful(Restorer):
+        def image(self, name: str, exposure: float) -> str:
+            found = super().image(name, exposure)
+            cut(self._layout.observations / name)
+            return found
+
+    file = load_scene(small_scene)
+    shutil.rmtree(copied.observations / "rest")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(generating, "Pool", Forgetful)
+        generate(file, copied.root, variant, 1, quiet)
+    with pytest.raises(DamageError, match=r"rest_00\.png: is not what was generated"):
+        copy_observations(copied, copied.root / "handed over")
+    shutil.rmtree(copied.root / "handed over")
+    generate(file, copied.root, variant, 1, quiet)
+    assert digests(copied.root) == digests(dataset)
+    assert len(restorer.jobs) == 4  # two images, twice
+
+
+def test_a_full_disk_is_one_sentence(
+    copied: Layout, small_scene: Path, variant: str, restorer: type[Restorer]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    copied.hashes.unlink()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(restorer, "image", full)
+        with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
+            generate(load_scene(small_scene), copied.root, variant, 1, quiet)
+    generate(load_scene(small_scene), copied.root, variant, 1, quiet)
+    open_observations(copied.observations)
+
+
+def test_a_truncated_image_is_not_certified_by_its_shard(tmp_path: Path) -> None:
+    layout = Layout(tmp_path)
+    for tree in layout.trees:
+        tree.mkdir()
+    with ShardWriter(layout, 0) as writer:
+        writer.add("abc", np.ones((9, 9), np.uint8), {"step": 0}, {"x_c_mm": 1.0}, {})
+        cut(layout.aside(0) / "observations" / "abc.png")
+    folder = layout.shard(layout.observations, 0)
+    table = json.loads((folder / HASHES).read_text())
+    assert table.keys() == {"abc.png", "metadata.csv"}
+    assert table["metadata.csv"] == sha256(folder / "metadata.csv")
+    assert table["abc.png"] != sha256(folder / "abc.png")
+
+
+def test_another_title_is_the_same_dataset(
+    dataset: Path, copied: Layout, tmp_path: Path, variant: str, restorer: type[Restorer]
+) -> None:
+    path = tmp_path / "renamed.yaml"
+    path.write_text(SMALL_SCENE.replace("Four pushes for the tests", "Renamed"), encoding="utf-8")
+    generate(load_scene(path), copied.root, variant, 1, quiet)
+    assert not restorer.jobs
+    assert open_truth(copied.truth).manifest["scene"]["title"] == "Renamed"
+    changed = {
+        name for name, value in digests(copied.root).items() if digests(dataset)[name] != value
+    }
+    assert changed == {"truth/manifest.json", f"truth/{HASHES}"}
+
+
+def test_what_cannot_be_made_is_refused_before_the_mechanics(
+    dataset: Path,
+    copied: Layout,
+    small_scene: Path,
+    variant: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def unreached(*_: object) -> None:
+        pytest.fail("it should have been refused before")
+
+    monkeypatch.setattr(generating, "plan", unreached)
+    monkeypatch.setattr(generating, "trials", unreached)
+    file = load_scene(small_scene)
+
+    def check_refused(root: Path, sentence: str, changed: str = "") -> None:
+        path = tmp_path / "scene.yaml"
+        path.write_text(changed or SMALL_SCENE, encoding="utf-8")
+        with pytest.raises(InputError, match=sentence):
+            generate(load_scene(path), root, variant, 1, quiet)
+
+    check_refused(small_scene / "below_a_file", "cannot be written")
+    check_refused(tmp_path / ("n" * 300), r"cannot be written.*too long")
+    check_refused(small_scene.parent, "something else")
+    check_refused(
+        tmp_path / "new",
+        "are 2,000,000 frames, allowed are 1,000,000",
+        SMALL_SCENE.replace("pushes:", "pushes:\n  repeats: 500000"),
+    )
+    assert not (tmp_path / "new").exists()
+    check_refused(copied.root, r"\(seed is 11 there and 12 here\)", SMALL_SCENE.replace("11", "12"))
+    with locked(copied.lock):
+        check_refused(copied.root, "is being written by process")
+    monkeypatch.setattr(identity, "code_digests", lambda: {"vbaa_bench.truth": "0"})
+    with pytest.raises(InputError, match=r"another version of the code.*solve, score and report"):
+        generate(file, copied.root, variant, 1, quiet)
+    open_truth(copied.truth)
+    open_observations(copied.observations)
+    assert digests(copied.root) == digests(dataset)
+
+
+def test_a_grown_count_is_refused_by_name(
+    tmp_path: Path, variant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = SMALL_SCENE[: SMALL_SCENE.index("pushes:")]
+    text = "sampling: {count: 3, contact_distance_mm: [90, 200], deflection_pct: [5, 9]}\n"
+    (tmp_path / "three.yaml").write_text(head + text, encoding="utf-8")
+    (tmp_path / "four.yaml").write_text(head + text.replace("3,", "4,"), encoding="utf-8")
+    three, four = (load_scene(tmp_path / f"{name}.yaml") for name in ("three", "four"))
+    layout = Layout(tmp_path / "data")
+    layout.truth.mkdir(parents=True)
+    identity.write_identity(layout, identity.identity_of(three, variant))
+    monkeypatch.setattr(generating, "plan", lambda *_: pytest.fail("not refused"))
+    with pytest.raises(InputError, match=r"sampling\.count is 3 there and 4 here"):
+        generate(four, layout.root, variant, 1, quiet)
+    first, second = ({t.index: t.frame_id for t in trials(f.scene)} for f in (three, four))
+    assert first.items() <= second.items()  # a frame keeps its name when more are drawn
+
+
+def test_no_link_leads_a_method_out_of_the_observations(copied: Layout, tmp_path: Path) -> None:
+    (copied.observations / "linked").symlink_to(copied.truth)
+    (copied.shard(copied.observations, 0) / "linked").symlink_to(copied.truth)
+    copy_observations(copied, tmp_path / "handed over")
+    assert files(tmp_path / "handed over") == [
+        path for path in files(copied.observations) if "linked" not in path.parts
+    ]
+    assert not list((tmp_path / "handed over").rglob("*.parquet"))
+
+
+@pytest.mark.parametrize("verb", ["solve", "score", "report"])
+def test_names_that_are_too_long_are_refused(verb: str) -> None:
+    done = CliRunner().invoke(cli.app, [verb, "n" * 300])
+    assert isinstance(done.exception, InputError)
+    assert "too long" in str(done.exception)

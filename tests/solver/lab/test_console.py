@@ -1,0 +1,36 @@
+"""What a person sees."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from solver.instrument.estimate import Estimate, Outcome
+from solver.lab.console import short_names, table
+from solver.table import row
+
+
+@pytest.mark.parametrize(
+    ("paths", "short"),
+    [
+        (["/home/lab/2026/run/a.png", "/home/lab/2026/run/b.png"], ["a.png", "b.png"]),
+        (["/lab/one/a.png", "/lab/two/a.png"], ["one/a.png", "two/a.png"]),
+        (["/lab/a.png", "/lab/a.png"], ["a.png", "a.png"]),
+        (["12", "13"], ["12", "13"]),
+        ([], []),
+    ],
+)
+def test_a_frame_is_called_by_what_tells_it_apart(paths: list[str], short: list[str]) -> None:
+    assert short_names(paths) == short
+
+
+def test_the_table_shows_short_names_as_they_are() -> None:
+    names = ["/home/lab/a/very/long/way/down/[red]1.png", "/home/lab/a/very/long/way/down/2.png"]
+    out = io.StringIO()
+    nothing = Estimate(Outcome.NO_CONTACT)
+    shown = table([row(name, nothing, 1.5) for name in names], "mine[/x]:f")
+    Console(file=out, width=120).print(shown)
+    text = out.getvalue()
+    assert "/home" not in text
+    for part in ("[red]1.png", "2.png", "no contact", "mine[/x]:f"):
+        assert part in text

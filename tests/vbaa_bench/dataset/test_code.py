@@ -1,0 +1,32 @@
+import ast
+
+from vbaa_bench.dataset import code
+
+TEXT = '''
+"""A module."""
+
+def half(x):
+    """Halve."""
+    return x / 2  # exactly
+'''
+
+
+def digest(text: str) -> str:
+    return code._digest(ast.parse(text))
+
+
+def test_docstrings_comments_and_layout_are_no_code() -> None:
+    same = 'def half(x):\n    "Other words."\n    return (x\n        / 2)\n'
+    assert digest(same) == digest(TEXT)
+    assert digest(TEXT.replace("x / 2", "x * 0.5")) != digest(TEXT)
+
+
+def test_the_modules_that_make_data_are_found_and_no_others() -> None:
+    found = code.code_digests()
+    makers = ["truth", "bench", "spec.scene", "spec.trials", "mechanics.rod", "geometry.tube"]
+    makers += ["render.picture", "sensor.sensor", "dataset.writer", "dataset.exr"]
+    assert {f"vbaa_bench.{name}" for name in makers} <= found.keys()
+    assert {"solver.instrument.camera", "solver.instrument.rig"} <= found.keys()
+    rooms = {name.split(".")[1] for name in found if name.startswith("vbaa_bench.")}
+    assert not rooms & {"score", "report", "checks", "cli", "workers", "generate"}
+    assert not any(name.startswith("solver.methods") for name in found)

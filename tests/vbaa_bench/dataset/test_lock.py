@@ -1,0 +1,55 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from solver.instrument.errors import InputError
+from solver.instrument.files import sync_folder
+from vbaa_bench.dataset.lock import locked
+
+# As `locked` does, without what takes seconds to import.
+HOLD = """
+import fcntl, json, os, sys
+
+file = open(sys.argv[1], "w")
+fcntl.flock(file, fcntl.LOCK_EX)
+json.dump({"pid": os.getpid(), "host": "here", "since": "today"}, file)
+file.flush()
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_lock_names_its_holder_and_ends_with_it(tmp_path: Path) -> None:
+    lock = tmp_path / ".lock"
+    command = [sys.executable, "-c", HOLD, str(lock)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"held\n"
+        with (
+            pytest.raises(InputError, match=f"process {holder.pid} on here since today"),
+            locked(lock),
+        ):
+            pass
+        holder.send_signal(signal.SIGKILL)
+    assert json.loads(lock.read_text())["pid"] == holder.pid  # the dead bars nobody
+    with locked(lock):
+        assert json.loads(lock.read_text())["pid"] == os.getpid()
+    assert not lock.exists()
+
+
+def test_a_folder_is_synced_only_where_it_can_be_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as windows:
+        windows.setattr("os.open", refused)
+        windows.setattr("os.name", "nt")
+        sync_folder(tmp_path)
+    sync_folder(tmp_path)

@@ -1,0 +1,73 @@
+"""A chequered ground as large as the camera sees and no finer than it resolves."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import apply
+from tests.conftest import SMALL_SCENE
+from vbaa_bench.geometry.ground import MOST_SQUARES, chequered_side, finest_square
+from vbaa_bench.plan import plan
+from vbaa_bench.spec.load import SceneFile, load_scene
+from vbaa_bench.spec.rigs import true_rig
+
+
+def scene_of(folder: Path, background: str, *changes: tuple[str, str]) -> SceneFile:
+    text = SMALL_SCENE + f"background: {{pattern: squares, {background}}}\n"
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "scene.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_scene(path)
+
+
+@pytest.mark.parametrize("square_mm", [0.001, 0.1, 0.5])
+def test_squares_that_no_camera_resolves_are_refused(tmp_path: Path, square_mm: float) -> None:
+    file = scene_of(tmp_path, f"square_mm: {square_mm}")
+    with pytest.raises(InputError) as caught:
+        plan(file)
+    (message,) = str(caught.value).splitlines()
+    said = rf"background.square_mm is {square_mm:g}, allowed is >= 1.11: smaller squares are below"
+    assert said in message
+
+
+def test_squares_that_are_resolved_are_few_enough(tmp_path: Path) -> None:
+    file = scene_of(tmp_path, "square_mm: 1.2")
+    camera = plan(file).rig.camera
+    # 176 rows and 512 columns, of two pixels each, and what is beyond a corner.
+    assert chequered_side(file.scene, camera) / 1.2e-3 < 350
+    large = scene_of(tmp_path, "square_mm: 5", ("width_px: 512", "width_px: 8192"))
+    finest = finest_square(large.scene, true_rig(large.scene).camera)
+    assert chequered_side(large.scene, true_rig(large.scene).camera) / finest <= MOST_SQUARES
+
+
+@pytest.mark.parametrize("lies_in", ["antenna", "world"])
+@pytest.mark.parametrize("tilted", [False, True])
+def test_the_ground_fills_the_image_however_it_is_turned(
+    tmp_path: Path, lies_in: str, tilted: bool
+) -> None:
+    changes = [("[120.0, 22.0, 360.0]", "[80.0, -120.0, 300.0]")] if tilted else []
+    file = scene_of(tmp_path, f"square_mm: 15, lies_in: {lies_in}", *changes)
+    camera = true_rig(file.scene).camera
+    half = chequered_side(file.scene, camera) / 2
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    corners = np.array([0.12, 0.0]) + half * signs
+    for angle in np.radians([0, 30, 45, 180, 250] if lies_in == "world" else [0]):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        turned = np.column_stack([corners @ turn.T, np.full(4, -0.03)])
+        assert apply(camera.camera_from_antenna, turned)[:, 2].min() > 0
+        pixels = camera.project(turned)
+        along = np.roll(pixels, -1, axis=0) - pixels
+        for u, v in [(-0.5, -0.5), (511.5, -0.5), (511.5, 175.5), (-0.5, 175.5)]:
+            away = np.array([u, v]) - pixels
+            side = along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]
+            assert (side < 0).all()
+
+
+def test_a_camera_that_sees_the_horizon_has_a_ground_of_its_own_size(tmp_path: Path) -> None:
+    far = [("[120.0, 22.0, 360.0]", "[120.0, -900.0, 50.0]")]
+    file = scene_of(tmp_path, "square_mm: 15", *far)
+    assert chequered_side(file.scene, true_rig(file.scene).camera) == pytest.approx(6 * 0.24)

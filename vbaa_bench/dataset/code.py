@@ -1,0 +1,63 @@
+"""Digests of the code that makes data: by them a dataset names the program that it came from."""
+
+import ast
+import functools
+import hashlib
+from pathlib import Path
+from typing import Final
+
+ROOT: Final = Path(__file__).parent.parent.parent
+# The maker of images: every module that it needs, directly or not, makes data.
+MAKER: Final = "vbaa_bench.bench"
+# Needed by the maker, but no byte of a file depends on them.
+_WITHOUT_EFFECT: Final = {
+    "solver.instrument.errors",
+    "solver.instrument.files",
+    "solver.instrument.hashes",
+    "vbaa_bench.dataset.layout",
+}
+
+
+@functools.cache
+def code_digests() -> dict[str, str]:
+    """Digest the syntax tree, without docstrings, of every module that makes data, by its name."""
+    found: dict[str, str] = {}
+    waiting = [MAKER]
+    while waiting:
+        module = waiting.pop()
+        path = _source(module)
+        if module in found or module in _WITHOUT_EFFECT or path is None:
+            continue
+        tree = ast.parse(path.read_bytes())
+        found[module] = _digest(tree)
+        waiting += _imports(tree)
+    return dict(sorted(found.items()))
+
+
+def _source(module: str) -> Path | None:
+    """The file of one of our own modules; None for all others."""
+    if module.partition(".")[0] not in ("vbaa_bench", "solver"):
+        return None
+    place = ROOT.joinpath(*module.split("."))
+    candidates = (place.with_suffix(".py"), place / "__init__.py")
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def _imports(tree: ast.Module) -> list[str]:
+    """Names that a module imports anywhere; of `from a import b` both a and a.b, if modules."""
+    names: list[str] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names += [str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return names
+
+
+def _digest(tree: ast.Module) -> str:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            first = node.body[0] if node.body else None
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                node.body = node.body[1:]
+    return hashlib.blake2b(ast.dump(tree).encode(), digest_size=8).hexdigest()

@@ -1,0 +1,145 @@
+"""What of a dataset is there, and is what was written."""
+
+import os
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from solver.instrument.errors import DamageError
+from solver.instrument.files import sha256
+from solver.instrument.hashes import HASHES, digest, parse_hashes
+from vbaa_bench.dataset.layout import Layout
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a complete dataset consists of: single images, frame ids by shard, truth images or not.
+
+    Images are named as in observations/.
+    """
+
+    images: tuple[str, ...]
+    shards: tuple[tuple[str, ...], ...]
+    layers: bool
+
+    def names(self, tree: str, number: int) -> set[str]:
+        """Name the files of a shard in one of the trees, but for its hashes.json."""
+        ids = self.shards[number]
+        if tree == "observations":
+            return {"metadata.csv", *(f"{frame_id}.png" for frame_id in ids)}
+        return {"truth.parquet", *(f"{frame_id}.exr" for frame_id in ids if self.layers)}
+
+
+@dataclass
+class Inventory:
+    """The sha256 of what is whole, by tree and name, and a sentence on each damage.
+
+    Of a shard that is whole in both trees the hashes.json stands for all its files.
+    """
+
+    whole: dict[str, dict[str, str]] = field(
+        default_factory=lambda: {"observations": {}, "truth": {}}
+    )
+    damage: list[str] = field(default_factory=list)
+
+
+def take_inventory(layout: Layout, contents: Contents) -> Inventory:
+    """Read every file of a dataset and compare it with the recorded hashes.
+
+    A shard is trusted by its own hashes alone, single files by those of their tree. What an
+    incomplete dataset does not have yet is no damage.
+    """
+    inventory = Inventory()
+    recorded = {tree.name: _recorded(tree) for tree in layout.trees}
+    singles = [(layout.observations, name) for name in contents.images]
+    for tree, name in [*singles, (layout.truth, layout.manifest.name)]:
+        table = recorded[tree.name]
+        try:
+            inventory.whole[tree.name][name] = _file(tree / name, (table or {}).get(name))
+        except DamageError as error:
+            if table is not None:
+                inventory.damage.append(str(error))
+    for number in range(len(contents.shards)):
+        name = f"{layout.shard(layout.truth, number).name}/{HASHES}"
+        try:
+            digests = {
+                tree.name: _shard(
+                    layout.shard(tree, number),
+                    contents.names(tree.name, number),
+                    (recorded[tree.name] or {}).get(name),
+                )
+                for tree in layout.trees
+            }
+        except DamageError as error:
+            begun = any(layout.shard(tree, number).exists() for tree in layout.trees)
+            if begun or recorded["observations"] is not None:
+                inventory.damage.append(str(error))
+            continue
+        for tree_name, value in digests.items():
+            inventory.whole[tree_name][name] = value
+    return inventory
+
+
+def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
+    """Find what lies in the trees beside the contents, outside shards; no link is followed."""
+    known = {layout.observations / name for name in (*contents.images, "rig.json")}
+    known |= {layout.identity, layout.manifest, *(tree / HASHES for tree in layout.trees)}
+    shards = {
+        layout.shard(tree, number)
+        for tree in layout.trees
+        for number in range(len(contents.shards))
+    }
+    for tree in layout.trees:
+        for place, folders, files in os.walk(tree):
+            here = Path(place)
+            linked = [name for name in folders if (here / name).is_symlink()]
+            folders[:] = [name for name in folders if here / name not in shards]
+            for name in (*linked, *files):
+                if here / name not in known | shards:
+                    yield here / name
+
+
+def _recorded(tree: Path) -> dict[str, str] | None:
+    """The table of a tree's hashes.json; None where there is none, empty where it is damaged."""
+    try:
+        return parse_hashes((tree / HASHES).read_bytes()) or {}
+    except OSError:
+        return None
+
+
+def _file(path: Path, recorded: str | None) -> str:
+    """The sha256 of a file. Raises DamageError unless it is the recorded one."""
+    try:
+        found = None if path.is_symlink() else sha256(path)
+    except FileNotFoundError as error:
+        raise DamageError(f"{path}: is missing") from error
+    except OSError as error:
+        raise DamageError(f"{path}: cannot be read ({error.strerror})") from error
+    if found is None or found != recorded:
+        raise DamageError(f"{path}: is not what was generated")
+    return found
+
+
+def _shard(folder: Path, names: Collection[str], recorded: str | None) -> str:
+    """The sha256 of the hashes.json of a whole shard. Raises DamageError for any other.
+
+    `recorded` is what the tree's hashes.json says of it, None where it is not written yet.
+    """
+    table = folder / HASHES
+    try:
+        data = table.read_bytes()
+        present = {path.name for path in folder.iterdir()}
+    except FileNotFoundError as error:
+        raise DamageError(f"{table}: is missing") from error
+    except OSError as error:
+        raise DamageError(f"{table}: cannot be read ({error.strerror})") from error
+    hashes = parse_hashes(data)
+    if folder.is_symlink() or table.is_symlink() or hashes is None or hashes.keys() != set(names):
+        raise DamageError(f"{table}: is not what was generated")
+    if recorded not in (None, digest(data)):
+        raise DamageError(f"{table}: is not what was generated")
+    if more := sorted(present - {*names, HASHES}):
+        raise DamageError(f"{folder / more[0]}: was not generated")
+    for name in sorted(names):
+        _file(folder / name, hashes[name])
+    return digest(data)

@@ -1,0 +1,67 @@
+"""How far a chequered ground reaches, and how fine it may be: as the camera sees it."""
+
+import math
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+from solver.instrument.transforms import apply, invert
+from solver.instrument.units import MILLIMETRE
+from vbaa_bench.spec.scene import Scene
+
+# Beyond what the camera sees, for the lens's blur.
+_BEYOND = 1.05
+# No more than this on either side of the beam's middle, in lengths of it: a camera that looks
+# across the ground sees it to the horizon.
+_FARTHEST = 3.0
+# Both tones of a chequered pattern are told apart from two pixels a square on.
+RESOLVED_PX = 2.0
+# Squares along a side: each takes about a kilobyte in the renderer, so that all take 1 GB at most.
+MOST_SQUARES = 1000
+
+
+def chequered_side(scene: Scene, camera: Camera) -> float:
+    """Work out the side [m] of a square sheet about the beam's middle that fills the image,
+    whichever way the motor turns it."""
+    length = scene.beam.length_mm * MILLIMETRE
+    middle = np.array([length / 2, 0.0])
+    axis = -np.array(scene.adaptor_mm[:2]) * MILLIMETRE
+    seen = _footprint(camera, -scene.background.distance_mm * MILLIMETRE)
+    half = math.inf
+    if seen is not None and scene.background.lies_in == scene.camera.mount:
+        half = float(np.abs(seen - middle).max())
+    elif seen is not None:
+        turned = np.linalg.norm(seen - axis, axis=1).max()
+        half = float(turned + np.linalg.norm(middle - axis))
+    return 2 * min(_BEYOND * half, _FARTHEST * length)
+
+
+def finest_square(scene: Scene, camera: Camera) -> float:
+    """Work out the smallest square [m] of a chequered ground that the camera resolves, and that
+    the renderer can hold."""
+    length = scene.beam.length_mm * MILLIMETRE
+    below = np.array([[length / 2, 0.0, -scene.background.distance_mm * MILLIMETRE]])
+    resolved = RESOLVED_PX / float(camera.pixels_per_metre(below)[0])
+    return max(resolved, chequered_side(scene, camera) / MOST_SQUARES)
+
+
+def _footprint(camera: Camera, height: float) -> Floats | None:
+    """Places (n, 2) [m] of the plane z = `height` that the image's rim shows; None where some of
+    the rim shows none of it."""
+    across, down = (
+        np.linspace(-0.5, camera.width - 0.5, 17),
+        np.linspace(-0.5, camera.height - 0.5, 17),
+    )
+    rim = [(u, v) for u in across for v in down[[0, -1]]]
+    rim += [(u, v) for u in across[[0, -1]] for v in down]
+    x, y = camera.normalised(np.array(rim)).T
+    nothing, one = np.zeros_like(x), np.ones_like(x)
+    antenna_from_camera = invert(camera.camera_from_antenna)
+    start = np.column_stack([x, y, nothing] if camera.telecentric else [nothing] * 3)
+    ahead = np.column_stack([nothing, nothing, one] if camera.telecentric else [x, y, one])
+    start, ahead = apply(antenna_from_camera, start), ahead @ antenna_from_camera[:3, :3].T
+    if (ahead[:, 2] >= 0).any():
+        return None
+    share = (height - start[:, 2]) / ahead[:, 2]
+    return np.asarray((start + share[:, None] * ahead)[:, :2])

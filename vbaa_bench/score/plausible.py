@@ -1,0 +1,56 @@
+"""Warn of predictions that seem to be written in other columns or units than those that count."""
+
+import difflib
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import polars as pl
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import cut
+from solver.table import COLUMNS
+from vbaa_bench.score.judged import NUMBERS
+
+_KNOWN: Final = ("frame_id", "outcome", "message", *NUMBERS)
+# Median answer over median truth, or the inverse, from which a unit is doubted: the geometric mean
+# of one and the nearest wrong unit's factor, 10 for centimetres, 57.3 for radians, 1000 for mN.
+_DOUBTED: Final = {
+    "x_c_mm": math.sqrt(10),
+    "s_c_mm": math.sqrt(10),
+    "theta_c_deg": math.sqrt(180 / math.pi),
+    "force_n": math.sqrt(1000),
+    "f_n": math.sqrt(1000),
+}
+# Chosen: more unknown columns are counted, not named.
+_MOST_NAMED: Final = 10
+
+
+def unknown_columns(columns: Sequence[str], source: str) -> Iterator[str]:
+    """Yield a sentence for each column that is not scored, with the known name nearest to it."""
+    unknown = [name for name in columns if name not in _KNOWN and name not in COLUMNS]
+    for name in unknown[:_MOST_NAMED]:
+        near = difflib.get_close_matches(cut(name), _KNOWN, n=1, cutoff=0.7)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        yield f"{source}: the column {cut(name)} is unknown and not scored{hint}"
+    if len(unknown) > _MOST_NAMED:
+        yield f"{source}: {len(unknown) - _MOST_NAMED} further columns are unknown and not scored"
+
+
+def doubtful_units(scores: pl.DataFrame, source: str) -> Iterator[str]:
+    """Yield a sentence for each quantity whose size differs from the truth's as units do."""
+    for column, factor in _DOUBTED.items():
+        both = scores.select(pl.col(column).abs(), pl.col(f"true_{column}").abs()).drop_nulls()
+        if both.is_empty():
+            continue
+        answer, true = (_median(both[name].to_numpy()) for name in both.columns)
+        if answer > 0 and true > 0 and not 1 / factor < answer / true < factor:
+            unit = column.rpartition("_")[2]
+            yield (
+                f"{source}: the median of {column} is {answer:.3g}, of the truth {true:.3g}; "
+                f"is it in {unit}?"
+            )
+
+
+def _median(values: Floats) -> float:
+    return float(sorted(values)[len(values) // 2])

@@ -1,0 +1,197 @@
+"""Run a method over all frames in worker processes, and go on after each that is lost.
+
+`python -m vbaa_bench.score.supervisor OBSERVATIONS METHOD CENTRELINE REPEATS MEMORY_GB FRAME_S`
+
+Waits for a line on standard input, then prints one line of JSON for each frame on standard output:
+its `index`, its `row` and, where the method raised, the `traceback`; or one line `refused`. Where
+standard input ends, the judge is gone: the workers are killed and the folder above OBSERVATIONS is
+removed.
+"""
+
+import json
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing.context import ForkContext, SpawnContext
+from pathlib import Path
+from typing import Any, Final
+
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.observation import Observations
+from solver.table import row
+from vbaa_bench.score.worker import Task, opened, work
+
+# From its start until a worker is ready, compilation included [s]. Chosen: a first compilation of
+# the solver took 110 s on a loaded machine.
+LONGEST_START_S: Final = 300.0
+# Lost one after the other, and the method is given up. Chosen: an endless loop ends after three
+# minutes, and a method that fails in one configuration out of many goes on.
+MOST_LOST_IN_A_ROW: Final = 3
+# How long a worker's death may go unnoticed [s].
+_TICK_S: Final = 0.05
+
+Message = dict[str, Any]
+
+# A forked worker inherits the calibration; elsewhere than on Linux forking is not safe.
+_CONTEXT: Final[ForkContext | SpawnContext] = (
+    multiprocessing.get_context("fork")
+    if sys.platform == "linux"
+    else multiprocessing.get_context("spawn")
+)
+
+
+class _LostError(Exception):
+    """A worker died or gave no answer in time; its text says which."""
+
+
+class _Worker:
+    """A process that solves frames, and what it says."""
+
+    def __init__(self, *job: Any) -> None:
+        self._receiver, sender = _CONTEXT.Pipe(duplex=False)
+        self._process = _CONTEXT.Process(target=work, args=(*job, sender))
+        self._process.start()
+        sender.close()
+
+    def hear(self, limit_s: float) -> Message:
+        """Wait for the next message. Raises _LostError."""
+        deadline = time.monotonic() + limit_s
+        while time.monotonic() < deadline:
+            alive = self._process.is_alive()
+            # Asked after its death again: the last message may have come just before.
+            if self._receiver.poll(_TICK_S if alive else 0):
+                try:
+                    message: Message = json.loads(self._receiver.recv_bytes())
+                except (EOFError, OSError, ValueError):
+                    self._process.join(_TICK_S)
+                else:
+                    return message
+            if not alive:
+                raise _LostError(f"the method's process died: {_end(self._process.exitcode)}")
+        raise _LostError(f"timed out: no answer within {limit_s:g} s")
+
+    def kill(self) -> None:
+        """End the process and whatever it has started."""
+        if self._process.pid is not None and hasattr(os, "killpg"):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.kill()
+        self._process.join()
+
+
+class _Workers:
+    """At most one worker at a time, and none once the judge is gone."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._lock = folder, threading.Lock()
+        self._worker: _Worker | None = None
+
+    @contextmanager
+    def one(self, *job: Any) -> Iterator[_Worker]:
+        """A worker, killed in the end with whatever it has started."""
+        with self._lock:
+            self._worker = _Worker(*job)
+        try:
+            yield self._worker
+        finally:
+            self._worker.kill()
+
+    def end_with_the_judge(self) -> None:
+        """Wait until standard input ends; then leave nothing behind."""
+        while os.read(0, 64):
+            pass
+        with self._lock:  # for ever: no other worker is started
+            if self._worker is not None:
+                self._worker.kill()
+            shutil.rmtree(self._folder, ignore_errors=True)
+            os._exit(1)
+
+
+def supervise(task: Task, observations: Observations, workers: _Workers) -> Iterator[Message]:
+    """Solve all frames; each gets one message, an answer or why it is lost."""
+    frames = observations.frames
+    known: dict[int, Outcome] = {}  # frames with an answer
+    rest = set(range(len(frames)))
+    push, reason, in_a_row, warm = "", "", 0, True
+    while rest:
+        # The push in which a worker was lost is seen again from its start.
+        replayed = {i: outcome for i, outcome in known.items() if frames[i].push_id == push}
+        indices = sorted(rest | replayed.keys())
+        at: int | None = None
+        with workers.one(task, indices, replayed, warm) as worker:
+            try:
+                message = worker.hear(LONGEST_START_S)
+                if "refused" in message:
+                    yield message
+                    return
+                while rest:
+                    message = worker.hear(LONGEST_START_S if at is None else task.frame_s)
+                    if "begin" in message:
+                        at = message["begin"]
+                    else:
+                        index = message["index"]
+                        known[index] = Outcome(message["row"]["outcome"])
+                        rest.discard(index)
+                        at, in_a_row = index, 0
+                        yield message
+            except _LostError as error:
+                reason = str(error)
+        if not rest:
+            return
+        started = at is not None
+        if at is not None and at in rest:
+            yield _lost(frames[at].frame_id, at, reason)
+            rest.discard(at)
+            push = frames[at].push_id
+            in_a_row += 1
+        if in_a_row == MOST_LOST_IN_A_ROW or not (started or warm):
+            why = f"{in_a_row} frames in a row were lost" if started else "it cannot be started"
+            for index in sorted(rest):
+                yield _lost(frames[index].frame_id, index, f"not tried, {why}; last {reason}")
+            return
+        # Perhaps the bent beam of the warm-up was too much; a second failed start is the last.
+        warm = warm and started
+
+
+def _lost(frame_id: str, index: int, reason: str) -> Message:
+    return {"index": index, "row": row(frame_id, Estimate(Outcome.CRASHED, reason), None)}
+
+
+def _end(status: int | None) -> str:
+    """How a process ended, in words."""
+    if status is None or status >= 0:
+        return f"exit status {status}"
+    name = signal.Signals(-status).name
+    short = ", as the system does where memory is short" if name == "SIGKILL" else ""
+    return f"signal {name}{short}"
+
+
+def main() -> None:
+    """Run what the command line says."""
+    observations, method, centreline, repeats, memory_gb, frame_s = sys.argv[1:]
+    task = Task(
+        Path(observations), method, centreline, int(repeats), float(memory_gb), float(frame_s)
+    )
+    workers = _Workers(task.observations.parent)
+    if not os.read(0, 1):  # the observations are not there yet
+        shutil.rmtree(task.observations.parent, ignore_errors=True)
+        return
+    threading.Thread(target=workers.end_with_the_judge, daemon=True).start()
+    try:
+        found, _ = opened(task.observations, task.centreline)
+        for message in supervise(task, found, workers):
+            print(json.dumps(message), flush=True)
+    except InputError as error:
+        print(json.dumps({"refused": str(error)}), flush=True)
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""Solve frames with a method that may do anything: the process that the supervisor can lose."""
+
+import faulthandler
+import functools
+import json
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, Final
+
+from solver.__main__ import find_method
+from solver.antenna import Antenna
+from solver.centreline.extractors import EXTRACTORS
+from solver.estimate import set_up
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.instrument.observation import Observations, open_observations
+from solver.lab.live import answers, warm_up
+from solver.lab.shots import Files, Shot
+from solver.methods import Method
+from solver.table import Row
+
+GIGABYTE: Final = 1e9
+# Chosen: a message is one cell of a table, a traceback one page; a method may send megabytes.
+LONGEST_MESSAGE: Final = 1000
+LONGEST_TRACEBACK: Final = 8000
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be solved, and with what: `memory_gb` is the limit, 0 for none; `frame_s` the
+    time allowed for a frame, repeats included."""
+
+    observations: Path
+    method: str
+    centreline: str
+    repeats: int
+    memory_gb: float
+    frame_s: float
+
+
+@functools.cache
+def opened(observations: Path, centreline: str) -> tuple[Observations, Antenna]:
+    """Open the observations and calibrate. A forked worker inherits the result."""
+    found = open_observations(observations)
+    return found, set_up(found, EXTRACTORS[centreline])
+
+
+def work(
+    task: Task,
+    indices: Sequence[int],
+    replayed: Mapping[int, Outcome],
+    warm: bool,
+    sender: Connection,
+) -> None:
+    """Solve the frames at `indices`, and send one JSON message for each step.
+
+    Frames in `replayed` have an answer already: the method is not called for them, they only give
+    the frames after them the past of their push. Messages: `ready`; for each other frame
+    `begin` and `row` with its index, and the `traceback` where the method raised; `refused` for a
+    method that cannot be found.
+    """
+    if hasattr(os, "setsid"):
+        os.setsid()  # whatever the method starts ends with this group
+    os.dup2(2, 1)  # standard output is the supervisor's channel; prints go to standard error
+    faulthandler.enable()
+
+    def send(**message: Any) -> None:
+        sender.send_bytes(json.dumps(message).encode())
+
+    observations, antenna = opened(task.observations, task.centreline)
+    if task.memory_gb:
+        _limit_memory(task.memory_gb)
+    try:
+        method = _Watched(find_method(task.method), task.memory_gb)
+    except InputError as error:
+        send(refused=str(error))
+        return
+    if warm:
+        warm_up(antenna, method, next(observations.read_rest_images()))
+    send(ready=True)
+
+    class Resumed:
+        """The shots, where those that are replayed are marked for the method."""
+
+        live, rate = False, Files.rate
+
+        def __iter__(self) -> Iterator[Shot]:
+            for shot in Files([observations.frames[index] for index in indices]):
+                index = indices[shot.number]
+                method.expect(replayed.get(index))
+                if index not in replayed:
+                    send(begin=index)
+                    # A method that hangs shows where, just before it is killed.
+                    faulthandler.dump_traceback_later(0.98 * task.frame_s)
+                yield shot
+
+    for answer in answers(Resumed(), antenna, method, task.repeats):
+        faulthandler.cancel_dump_traceback_later()
+        index = indices[answer.shot.number]
+        if index not in replayed:
+            send(index=index, row=_sendable(answer.row), traceback=method.traceback)
+
+
+class _Watched:
+    """A method that keeps the traceback of its last error and is not called for replayed frames."""
+
+    def __init__(self, method: Method, memory_gb: float) -> None:
+        self._method, self._memory_gb, self._process = method, memory_gb, os.getpid()
+        self._replayed: Outcome | None = None
+        self.traceback = ""
+
+    def expect(self, replayed: Outcome | None) -> None:
+        """Announce the next frame: one with this outcome, or a new one."""
+        self._replayed, self.traceback = replayed, ""
+
+    def __call__(self, measurement: Measurement) -> Estimate:
+        if self._replayed is not None:
+            # Only "no contact" ends a push; other outcomes are alike to the frames that follow.
+            free = self._replayed is Outcome.NO_CONTACT
+            return Estimate(Outcome.NO_CONTACT if free else Outcome.INVALID)
+        try:
+            return self._method(measurement)
+        except (Exception, SystemExit) as error:
+            trace = error.__traceback__
+            lines = traceback.format_exception(error.with_traceback(trace and trace.tb_next))
+            self.traceback = _shortened("".join(lines), LONGEST_TRACEBACK)
+            if isinstance(error, MemoryError) and self._memory_gb:
+                limit = f"the method needs more than {self._memory_gb:g} GB, the limit of --memory"
+                raise MemoryError(limit) from error
+            raise
+        finally:
+            if os.getpid() != self._process:  # a fork of the method's that came back
+                os._exit(0)
+
+
+def _sendable(row: Row) -> Row:
+    """A row that JSON and UTF-8 hold, whatever a method put into its estimate."""
+    plain: Row = {}
+    for name, value in row.items():
+        if value is None or isinstance(value, int | float):
+            plain[name] = value
+        else:
+            text = str(value).encode("utf-8", "replace").decode()
+            plain[name] = _shortened(text, LONGEST_MESSAGE)
+    return plain
+
+
+def _shortened(text: str, longest: int) -> str:
+    """A text, its middle left out where it is longer than allowed."""
+    half = longest // 2
+    return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
+
+
+def _limit_memory(gigabytes: float) -> None:
+    """Limit what this process, and each that it starts, may allocate; nothing on Windows."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    # Data, not address space: compilers and GPU libraries reserve addresses they never use.
+    size = int(gigabytes * GIGABYTE)
+    resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
