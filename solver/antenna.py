@@ -10,6 +10,7 @@ from solver.at_rest import AtRest
 from solver.calibrate import Calibration
 from solver.centreline import Extractor
 from solver.instrument.arrays import Floats
+from solver.instrument.gray_scale import EIGHT_BIT, GrayScale
 from solver.instrument.measurement import Tip
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
@@ -25,7 +26,8 @@ ANY_TILT = 0.5
 class Antenna:
     """All that is learned once per rig: calibrated camera and the beam at rest.
 
-    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam.
+    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam. `scale`
+    is that of the gray values at rest, which frames must share.
     """
 
     rig: Rig
@@ -33,6 +35,7 @@ class Antenna:
     at_rest: AtRest
     clamp_sigma: float = 0.0
     scale_sigma: float = 0.0
+    scale: GrayScale = EIGHT_BIT
 
     @property
     def rest(self) -> Rest:

@@ -16,6 +16,7 @@ from solver.centreline.guide import Guide
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.gray_scale import gray_scale
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.instrument.observation import NOTHING_READ, Observations, Readings
 from solver.instrument.rig import Rig
@@ -47,13 +48,21 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
             f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
             "can describe?"
         )
-    images = list(observations.read_rest_images())
+    scale = gray_scale(observations.read_rest_images(), rig.bits)
+    images = [scale(image) for image in observations.read_rest_images()]
     nominal = np.diag([1.0, rig.deflects_towards, 1.0, 1.0])
     nominal[:3, 3] = rig.base_position
     in_world = rig.camera_mount == "world"
-    guide = Guide(calibration.camera, nominal, rig.beam.length, rig.beam.radius, in_world)
+    guide = Guide(
+        calibration.camera,
+        nominal,
+        rig.beam.length,
+        rig.beam.radius,
+        in_world,
+        scale.full_scale,
+    )
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
-    return Antenna(rig, calibration, at_rest, *certainty(calibration, rig))
+    return Antenna(rig, calibration, at_rest, *certainty(calibration, rig), scale)
 
 
 def measure(
@@ -178,12 +187,12 @@ def see(antenna: Antenna, image: Grey) -> Centreline:
             f"the calibration {camera.width} x {camera.height}"
         )
     # Compiled for one layout of an image only.
-    return antenna.extract(np.ascontiguousarray(image))
+    return antenna.extract(np.ascontiguousarray(antenna.scale(image)))
 
 
 def moved(antenna: Antenna, image: Grey) -> Estimate | None:
     """Refuse an image (height, width) whose landmarks have moved since the rest images."""
-    shift = antenna.at_rest.landmarks.shift_of(image)
+    shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
     if shift is None or not shift.exceeds(0.0):
         return None
     return Estimate(

@@ -55,7 +55,7 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
     """
     noise = noise_of(images)
     image = images[0]
-    full_scale = 255 if image.dtype == np.uint8 else _full_scale(images)
+    full_scale = guide.full_scale or int(np.iinfo(image.dtype).max)
     seen = []
     for times, polarity in product(WIDTHS, (1, -1)):
         wider = replace(guide, radius=times * guide.radius)
@@ -76,11 +76,6 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
     look = _Rested(images, places, noise, polarity, guide.radius_px, full_scale).appearance()
     seen_radius = look.section.radius * guide.pixel
     return look, replace(guide, antenna_from_beam=turned, radius=seen_radius)
-
-
-def _full_scale(images: Sequence[Grey]) -> int:
-    """The largest gray value of a deep image: one less than the power of two that holds it all."""
-    return int(2 ** np.ceil(np.log2(max(int(image.max()) for image in images) + 1)) - 1)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ class Guide:
     """The camera, and the frame of the beam at rest in plane C (`antenna_from_beam`, (4, 4)).
 
     `length` [m] of the beam and `radius` [m] of its section. `free_tilt` says that the motor may
-    have turned the beam by any angle against the camera.
+    have turned the beam by any angle against the camera. `full_scale` is a saturated pixel's gray
+    value, None where it is the largest of the image's type.
     """
 
     camera: Camera
@@ -24,6 +25,7 @@ class Guide:
     length: float
     radius: float
     free_tilt: bool = False
+    full_scale: int | None = None
 
     def pixels(self, places: Floats) -> Floats:
         """Pixels (n, 2) of places (n, 2) [m] of the beam's frame in plane C."""
