@@ -74,6 +74,7 @@ class Antenna:
         covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
         covariance[0, 0] += self.clamp_sigma**2
         covariance[1:, 1:] = self.rest.line_covariance
+        covariance[:2, :2] += np.eye(2) * (tolerance.camera_shift_px * self.pixel) ** 2
         # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
         covariance += np.diag([1e-18, 1e-18, 1e-18])
         if self.in_world:

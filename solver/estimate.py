@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -62,7 +63,8 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
         scale.full_scale,
     )
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
-    return Antenna(rig, calibration, at_rest, *certainty(calibration, rig), scale)
+    known = certainty(calibration, rig)
+    return Antenna(rig, calibration, at_rest, known.clamp, known.scale, scale)
 
 
 def measure(
@@ -193,7 +195,7 @@ def see(antenna: Antenna, image: Grey) -> Centreline:
 def moved(antenna: Antenna, image: Grey) -> Estimate | None:
     """Refuse an image (height, width) whose landmarks have moved since the rest images."""
     shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
-    if shift is None or not shift.exceeds(0.0):
+    if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):
         return None
     return Estimate(
         Outcome.CAMERA_MOVED,
@@ -220,15 +222,18 @@ def estimate(
         return Estimate(Outcome.INVALID, str(error))
     except Exception as error:  # noqa: BLE001 - any failure is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
-    return answer(method, measurement)
+    return answer(method, measurement, line.remark)
 
 
-def answer(method: Method, measurement: Measurement) -> Estimate:
-    """What a method says of a measurement; whatever else it does is the outcome "crashed"."""
+def answer(method: Method, measurement: Measurement, remark: str = "") -> Estimate:
+    """What a method says of a measurement; whatever else it does is the outcome "crashed".
+
+    A `remark` on the image is added to the message.
+    """
     try:
         given: object = method(measurement)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
     if not isinstance(given, Estimate):  # a method of someone else's may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(given).__name__}, not an Estimate")
-    return given
+    return replace(given, message="; ".join(filter(None, (given.message, remark))))

@@ -33,7 +33,8 @@ class Appearance:
     `polarity` is 1 for a beam brighter than its ground and -1 for a darker one; `amplitude` [gray
     px] along `length` [px] of the path; `misfit` is the typical chi^2 per degree of freedom of a
     profile fit, at least 1; `sigma_px` is the part of a centre's error that does not come from
-    the sensor's noise. `half` pixels on either side are fitted.
+    the sensor's noise; `ground` is the background's median gray value. `half` pixels on either
+    side are fitted.
     """
 
     polarity: int
@@ -44,6 +45,7 @@ class Appearance:
     length: Floats
     misfit: float
     sigma_px: float
+    ground: float
     half: int
     full_scale: int
 
@@ -150,6 +152,7 @@ class _Rested:
             length=self.places.length[kept],
             misfit=max(1.0, float(np.median([f.chi2[kept] / f.dof[kept] for f in fits]))),
             sigma_px=float(np.sqrt(max(scatter - by_noise, 0.0))),
+            ground=float(np.median([np.median(f.background[kept]) for f in fits])),
             half=self._half(section),
             full_scale=self.full_scale,
         )
