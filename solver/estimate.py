@@ -30,7 +30,7 @@ WORST_REPROJECTION_PX = 0.5
 # A bent beam's course across its direction at the clamp, in powers of the distance; of a short
 # stretch the first two, and none of fewer points than these.
 CURVE_POWERS, LEAST_CURVE_POINTS = (2, 3, 4, 5, 6), 8
-# The points nearest to the tip that show the direction of the beam's straight end.
+# The last points before the tip, which show the direction of the beam's straight end.
 BESIDE_TIP = 30
 
 
@@ -125,10 +125,10 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
     at_rest = antenna.tip_at_rest
     if at_rest is None or not len(points):
         return tip
-    nearest = np.argsort(np.linalg.norm(points - tip.point, axis=1))[:BESIDE_TIP]
-    along = tip.point - points[nearest].mean(axis=0)
+    # Points come in order from the clamp to the tip.
+    along = tip.point - points[-BESIDE_TIP:].mean(axis=0)
     excess = at_rest.point[0] - antenna.rig.beam.length
-    return Tip(tip.point - excess * along / np.linalg.norm(along), tip.covariance)
+    return Tip(tip.point - excess / math.hypot(*along) * along, tip.covariance)
 
 
 def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:

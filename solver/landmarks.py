@@ -49,17 +49,21 @@ BLOCK = 8
 
 
 class Shift(NamedTuple):
-    """How far the image has shifted (du, dv) [px], and its covariance (2, 2) [px^2]."""
+    """How far the image has shifted (du, dv) [px], and its covariance (uu, uv, vv) [px^2]."""
 
     du: float
     dv: float
-    covariance: Floats
+    uu: float
+    uv: float
+    vv: float
 
     def exceeds(self, sigma_px: float) -> bool:
         """Whether it lies beyond three sigmas, where shifts of `sigma_px` are usual."""
-        spread = self.covariance + np.eye(2) * (STEADINESS_PX**2 + sigma_px**2)
-        shift = np.array([self.du, self.dv])
-        return bool(shift @ np.linalg.solve(spread, shift) > MOVED_CHI2)
+        usual = STEADINESS_PX**2 + sigma_px**2
+        uu, vv = self.uu + usual, self.vv + usual
+        # Two variables by the inverse of their covariance, written out.
+        square = vv * self.du**2 - 2 * self.uv * self.du * self.dv + uu * self.dv**2
+        return square > MOVED_CHI2 * (uu * vv - self.uv**2)
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ class Landmarks:
         # The median of n independent |x| exceeds this by chance in one image of a thousand.
         usual = 1 + 3.1 * 1.17 / math.sqrt(len(self.rows))
         widening = 1 + max(scatter**2 - usual**2, 0.0) * self._pixels_a_block
-        return Shift(du, dv, np.array([[uu, uv], [uv, vv]]) * widening)
+        return Shift(du, dv, uu * widening, uv * widening, vv * widening)
 
     @cached_property
     def _pixels_a_block(self) -> float:

@@ -4,11 +4,11 @@ find -> stations -> profile fit -> what does not look like the beam is flagged -
 beam looks like was learned from the images of it at rest.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from solver.centreline import Centreline, down_columns
 from solver.centreline.appearance import Appearance, learn
@@ -74,6 +74,9 @@ class Beam:
             return down_columns(np.empty((0, 2)), np.empty(0))
         good = flags == 0
         noise = fits.sigma * np.sqrt(np.maximum(misfit, 1.0))
+        common_sigma, brightness, ground = _summary(
+            fits.centre[good], sigma[good], noise[good], share[good], fits.background[good]
+        )
         course = places.start + places.sense * smooth
         height, width = image.shape
         limit = np.where(places.upright, height - 0.5, width - 0.5)
@@ -87,20 +90,16 @@ class Beam:
             flags=flags[rejected],
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
-            common_sigma=_common_sigma(fits.centre[good], sigma[good], noise[good]),
-            remark=self._remark(share[good], fits.background[good]),
+            common_sigma=common_sigma,
+            remark=self._remark(brightness, ground) if good.any() else "",
         )
 
-    def _remark(self, share: Floats, ground: Floats) -> str:
-        """Say by how much beam and ground are brighter or darker than at rest; "" if not much."""
-        if not len(share):
-            return ""
+    def _remark(self, beam: float, ground: float) -> str:
+        """Say how much brighter or darker than at rest beam and ground are; "" if not much."""
         look = self.appearance
-        beam, level = float(np.median(share)), float(np.median(ground))
-        off = level - look.ground
-        ratio = max(level, 1.0) / max(look.ground, 1.0)
-        uneven = abs(off) > LEAST_STEP * look.full_scale and not 1 / OTHER < ratio < OTHER
-        if not uneven and 1 / OTHER < beam < OTHER:
+        ratio = max(ground, 1.0) / max(look.ground, 1.0)
+        step = abs(ground - look.ground) > LEAST_STEP * look.full_scale
+        if not (step and not 1 / OTHER < ratio < OTHER) and 1 / OTHER < beam < OTHER:
             return ""
         return (
             f"this image differs from the rest images: ground {ratio:.2g} times and beam "
@@ -108,16 +107,21 @@ class Beam:
         )
 
 
-def _common_sigma(centre: Floats, sigma: Floats, noise: Floats) -> float:
-    """Sigma [px] of the mean error of points (n,) from what the sensor's noise does not explain.
+@njit(cache=True, error_model="numpy")
+def _summary(
+    centre: Floats, sigma: Floats, noise: Floats, share: Floats, ground: Floats
+) -> tuple[float, float, float]:
+    """Sigma [px] of the points' mean error, and the median brightness of beam and ground.
 
-    Such errors, those of compression above all, follow the pixel grid: of a beam that crosses R
-    pixel rows only R + 1 of them are independent.
+    The error is that which the sensor's noise does not explain. Such errors, those of compression
+    above all, follow the pixel grid: of a beam that crosses R pixel rows only R + 1 of them are
+    independent.
     """
-    if not len(centre):
-        return 0.0
-    rough = float(np.median(np.maximum(sigma**2 - noise**2, 0.0)))
-    return math.sqrt(rough / (1.0 + float(np.ptp(centre))))
+    if len(centre) == 0:
+        return 0.0, 0.0, 0.0
+    rough = np.median(np.maximum(sigma**2 - noise**2, 0.0))
+    rows = centre.max() - centre.min()
+    return np.sqrt(rough / (1.0 + rows)), np.median(share), np.median(ground)
 
 
 def learn_beam(images: Sequence[Grey], guide: Guide) -> Beam:
