@@ -10,10 +10,13 @@ from solver.at_rest import AtRest
 from solver.calibrate import Calibration
 from solver.centreline import Extractor
 from solver.instrument.arrays import Floats
+from solver.instrument.gray_scale import EIGHT_BIT, GrayScale
+from solver.instrument.measurement import Tip
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
+from solver.plane import on_plane
 from solver.rest import Rest
-from solver.sag import scale_error
+from solver.sag import raised, scale_error
 
 # A motor whose camera stands in the world may have turned by any angle of this order [rad].
 ANY_TILT = 0.5
@@ -23,7 +26,8 @@ ANY_TILT = 0.5
 class Antenna:
     """All that is learned once per rig: calibrated camera and the beam at rest.
 
-    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam.
+    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam. `scale`
+    is that of the gray values at rest, which frames must share.
     """
 
     rig: Rig
@@ -31,6 +35,7 @@ class Antenna:
     at_rest: AtRest
     clamp_sigma: float = 0.0
     scale_sigma: float = 0.0
+    scale: GrayScale = EIGHT_BIT
 
     @property
     def rest(self) -> Rest:
@@ -69,6 +74,7 @@ class Antenna:
         covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
         covariance[0, 0] += self.clamp_sigma**2
         covariance[1:, 1:] = self.rest.line_covariance
+        covariance[:2, :2] += np.eye(2) * (tolerance.camera_shift_px * self.pixel) ** 2
         # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
         covariance += np.diag([1e-18, 1e-18, 1e-18])
         if self.in_world:
@@ -80,6 +86,43 @@ class Antenna:
         """Size [m] of a pixel at the middle of the beam at rest."""
         middle = np.array([self.rig.beam.length / 2, 0.0, 0.0]) + self.rig.base_position
         return float(1 / self.calibration.camera.pixels_per_metre(middle[None])[0])
+
+    def tip_in_beam_frame(self, pixel: Floats, covariance: Floats) -> Tip:
+        """Locate a tip seen at `pixel` (2,), with `covariance` (2, 2) [px^2], on plane C.
+
+        What is seen of a cylinder's end is the rim that is nearest to the camera: on the mean over
+        the beam's width it is pi/4 of the radius above the axis.
+        """
+        camera = self.calibration.camera
+        # How the point moves with the pixel's u and v.
+        points, by_pixel = on_plane(camera, np.array([pixel, pixel]), np.eye(2))
+        viewpoint, point = camera.viewpoint, raised(points[:1], camera.viewpoint, self.rig)[0]
+        lift = self.rig.beam.radius * math.pi / 4
+        outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
+        axes, clamp = self.antenna_from_beam[:2, :2], self.antenna_from_beam[:2, 3]
+        turned = by_pixel @ axes
+        return Tip((point - lift * outward - clamp) @ axes, turned.T @ covariance @ turned)
+
+    @cached_property
+    def tip_at_rest(self) -> Tip | None:
+        """The tip at rest, in the frame of the beam at rest; None where it was not seen."""
+        at_rest = self.at_rest
+        if at_rest.tip is None or at_rest.tip_covariance is None or self.in_world:
+            return None
+        return self.tip_in_beam_frame(at_rest.tip, at_rest.tip_covariance)
+
+    @cached_property
+    def tip_sigma(self) -> float | None:
+        """Relative sigma of the length up to the tip that is seen, known from the rest images.
+
+        None where they do not show it. An error of the clamp's place along the beam counts, for
+        it is one of the length between clamp and tip.
+        """
+        tip = self.tip_at_rest
+        if tip is None:
+            return None
+        variance = tip.covariance[0, 0] + self.base_covariance[0, 0]
+        return math.sqrt(variance) / self.rig.beam.length
 
     @cached_property
     def lengths_sigma(self) -> float:

@@ -4,18 +4,21 @@ Copies of one image count once. An image that shows the beam elsewhere than the 
 or swinging, is left out.
 """
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, Extractor
+from solver.centreline.beam import Beam
 from solver.centreline.guide import Guide
 from solver.centreline.noise import noise_of
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
+from solver.instrument.units import DEGREE
 from solver.landmarks import Landmarks, learn_landmarks
 from solver.rest import Rest, disagreements, learn_rest
 
@@ -28,6 +31,9 @@ MOST_DISAGREEMENT_PX = 0.25
 BESIDE_PX = 3.0
 # The beam's path for the landmarks goes on beyond its tip by this share of its length.
 BEYOND_TIP = 1.08
+# A beam farther off the rig's x axis is not the one that the rig describes [rad]: it is sought up
+# to 0.12 rad, and a bow adds to that.
+MOST_ASKEW = 0.17
 
 
 @dataclass(frozen=True)
@@ -36,12 +42,15 @@ class AtRest:
 
     `copies` counts the images that repeat another one, `left_out` holds the indices, among the
     distinct images, of those that disagree with the others, `disagreement_px` is the largest
-    difference among the images that were used.
+    difference among the images that were used. `tip` (2,) [px] is the image of the free end and
+    `tip_covariance` (2, 2) [px^2] its error; None where it is not seen.
     """
 
     extract: Extractor
     rest: Rest
     landmarks: Landmarks
+    tip: Floats | None
+    tip_covariance: Floats | None
     copies: int
     left_out: tuple[int, ...]
     disagreement_px: float
@@ -69,10 +78,43 @@ def learn_at_rest(
     if largest > MOST_DISAGREEMENT_PX:
         raise _moving(largest)
     rest = learn_rest(lines, calibration, rig)
+    _check_direction(rest, extract, used[0], lines[0], rig)
     landmarks = learn_landmarks(
         used, _path(rest, calibration, rig), 4 * guide.radius_px + 2 * BESIDE_PX, noise_of(used)
     )
-    return AtRest(extract, rest, landmarks, len(images) - len(distinct), odd, largest)
+    tip, tip_covariance = _mean_tip(lines)
+    copies = len(images) - len(distinct)
+    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, odd, largest)
+
+
+def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:
+    """The tip's mean pixel and its covariance; the pixel grid's part is the same in all images."""
+    tips = [line.tip for line in lines if line.tip is not None]
+    covariances = [line.tip_covariance for line in lines if line.tip_covariance is not None]
+    if 2 * len(tips) <= len(lines):
+        return None, None
+    return np.mean(tips, axis=0), np.mean(covariances, axis=0)
+
+
+def _check_direction(
+    rest: Rest, extract: Extractor, image: Grey, line: Centreline, rig: Rig
+) -> None:
+    """Refuse a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
+    where = "board.antenna_from_board_rotation_vector_deg"
+    angle = math.atan(rest.slope)
+    if abs(angle) > MOST_ASKEW and rig.camera_mount == "antenna":
+        raise InputError(
+            f"the beam at rest lies at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
+            f"are {MOST_ASKEW / DEGREE:.0f}: correct the third number of {where} by as much"
+        )
+    if line.tip is None and isinstance(extract, Beam):
+        turned = replace(extract, guide=extract.guide.turned_about())
+        if turned(image).tip is not None:
+            raise InputError(
+                "the beam's free end is where the rig says that it is clamped: the rig's x axis "
+                f"runs from the clamp to the tip, so turn {where} by 180 degrees about z and "
+                "correct board.antenna_from_board_translation_mm"
+            )
 
 
 def _distinct(images: Sequence[Grey]) -> list[Grey]:

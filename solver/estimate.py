@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -16,6 +17,7 @@ from solver.centreline.guide import Guide
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.gray_scale import gray_scale
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.instrument.observation import NOTHING_READ, Observations, Readings
 from solver.instrument.rig import Rig
@@ -25,6 +27,11 @@ from solver.rest import Rest
 from solver.sag import raised
 
 WORST_REPROJECTION_PX = 0.5
+# A bent beam's course across its direction at the clamp, in powers of the distance; of a short
+# stretch the first two, and none of fewer points than these.
+CURVE_POWERS, LEAST_CURVE_POINTS = (2, 3, 4, 5, 6), 8
+# The points nearest to the tip that show the direction of the beam's straight end.
+BESIDE_TIP = 30
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
@@ -42,13 +49,22 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
             f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
             "can describe?"
         )
-    images = list(observations.read_rest_images())
+    scale = gray_scale(observations.read_rest_images(), rig.bits)
+    images = [scale(image) for image in observations.read_rest_images()]
     nominal = np.diag([1.0, rig.deflects_towards, 1.0, 1.0])
     nominal[:3, 3] = rig.base_position
     in_world = rig.camera_mount == "world"
-    guide = Guide(calibration.camera, nominal, rig.beam.length, rig.beam.radius, in_world)
+    guide = Guide(
+        calibration.camera,
+        nominal,
+        rig.beam.length,
+        rig.beam.radius,
+        in_world,
+        scale.full_scale,
+    )
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
-    return Antenna(rig, calibration, at_rest, *certainty(calibration, rig))
+    known = certainty(calibration, rig)
+    return Antenna(rig, calibration, at_rest, known.clamp, known.scale, scale)
 
 
 def measure(
@@ -72,10 +88,12 @@ def measure(
     if not rest.straight:
         points, sigmas = _unbowed(points, sigmas, rest, rig)
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
+    bow_error = _bow_error(points, rest)
+    points = (points - clamp) @ axes
     return Measurement(
-        view=View((points - clamp) @ axes, sigmas @ axes, antenna.viewpoint, _tip(antenna, line)),
+        view=View(points, sigmas @ axes, antenna.viewpoint, _tip(antenna, line, points)),
         base_covariance=_base_covariance(antenna, line),
-        scale_sigma=math.hypot(antenna.lengths_sigma, _bow_error(points, rest)),
+        scale_sigma=math.hypot(antenna.lengths_sigma, bow_error),
         motor_angle=None if antenna.in_world else readings.motor_angle,
         rig=rig,
         antenna_from_beam=antenna.antenna_from_beam,
@@ -84,6 +102,7 @@ def measure(
         base_moment=readings.base_moment,
         earlier=tuple(earlier),
         viewpoint_known=antenna.calibration.viewpoint_known,
+        tip_sigma=antenna.tip_sigma,
     )
 
 
@@ -94,40 +113,48 @@ def _base_covariance(antenna: Antenna, line: Centreline) -> Floats:
     return covariance
 
 
-def _tip(antenna: Antenna, line: Centreline) -> Tip | None:
-    """The tip on plane C, in the frame of the beam at rest.
+def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
+    """Locate the tip in the frame of the beam at rest, where `points` (n, 2) [m] of the beam are.
 
-    What is seen of a cylinder's end is the rim that is nearest to the camera: on the mean over the
-    beam's width it stands pi/4 of the radius above the axis.
+    An end that is cut, rounded or shaded looks longer or shorter than the beam is, at rest as much
+    as when bent: what the rest images show of that is taken off along the beam's end.
     """
     if line.tip is None or line.tip_covariance is None:
         return None
-    camera, rig = antenna.calibration.camera, antenna.rig
-    # How the point moves with the pixel's u and v.
-    points, by_pixel = on_plane(camera, np.array([line.tip, line.tip]), np.eye(2))
-    viewpoint, point = camera.viewpoint, raised(points[:1], camera.viewpoint, rig)[0]
-    lift = rig.beam.radius * math.pi / 4
-    outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
-    axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
-    turned = by_pixel @ axes
-    covariance = turned.T @ line.tip_covariance @ turned
-    return Tip((point - lift * outward - clamp) @ axes, covariance)
+    tip = antenna.tip_in_beam_frame(line.tip, line.tip_covariance)
+    at_rest = antenna.tip_at_rest
+    if at_rest is None or not len(points):
+        return tip
+    nearest = np.argsort(np.linalg.norm(points - tip.point, axis=1))[:BESIDE_TIP]
+    along = tip.point - points[nearest].mean(axis=0)
+    excess = at_rest.point[0] - antenna.rig.beam.length
+    return Tip(tip.point - excess * along / np.linalg.norm(along), tip.covariance)
 
 
 def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:
     """Points (n, 2) on C and their one-sigma vectors, as a straight beam would show them.
 
-    A bow moves every point of the bent beam along its normal there, by as much as at rest.
+    A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc
+    lengths and normals are those of a smooth curve through the points that leaves the clamp as the
+    beam at rest does, so that it also holds where the beam's first part is hidden.
     """
+    if len(points) < LEAST_CURVE_POINTS:
+        return points, sigmas
     x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
-    curve = np.polynomial.Polynomial.fit(x, y, min(6, len(x) // 4), domain=[0, rest.length])
-    slope = curve.deriv()(x)
-    # Arc length from the clamp, which the bow is told by.
-    fine = np.linspace(0, rest.length, 241)
-    steps = np.hypot(1, curve.deriv()(fine))
-    arc = np.interp(x, fine, cumulative_trapezoid(steps, fine, initial=0.0))
+    terms = len(CURVE_POWERS) if np.ptp(x) > rest.length / 3 else 2
+    powers = np.array(CURVE_POWERS[:terms])
+    place = x[:, None] / rest.length
+    coefficients, *_ = np.linalg.lstsq(place**powers, y - rest.slope * x)
+    weights = coefficients * powers / rest.length
+
+    def slope(at: Floats) -> Floats:
+        return np.asarray(rest.slope + (at[:, None] / rest.length) ** (powers - 1) @ weights)
+
+    # Arc length from the clamp, by which the bow is known.
+    fine = np.linspace(0, max(rest.length, float(x.max())), 241)
+    arc = np.interp(x, fine, cumulative_trapezoid(np.hypot(1, slope(fine)), fine, initial=0.0))
     bow, bow_sigma = rest.bow_at(np.minimum(arc, rest.length))
-    normal = np.column_stack([-slope, np.ones_like(slope)]) / np.hypot(1, slope)[:, None]
+    normal = np.column_stack([-slope(x), np.ones_like(x)]) / np.hypot(1, slope(x))[:, None]
     size = np.maximum(np.linalg.norm(sigmas, axis=1), 1e-15)
     return points - bow[:, None] * normal, sigmas * (np.hypot(size, bow_sigma) / size)[:, None]
 
@@ -162,13 +189,13 @@ def see(antenna: Antenna, image: Grey) -> Centreline:
             f"the calibration {camera.width} x {camera.height}"
         )
     # Compiled for one layout of an image only.
-    return antenna.extract(np.ascontiguousarray(image))
+    return antenna.extract(np.ascontiguousarray(antenna.scale(image)))
 
 
 def moved(antenna: Antenna, image: Grey) -> Estimate | None:
     """Refuse an image (height, width) whose landmarks have moved since the rest images."""
-    shift = antenna.at_rest.landmarks.shift_of(image)
-    if shift is None or not shift.exceeds(0.0):
+    shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
+    if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):
         return None
     return Estimate(
         Outcome.CAMERA_MOVED,
@@ -195,15 +222,18 @@ def estimate(
         return Estimate(Outcome.INVALID, str(error))
     except Exception as error:  # noqa: BLE001 - any failure is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
-    return answer(method, measurement)
+    return answer(method, measurement, line.remark)
 
 
-def answer(method: Method, measurement: Measurement) -> Estimate:
-    """What a method says of a measurement; whatever else it does is the outcome "crashed"."""
+def answer(method: Method, measurement: Measurement, remark: str = "") -> Estimate:
+    """What a method says of a measurement; whatever else it does is the outcome "crashed".
+
+    A `remark` on the image is added to the message.
+    """
     try:
         given: object = method(measurement)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
     if not isinstance(given, Estimate):  # a method of someone else's may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(given).__name__}, not an Estimate")
-    return given
+    return replace(given, message="; ".join(filter(None, (given.message, remark))))

@@ -59,7 +59,7 @@ class Sequence:
         except Exception as error:  # noqa: BLE001 - any failure is a row in the table
             crashed = Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
             return Solved(crashed, line, time.perf_counter() - began)
-        estimate = answer(self._method, measurement)
+        estimate = answer(self._method, measurement, line.remark)
         seconds = time.perf_counter() - began
         if estimate.outcome is Outcome.NO_CONTACT and not push_id:
             self._push = []

@@ -1,6 +1,7 @@
 """How well a calibration places the beam: what its covariance means on plane C."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,14 +13,24 @@ from solver.instrument.transforms import invert, rigid
 from solver.plane import on_plane
 
 
-def certainty(calibration: Calibration, rig: Rig) -> tuple[float, float]:
-    """One-sigma errors along the beam: of a place at the clamp [m], and relative, of lengths.
+class Certainty(NamedTuple):
+    """One-sigma errors that a calibration leaves on plane C.
 
-    Across the beam the rest images take such errors off. Zero where the calibration states no
-    covariance.
+    Along the beam: `clamp` of a place at the clamp [m], `scale` of lengths, relative. Across it:
+    `across` of a place at the clamp [m], `turn` of directions [rad]; the rest images take these
+    off.
     """
+
+    clamp: float
+    scale: float
+    across: float
+    turn: float
+
+
+def certainty(calibration: Calibration, rig: Rig) -> Certainty:
+    """Carry a calibration's covariance to the beam on plane C; zero where it states none."""
     if calibration.covariance is None:
-        return 0.0, 0.0
+        return Certainty(0.0, 0.0, 0.0, 0.0)
     camera = calibration.camera
     x = rig.beam.length * np.linspace(0.05, 0.95, 10)
     places = rig.base_position + np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
@@ -29,16 +40,16 @@ def certainty(calibration: Calibration, rig: Rig) -> tuple[float, float]:
     # The line through the errors along the beam: what it says at the clamp, and its slope.
     line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))
     sigma = np.sqrt(np.diag(calibration.covariance))
-    slopes = np.empty((2, len(sigma)))
+    slopes = np.empty((4, len(sigma)))
     # Steps so small that they are linear; together parameters are known better than each alone.
     for i, step in enumerate(1e-3 * sigma):
         moved = np.zeros_like(sigma)
         moved[i] = step
         seen, _ = on_plane(_moved(camera, moved, rig), pixels, np.zeros_like(pixels))
-        slopes[:, i] = line @ (seen[:, 0] - places[:, 0]) / (step or 1.0)
+        slopes[:2, i] = line @ (seen[:, 0] - places[:, 0]) / (step or 1.0)
+        slopes[2:, i] = line @ (seen[:, 1] - places[:, 1]) / (step or 1.0)
     variance = np.diag(slopes @ calibration.covariance @ slopes.T)
-    at_clamp, relative = np.sqrt(np.maximum(variance, 0.0))
-    return float(at_clamp), float(relative)
+    return Certainty(*(float(value) for value in np.sqrt(np.maximum(variance, 0.0))))
 
 
 def _moved(camera: Camera, change: Floats, rig: Rig) -> Camera:

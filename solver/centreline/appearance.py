@@ -33,7 +33,8 @@ class Appearance:
     `polarity` is 1 for a beam brighter than its ground and -1 for a darker one; `amplitude` [gray
     px] along `length` [px] of the path; `misfit` is the typical chi^2 per degree of freedom of a
     profile fit, at least 1; `sigma_px` is the part of a centre's error that does not come from
-    the sensor's noise. `half` pixels on either side are fitted.
+    the sensor's noise; `ground` is the background's median gray value. `half` pixels on either
+    side are fitted.
     """
 
     polarity: int
@@ -44,6 +45,7 @@ class Appearance:
     length: Floats
     misfit: float
     sigma_px: float
+    ground: float
     half: int
     full_scale: int
 
@@ -55,7 +57,7 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
     """
     noise = noise_of(images)
     image = images[0]
-    full_scale = 255 if image.dtype == np.uint8 else _full_scale(images)
+    full_scale = guide.full_scale or int(np.iinfo(image.dtype).max)
     seen = []
     for times, polarity in product(WIDTHS, (1, -1)):
         wider = replace(guide, radius=times * guide.radius)
@@ -76,11 +78,6 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
     look = _Rested(images, places, noise, polarity, guide.radius_px, full_scale).appearance()
     seen_radius = look.section.radius * guide.pixel
     return look, replace(guide, antenna_from_beam=turned, radius=seen_radius)
-
-
-def _full_scale(images: Sequence[Grey]) -> int:
-    """The largest gray value of a deep image: one less than the power of two that holds it all."""
-    return int(2 ** np.ceil(np.log2(max(int(image.max()) for image in images) + 1)) - 1)
 
 
 @dataclass(frozen=True)
@@ -155,6 +152,7 @@ class _Rested:
             length=self.places.length[kept],
             misfit=max(1.0, float(np.median([f.chi2[kept] / f.dof[kept] for f in fits]))),
             sigma_px=float(np.sqrt(max(scatter - by_noise, 0.0))),
+            ground=float(np.median([np.median(f.background[kept]) for f in fits])),
             half=self._half(section),
             full_scale=self.full_scale,
         )

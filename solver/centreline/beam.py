@@ -23,6 +23,9 @@ from solver.instrument.arrays import Floats, Grey
 
 # A tip must lie so far along the beam, over its length.
 SHORTEST, LONGEST = 0.75, 1.3
+# An image differs from the rest images if its beam or ground is brighter by this factor, the ground
+# by this share of full scale, too: twice a usual drift of lamps. Chosen.
+OTHER, LEAST_STEP = 1.4, 0.02
 # The beam turned about its clamp by another camera's mount [rad].
 ANY_TILT = 0.6
 
@@ -85,6 +88,23 @@ class Beam:
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
             common_sigma=_common_sigma(fits.centre[good], sigma[good], noise[good]),
+            remark=self._remark(share[good], fits.background[good]),
+        )
+
+    def _remark(self, share: Floats, ground: Floats) -> str:
+        """Say by how much beam and ground are brighter or darker than at rest; "" if not much."""
+        if not len(share):
+            return ""
+        look = self.appearance
+        beam, level = float(np.median(share)), float(np.median(ground))
+        off = level - look.ground
+        ratio = max(level, 1.0) / max(look.ground, 1.0)
+        uneven = abs(off) > LEAST_STEP * look.full_scale and not 1 / OTHER < ratio < OTHER
+        if not uneven and 1 / OTHER < beam < OTHER:
+            return ""
+        return (
+            f"this image differs from the rest images: ground {ratio:.2g} times and beam "
+            f"{beam:.2g} times as bright; have exposure, gain, gamma or light been changed?"
         )
 
 

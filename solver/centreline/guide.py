@@ -1,6 +1,6 @@
 """Between image and beam: where a place of the beam's plane is seen, and the other way."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,8 @@ class Guide:
     """The camera, and the frame of the beam at rest in plane C (`antenna_from_beam`, (4, 4)).
 
     `length` [m] of the beam and `radius` [m] of its section. `free_tilt` says that the motor may
-    have turned the beam by any angle against the camera.
+    have turned the beam by any angle against the camera. `full_scale` is a saturated pixel's gray
+    value, None where it is the largest of the image's type.
     """
 
     camera: Camera
@@ -24,6 +25,7 @@ class Guide:
     length: float
     radius: float
     free_tilt: bool = False
+    full_scale: int | None = None
 
     def pixels(self, places: Floats) -> Floats:
         """Pixels (n, 2) of places (n, 2) [m] of the beam's frame in plane C."""
@@ -40,6 +42,12 @@ class Guide:
         if self.camera.distortion:
             pixels = self.camera.undistorted_pixels(pixels)
         return through(self._beam_from_image, pixels)
+
+    def turned_about(self) -> "Guide":
+        """The guide of a beam clamped at this one's tip, whose tip is where this one is clamped."""
+        half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+        half_turn[0, 3] = self.length
+        return replace(self, antenna_from_beam=self.antenna_from_beam @ half_turn)
 
     @cached_property
     def _image_from_beam(self) -> Floats:

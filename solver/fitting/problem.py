@@ -1,5 +1,6 @@
 """A measurement as the arrays that the compiled fit takes, and the fit of one frame."""
 
+import math
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import Any
@@ -99,10 +100,11 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
     shape_free = [Q, LEVER, DX, DY, TILT]
     if tips:
         shape_free.append(STRETCH)
-        known[STRETCH_SIGMA] = max(
-            float(np.hypot(rig.tolerances.beam_length / length, measurement.scale_sigma)),
-            _LEAST_TOLERANCE,
-        )
+        stretch_sigma = measurement.tip_sigma
+        if stretch_sigma is None:
+            tolerance = rig.tolerances.beam_length / length
+            stretch_sigma = math.hypot(tolerance, measurement.scale_sigma)
+        known[STRETCH_SIGMA] = max(stretch_sigma, _LEAST_TOLERANCE)
     if measurement.moment_y is not None and rig.sensors.moment_y is not None:
         shape_free.append(RIGIDITY)
         rotation = measurement.antenna_from_beam[:3, :3]

@@ -26,7 +26,8 @@ class Centreline:
     along the row where the beam is steep. `sigma` (n,) [px]. `rejected` (m, 2) [px] are places
     where the beam should be and was not measured, `flags` (m,) why. `tip` (2,) [px] is the image
     of the beam's free end and `tip_covariance` (2, 2) [px^2] its error; None where it is not seen.
-    `common_sigma` [px] is the error, along the directions, that all points share.
+    `common_sigma` [px] is the error, along the directions, that all points share. `remark` says how
+    the image differs from the rest images, "" where it does not.
     """
 
     points: Floats
@@ -37,6 +38,7 @@ class Centreline:
     tip: Floats | None = None
     tip_covariance: Floats | None = None
     common_sigma: float = 0.0
+    remark: str = ""
 
     def __post_init__(self) -> None:
         points = frozen_floats("points", self.points, (None, 2))

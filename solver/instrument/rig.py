@@ -30,11 +30,15 @@ RIGIDITIES_N_MM2 = (1e-18, 1e18)
 SENSED = (1e-15, 1e6)  # noise of a sensor [N] or [N mm]
 POINTS = (3, 200)  # of a board, each way; OpenCV's detectors take minutes over more
 BITS = (8, 16)
+MOST_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """One-sigma tolerances: lengths [m], angles [rad], flexural rigidity [N m^2]."""
+    """One-sigma tolerances: lengths [m], angles [rad], flexural rigidity [N m^2].
+
+    `camera_shift_px` [px] is how far the image may shift from frame to frame without being noticed.
+    """
 
     beam_length: float
     flexural_rigidity: float
@@ -42,6 +46,7 @@ class Tolerances:
     board_translation: float
     board_rotation: float
     encoder: float
+    camera_shift_px: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -124,6 +129,8 @@ def rig_to_json(rig: Rig) -> str:
             "distortion_coefficients": rig.distortion_coefficients,
         },
     }
+    if tol.camera_shift_px:
+        document["camera"]["camera_shift_sigma_px"] = tol.camera_shift_px
     if rig.bits is not None:
         document["camera"]["bits"] = rig.bits
     if rig.channel != "gray":
@@ -199,6 +206,9 @@ def read_rig(path: Path) -> Rig:
             board_translation=key.number("board.translation_sigma_mm", 0, FARTHEST_MM) * mm,
             board_rotation=key.number("board.rotation_sigma_deg", 0, 180) * DEGREE,
             encoder=key.number("encoder.sigma_deg", 0, 180) * DEGREE,
+            camera_shift_px=key.number("camera.camera_shift_sigma_px", 0, MOST_SHIFT_PX)
+            if key.has("camera.camera_shift_sigma_px")
+            else 0.0,
         ),
         telecentric=telecentric,
         camera_mount=key.one_of("camera.mount", MOUNTS) if key.has("camera.mount") else "antenna",

@@ -9,11 +9,11 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.centreline.beam import Beam
 from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.lab.findings import Finding, findings
 
 # What one line of advice is worth saying about.
 LARGE_REPROJECTION_PX = 0.2
 LARGE_SCALE = 2e-3
-LARGE_BOW = 5e-3
 THIN_PX = 1.2
 ROUGH_PX = 0.05
 
@@ -26,7 +26,8 @@ class Checked:
     `leaning_deg` its optical axis' angle to C's normal. Sigmas are None where the calibration
     states none. `lengths_sigma_pct` is what the calibration's own noise leaves of lengths along
     the beam. `bow_mm` is the largest departure of the beam at rest from a line, 0 where none was
-    found, and `roughness_px` what of a centre's error is not the sensor's noise.
+    found, and `roughness_px` what of a centre's error is not the sensor's noise. `findings` are
+    contradictions between images and rig.json.
     """
 
     reprojection_px: float
@@ -53,6 +54,7 @@ class Checked:
     width_px: float
     spread_px: float
     roughness_px: float
+    findings: tuple[Finding, ...]
 
     @property
     def meaning(self) -> str:
@@ -64,17 +66,17 @@ class Checked:
             odd.append("one view: only methods in plane C, of a beam that does not leave it")
         if 0.01 * self.lengths_sigma_pct > LARGE_SCALE:
             odd.append("lengths are known poorly: more views, nearer, the board filling the image")
-        if self.bow_share > LARGE_BOW:
-            odd.append("the beam is much bowed: straighten it, or state beam.sag_mm if it hangs")
         if self.width_px < THIN_PX:
             odd.append("the beam is thin in the image: come nearer, or take more pixels")
         if self.roughness_px > ROUGH_PX:
             odd.append("the beam is rough or its light uneven: centres err by more than the noise")
+        odd += [finding.message for finding in self.findings]
         return f"look again: {'; '.join(odd)}" if odd else "good: nothing stands out"
 
     def json(self) -> str:
         """One line of JSON."""
-        return json.dumps({**asdict(self), "meaning": self.meaning})
+        named = [finding._asdict() for finding in self.findings]
+        return json.dumps({**asdict(self), "findings": named, "meaning": self.meaning})
 
     def text(self) -> str:
         """A few lines for a person."""
@@ -159,6 +161,7 @@ def checked(antenna: Antenna) -> Checked:
         width_px=2 * look.section.radius,
         spread_px=look.section.spread,
         roughness_px=look.sigma_px,
+        findings=findings(antenna),
     )
 
 

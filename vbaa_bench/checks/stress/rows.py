@@ -39,8 +39,8 @@ class Wanted:
 class Row:
     """One row: its name, what was done in words, the perturbation and the wanted figures.
 
-    `signs` are the findings and outcomes that name what was done. Where there are none, nothing is
-    wrong that should be detected, and any finding is a false alarm.
+    `signs` are the findings, outcomes and words of messages that name what was done. Where there
+    are none, nothing is wrong that should be detected, and any finding is a false alarm.
     """
 
     name: str
@@ -85,7 +85,7 @@ ROWS: Final = (
         "gamma 1/2.2 on frames only",
         gray.frames_curved(1 / 2.2),
         _TOLD,
-        frozenset({"images_differ_from_rest", "images differ from rest"}),
+        frozenset({"differs from the rest images"}),
     ),
     Row("gamma_all", "gamma 1/2.2 on all images", gray.all_curved(1 / 2.2), _usable()),
     Row("flicker", "flicker of 3 %", gray.flickering(0.03), _usable()),

@@ -1,0 +1,129 @@
+"""What a laboratory should look at before it trusts its rig: the rest images against rig.json."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from solver.antenna import Antenna
+from solver.calibrate.certainty import certainty
+from solver.instrument.units import DEGREE, MILLIMETRE
+
+# A figure that contradicts another by more of their combined sigmas is a finding.
+CONTRADICTION = 3.0
+
+
+class Finding(NamedTuple):
+    """A short `name` for programs, and a `message` that says what was found and how to mend it."""
+
+    name: str
+    message: str
+
+
+def findings(antenna: Antenna) -> tuple[Finding, ...]:
+    """List what contradicts rig.json, or itself, in the images of the board and of the rest."""
+    checks = (_copies, _left_out, _bent, _scale, _pose, _landmarks)
+    return tuple(finding for check in checks for finding in check(antenna))
+
+
+def _copies(antenna: Antenna) -> Iterator[Finding]:
+    if antenna.at_rest.copies:
+        yield Finding(
+            "rest_images_identical",
+            f"{antenna.at_rest.copies} of the rest images are copies of another and count for "
+            "nothing: take each with an exposure of its own",
+        )
+
+
+def _left_out(antenna: Antenna) -> Iterator[Finding]:
+    if antenna.at_rest.left_out:
+        numbers = ", ".join(str(i + 1) for i in antenna.at_rest.left_out)
+        yield Finding(
+            "rest_image_left_out",
+            f"distinct rest image {numbers} shows the beam elsewhere than the others, touched or "
+            "swinging, and was left out",
+        )
+
+
+def _bent(antenna: Antenna) -> Iterator[Finding]:
+    rest = antenna.rest
+    if not rest.straight:
+        bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
+        yield Finding(
+            "rest_images_bent",
+            f"the beam at rest is bent by {np.abs(bow).max() / MILLIMETRE:.3f} mm, which is taken "
+            "off as its own bow: if it is straight by itself, something touches it; if it hangs, "
+            "state beam.sag_mm",
+        )
+
+
+def _scale(antenna: Antenna) -> Iterator[Finding]:
+    """Square, length and zoom show only as one inconsistency, between the base and the tip."""
+    tip, rig = antenna.tip_at_rest, antenna.rig
+    if tip is None:
+        return
+    tolerance = rig.tolerances
+    length = rig.beam.length
+    # An end that is cut, rounded or shaded looks longer or shorter by up to its radius.
+    sigma = math.hypot(
+        tolerance.beam_length,
+        math.sqrt(antenna.base_covariance[0, 0]),
+        antenna.lengths_sigma * length,
+        math.sqrt(tip.covariance[0, 0]),
+        rig.beam.radius / 2,
+    )
+    off = tip.point[0] - length
+    if abs(off) > CONTRADICTION * sigma:
+        yield Finding(
+            "scale_inconsistent",
+            f"the tip at rest is seen {tip.point[0] / MILLIMETRE:.2f} mm from the clamp, stated is "
+            f"a length of {length / MILLIMETRE:.2f} mm, and their sigma is "
+            f"{sigma / MILLIMETRE:.2f} mm: board.square_mm, beam.length_mm, base.position_mm or a "
+            "zoom after the calibration is wrong; nothing in the images says which",
+        )
+
+
+def _pose(antenna: Antenna) -> Iterator[Finding]:
+    """The beam at rest against the x axis that the board's stated pose defines."""
+    rig, rest = antenna.rig, antenna.rest
+    if antenna.in_world:  # where the motor's angle at rest is not stated
+        return
+    tolerance = rig.tolerances
+    known = certainty(antenna.calibration, rig)
+    place_sigma = math.hypot(
+        tolerance.base_position,
+        tolerance.board_translation,
+        # The board turns about its middle.
+        tolerance.board_rotation * rig.beam.length / 2,
+        known.across,
+        math.sqrt(rest.line_covariance[0, 0]),
+    )
+    turn_sigma = math.hypot(
+        tolerance.board_rotation, known.turn, math.sqrt(rest.line_covariance[1, 1])
+    )
+    place, turn = rest.y_at_clamp - rig.base_position[1], math.atan(rest.slope)
+    if abs(turn) > CONTRADICTION * turn_sigma:
+        yield Finding(
+            "pose_inconsistent",
+            f"the beam at rest lies at {turn / DEGREE:.3f} degrees to the rig's x axis, with a "
+            f"sigma of {turn_sigma / DEGREE:.3f}: board.antenna_from_board_rotation_vector_deg is "
+            "wrong, board.rotation_sigma_deg too small, or the beam is clamped askew",
+        )
+    elif abs(place) > CONTRADICTION * place_sigma:
+        yield Finding(
+            "pose_inconsistent",
+            f"the beam at rest leaves the clamp {place / MILLIMETRE:.3f} mm beside its stated "
+            f"place, with a sigma of {place_sigma / MILLIMETRE:.3f} mm: base.position_mm or "
+            "board.antenna_from_board_translation_mm is wrong, or their sigmas are too small",
+        )
+
+
+def _landmarks(antenna: Antenna) -> Iterator[Finding]:
+    if not antenna.at_rest.landmarks.known:
+        yield Finding(
+            "camera_shift_unknown",
+            "nothing beside the beam has edges in the image, so a camera that moves later cannot "
+            "be noticed: bring the clamp or a fixed mark into view, or state "
+            "camera.camera_shift_sigma_px",
+        )
