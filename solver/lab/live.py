@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.estimate import answer, measure, see
+from solver.estimate import answer, measure, moved, see
 from solver.instrument.arrays import Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View
@@ -68,6 +68,7 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     those of the points that are left when some are rejected.
     """
     see(antenna, np.full_like(rest_image, np.median(rest_image)))
+    moved(antenna, rest_image)
     resting = measure(antenna, see(antenna, rest_image))
     length, view = resting.rig.beam.length, resting.view
     x = np.clip(view.points[:, 0] / length, 0.0, 1.0)

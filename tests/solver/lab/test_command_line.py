@@ -18,6 +18,7 @@ from solver.calibrate.rigidity import hung_beam
 from solver.centreline.extractors import EXTRACTORS
 from solver.estimate import set_up
 from solver.instrument.arrays import Grey
+from solver.instrument.hashes import HASHES
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import open_observations
 
@@ -187,7 +188,7 @@ def test_a_mistake_is_one_sentence(command: Command, root: Path, images: list[Pa
     assert "camera 97: cannot be opened" in command.refused("97", *rig, "--stream")
     assert "method 'magic' is unknown" in command.refused(images[0], *rig, "--method", "magic")
     assert "folder of observations has its own" in command.refused(root, "--readings", "x.csv")
-    shutil.copytree(root, "lab")
+    shutil.copytree(root, "lab", ignore=shutil.ignore_patterns(HASHES))
     shutil.rmtree("lab/rest")
     assert "holds no rest/rest_*.png" in command.refused(images[0], "--rig", "lab/rig.json")
     Path("broken.mp4").write_text("no video")
