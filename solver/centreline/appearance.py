@@ -24,6 +24,12 @@ ASKEW = 0.12
 # A flat strip looks wider than it is thick: times the rig's diameter.
 WIDTHS = (1, 2, 4, 8)
 LEAST_STATIONS = 20
+# Where the section's search begins: diameter over the rig's, spread, roundness, skew. A sharpened
+# beam looks narrower than it is, one out of focus wider.
+STARTS = ((1.0, 0.3, 1.0, 0.0), (1.0, 0.8, 0.5, 0.0))
+PROCESSED_STARTS = tuple((times, *rest) for times in (0.7, 1.4) for _, *rest in STARTS)
+# A section that describes an unprocessed beam leaves a chi^2 per degree of freedom near 1; chosen.
+PROCESSED = 2.0
 
 
 @dataclass(frozen=True)
@@ -93,42 +99,12 @@ class _Rested:
 
     def appearance(self) -> Appearance:
         """The section under which the fitted centres lie on a smooth line and leave least."""
-
-        # In processed images the noise between images says little: misfits are judged by what
-        # the better start leaves.
-        usual = 1.0
-
-        def cost(p: Floats) -> float:
-            section = self._section(p)
-            if section is None:
-                return 1e12
-            fits = self._fits(section)
-            centre, kept = self._mean_centre(fits)
-            if np.count_nonzero(kept) < LEAST_STATIONS:
-                return 1e12
-            off = centre - self._smooth(centre, kept)
-            sigma = np.median([f.sigma[kept] for f in fits], axis=0) / np.sqrt(len(fits))
-            # The Cauchy loss: an object at a few columns does not decide, and a start that is
-            # far off in all of them still knows where to go.
-            rough = np.log1p((off[kept] / sigma) ** 2 / usual / 25).sum() * 25
-            left = sum(np.log1p(f.chi2[kept] / f.dof[kept] / usual / 9).sum() * 36 for f in fits)
-            return float(rough + left)
-
-        # A sharpened beam looks narrower than it is, one out of focus wider.
-        starts = [
-            np.array([times, spread, roundness, 0.0])
-            for times, (spread, roundness) in product((1.0, 0.7, 1.4), ((0.3, 1.0), (0.8, 0.5)))
-        ]
-        start = min(starts, key=cost)
-        usual = self._misfit(start)
-        simplex = start + np.vstack([np.zeros(4), np.diag([0.1, 0.2, 0.4, 0.1])])
-        found = minimize(
-            cost,
-            start,
-            method="Nelder-Mead",
-            options={"initial_simplex": simplex, "maxfev": 90, "xatol": 5e-3, "fatol": 1.0},
-        )
-        section = self._section(found.x)
+        p = self._best(STARTS, 1.0)
+        usual = self._misfit(p)
+        if usual > PROCESSED:
+            # The noise between processed images says little: misfits are judged by what is left.
+            p = self._best((*STARTS, *PROCESSED_STARTS), usual)
+        section = self._section(p)
         if section is None:
             raise InputError("the rest images show no beam of the rig's diameter")
         fits = self._fits(section)
@@ -156,6 +132,35 @@ class _Rested:
             half=self._half(section),
             full_scale=self.full_scale,
         )
+
+    def _best(self, starts: Sequence[tuple[float, ...]], usual: float) -> Floats:
+        """Parameters (4,) of least cost near the best start, with misfits in units of `usual`."""
+
+        def cost(p: Floats) -> float:
+            section = self._section(p)
+            if section is None:
+                return 1e12
+            fits = self._fits(section)
+            centre, kept = self._mean_centre(fits)
+            if np.count_nonzero(kept) < LEAST_STATIONS:
+                return 1e12
+            off = centre - self._smooth(centre, kept)
+            sigma = np.median([f.sigma[kept] for f in fits], axis=0) / np.sqrt(len(fits))
+            # The Cauchy loss: an object at a few columns does not decide, and a start that is
+            # far off in all of them keeps a gradient.
+            rough = np.log1p((off[kept] / sigma) ** 2 / usual / 25).sum() * 25
+            left = sum(np.log1p(f.chi2[kept] / f.dof[kept] / usual / 9).sum() * 36 for f in fits)
+            return float(rough + left)
+
+        start = min((np.array(start) for start in starts), key=cost)
+        simplex = start + np.vstack([np.zeros(4), np.diag([0.1, 0.2, 0.4, 0.1])])
+        found = minimize(
+            cost,
+            start,
+            method="Nelder-Mead",
+            options={"initial_simplex": simplex, "maxfev": 90, "xatol": 5e-3, "fatol": 1.0},
+        )
+        return np.asarray(found.x)
 
     def _misfit(self, p: Floats) -> float:
         """Median chi^2 per degree of freedom that a section leaves; at least 1."""
