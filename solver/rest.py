@@ -145,7 +145,7 @@ class _MeanLine(NamedTuple):
 
 
 class _LinearFit(NamedTuple):
-    """Coefficients (m,), their covariance (m, m), chi^2, and the residuals' variance in sigmas."""
+    """Coefficients (m,), their covariance (m, m), chi^2, and what chi^2 is to be divided by."""
 
     coefficients: Floats
     covariance: Floats
@@ -170,14 +170,14 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     # Counted only where chance would not show as much in one rig of a thousand.
     if repeating < 3 * math.sqrt(2 / len(y)) * (variance + mean.random):
         repeating = 0.0
-    widening = max(variance * correlation, repeating * len(y) / (mean.rows + 1))
+    repeated = repeating * len(y) / (mean.rows + 1)
     # The median, so that an object beside the beam does not hide a bow.
     robust = (1.4826 * float(np.median(np.abs(residual)))) ** 2
     return _LinearFit(
         coefficients,
-        inverse * widening,
+        inverse * max(variance * correlation, repeated),
         float(residual @ residual),
-        max(robust, 1.0) * correlation,
+        max(max(robust, 1.0) * correlation, repeated),
     )
 
 
