@@ -19,6 +19,8 @@ from solver.instrument.transforms import turn_about_z
 METRES_PER_PIXEL = 0.5e-3
 LENGTH, RADIUS = 0.140, 0.4e-3
 WIDTH, HEIGHT = 320, 128
+TIPS = ("square", "rounded", "oblique", "faded")
+FADED_PX = 2.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,11 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Look:
-    """How the beam looks: brightness of its middle and of the ground, in shares of full scale."""
+    """How the beam looks: brightness of its middle and of the ground, in shares of full scale.
+
+    `tip` is one of TIPS: the free end is cut square, rounded off, cut at 45 degrees, or square
+    and shaded over its last FADED_PX.
+    """
 
     beam: float = 0.9
     ground: float = 0.05
@@ -55,6 +61,7 @@ class Look:
     spread_px: float = 0.5
     roundness: float = 0.6
     skew: float = 0.0
+    tip: str = "square"
 
     @property
     def dark(self) -> "Look":
@@ -130,11 +137,23 @@ def cover(
         across -= curvature[k, None] * along**2 / 2
         place = fine[k, None] + along
         r = across / look.radius_px
-        inside = (np.abs(r) < 1) & (place > 0) & (place < s[-1])
+        before_tip = _before_tip(s[-1] - place, r, look)
+        inside = (np.abs(r) < 1) & (place > 0) & (before_tip > 0)
         shine = np.where(inside, np.clip(1 - r**2, 0, 1) ** (look.roundness / 2), 0.0)
+        if look.tip == "faded":
+            shine *= np.clip(before_tip / FADED_PX, 0, 1)
         covered[some] = inside.mean(axis=1)
         shining[some] = (shine * (1 + look.skew * r)).mean(axis=1)
     return covered.reshape(shape), shining.reshape(shape)
+
+
+def _before_tip(before_end: Floats, r: Floats, look: Look) -> Floats:
+    """Measure along the beam to its tip [px], from `before_end` [px] and r radii off the axis."""
+    if look.tip == "rounded":
+        return before_end - look.radius_px * (1 - np.sqrt(np.clip(1 - r**2, 0, 1)))
+    if look.tip == "oblique":
+        return before_end - look.radius_px * (1 + r)
+    return before_end
 
 
 def _lattice(spread: float, points: int, generator: int) -> tuple[Floats, Floats]:

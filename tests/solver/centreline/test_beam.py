@@ -2,12 +2,14 @@
 
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 
 from solver.centreline import Centreline, Flag
 from solver.centreline.background_subtracted import Centroid, learn_centroid
 from solver.centreline.beam import Beam, learn_beam
+from solver.centreline.flags import follow
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
@@ -296,3 +298,48 @@ def test_the_centroid_rejects_what_is_overexposed() -> None:
     assert not np.isin(over, np.rint(line.points[:, 0])).any()
     assert np.count_nonzero(line.flags == Flag.SATURATED) > 50
     assert np.abs(errors(line, pixels)).max() < 5
+
+
+def compressed(image: Grey, quality: int) -> Grey:
+    """An image as JPEG leaves it."""
+    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
+
+
+@pytest.mark.parametrize("quality", [85, 50])
+def test_points_of_a_compressed_image_have_honest_sigmas(quality: int) -> None:
+    """Those of the sensor's noise are too small several times over.
+
+    What all points have in common is that of the rest images, too.
+    """
+    light, pixels = pushed(0.25)
+    beam = learn_beam([compressed(image, quality) for image in rest_images()], guide())
+    frames = [SENSOR(light, np.random.default_rng(n)) for n in range(2, 6)]
+    lines = [beam(compressed(frame, quality)) for frame in frames]
+    assert 0.5 < np.mean([errors(line, pixels).var() for line in lines]) < 2.0
+    assert all(0 < line.common_sigma < 0.01 for line in lines)
+
+
+def test_a_clean_beam_in_a_compressed_frame_has_honest_sigmas() -> None:
+    """The rest images do not show what a compressed frame's points err by: the frame does."""
+    light, pixels = pushed(0.25)
+    frames = [SENSOR(light, np.random.default_rng(n)) for n in range(2, 6)]
+    lines = [learned()(compressed(frame, 50)) for frame in frames]
+    chi2 = [np.mean(errors(line, pixels) ** 2) for line in lines]
+    assert 0.5 < np.mean(chi2) < 2.0
+
+
+def test_white_noise_does_not_enlarge_its_own_sigma() -> None:
+    random, n = np.random.default_rng(3), 250
+    length, even = np.arange(n, dtype=np.float64), np.ones(n)
+    for scale, least, most in ((1.0, 1.0, 1.0), (2.0, 1.5, 2.5)):
+        enlarged = []
+        for _ in range(200):
+            sigma = np.full(n, 0.01)
+            off = scale * sigma * random.standard_normal(n)
+            follow(length, off, sigma, even, np.ones(n, np.bool_), np.zeros(n, np.uint8))
+            enlarged.append(sigma[0] / 0.01)
+        # By chance a sigma is enlarged in one image of a thousand; twice the scatter is known to
+        # 1.63 / sqrt(n), a tenth.
+        assert least <= np.quantile(enlarged, 0.01)
+        assert np.quantile(enlarged, 0.99) <= most

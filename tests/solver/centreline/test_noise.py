@@ -3,7 +3,7 @@ import pytest
 
 from solver.centreline.noise import noise_of
 from solver.instrument.arrays import Floats
-from tests.beam_images import Sensor
+from tests.beam_images import Look, Sensor, bent, drawn, guide
 
 SENSOR = Sensor()
 PER_GRAY = 255 / SENSOR.full_well
@@ -47,3 +47,34 @@ def test_an_even_image_has_rounding_s_noise(gray: int) -> None:
     even = np.full((40, 60), gray, np.uint8)
     for images in ([even], [even, even]):
         assert noise_of(images).variance(float(gray)) == pytest.approx(1 / 12)
+
+
+def test_flicker_is_no_noise() -> None:
+    random = np.random.default_rng(4)
+    gains = (1.0, 1.03, 0.985, 1.015)
+    noise = noise_of([SENSOR(gain * wedge(edges=True), random) for gain in gains])
+    for gray in (20.0, 128.0, 220.0):
+        assert noise.variance(gray) == pytest.approx(DARK + PER_GRAY * gray, rel=0.1)
+
+
+def test_one_image_of_a_thin_bright_beam_gives_its_shot_noise() -> None:
+    light = drawn(guide(), bent(0.0, tilt=3e-3), Look())
+    slopes = [noise_of([SENSOR(light, np.random.default_rng(n))]).per_gray for n in range(5)]
+    # Where a beam along the rows makes every column an edge, the smaller of two deviations is
+    # always the same one, and its square 2.6 times that of white noise in both.
+    assert min(slopes) > 0.7 * PER_GRAY
+    assert max(slopes) < 2.6 * PER_GRAY
+
+
+def test_noise_is_never_negative() -> None:
+    """Read noise alone, and a scatter that falls with the gray value, as processing leaves it."""
+    random = np.random.default_rng(5)
+    for exponent in (0.0, -1.0, 1.0):
+        light = wedge(edges=False)
+        gray = [255 * light + light**exponent * random.standard_normal(light.shape) for _ in (1, 2)]
+        images = [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in gray]
+        for several in (images[:1], images):
+            noise = noise_of(several)
+            darkest = min(one.min() for one in images)
+            assert noise.dark + noise.per_gray * darkest >= 0
+            assert noise.per_gray >= 0

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import median_filter
 
-from solver.centreline.smooth import running_median, smooth_curve
+from solver.centreline.smooth import local_scatter, running_median, smooth_curve
 
 
 @given(
@@ -29,3 +29,28 @@ def test_outliers_do_not_pull_the_curve() -> None:
     found = smooth_curve(x, y, np.full(100, 1e-3), degree=5)
     assert found is not None
     assert found == pytest.approx(curve, abs=1e-9)
+
+
+@pytest.mark.parametrize("disturbance", ["none", "slow", "outliers"])
+def test_the_local_scatter_is_that_of_the_noise(disturbance: str) -> None:
+    random, n = np.random.default_rng(1), 2000
+    values = 0.3 * random.standard_normal(n)
+    if disturbance == "slow":
+        values += 2.0 * np.sin(np.arange(n) * 2 * np.pi / 500)
+    if disturbance == "outliers":
+        values[random.choice(n, n // 10, replace=False)] += 5.0
+    # A tenth of outliers spoils 27 % of the differences: the median of |x| then lies at the 0.69
+    # quantile of the others, which is 1.5 times as large. Their standard deviation is 5 times.
+    most = 1.6 if disturbance == "outliers" else 1.1
+    assert 0.9 < local_scatter(values) / 0.3 < most
+
+
+def test_the_local_scatter_counts_errors_that_blocks_share() -> None:
+    """Each point errs as its seven neighbours do: their differences alone show next to nothing."""
+    random = np.random.default_rng(2)
+    blocks = np.repeat(random.standard_normal(250), 8)
+    assert local_scatter(blocks) == pytest.approx(1.0, rel=0.15)
+
+
+def test_there_is_no_local_scatter_of_a_few_values() -> None:
+    assert local_scatter(np.arange(7.0) ** 2) == 0.0

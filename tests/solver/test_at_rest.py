@@ -1,0 +1,70 @@
+"""What the rest images show against each other and against the rig."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.errors import InputError
+from tests.beam_images import LENGTH, Sensor, bent, drawn
+from tests.laboratory import GUIDE, at_rest
+
+TILT = 3e-3
+SENSOR = Sensor()
+
+
+def image(light: Floats, seed: int, dv: int = 0) -> Grey:
+    """Everything in view is moved down by whole pixels."""
+    return SENSOR(np.roll(light, dv, axis=0), np.random.default_rng(seed))
+
+
+@cache
+def still() -> Floats:
+    return drawn(GUIDE, bent(0.0, tilt=TILT))
+
+
+def rested(seed: int) -> Grey:
+    return image(still(), seed)
+
+
+def test_copies_of_an_image_count_once() -> None:
+    one, copied = at_rest([rested(1)]), at_rest([rested(1)] * 4)
+    assert one.copies == 0
+    assert copied.copies == 3
+    assert copied.rest.y_at_clamp == one.rest.y_at_clamp
+    assert copied.rest.slope == one.rest.slope
+    assert (copied.rest.covariance == one.rest.covariance).all()
+
+
+def test_a_touched_image_is_left_out() -> None:
+    touched = image(drawn(GUIDE, bent(0.006, 0.9, TILT)), 3)
+    learned = at_rest([rested(1), touched, rested(2)])
+    clean = at_rest([rested(1), rested(2)])
+    assert learned.left_out == (1,)
+    assert learned.disagreement_px == 0.0
+    assert learned.rest.slope == clean.rest.slope
+    assert clean.left_out == ()
+
+
+def test_images_in_different_places_are_refused() -> None:
+    """As image stabilisation leaves them."""
+    two_and_two = [rested(1), rested(2), image(still(), 3, dv=1), image(still(), 4, dv=1)]
+    for images in ([rested(1), image(still(), 2, dv=2)], two_and_two):
+        with pytest.raises(InputError, match=r"in different places, up to [0-9.]+ px apart"):
+            at_rest(images)
+
+
+def test_a_beam_whose_free_end_is_at_the_clamp_is_refused_with_the_mend() -> None:
+    s = np.linspace(0, LENGTH + 0.02, 3000)
+    turned = image(drawn(GUIDE, np.column_stack([s, TILT * s])), 1)
+    mend = r"so turn board\.antenna_from_board_rotation_vector_deg by 180 degrees"
+    with pytest.raises(InputError, match=mend):
+        at_rest([turned])
+
+
+@pytest.mark.parametrize("degrees", [-12, 12])
+def test_a_beam_askew_is_refused(degrees: int) -> None:
+    light = drawn(GUIDE, bent(0.0, tilt=np.deg2rad(degrees)))
+    with pytest.raises(InputError, match=r"no beam where the rig says|degrees to the rig's x axis"):
+        at_rest([image(light, 1)])

@@ -1,0 +1,116 @@
+"""From a centreline to a measurement: the tip, the bow, and a camera that has moved."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from solver.antenna import Antenna
+from solver.at_rest import AtRest
+from solver.centreline import Centreline, down_columns
+from solver.centreline.noise import Noise
+from solver.estimate import estimate, measure, see
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.instrument.transforms import invert
+from solver.landmarks import learn_landmarks
+from solver.rest import Rest
+from solver.sequence import Sequence
+from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
+from tests.laboratory import CALIBRATION, GUIDE, antenna, rig
+
+SENSOR = Sensor()
+TILT = 3e-3
+
+
+def image(light: Floats, seed: int) -> Grey:
+    return SENSOR(light, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("kind", TIPS)
+def test_a_tip_of_any_kind_is_where_the_beam_ends(kind: str) -> None:
+    """At rest and bent it looks alike: what it adds to the length is learned at rest."""
+    look = Look(tip=kind)
+    at_rest = drawn(GUIDE, bent(0.0, tilt=TILT), look)
+    lab = antenna([image(at_rest, seed) for seed in (1, 2)])
+    assert lab.tip_sigma is not None
+    for theta in (0.2, -0.15):
+        shape = bent(theta, 0.6, TILT)
+        tip = measure(lab, see(lab, image(drawn(GUIDE, shape, look), 3))).view.tip
+        assert tip is not None
+        end = invert(lab.antenna_from_beam)[:2] @ [*shape[-1], 0.0, 1.0]
+        along = shape[-1] - shape[-20]
+        along /= np.hypot(*along)
+        off = tip.point - end
+        sigma = np.sqrt(along @ tip.covariance @ along + (lab.tip_sigma * LENGTH) ** 2)
+        assert abs(off @ along) < 3 * sigma
+        assert sigma < 0.2 * 0.5e-3
+
+
+def bowed(bow: Floats) -> Antenna:
+    """An antenna whose beam at rest has a bow (3,), known exactly, and nothing else in view."""
+    rest = Rest(0.0, 0.0, bow, np.zeros((5, 5)), LENGTH)
+    even = np.full((HEIGHT, WIDTH), 50, np.uint8)
+    marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, Noise(1.0, 0.0))
+    extract = lambda _image: nothing()  # noqa: E731
+    return Antenna(rig(), CALIBRATION, AtRest(extract, rest, marks, None, None, 0, (), 0.0))
+
+
+def nothing() -> Centreline:
+    return down_columns(np.empty((0, 2)), np.empty(0))
+
+
+def test_where_nothing_is_seen_there_is_no_bow_to_take_off() -> None:
+    lab = bowed(np.array([2e-3, 0.0, 0.0]))
+    assert not len(measure(lab, nothing()).points)
+
+
+@pytest.mark.parametrize("theta", [-0.5, 0.2, 0.5])
+@pytest.mark.parametrize("hidden", [0.0, 0.2, 0.4])
+def test_a_bow_is_taken_off_although_the_base_is_hidden(hidden: float, theta: float) -> None:
+    """A straight beam bends to `bent`; a bowed one lies off it by the bow, along the normal."""
+    lab = bowed(np.array([2e-3, 0.0, 0.0]))
+    straight = bent(theta, 0.7)
+    s = np.linspace(0, 1, len(straight))
+    tangent = np.gradient(straight, axis=0)
+    tangent /= np.hypot(*tangent.T)[:, None]
+    normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    shown = GUIDE.pixels(straight + (2e-3 * s**2)[:, None] * normal)
+    columns = np.arange(np.ceil(shown[0, 0] + hidden * 280), shown[-1, 0])
+    rows = np.interp(columns, shown[:, 0], shown[:, 1])
+    rows += 0.01 * np.random.default_rng(1).standard_normal(len(rows))
+    line = down_columns(np.column_stack([columns, rows]), np.full(len(rows), 0.01))
+    off = distances(measure(lab, line).points, straight[::8])
+    assert np.abs(off).max() < 0.05e-3
+
+
+@cache
+def scene(du: float, theta: float) -> Floats:
+    """Light of a beam before a hub and stones on the ground, all shifted by du [px]."""
+    seen_by = replace(GUIDE, camera=replace(GUIDE.camera, cx=GUIDE.camera.cx + du))
+    v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
+    random = np.random.default_rng(3)
+    ground = np.full(u.shape, 0.05)
+    for _ in range(40):
+        x, y = random.uniform(10, WIDTH - 10), random.choice([12, 24, 104, 116])
+        ground += 0.15 * np.exp(-((u - du - x) ** 2 + (v - y) ** 2) / 2 / 2.0**2)
+    return drawn(seen_by, bent(theta, 0.6, TILT), Look(), ground)
+
+
+def untouched(_measurement: Measurement) -> Estimate:
+    """A method that costs no compiling."""
+    return Estimate(Outcome.NO_CONTACT, "")
+
+
+def test_a_frame_of_a_knocked_camera_has_no_values() -> None:
+    lab = antenna([image(scene(0.0, 0.0), seed) for seed in (1, 2)])
+    still, knocked = (image(scene(du, 0.15), 3) for du in (0.0, 0.5))
+    assert estimate(lab, still, untouched).outcome is Outcome.NO_CONTACT
+    solved = Sequence(lab, untouched).solve(knocked)
+    for answer in (estimate(lab, knocked, untouched), solved.estimate):
+        assert answer.outcome is Outcome.CAMERA_MOVED
+        assert "has shifted by 0.49 px along its rows" in answer.message
+        assert not answer.values
+    assert Sequence(lab, untouched).solve(still).estimate.outcome is Outcome.NO_CONTACT
