@@ -44,8 +44,8 @@ LEAST_SHARE = 0.75
 MOST_GAIN = 2.0
 STEPS = 8
 # Where an image differs from the rest images by more than noise, by compression or light, pixels of
-# one block of so many rows and columns differ together.
-BLOCK = 8
+# one block of so many rows and columns differ together: a macroblock of video.
+BLOCK = 16
 
 
 class Shift(NamedTuple):

@@ -165,20 +165,27 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     coefficients = inverse @ (whitened.T @ (y / mean.sigma))
     residual = (y - design @ coefficients) / mean.sigma
     variance = max(float(np.mean(residual**2)), 1e-12)
-    correlation = correlation_length(residual)
-    repeating = variance - mean.random
-    # Counted only where chance would not show as much in one rig of a thousand.
-    if repeating < 3 * math.sqrt(2 / len(y)) * (variance + mean.random):
-        repeating = 0.0
-    repeated = repeating * len(y) / (mean.rows + 1)
     # The median, so that an object beside the beam does not hide a bow.
     robust = (1.4826 * float(np.median(np.abs(residual)))) ** 2
+    correlation = correlation_length(residual)
     return _LinearFit(
         coefficients,
-        inverse * max(variance * correlation, repeated),
+        inverse * max(variance * correlation, _repeated(variance, len(y), mean)),
         float(residual @ residual),
-        max(max(robust, 1.0) * correlation, repeated),
+        max(max(robust, 1.0) * correlation, _repeated(robust, len(y), mean)),
     )
+
+
+def _repeated(variance: float, n: int, mean: _MeanLine) -> float:
+    """Widening of variances for errors of n points that repeat from image to image.
+
+    `variance` is that of the residuals in sigmas. It counts only where chance would not show as
+    much in one rig of a thousand.
+    """
+    repeating = variance - mean.random
+    if repeating < 3 * math.sqrt(2 / n) * (variance + mean.random):
+        return 0.0
+    return repeating * n / (mean.rows + 1)
 
 
 def _keys(line: Centreline) -> Floats:

@@ -61,12 +61,15 @@ def noise_of(images: Sequence[Grey]) -> Noise:
             weights.append(last - first)
     if not found:
         return Noise(ROUNDING, 0.0)
-    # The variance of a variance grows with its square: weights by n over the square. Neither read
-    # noise nor shot noise is negative.
+    # The variance of a variance grows with its square: weights by n over the square. Variance does
+    # not fall with the gray value, and is not negative at the darkest; below that, at a gray value
+    # under the camera's black level, the line may be.
     weight = np.sqrt(np.array(weights)) / np.maximum(found, ROUNDING)
-    design = np.column_stack([np.ones(len(levels)), levels])
-    (dark, per_gray), _ = nnls(design * weight[:, None], np.array(found) * weight)
-    return Noise(float(dark), float(per_gray))
+    # Of one image, what is left of the edges steepens the line: there it starts at gray value 0.
+    black = gray[0] if len(images) > 1 else 0.0
+    design = np.column_stack([np.ones(len(levels)), np.array(levels) - black])
+    (darkest, per_gray), _ = nnls(design * weight[:, None], np.array(found) * weight)
+    return Noise(float(darkest - per_gray * black), float(per_gray))
 
 
 def _typical(scatter: Floats, images: int) -> float:
