@@ -22,7 +22,7 @@ from solver.instrument.arrays import Floats, Grey
 
 # The strongest landmarks that are kept: a thousand pixels cost 0.05 ms an image.
 MOST = 1000
-# A gradient of so many sigmas of the noise, per pixel, is an edge.
+# A gradient of this many sigmas of the noise, per pixel, is an edge.
 LEAST_GRADIENT = 3.0
 # Pixels at the image's border that a shift may push out of it, and the farthest shift that is
 # sought [px].
@@ -44,7 +44,7 @@ LEAST_SHARE = 0.75
 MOST_GAIN = 2.0
 STEPS = 8
 # Where an image differs from the rest images by more than noise, by compression or light, pixels of
-# one block of so many rows and columns differ together: a macroblock of video.
+# one block of this many rows and columns differ together: a macroblock of video.
 BLOCK = 16
 
 

@@ -25,7 +25,7 @@ LEAST_POINTS = 10
 # A beam is bowed if straight it would leave this much more chi^2, for three coefficients.
 BOWED_CHI2 = 30.0
 # An image differs from the others by this much chi^2, for four coefficients: by chance once in a
-# million. And by so many pixels: compressed images differ by less without any motion; chosen.
+# million. And by this many pixels: compressed images differ by less without any motion; chosen.
 DISAGREEING_CHI2, LEAST_DISAGREEMENT_PX = 33.0, 0.05
 
 
@@ -220,7 +220,7 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
     mean_sigma = np.bincount(place, sigma) / count
     off = ((pixels - mean[place]) ** 2).sum(axis=1) / mean_sigma[place] ** 2
     several = count > 1
-    # Of a single image nothing tells noise from what repeats: its sigma stands.
+    # A single image cannot separate noise from errors that repeat: its sigma is used.
     random = 1.0
     if several.any():
         squares = np.bincount(place, off)[several] / (count[several] - 1)

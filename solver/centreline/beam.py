@@ -113,7 +113,7 @@ def _summary(
 ) -> tuple[float, float, float]:
     """Sigma [px] of the points' mean error, and the median brightness of beam and ground.
 
-    The error is that which the sensor's noise does not explain. Such errors, those of compression
+    The error is what the sensor's noise does not explain. Such errors, those of compression
     above all, follow the pixel grid: of a beam that crosses R pixel rows only R + 1 of them are
     independent.
     """

@@ -14,7 +14,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import read_bytes
 
-# A key or a value is shown up to so many characters.
+# A key or a value is shown up to this number of characters.
 _LONGEST: Final = 80
 _SHORT: Final = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = _LONGEST

@@ -33,7 +33,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 
 # Chosen: a name in a table; files can have 255 characters, their suffix included.
 LONGEST_NAME: Final = 250
-# Chosen: so many frames tell whether a tree mixes depths, and opening stays quick.
+# Chosen: enough frames to notice a tree of mixed depths, and opening stays quick.
 LOOKED_AT: Final = 8
 
 

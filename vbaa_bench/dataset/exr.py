@@ -52,7 +52,7 @@ def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
 
 
 def _rounded(values: np.ndarray, bits: int) -> np.ndarray:
-    """Round 32-bit floats to so many significant bits."""
+    """Round 32-bit floats to the given number of significant bits."""
     dropped = 24 - bits  # of a significand's 24
     kept = np.uint32(2**32 - 2**dropped)
     return ((values.view(np.uint32) + np.uint32(2 ** (dropped - 1))) & kept).view(np.float32)

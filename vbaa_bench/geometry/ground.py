@@ -15,7 +15,7 @@ _BEYOND = 1.05
 # No more than this on either side of the beam's middle, in lengths of it: a camera that looks
 # across the ground sees it to the horizon.
 _FARTHEST = 3.0
-# Both tones of a chequered pattern are told apart from two pixels a square on.
+# Both tones of a chequered pattern are distinct from two pixels a square on.
 RESOLVED_PX = 2.0
 # Squares along a side: each takes about a kilobyte in the renderer, so that all take 1 GB at most.
 MOST_SQUARES = 1000

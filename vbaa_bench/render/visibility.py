@@ -11,7 +11,7 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 
-# The length is judged in so many equal stretches, each at points no farther apart than this [px].
+# The length is judged in this many equal segments, each at points no farther apart than this [px].
 _STRETCHES = 100
 _APART_PX = 0.5
 # Flanks of the beam that are looked at beside its middle, in radii: what covers the middle alone

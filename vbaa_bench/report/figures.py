@@ -17,7 +17,7 @@ _WIDTH, _HEIGHT = 430, 300
 # From one label's middle to the next, of letters 12 px high.
 LABEL_GAP_PX = 16
 MOST_PUSHES, CLASSES = 12, 6
-# Chosen: a chart of so many dots takes 0.36 MB of the page; more of them lie on each other.
+# Chosen: a chart of this many dots takes 0.36 MB of the page; more of them lie on each other.
 MOST_DOTS = 1000
 
 

@@ -33,7 +33,7 @@ MEMORY_GB: Final = 8.0
 MOST_OUTPUT: Final = 20_000
 # The folder, beside the observations, that a user's own sources are copied to.
 _METHOD: Final = "method"
-# How long the supervisor may take to end once it is told to [s].
+# How long the supervisor may take to end after the request [s].
 _LONGEST_END_S: Final = 10.0
 # And how long the last of what was printed may take to be read [s].
 _LONGEST_REST_S: Final = 2.0
