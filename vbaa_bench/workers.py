@@ -5,7 +5,6 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import pickle
-import queue
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -63,7 +62,8 @@ class Pool:
 
     def __init__(self, count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
         context = multiprocessing.get_context("spawn")
-        self._pieces, self._stop = context.Queue(), context.Event()
+        # Simple: a piece is in the pipe before its job's result is, so none is counted too late.
+        self._pieces, self._stop = context.SimpleQueue(), context.Event()
         # Pickled here, so that an import that fails in a worker can be reported.
         made = pickle.dumps((build, arguments))
         self._executor = ProcessPoolExecutor(
@@ -123,11 +123,9 @@ class Pool:
 
     def _drained(self) -> int:
         count = 0
-        while True:
-            try:
-                count += self._pieces.get_nowait()
-            except queue.Empty:
-                return count
+        while not self._pieces.empty():
+            count += self._pieces.get()
+        return count
 
 
 @contextlib.contextmanager
