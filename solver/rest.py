@@ -165,8 +165,10 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     coefficients = inverse @ (whitened.T @ (y / mean.sigma))
     residual = (y - design @ coefficients) / mean.sigma
     variance = max(float(np.mean(residual**2)), 1e-12)
-    # The median, so that an object beside the beam does not hide a bow.
-    robust = (1.4826 * float(np.median(np.abs(residual)))) ** 2
+    # Without what lies off by more than three of the median's sigmas, so that an object beside the
+    # beam does not hide a bow.
+    near = np.abs(residual) < 3 * 1.4826 * np.median(np.abs(residual)) + 1e-12
+    robust = float(np.mean(residual[near] ** 2))
     correlation = correlation_length(residual)
     return _LinearFit(
         coefficients,
