@@ -74,8 +74,8 @@ class Measurement:
     `base_moment` (3,) [N m] in Sigma_a are sensors' readings, None where there are none; the
     former is what the beam exerts on the sensor, the latter what the clamp exerts on the beam.
     `viewpoint_known` is False where only plane C was calibrated: then nothing that leaves C can be
-    told. `tip_sigma` is the relative one-sigma error of the beam's length up to the tip that is
-    seen, None where that is the rig's tolerance. `earlier` holds the frames of the same push
+    estimated. `tip_sigma` is the relative one-sigma error of the length up to the visible tip,
+    None where that is the rig's tolerance. `earlier` holds the frames of the same push
     before this one, in order. Raises ValueError.
     """
 

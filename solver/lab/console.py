@@ -46,8 +46,7 @@ def _shown(given: Iterator[Answer], status: Status) -> Iterator[Answer]:
 
 
 def table(rows: list[Row], method: str) -> Table:
-    """Lay out a method's answers in short; frames are called by as little of their path as tells
-    them apart."""
+    """Lay out a method's answers, with frames named by the shortest end of their path."""
     shown_table = Table(title=escape(method))
     columns = ("frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
     for column in (*columns, "image_ms"):

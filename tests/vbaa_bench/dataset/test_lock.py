@@ -50,6 +50,7 @@ def test_a_folder_is_synced_only_where_it_can_be_opened(
 
     with monkeypatch.context() as windows:
         windows.setattr("os.open", refused)
+        with pytest.raises(PermissionError):
+            sync_folder(tmp_path)
         windows.setattr("os.name", "nt")
         sync_folder(tmp_path)
-    sync_folder(tmp_path)

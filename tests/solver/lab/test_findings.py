@@ -1,0 +1,69 @@
+"""What `check` finds in a rig whose rig.json contradicts its images."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.estimate import set_up
+from solver.instrument.observation import Observations
+from solver.instrument.rig import Rig, read_rig, rig_to_json
+from solver.instrument.transforms import rigid
+from solver.lab.findings import findings
+
+
+def names(observations: Observations, rig: Rig) -> set[str]:
+    antenna = set_up(replace(observations, rig=rig))
+    return {finding.name for finding in findings(antenna)}
+
+
+def longer(rig: Rig) -> Rig:
+    return replace(rig, beam=replace(rig.beam, length=1.02 * rig.beam.length))
+
+
+def larger_squares(rig: Rig) -> Rig:
+    return replace(rig, board=replace(rig.board, square=1.01 * rig.board.square))
+
+
+def turned_board(rig: Rig) -> Rig:
+    turn = rigid(np.array([0.0, 0.0, math.radians(1)]), np.zeros(3))
+    return replace(rig, antenna_from_board=turn @ rig.antenna_from_board)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "name"),
+    [
+        (longer, "scale_inconsistent"),
+        (larger_squares, "scale_inconsistent"),
+        (turned_board, "pose_inconsistent"),
+    ],
+)
+def test_what_rig_json_states_wrongly_is_found(
+    observations: Observations, wrong: object, name: str
+) -> None:
+    assert callable(wrong)
+    assert name in names(observations, wrong(observations.rig))
+
+
+def test_a_right_rig_has_no_findings(observations: Observations) -> None:
+    assert names(observations, observations.rig) == set()
+
+
+def test_copies_of_a_rest_image_are_named(observations: Observations) -> None:
+    copied = replace(observations, rest_images=observations.rest_images[:1] * 4)
+    assert "rest_images_identical" in names(copied, observations.rig)
+
+
+def test_a_usual_shift_of_the_camera_is_part_of_the_clamp_s_error(
+    observations: Observations, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    tolerances = replace(observations.rig.tolerances, camera_shift_px=0.2)
+    path = tmp_path_factory.mktemp("rig") / "rig.json"
+    path.write_text(rig_to_json(replace(observations.rig, tolerances=tolerances)))
+    rig = read_rig(path)
+    assert rig.tolerances.camera_shift_px == 0.2
+    antenna = set_up(observations)
+    moving = replace(antenna, rig=rig)
+    added = np.diag(moving.base_covariance - antenna.base_covariance)
+    assert added[:2] == pytest.approx((0.2 * antenna.pixel) ** 2, rel=1e-6)
