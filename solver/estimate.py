@@ -154,6 +154,8 @@ def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floa
     fine = np.linspace(0, max(rest.length, float(x.max())), 241)
     arc = np.interp(x, fine, cumulative_trapezoid(np.hypot(1, slope(fine)), fine, initial=0.0))
     bow, bow_sigma = rest.bow_at(np.minimum(arc, rest.length))
+    # All points share the bow's error: they tell as little of it as its three coefficients do.
+    bow_sigma *= math.sqrt(max(len(x) / len(rest.bow), 1.0))
     normal = np.column_stack([-slope(x), np.ones_like(x)]) / np.hypot(1, slope(x))[:, None]
     size = np.maximum(np.linalg.norm(sigmas, axis=1), 1e-15)
     return points - bow[:, None] * normal, sigmas * (np.hypot(size, bow_sigma) / size)[:, None]
@@ -167,9 +169,9 @@ def _bow_error(points: Floats, rest: Rest) -> float:
     """
     if rest.straight or len(points) < 3:
         return 0.0
-    bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
+    bow, sigma = rest.bow_at(np.linspace(0.0, rest.length, 50))
     slope = np.ptp(points[:, 1]) / max(float(np.ptp(points[:, 0])), 1e-12)
-    return float(np.sqrt(np.mean(bow**2)) * slope / rest.length)
+    return float(np.sqrt(np.mean(bow**2 + sigma**2)) * slope / rest.length)
 
 
 def see(antenna: Antenna, image: Grey) -> Centreline:

@@ -22,6 +22,9 @@ from solver.instrument.arrays import Floats, Grey
 
 # The strongest landmarks that are kept: a thousand pixels cost 0.05 ms an image.
 MOST = 1000
+# Images that show less noise [gray levels] were compressed or denoised, which leaves errors
+# of this size in their place; chosen.
+LEAST_NOISE = 1.0
 # A gradient of this many sigmas of the noise, per pixel, is an edge.
 LEAST_GRADIENT = 3.0
 # Pixels at the image's border that a shift may push out of it, and the farthest shift that is
@@ -117,6 +120,7 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     along_v, along_u = np.gradient(cv2.GaussianBlur(mean, (0, 0), 0.7))
     # The mean of the rest images has noise, too.
     sigma = np.sqrt(noise.variance(mean) * (1 + 1 / len(images)))
+    sigma = np.maximum(sigma, LEAST_NOISE)
     free = np.zeros(mean.shape, np.uint8)
     margin = FARTHEST + 2
     free[margin:-margin, margin:-margin] = 1

@@ -14,6 +14,7 @@ import numpy as np
 
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
+from solver.centreline.smooth import LAG
 from solver.fitting.correlation import correlation_length
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
@@ -24,6 +25,13 @@ from solver.sag import raised
 LEAST_POINTS = 10
 # A beam is bowed if straight it would leave this much more chi^2, for three coefficients.
 BOWED_CHI2 = 30.0
+# Drawn to the middle of its row of pixels, as processed images do, a centre is at most this far
+# off [px]: a larger bow is none of the pixel grid's.
+MOST_OFF_GRID_PX = 0.5
+# Errors that follow the pixel rows are described by so many harmonics of them (chosen), where there
+# are more independent ones than coefficients: five of the bow and two a harmonic.
+HARMONICS = 2
+FREE_OF_GRID = 5 + 2 * HARMONICS
 # An image differs from the others by this much chi^2, for four coefficients: by chance once in a
 # million. And by this many pixels: compressed images differ by less without any motion; chosen.
 DISAGREEING_CHI2, LEAST_DISAGREEMENT_PX = 33.0, 0.05
@@ -35,7 +43,8 @@ class Rest:
 
     `bow` (3,) are the coefficients of x^2, x^3, x^4 in units of the beam's `length` [m]; they are
     zero for a beam that is straight within the noise. `covariance` (5, 5) is that of
-    (y_at_clamp, slope, bow).
+    (y_at_clamp, slope, bow). Where the pixel grid may look like a bow, the bow is zero, and
+    three of its sigmas are what it would be.
     """
 
     y_at_clamp: float
@@ -46,8 +55,13 @@ class Rest:
 
     @property
     def straight(self) -> bool:
-        """Whether no bow was found."""
-        return not self.bow.any()
+        """Whether no bow was found, and none is possible."""
+        return not self.bow.any() and not self.bow_undecided
+
+    @property
+    def bow_undecided(self) -> bool:
+        """Whether the beam may be bowed, or straight and its image drawn to the pixel rows."""
+        return bool(self.covariance[2:, 2:].any()) and not self.bow.any()
 
     @property
     def line_covariance(self) -> Floats:
@@ -93,15 +107,18 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     curve = np.column_stack([line, _bow_powers(x / length)])
     straight = _least_squares(line, y, mean)
     bowed = _least_squares(curve, y, mean)
-    # Both are judged by the scatter about the curve, which describes the beam either way.
-    gain = (straight.chi2 - bowed.chi2) / bowed.scatter
-    if len(points) > 50 and gain > BOWED_CHI2:
-        c = bowed.coefficients
-        return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
+    c, s = bowed.coefficients, np.append(straight.coefficients, np.zeros(3))
     covariance = np.zeros((5, 5))
     covariance[:2, :2] = straight.covariance
-    c = straight.coefficients
-    return Rest(float(c[0]), float(c[1]), np.zeros(3), covariance, length)
+    # Both are judged by the scatter about the curve, which describes the beam either way.
+    gain = straight.chi2 - bowed.chi2
+    if len(points) > 50 and gain > BOWED_CHI2 * bowed.scatter:
+        bend = float(np.abs(curve @ (c - s)).max())
+        if gain > BOWED_CHI2 * bowed.repeated or bend > MOST_OFF_GRID_PX * mean.pixel:
+            return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
+        # More likely straight; three sigmas reach the bow.
+        covariance += np.outer(c - s, c - s) / 9
+    return Rest(float(s[0]), float(s[1]), s[2:], covariance, length)
 
 
 def disagreements(lines: Sequence[Centreline]) -> Floats:
@@ -134,60 +151,80 @@ def _bow_powers(place: Floats) -> Floats:
 class _MeanLine(NamedTuple):
     """The rest images' mean: points (n, 2) on C [m] and their sigma (n,) along y [m].
 
-    `random` is the part of the points' variance that differs from image to image, over the square
-    of sigma; `rows` how many pixel rows the beam crosses on its way.
+    `row` (n,) [px] is where the points are on the pixel grid, across the beam; `pixel` the size of
+    one [m].
     """
 
     points: Floats
     sigma: Floats
-    random: float
-    rows: float
+    row: Floats
+    pixel: float
+
+    @property
+    def rows(self) -> float:
+        """How many pixel rows the beam crosses on its way."""
+        return float(np.ptp(self.row))
 
 
 class _LinearFit(NamedTuple):
-    """Coefficients (m,), their covariance (m, m), chi^2, and what chi^2 is to be divided by."""
+    """Coefficients (m,), their covariance (m, m), chi^2, and what chi^2 is to be divided by.
+
+    `scatter` is that for errors like noise, `repeated` for errors that follow the pixel grid;
+    infinite where the coefficients are as many as those errors.
+    """
 
     coefficients: Floats
     covariance: Floats
     chi2: float
     scatter: float
+    repeated: float
 
 
 def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     """Fit y (n,) by the columns of a design (n, m).
 
     The covariance is widened by the residuals' variance and by how many neighbours err together.
-    Errors that repeat from image to image, as those of compression do, follow the pixel grid: of
-    a beam that crosses R rows the mean holds only R + 1 independent ones.
+    Errors of compression and processing repeat from image to image and follow the pixel grid: of
+    a beam that crosses R rows the mean holds only R + 1 independent ones, and m coefficients
+    explain m of them. Where it crosses many, those with the period of a row are fitted along.
     """
+    m = design.shape[1]
+    if mean.rows + 1 > FREE_OF_GRID:
+        phase = 2 * np.pi * np.outer(mean.row, np.arange(1, HARMONICS + 1))
+        design = np.column_stack([design, np.sin(phase), np.cos(phase)])
     whitened = design / mean.sigma[:, None]
     inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
     coefficients = inverse @ (whitened.T @ (y / mean.sigma))
     residual = (y - design @ coefficients) / mean.sigma
     variance = max(float(np.mean(residual**2)), 1e-12)
-    # Without what lies off by more than three of the median's sigmas, so that an object beside the
-    # beam does not hide a bow.
-    near = np.abs(residual) < 3 * 1.4826 * np.median(np.abs(residual)) + 1e-12
-    robust = float(np.mean(residual[near] ** 2))
+    # Without what an object beside the beam disturbs, so that it does not hide a bow.
+    size = np.abs(residual)
+    near = residual[size < 3 * 1.4826 * np.median(size) + 1e-12]
     correlation = correlation_length(residual)
+    spare = mean.rows + 1 - design.shape[1]
+    shared, shared_near = _shared_in_a_row(residual), _shared_in_a_row(near)
     return _LinearFit(
-        coefficients,
-        inverse * max(variance * correlation, _repeated(variance, len(y), mean)),
+        coefficients[:m],
+        inverse[:m, :m] * max(variance * correlation, shared / max(spare, 1.0)),
         float(residual @ residual),
-        max(max(robust, 1.0) * correlation, _repeated(robust, len(y), mean)),
+        max(float(np.mean(near**2)), 1.0) * correlation,
+        0.0 if shared_near == 0 else shared_near / spare if spare > 0 else math.inf,
     )
 
 
-def _repeated(variance: float, n: int, mean: _MeanLine) -> float:
-    """Widening of variances for errors of n points that repeat from image to image.
+def _shared_in_a_row(residual: Floats) -> float:
+    """Sum of squares of what neighbouring residuals (n,) have in common.
 
-    `variance` is that of the residuals in sigmas. It counts only where chance would not show as
-    much in one rig of a thousand.
+    That is what a mean over so many neighbours leaves, less the share of independent errors in
+    it. Errors that alternate from column to column, as those of a colour mosaic, leave nothing.
+    It counts only where chance would not show as much in one rig of a thousand.
     """
-    repeating = variance - mean.random
-    if repeating < 3 * math.sqrt(2 / n) * (variance + mean.random):
+    n, white = len(residual), float(np.mean(residual**2)) / LAG
+    if n < 2 * LAG:
         return 0.0
-    return repeating * n / (mean.rows + 1)
+    means = np.convolve(residual, np.full(LAG, 1 / LAG), "valid")
+    shared = float(np.mean(means**2)) - white
+    return n * shared if shared > 3.1 * math.sqrt(2 * LAG / n) * white else 0.0
 
 
 def _keys(line: Centreline) -> Floats:
@@ -209,7 +246,7 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
     """
     pixels = np.vstack([line.points for line in lines])
     if not len(pixels):
-        return _MeanLine(np.empty((0, 2)), np.empty(0), 1.0, 0.0)
+        return _MeanLine(np.empty((0, 2)), np.empty(0), np.empty(0), 0.0)
     directions = np.vstack([line.directions for line in lines])
     sigma = np.concatenate([line.sigma for line in lines])
     _, first, place, count = np.unique(
@@ -220,17 +257,11 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
     )
     mean = np.column_stack([np.bincount(place, pixels[:, i]) / count for i in (0, 1)])
     mean_sigma = np.bincount(place, sigma) / count
-    off = ((pixels - mean[place]) ** 2).sum(axis=1) / mean_sigma[place] ** 2
-    several = count > 1
-    # A single image cannot separate noise from errors that repeat: its sigma is used.
-    random = 1.0
-    if several.any():
-        squares = np.bincount(place, off)[several] / (count[several] - 1)
-        random = float(np.mean(squares / count[several]))
     points, vectors = on_plane(calibration.camera, mean, directions[first] * mean_sigma[:, None])
     # Measured aslant, a point errs across the beam by the part that is not along it.
     order = np.argsort(points[:, 0])
     tilt = math.atan(np.polyfit(points[:, 0], points[:, 1], 1)[0]) if len(points) > 2 else 0.0
     across = np.abs(vectors @ [-math.sin(tilt), math.cos(tilt)]) / math.cos(tilt)
-    rows = float(np.ptp((mean * directions[first]).sum(axis=1)))
-    return _MeanLine(points[order], np.maximum(across[order], 1e-12), random, rows)
+    row = (mean * directions[first]).sum(axis=1)
+    pixel = float(np.median(across / mean_sigma))
+    return _MeanLine(points[order], np.maximum(across[order], 1e-12), row[order], pixel)

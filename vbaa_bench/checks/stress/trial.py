@@ -150,8 +150,8 @@ def judged(
     error = None if answer.x_c is None else 100 * (answer.x_c - true_x_c) / length
     sigma = None if answer.sigma is None else 100 * answer.sigma / length
     within = error is not None and sigma is not None and abs(error) <= 3 * sigma
-    said = {*findings, answer.outcome} - {UNKNOWN}
-    signs = row.signs or frozenset({*findings, "camera moved"})
+    said = {*findings, answer.outcome}
+    signs = row.signs or {*findings, Outcome.CAMERA_MOVED} - UNKNOWN
     remarked = any(sign in answer.message for sign in row.signs)
     detected = answer.outcome == REFUSED or bool(said & signs) or remarked
     wrong = (Outcome.NO_CONTACT, Outcome.CRASHED)
