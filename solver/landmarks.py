@@ -22,9 +22,13 @@ from solver.instrument.arrays import Floats, Grey
 
 # The strongest landmarks that are kept: a thousand pixels cost 0.05 ms an image.
 MOST = 1000
-# Images that show less noise [gray levels] were compressed or denoised, which leaves errors
-# of this size in their place; chosen.
-LEAST_NOISE = 1.0
+# Images whose noise is below that of a camera that rounds well [gray levels] were compressed or
+# denoised; chosen.
+LEAST_NOISE = 0.5
+# That leaves errors of this size [gray levels], and pixels of one block err together; chosen.
+PROCESSED_ERROR = 1.0
+# Gradients are those of an image blurred by this much [px], which tames their noise; chosen.
+BLUR_PX = 0.7
 # A gradient of this many sigmas of the noise, per pixel, is an edge.
 LEAST_GRADIENT = 3.0
 # Pixels at the image's border that a shift may push out of it, and the farthest shift that is
@@ -37,6 +41,8 @@ STEADINESS_PX = 0.05
 MOVED_CHI2 = 11.83
 # A shift is known if every direction's sigma is below this [px], so that half a pixel is seen.
 KNOWN_PX = 0.1
+# One whose three sigmas reach beyond what is sought is not measured [px].
+MEASURED_PX = FARTHEST / 3
 # Residuals may exceed the noise by this factor, for compression and changed light; beyond it the
 # pixels are not those of the rest images. Chosen.
 MOST_SCATTER = 4.0
@@ -71,7 +77,11 @@ class Shift(NamedTuple):
 
 @dataclass(frozen=True)
 class Landmarks:
-    """n pixels (rows, columns) with their gray values, gradients [gray/px] and sigmas at rest."""
+    """n pixels (rows, columns) with their gray values, gradients [gray/px] and sigmas at rest.
+
+    In `processed` images all pixels of a block err together. Noise in the gradients looks like
+    `pretended` (gradient over sigma)^2 [1/px^2].
+    """
 
     rows: npt.NDArray[np.int64]
     columns: npt.NDArray[np.int64]
@@ -79,20 +89,28 @@ class Landmarks:
     along_u: Floats
     along_v: Floats
     sigma: Floats
+    processed: bool
+    pretended: float
 
-    @cached_property
+    @property
     def known(self) -> bool:
         """Whether a shift of half a pixel in any direction would be noticed."""
+        return self.shift_sigma < KNOWN_PX
+
+    @cached_property
+    def shift_sigma(self) -> float:
+        """Sigma [px] of a shift in the direction in which it is known least; may be infinite."""
         information = np.zeros((2, 2))
         for i, a in enumerate((self.along_u, self.along_v)):
             for j, b in enumerate((self.along_u, self.along_v)):
                 information[i, j] = float(np.sum(a * b / self.sigma**2))
-        least = float(np.linalg.eigvalsh(information)[0])
-        return least > 1 / KNOWN_PX**2
+        # Twice the expected, for the strongest gradients are those that noise strengthens.
+        least = float(np.linalg.eigvalsh(information)[0]) - 2 * len(self.rows) * self.pretended
+        return math.sqrt(self._erring_together / least) if least > 0 else math.inf
 
     def shift_of(self, image: Grey) -> Shift | None:
         """Measure the shift of an image (height, width); None where the landmarks disagree."""
-        if not self.known:
+        if self.shift_sigma > MEASURED_PX:
             return None
         du, dv, uu, uv, vv, share, scatter = _shift(
             image, self.rows, self.columns, self.gray, self.along_u, self.along_v, self.sigma
@@ -102,12 +120,17 @@ class Landmarks:
         # The median of n independent |x| exceeds this by chance in one image of a thousand.
         usual = 1 + 3.1 * 1.17 / math.sqrt(len(self.rows))
         widening = 1 + max(scatter**2 - usual**2, 0.0) * self._pixels_a_block
+        widening = max(widening, self._erring_together)
         return Shift(du, dv, uu * widening, uv * widening, vv * widening)
+
+    @property
+    def _erring_together(self) -> float:
+        return self._pixels_a_block if self.processed else 1.0
 
     @cached_property
     def _pixels_a_block(self) -> float:
         blocks = np.unique(np.column_stack([self.rows, self.columns]) // BLOCK, axis=0)
-        return len(self.rows) / len(blocks)
+        return len(self.rows) / max(len(blocks), 1)
 
 
 def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: Noise) -> Landmarks:
@@ -117,10 +140,12 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     `width` [px] about it is left out.
     """
     mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
-    along_v, along_u = np.gradient(cv2.GaussianBlur(mean, (0, 0), 0.7))
+    along_v, along_u = np.gradient(cv2.GaussianBlur(mean, (0, 0), BLUR_PX))
     # The mean of the rest images has noise, too.
     sigma = np.sqrt(noise.variance(mean) * (1 + 1 / len(images)))
-    sigma = np.maximum(sigma, LEAST_NOISE)
+    processed = bool(np.median(sigma) < LEAST_NOISE)
+    if processed:
+        sigma = np.maximum(sigma, PROCESSED_ERROR)
     free = np.zeros(mean.shape, np.uint8)
     margin = FARTHEST + 2
     free[margin:-margin, margin:-margin] = 1
@@ -137,7 +162,16 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
         along_u.ravel()[chosen],
         along_v.ravel()[chosen],
         sigma.ravel()[chosen],
+        processed,
+        _noise_gain() / (len(images) + 1),
     )
+
+
+def _noise_gain() -> float:
+    """Variance of the gradient of white noise of unit variance."""
+    point = np.zeros((15, 15))
+    point[7, 7] = 1.0
+    return float(np.sum(np.gradient(cv2.GaussianBlur(point, (0, 0), BLUR_PX))[0] ** 2))
 
 
 @njit(cache=True, error_model="numpy")

@@ -151,12 +151,14 @@ def _bow_powers(place: Floats) -> Floats:
 class _MeanLine(NamedTuple):
     """The rest images' mean: points (n, 2) on C [m] and their sigma (n,) along y [m].
 
-    `row` (n,) [px] is where the points are on the pixel grid, across the beam; `pixel` the size of
-    one [m].
+    `random` is the part of the points' variance that differs from image to image, over the square
+    of sigma. `row` (n,) [px] is where the points are on the pixel grid, across the beam; `pixel`
+    the size of one [m].
     """
 
     points: Floats
     sigma: Floats
+    random: float
     row: Floats
     pixel: float
 
@@ -192,28 +194,39 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     if mean.rows + 1 > FREE_OF_GRID:
         phase = 2 * np.pi * np.outer(mean.row, np.arange(1, HARMONICS + 1))
         design = np.column_stack([design, np.sin(phase), np.cos(phase)])
+    n, spare = len(y), mean.rows + 1 - design.shape[1]
     whitened = design / mean.sigma[:, None]
     inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
     coefficients = inverse @ (whitened.T @ (y / mean.sigma))
     residual = (y - design @ coefficients) / mean.sigma
-    variance = max(float(np.mean(residual**2)), 1e-12)
     # Without what an object beside the beam disturbs, so that it does not hide a bow.
     size = np.abs(residual)
     near = residual[size < 3 * 1.4826 * np.median(size) + 1e-12]
+    variance = max(float(np.mean(residual**2)), 1e-12)
+    near_variance = float(np.mean(near**2))
     correlation = correlation_length(residual)
-    spare = mean.rows + 1 - design.shape[1]
-    shared, shared_near = _shared_in_a_row(residual), _shared_in_a_row(near)
+    in_rows = n * _shared_by_neighbours(residual)
+    repeated = n * max(_repeating(near_variance, n, mean), _shared_by_neighbours(near))
     return _LinearFit(
         coefficients[:m],
-        inverse[:m, :m] * max(variance * correlation, shared / max(spare, 1.0)),
+        inverse[:m, :m] * max(variance * correlation, in_rows / max(spare, 1.0)),
         float(residual @ residual),
-        max(float(np.mean(near**2)), 1.0) * correlation,
-        0.0 if shared_near == 0 else shared_near / spare if spare > 0 else math.inf,
+        max(near_variance, 1.0) * correlation,
+        0.0 if repeated == 0 else repeated / spare if spare > 0 else math.inf,
     )
 
 
-def _shared_in_a_row(residual: Floats) -> float:
-    """Sum of squares of what neighbouring residuals (n,) have in common.
+def _repeating(variance: float, n: int, mean: _MeanLine) -> float:
+    """The part of a variance of n residuals that repeats from image to image.
+
+    It counts only where chance would not show as much in one rig of a thousand.
+    """
+    repeating = variance - mean.random
+    return repeating if repeating > 3.1 * math.sqrt(2 / n) * (variance + mean.random) else 0.0
+
+
+def _shared_by_neighbours(residual: Floats) -> float:
+    """The part of the variance of residuals (n,) that neighbours have in common.
 
     That is what a mean over so many neighbours leaves, less the share of independent errors in
     it. Errors that alternate from column to column, as those of a colour mosaic, leave nothing.
@@ -224,7 +237,7 @@ def _shared_in_a_row(residual: Floats) -> float:
         return 0.0
     means = np.convolve(residual, np.full(LAG, 1 / LAG), "valid")
     shared = float(np.mean(means**2)) - white
-    return n * shared if shared > 3.1 * math.sqrt(2 * LAG / n) * white else 0.0
+    return shared if shared > 3.1 * math.sqrt(2 * LAG / n) * white else 0.0
 
 
 def _keys(line: Centreline) -> Floats:
@@ -246,7 +259,7 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
     """
     pixels = np.vstack([line.points for line in lines])
     if not len(pixels):
-        return _MeanLine(np.empty((0, 2)), np.empty(0), np.empty(0), 0.0)
+        return _MeanLine(np.empty((0, 2)), np.empty(0), 1.0, np.empty(0), 0.0)
     directions = np.vstack([line.directions for line in lines])
     sigma = np.concatenate([line.sigma for line in lines])
     _, first, place, count = np.unique(
@@ -257,6 +270,13 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
     )
     mean = np.column_stack([np.bincount(place, pixels[:, i]) / count for i in (0, 1)])
     mean_sigma = np.bincount(place, sigma) / count
+    off = ((pixels - mean[place]) ** 2).sum(axis=1) / mean_sigma[place] ** 2
+    several = count > 1
+    # A single image cannot separate noise from errors that repeat: its sigma is used.
+    random = 1.0
+    if several.any():
+        squares = np.bincount(place, off)[several] / (count[several] - 1)
+        random = float(np.mean(squares / count[several]))
     points, vectors = on_plane(calibration.camera, mean, directions[first] * mean_sigma[:, None])
     # Measured aslant, a point errs across the beam by the part that is not along it.
     order = np.argsort(points[:, 0])
@@ -264,4 +284,4 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
     across = np.abs(vectors @ [-math.sin(tilt), math.cos(tilt)]) / math.cos(tilt)
     row = (mean * directions[first]).sum(axis=1)
     pixel = float(np.median(across / mean_sigma))
-    return _MeanLine(points[order], np.maximum(across[order], 1e-12), row[order], pixel)
+    return _MeanLine(points[order], np.maximum(across[order], 1e-12), random, row[order], pixel)

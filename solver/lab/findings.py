@@ -9,6 +9,7 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.calibrate.certainty import certainty
 from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.landmarks import FARTHEST
 
 # A figure that contradicts another by more of their combined sigmas is a finding.
 CONTRADICTION = 3.0
@@ -129,10 +130,13 @@ def _pose(antenna: Antenna) -> Iterator[Finding]:
 
 
 def _landmarks(antenna: Antenna) -> Iterator[Finding]:
-    if not antenna.at_rest.landmarks.known:
+    landmarks = antenna.at_rest.landmarks
+    if not landmarks.known:
+        least = 3 * landmarks.shift_sigma
+        moves = f"by less than {least:.1f} px " if least <= FARTHEST else ""
         yield Finding(
             "camera_shift_unknown",
-            "nothing beside the beam has edges in the image, so a camera that moves later cannot "
-            "be noticed: bring the clamp or a fixed mark into view, or state "
-            "camera.camera_shift_sigma_px",
+            f"a camera that moves {moves}later cannot be noticed, for what the image shows beside "
+            "the beam has too few or too faint edges: bring the clamp or a fixed mark into view, "
+            "or state camera.camera_shift_sigma_px",
         )

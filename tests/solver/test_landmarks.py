@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from scipy.special import ndtr
@@ -35,6 +36,12 @@ def scene(du: float = 0.0, dv: float = 0.0, texture: float = 0.06) -> Floats:
 
 def image(light: Floats, seed: int) -> Grey:
     return SENSOR(light, np.random.default_rng(seed))
+
+
+def compressed(picture: Grey, quality: int) -> Grey:
+    """As JPEG, and back."""
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), np.uint8)
 
 
 @cache
@@ -126,6 +133,20 @@ def test_an_even_scene_or_one_of_parallel_edges_has_no_landmarks() -> None:
         marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
         assert not marks.known
         assert marks.shift_of(rests[0]) is None
+
+
+def test_what_compression_does_to_faint_edges_is_no_motion() -> None:
+    """The rest images are one still picture; every frame is compressed by itself."""
+    faint = 0.4 + 0.2 * (scene() - 0.4)
+    rests = [compressed(image(faint, 0), 95)] * 4
+    marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+    assert marks.processed
+    shifts = [marks.shift_of(compressed(image(faint, seed), 50)) for seed in range(20)]
+    assert sum(shift is not None and shift.exceeds(0.0) for shift in shifts) <= 1
+    # Twice as far as three sigmas reach.
+    far = marks.shift_of(compressed(image(0.4 + 0.2 * (scene(4.0, 0.0) - 0.4), 3), 50))
+    assert far is not None
+    assert far.exceeds(0.0)
 
 
 def test_the_beam_itself_is_no_landmark() -> None:
