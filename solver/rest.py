@@ -205,7 +205,10 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     variance = max(float(np.mean(residual**2)), 1e-12)
     near_variance = float(np.mean(near**2))
     correlation = correlation_length(residual)
-    in_rows = n * _shared_by_neighbours(residual)
+    shared = _shared_by_neighbours(residual)
+    # The rows that are to spare show what they share; it counts as one row more that all may be.
+    free, any_part = max(spare, 0.0), max(_repeating(variance, n, mean), shared)
+    in_rows = n * (free * shared + any_part) / (free + 1)
     repeated = n * max(_repeating(near_variance, n, mean), _shared_by_neighbours(near))
     return _LinearFit(
         coefficients[:m],
