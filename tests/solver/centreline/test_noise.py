@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -78,3 +80,16 @@ def test_noise_is_never_negative() -> None:
             darkest = float(np.mean(several, axis=0).min())
             assert noise.dark + noise.per_gray * darkest >= -1e-12
             assert noise.per_gray >= 0
+
+
+def test_memory_does_not_grow_with_the_number_of_images() -> None:
+    random = np.random.default_rng(4)
+    images = [random.integers(90, 110, (500, 800), dtype=np.uint8) for _ in range(12)]
+    peaks = []
+    for used in (3, 12):
+        tracemalloc.start()
+        noise_of(images[:used])
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    # One of them as floats has 3.2 MB.
+    assert peaks[1] < peaks[0] + 1e6
