@@ -77,10 +77,11 @@ def learn_at_rest(
     largest = float(off.max(initial=0.0))
     if largest > MOST_DISAGREEMENT_PX:
         raise _moving(largest)
-    rest = learn_rest(lines, calibration, rig)
+    noise = noise_of(used)
+    rest = learn_rest(lines, calibration, rig, noise.processed(used[0]))
     _check_direction(rest, extract, used[0], lines[0], rig)
     landmarks = learn_landmarks(
-        used, _path(rest, calibration, rig), 4 * guide.radius_px + 2 * BESIDE_PX, noise_of(used)
+        used, _path(rest, calibration, rig), 4 * guide.radius_px + 2 * BESIDE_PX, noise
     )
     tip, tip_covariance = _mean_tip(lines)
     copies = len(images) - len(distinct)

@@ -22,10 +22,7 @@ from solver.instrument.arrays import Floats, Grey
 
 # The strongest landmarks that are kept: a thousand pixels cost 0.05 ms an image.
 MOST = 1000
-# Images whose noise is below that of a camera that rounds well [gray levels] were compressed or
-# denoised; chosen.
-LEAST_NOISE = 0.5
-# That leaves errors of this size [gray levels], and pixels of one block err together; chosen.
+# Processing leaves errors of this size [gray levels], and pixels of one block err together; chosen.
 PROCESSED_ERROR = 1.0
 # Gradients are those of an image blurred by this much [px], which tames their noise; chosen.
 BLUR_PX = 0.7
@@ -143,7 +140,7 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     along_v, along_u = np.gradient(cv2.GaussianBlur(mean, (0, 0), BLUR_PX))
     # The mean of the rest images has noise, too.
     sigma = np.sqrt(noise.variance(mean) * (1 + 1 / len(images)))
-    processed = bool(np.median(sigma) < LEAST_NOISE)
+    processed = noise.processed(images[0])
     if processed:
         sigma = np.maximum(sigma, PROCESSED_ERROR)
     free = np.zeros(mean.shape, np.uint8)

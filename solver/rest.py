@@ -89,11 +89,13 @@ class Rest:
         return np.column_stack([line, _bow_powers(x / self.length)]), line
 
 
-def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> Rest:
+def learn_rest(
+    lines: Sequence[Centreline], calibration: Calibration, rig: Rig, processed: bool = False
+) -> Rest:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
-    The covariance follows from the points' own scatter. Raises InputError where the images show
-    too little of the beam.
+    In `processed` images a smooth bow may be the pixel rows' as well. The covariance follows from
+    the points' own scatter. Raises InputError where the images show too little of the beam.
     """
     mean = _mean_line(lines, calibration)
     points = raised(mean.points, calibration.camera.viewpoint, rig)
@@ -114,7 +116,10 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     gain = straight.chi2 - bowed.chi2
     if len(points) > 50 and gain > BOWED_CHI2 * bowed.scatter:
         bend = float(np.abs(curve @ (c - s)).max())
-        if gain > BOWED_CHI2 * bowed.repeated or bend > MOST_OFF_GRID_PX * mean.pixel:
+        # A curve of as many coefficients as there are rows hides the rows' errors.
+        hidden = processed and mean.rows + 1 <= len(c)
+        imitable = hidden or gain < BOWED_CHI2 * bowed.repeated
+        if not imitable or bend > MOST_OFF_GRID_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
         # More likely straight; three sigmas reach the bow.
         covariance += np.outer(c - s, c - s) / 9

@@ -11,6 +11,9 @@ from solver.instrument.arrays import Floats, Grey
 
 # Rounding to whole gray values alone has this variance.
 ROUNDING = 1 / 12
+# Images with less noise than a camera needs to round well [gray levels] were compressed or
+# denoised; chosen.
+LEAST_SIGMA = 0.5
 # Gray values by their mean in so many bins, each of at least so many pixels.
 BINS, LEAST_IN_BIN = 24, 40
 # Mean of the lower three quarters of the smaller of both squared deviations, of white noise of unit
@@ -28,6 +31,10 @@ class Noise:
     def variance(self, gray: Floats | float) -> Floats:
         """Variance of gray values, of the same shape."""
         return np.maximum(self.dark + self.per_gray * np.asarray(gray, np.float64), ROUNDING)
+
+    def processed(self, image: Grey) -> bool:
+        """Whether images like this (height, width) were compressed or denoised."""
+        return bool(np.median(self.variance(image.astype(np.float64))) < LEAST_SIGMA**2)
 
 
 def noise_of(images: Sequence[Grey]) -> Noise:

@@ -20,6 +20,8 @@ LEVEL = replace(
     ),
 )
 SIGMA_PX = 0.01
+# Of the camera LEVEL on plane C [m].
+PIXEL = 1 / float(LEVEL.pixels_per_metre(np.array([[0.12, 0.0, 0.0]]))[0])
 X = np.linspace(0.004, 0.238, 420)
 
 
@@ -127,3 +129,55 @@ def test_a_bow_is_found_beside_an_object(together: bool) -> None:
     found, _ = rest.bow_at(X)
     whole = rest.y_at_clamp + rest.slope * X + found
     assert np.abs(whole - 1e-3 * X - bow).max() < 1e-4
+
+
+def drawn_to_rows(line: Centreline, share: float) -> Centreline:
+    """The line as sharpening shows it: its centres are drawn towards the middles of their rows."""
+    points = line.points.copy()
+    points[:, 1] -= share / (2 * np.pi) * np.sin(2 * np.pi * points[:, 1])
+    return down_columns(points, line.sigma)
+
+
+@pytest.mark.parametrize("slope", [1.5e-3, 2e-3, 3e-3])
+def test_a_bow_that_the_pixel_rows_may_imitate_is_left_open(slope: float) -> None:
+    random = np.random.default_rng(7)
+    shown = [drawn_to_rows(one, 0.9) for one in lines(slope * X, random, camera=LEVEL)]
+    rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig(), processed=True)
+    assert rest.bow_undecided
+    assert not rest.bow.any()
+    _, sigma = rest.bow_at(X)
+    # Three sigmas reach the bow that the rows imitate, and not much farther.
+    columns = shown[0].points[:, 0]
+    imitated = np.polynomial.Polynomial.fit(columns, shown[0].points[:, 1], 4)(columns)
+    imitated -= np.polynomial.Polynomial.fit(columns, imitated, 1)(columns)
+    imitated = np.abs(imitated).max() * PIXEL
+    assert 0.5 * imitated < 3 * sigma.max() < 2 * imitated
+
+
+def test_a_bow_of_more_than_half_a_pixel_is_none_of_the_rows() -> None:
+    random = np.random.default_rng(8)
+    bow = 4.8 * PIXEL * (X / BEAM.length) ** 2
+    shown = [drawn_to_rows(one, 0.9) for one in lines(2e-3 * X + bow, random, camera=LEVEL)]
+    rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig(), processed=True)
+    assert rest.bow.any()
+
+
+def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance() -> None:
+    """As those of a demosaiced image of a beam that crosses many rows do."""
+
+    def sigma(alternating: float) -> float:
+        random = np.random.default_rng(9)
+        shown = []
+        for line in lines(0.05 * X, random, camera=LEVEL):
+            points = line.points.copy()
+            points[::2, 1] += alternating
+            points[1::2, 1] -= alternating
+            shown.append(down_columns(points, line.sigma))
+        rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
+        assert rest.straight
+        return float(np.sqrt(rest.line_covariance[1, 1]))
+
+    # As many independent errors of that size would do at most.
+    columns = len(lines(0.05 * X, np.random.default_rng(9), camera=LEVEL)[0].points)
+    independent = 0.1 * PIXEL / BEAM.length * np.sqrt(12 / columns)
+    assert sigma(0.1) < 2 * independent
