@@ -1,10 +1,6 @@
 """The whole table: every row on every rig, in parallel, as a record and as lines to be read."""
 
-import multiprocessing
-import signal
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -15,7 +11,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.checks.stress.figures import Figure, figures, missed
 from vbaa_bench.checks.stress.rows import NAMES, ROWS, Row, Wanted
 from vbaa_bench.checks.stress.trial import RigResult, stress_rig
-from vbaa_bench.workers import WorkerDiedError
+from vbaa_bench.workers import Pool
 
 Record = dict[str, Any]
 TITLE: Final = (
@@ -57,25 +53,31 @@ def measure(
 
     Raises WorkerDiedError if a process dies, and InputError for an incomplete dataset.
     """
-    results: dict[str, list[RigResult]] = {row.name: [] for row in rows}
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _settle) as pool:
-        try:
-            # Rig after rig: what is finished early is worth a look.
-            tasks = {
-                pool.submit(_try, root, number, row.name, method, seed): row.name
-                for number, root in enumerate(roots)
-                for row in rows
-            }
-            progress(0, len(tasks))
-            for done, task in enumerate(as_completed(tasks), start=1):
-                results[tasks[task]].append(task.result())
-                progress(done, len(tasks))
-        except BrokenProcessPool as error:
-            raise WorkerDiedError from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-    return [_record(row, sorted(results[row.name], key=lambda one: one.rig), seed) for row in rows]
+    # Rig after rig, so that images just read are read again.
+    jobs = [
+        ("attempt", (root, number, row.name)) for number, root in enumerate(roots) for row in rows
+    ]
+    with Pool(workers, Trials, (method, seed)) as pool:
+        results = pool.run(jobs, lambda done: progress(done, len(jobs)))
+    return [_record(row, results[place :: len(rows)], seed) for place, row in enumerate(rows)]
+
+
+class Trials:
+    """What a worker process does: one row on one rig after another."""
+
+    def __init__(self, method: str, seed: int) -> None:
+        self._method, self._seed = method, seed
+        cv2.setNumThreads(1)
+
+    def attempt(
+        self, piece_done: Callable[[], None], root: Path, number: int, name: str
+    ) -> RigResult:
+        """Try the row of this name on rig `number`, whose dataset is at `root`."""
+        # By its name: a perturbation is a closure, which cannot be sent to another process.
+        (row,) = chosen_rows([name])
+        result = stress_rig(root, number, row, self._method, self._seed)
+        piece_done()
+        return result
 
 
 def lines(records: Sequence[Record]) -> list[tuple[str, ...]]:
@@ -138,14 +140,3 @@ def _said(wanted: Wanted) -> str:
         "false": "false {:g}",
     }
     return ", ".join(words[name].format(bound) for name, bound in wanted.record().items())
-
-
-def _settle() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
-    cv2.setNumThreads(1)
-
-
-def _try(root: Path, number: int, name: str, method: str, seed: int) -> RigResult:
-    # By its name: a perturbation is a closure, which cannot be sent to another process.
-    (row,) = chosen_rows([name])
-    return stress_rig(root, number, row, method, seed)
