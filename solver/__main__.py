@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import cv2
-import numpy as np
 import typer
 from rich.console import Console
 
@@ -200,8 +199,7 @@ def rigidity(
     antenna = set_up(opened)
     # What hangs down at rest is a load to be fitted, not a bow to be taken off.
     at_rest = antenna.at_rest
-    straight = replace(at_rest, rest=replace(at_rest.rest, bow=np.zeros(3)))
-    antenna = replace(antenna, at_rest=straight)
+    antenna = replace(antenna, at_rest=replace(at_rest, rest=at_rest.rest.without_bow()))
     newton = gravity_m_s2 / 1e3
     found = flexural_rigidity(
         [measure(antenna, see(antenna, image)) for image in opened.read_rest_images()],

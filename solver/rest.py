@@ -6,7 +6,7 @@ contact and after it; the rest images show it, and it is taken off.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -77,6 +77,12 @@ class Rest:
         off = here - line_here @ self._line_through
         variance = np.einsum("ni,ij,nj->n", off, self.covariance, off)
         return np.asarray(here[:, 2:] @ self.bow), np.sqrt(np.maximum(variance, 0.0))
+
+    def without_bow(self) -> "Rest":
+        """Drop the bow and its uncertainty; the line and its covariance stay."""
+        covariance = np.zeros((5, 5))
+        covariance[:2, :2] = self.line_covariance
+        return replace(self, bow=np.zeros(3), covariance=covariance)
 
     @cached_property
     def _line_through(self) -> Floats:

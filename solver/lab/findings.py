@@ -63,8 +63,8 @@ def _bent(antenna: Antenna) -> Iterator[Finding]:
             "bow_undecided",
             f"the beam at rest looks bent by {3 * sigma.max() / MILLIMETRE:.3f} mm, "
             "but it crosses so few pixel rows that the camera's processing or compression may do "
-            "that; all sigmas hold it: turn the camera until the beam crosses more rows, or take "
-            "unprocessed images",
+            "that; the stated sigmas include it: turn the camera until the beam crosses more rows, "
+            "or take unprocessed images",
         )
 
 
