@@ -14,9 +14,10 @@ from rich.console import Console
 
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity
 from solver.centreline.extractors import EXTRACTORS
-from solver.estimate import measure, see, set_up
+from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.images import CHANNELS, png_bytes
+from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
 from solver.instrument.rig import read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
@@ -30,7 +31,10 @@ from solver.lab.sources import open_source
 from solver.lab.target import svg
 from solver.lab.writing import make_room, write
 from solver.methods import METHODS, Method
+from solver.set_up import set_up
 from solver.table import Row, csv_text
+from solver.to_measurement import to_measurement
+from solver.tracker import extract_centreline
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -200,10 +204,14 @@ def rigidity(
     # What hangs down at rest is a load to be fitted, not a bow to be taken off.
     at_rest = antenna.at_rest
     antenna = replace(antenna, at_rest=replace(at_rest, rest=at_rest.rest.without_bow()))
+
+    def measured(image: Grey) -> Measurement:
+        return to_measurement(antenna, extract_centreline(antenna, image))
+
     newton = gravity_m_s2 / 1e3
     found = flexural_rigidity(
-        [measure(antenna, see(antenna, image)) for image in opened.read_rest_images()],
-        [measure(antenna, see(antenna, shot.grey())) for shot in source],
+        [measured(image) for image in opened.read_rest_images()],
+        [measured(shot.grey()) for shot in source],
         HungWeight(
             force=weight_g * newton,
             force_sigma=weight_sigma_g * newton,

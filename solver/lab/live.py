@@ -10,14 +10,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.estimate import answer, measure, moved, see
 from solver.instrument.arrays import Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View
 from solver.lab.shots import Shot, Source
 from solver.methods import Method
-from solver.sequence import Sequence, Solved
 from solver.table import Row, row
+from solver.to_measurement import to_measurement
+from solver.tracker import (
+    PushTracker,
+    Solved,
+    extract_centreline,
+    refusal_of_moved_camera,
+    run_method,
+)
 
 # So far off that no fit keeps a point, and so few of them that every fit is made with the others.
 _STRAY_SIGMAS = 60.0
@@ -44,7 +50,7 @@ def answers(
 
     An image that cannot be used is an answer too, with the outcome "invalid".
     """
-    sequence = Sequence(antenna, method)
+    tracker = PushTracker(antenna, method)
     for shot in source:
         waited = time.perf_counter() - shot.taken
         if shot.image is None:
@@ -53,8 +59,8 @@ def answers(
             continue
         # A repeat is solved by a copy, or the frame would meet itself in its own past.
         shared = {id(part): part for part in (antenna, method)}
-        trials = [copy.deepcopy(sequence, dict(shared)) for _ in range(repeats - 1)]
-        runs = [one.solve(shot.image, shot.readings, shot.push_id) for one in (*trials, sequence)]
+        trials = [copy.deepcopy(tracker, dict(shared)) for _ in range(repeats - 1)]
+        runs = [one.solve(shot.image, shot.readings, shot.push_id) for one in (*trials, tracker)]
         seconds = statistics.median(run.seconds for run in runs)
         estimate = runs[-1].estimate
         yield Answer(shot, runs[-1], row(shot.name, estimate, 1e3 * seconds), waited + seconds)
@@ -67,9 +73,9 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     Arrays of other layouts are compiled for anew: those of an image without any candidate, and
     those of the points that are left when some are rejected.
     """
-    see(antenna, np.full_like(rest_image, np.median(rest_image)))
-    moved(antenna, rest_image)
-    resting = measure(antenna, see(antenna, rest_image))
+    extract_centreline(antenna, np.full_like(rest_image, np.median(rest_image)))
+    refusal_of_moved_camera(antenna, rest_image)
+    resting = to_measurement(antenna, extract_centreline(antenna, rest_image))
     length, view = resting.rig.beam.length, resting.view
     x = np.clip(view.points[:, 0] / length, 0.0, 1.0)
     y = 0.05 * length * np.where(x < 0.5, x**2 * (1.5 - x), 0.75 * x - 0.125)
@@ -77,10 +83,10 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     clean = View(bent, view.sigma_vectors, view.viewpoint)
     stray = bent + _STRAY_SIGMAS * view.sigma_vectors * (np.arange(len(bent)) % 20 == 0)[:, None]
     for tipless in (clean, View(stray, view.sigma_vectors, view.viewpoint)):
-        answer(method, replace(resting, view=tipless))
+        run_method(method, replace(resting, view=tipless))
     # A push of two frames; what its motor turned is of the order of the bend's slope.
     first = replace(resting, view=clean, motor_angle=_TURNED / 2)
-    answer(method, replace(first, motor_angle=_TURNED, earlier=(first,)))
+    run_method(method, replace(first, motor_angle=_TURNED, earlier=(first,)))
 
 
 def json_line(given: Answer) -> str:

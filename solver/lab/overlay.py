@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.estimate import measure
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from solver.lab.console import sentence
 from solver.lab.drawing import SHIFT, Colour, Picture, enlarged, mark, place
 from solver.lab.live import Answer
-from solver.sequence import Solved
+from solver.to_measurement import to_measurement
+from solver.tracker import Solved
 
 TIP: Final = (240, 200, 60)
 CONTACT: Final = (60, 60, 255)
@@ -58,7 +58,7 @@ def _pushed(antenna: Antenna, solved: Solved) -> tuple[Floats, Floats] | None:
         return None
     frame = "world" if rig.camera_mount == "world" else "antenna"
     names = [f"contact_{frame}_{axis}_m" for axis in "xyz"]
-    pose = measure(antenna, solved.line).antenna_from_beam
+    pose = to_measurement(antenna, solved.line).antenna_from_beam
     if all(name in values for name in names):
         at = np.array([values[name] for name in names])
     elif frame == "antenna" and "x_c_m" in values and "y_c_m" in values:

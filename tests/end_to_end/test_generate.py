@@ -11,12 +11,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from solver.plane import on_plane
+from solver.set_up import set_up
+from solver.tracker import PushTracker
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
@@ -187,7 +188,7 @@ def test_estimates_agree_with_the_truth(dataset: Path, method: str) -> None:
     antenna = set_up(observations)
     for frame in observations:
         row = truth.frames.row(by_predicate=pl.col("frame_id") == frame.frame_id, named=True)
-        answer = estimate(antenna, frame.image(), METHODS[method], frame.readings)
+        answer = PushTracker(antenna, METHODS[method]).solve(frame.image(), frame.readings).estimate
         assert answer.outcome.has_values, answer
         error = answer.values["x_c_m"] - row["x_c_mm"] / 1e3
         assert abs(error) < WORST[method] * 0.24
@@ -215,7 +216,8 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     assert reading is not None
     encoder = reading - np.radians(truth.frames["motor_angle_deg"][0])
     assert 0 < abs(encoder) < np.radians(0.05)
-    answer = estimate(set_up(observations), observations.frames[0].image(), METHODS["exact_fit"])
+    tracker = PushTracker(set_up(observations), METHODS["exact_fit"])
+    answer = tracker.solve(observations.frames[0].image()).estimate
     row = truth.frames.row(0, named=True)
     assert abs(answer.values["x_c_m"] - row["x_c_mm"] / 1e3) < 3 * answer.sigma("x_c_m")
     assert abs(answer.values["force_n"] - row["force_n"]) < 3 * answer.sigma("force_n")

@@ -6,11 +6,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Floats
 from solver.instrument.images import png_head, read_grey
 from solver.instrument.observation import Readings, open_observations
 from solver.methods import METHODS
+from solver.set_up import set_up
+from solver.tracker import PushTracker
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
@@ -90,7 +91,9 @@ def test_removed_data_are_left_out_by_the_solver(hidden: tuple[Layout, Truth]) -
         (row["hidden_from_mm"] / 1e3, row["hidden_to_mm"] / 1e3)
     )
     one, other = (
-        estimate(antenna, frame.image(), METHODS["exact_fit"], Readings(removed=stretch))
+        PushTracker(antenna, METHODS["exact_fit"])
+        .solve(frame.image(), Readings(removed=stretch))
+        .estimate
         for stretch in (None, frame.readings.removed)
     )
     assert other.values["x_c_m"] == pytest.approx(row["x_c_mm"] / 1e3, abs=0.003 * 0.24)

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from solver.estimate import answer
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.methods import METHODS
+from solver.tracker import run_method
 from tests.hard_cases.beams import REFERENCES, is_sound, pushed_beam, true_contact, with_points
 from tests.simulated import BEAM
 
@@ -29,7 +29,7 @@ RANDOM = np.random.default_rng(5)
 
 def sound(name: str, measurement: Measurement) -> Estimate:
     """A method's answer, which must be values with a covariance, or a sentence."""
-    found = answer(METHODS[name], measurement)
+    found = run_method(METHODS[name], measurement)
     assert found.outcome is not Outcome.CRASHED, found.message
     assert is_sound(found), found
     return found
@@ -92,7 +92,7 @@ def test_whatever_the_points_there_is_an_outcome(name: str, points: Floats) -> N
 def test_whatever_the_sigmas_there_is_an_outcome(name: str, scale: float) -> None:
     found = sound(name, with_points(FLAT, POINTS, FLAT.sigma_vectors * scale))
     if scale == -1.0:  # a displacement by minus one sigma is as good
-        once = answer(METHODS[name], FLAT)
+        once = run_method(METHODS[name], FLAT)
         assert found.outcome is once.outcome
         assert dict(found.values) == pytest.approx(dict(once.values))
     if scale > 1 and name in VISUAL:  # the beam is straight within such a noise
@@ -128,7 +128,7 @@ def test_whatever_is_known_of_the_clamp_there_is_an_outcome(name: str, clamp: Fl
 
 def true_contact_of_flat() -> float:
     """x_c [m] as the clamp's own sensors tell it, to 0.05 % of L."""
-    return answer(METHODS["force_sensor"], FLAT).values["x_c_m"]
+    return run_method(METHODS["force_sensor"], FLAT).values["x_c_m"]
 
 
 @pytest.mark.parametrize(

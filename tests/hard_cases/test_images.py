@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from solver.antenna import Antenna
-from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import read_grey
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
+from solver.set_up import set_up
+from solver.tracker import PushTracker
 from tests.hard_cases.beams import is_sound
 
 
@@ -67,7 +68,7 @@ ASKS_NO_MISFIT = {"two_point", "three_point", "moment_sensor", "stiffness", "lin
 def test_no_numbers_without_a_pushed_beam(
     dataset: Path, antenna: Antenna, method: str, name: str
 ) -> None:
-    answer = estimate(antenna, images(dataset)[name], METHODS[method])
+    answer = PushTracker(antenna, METHODS[method]).solve(images(dataset)[name]).estimate
     assert answer.outcome is not Outcome.CRASHED, answer.message
     assert is_sound(answer)
     if name != "turned by 180 degrees" or method not in ASKS_NO_MISFIT:
@@ -81,7 +82,7 @@ VISUAL = sorted(METHODS.keys() - {"moment_sensor", "force_sensor"})
 @pytest.mark.parametrize("method", VISUAL)
 def test_a_beam_at_rest_is_no_contact(dataset: Path, antenna: Antenna, method: str) -> None:
     for path in open_observations(dataset / "observations").rest_images:
-        answer = estimate(antenna, read_grey(path), METHODS[method])
+        answer = PushTracker(antenna, METHODS[method]).solve(read_grey(path)).estimate
         assert answer.outcome is Outcome.NO_CONTACT
 
 
@@ -90,7 +91,7 @@ def test_a_half_hidden_beam_is_still_answered(dataset: Path, antenna: Antenna, m
     frame = open_observations(dataset / "observations").frames[0]
     image = frame.image()
     image[:, 330:] = np.median(image)
-    answer = estimate(antenna, image, METHODS[method], frame.readings)
+    answer = PushTracker(antenna, METHODS[method]).solve(image, frame.readings).estimate
     assert answer.outcome is Outcome.CONTACT
     assert 0 < answer.values["x_c_m"] < 0.24
 
@@ -121,7 +122,7 @@ def test_what_is_no_image_of_the_camera_is_invalid(dataset: Path, antenna: Anten
     image = open_observations(dataset / "observations").frames[0].image()
     for name, (wrong, sentence) in spoilt(image).items():
         for method in METHODS.values():
-            answer = estimate(antenna, wrong, method)
+            answer = PushTracker(antenna, method).solve(wrong).estimate
             assert answer.outcome is Outcome.INVALID, name
             assert sentence in answer.message, name
 
@@ -146,9 +147,9 @@ def test_how_an_image_lies_in_memory_does_not_matter(dataset: Path, antenna: Ant
         "in 16 bits": image.astype(np.uint16),
     }
     for method in VISUAL:
-        plain = estimate(antenna, image, METHODS[method], frame.readings)
+        plain = PushTracker(antenna, METHODS[method]).solve(image, frame.readings).estimate
         for name, other in lying.items():
-            answer = estimate(antenna, other, METHODS[method], frame.readings)
+            answer = PushTracker(antenna, METHODS[method]).solve(other, frame.readings).estimate
             assert answer.outcome is plain.outcome, name
             assert dict(answer.values) == dict(plain.values), name
 
@@ -161,9 +162,9 @@ def test_half_the_light_or_a_few_dead_pixels_do_little_harm(
     dead = random.random(image.shape) < 0.05
     spots = np.where(dead, 255 * (random.random(image.shape) < 0.5), image).astype(np.uint8)
     for method in ("exact_fit", "exact_fit_3d", "push_fit"):
-        plain = estimate(antenna, image, METHODS[method], frame.readings)
+        plain = PushTracker(antenna, METHODS[method]).solve(image, frame.readings).estimate
         for other in (image // 2, spots):
-            answer = estimate(antenna, other, METHODS[method], frame.readings)
+            answer = PushTracker(antenna, METHODS[method]).solve(other, frame.readings).estimate
             assert answer.outcome is Outcome.CONTACT
             change = abs(answer.values["x_c_m"] - plain.values["x_c_m"])
             assert change < 4 * np.hypot(answer.sigma("x_c_m"), plain.sigma("x_c_m"))
@@ -182,7 +183,10 @@ def answers(observations: Path) -> dict[str, Estimate]:
     opened = open_observations(observations)
     antenna, frame = set_up(opened), opened.frames[1]
     image = frame.image()
-    return {name: estimate(antenna, image, METHODS[name], frame.readings) for name in VISUAL}
+    return {
+        name: PushTracker(antenna, METHODS[name]).solve(image, frame.readings).estimate
+        for name in VISUAL
+    }
 
 
 def test_a_camera_of_16_bits_or_of_another_mounting_sees_the_same(

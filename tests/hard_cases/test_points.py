@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.estimate import answer
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.methods import METHODS
+from solver.tracker import run_method
 from tests.hard_cases.beams import (
     REFERENCES,
     TURNED,
@@ -31,13 +31,13 @@ ANSWERS: dict[tuple[str, str], Estimate] = {}
 def told(reference: str, name: str) -> Estimate:
     """A method's answer to one of the references, computed once."""
     if (reference, name) not in ANSWERS:
-        ANSWERS[reference, name] = answer(METHODS[name], REFERENCES[reference])
+        ANSWERS[reference, name] = run_method(METHODS[name], REFERENCES[reference])
     return ANSWERS[reference, name]
 
 
 def change(name: str, reference: str, other: Measurement) -> float:
     """The largest change of any value of a method's answer, in L, EI / L^2 and radians."""
-    given_now = answer(METHODS[name], other)
+    given_now = run_method(METHODS[name], other)
     return largest_change(told(reference, name), given_now, BEAM, other.rig.beam)
 
 
@@ -85,7 +85,7 @@ def test_the_order_of_the_points_does_not_matter(name: str, reference: str, seed
 @pytest.mark.parametrize("name", NAMES)
 def test_points_told_twice_tell_the_same_place(name: str, reference: str) -> None:
     measurement, once = REFERENCES[reference], told(reference, name)
-    twice = answer(
+    twice = run_method(
         METHODS[name], with_points(measurement, np.repeat(measurement.points, 2, axis=0))
     )
     if not once.values or not twice.values:
@@ -108,7 +108,7 @@ def test_points_told_twice_tell_the_same_place(name: str, reference: str) -> Non
 def test_units_do_not_matter(name: str, reference: str, length: float, rigidity: float) -> None:
     # A beam from 24 micrometres to 240 m.
     once, measurement = told(reference, name), rescaled(REFERENCES[reference], length, rigidity)
-    again = answer(METHODS[name], measurement)
+    again = run_method(METHODS[name], measurement)
     beam = measurement.rig.beam
     assert largest_change(once, again, BEAM, beam) < (PAIR if name in PAIRED else 1e-8)
     if once.values:
@@ -124,7 +124,7 @@ def test_units_do_not_matter(name: str, reference: str, length: float, rigidity:
 @pytest.mark.parametrize("reference", REFERENCES)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_mirror_turns_signs_and_nothing_else(name: str, reference: str) -> None:
-    once, seen = told(reference, name), answer(METHODS[name], mirrored(REFERENCES[reference]))
+    once, seen = told(reference, name), run_method(METHODS[name], mirrored(REFERENCES[reference]))
     assert seen.outcome is once.outcome
     assert list(seen.values) == list(once.values)
     for quantity, value in once.values.items():
@@ -143,7 +143,7 @@ def test_where_the_clamp_stands_moves_the_contact_along(
     name: str, reference: str, by: tuple[float, float, float]
 ) -> None:
     once = told(reference, name)
-    there = answer(METHODS[name], moved(REFERENCES[reference], np.array(by)))
+    there = run_method(METHODS[name], moved(REFERENCES[reference], np.array(by)))
     along = dict(zip("xyz", by, strict=True))
     assert there.outcome is once.outcome
     for quantity, value in once.values.items():
@@ -160,6 +160,6 @@ WORLD_POINT = [f"contact_world_{axis}_m" for axis in "xyz"]
 def test_where_the_clamp_stands_the_world_turns(name: str) -> None:
     # Assumption 4 of the paper: the motor's axis passes through the clamp, wherever that is.
     by = np.array([0.03, -0.02, 0.01])
-    there = answer(METHODS[name], moved(REFERENCES["flat"], by))
+    there = run_method(METHODS[name], moved(REFERENCES["flat"], by))
     here = [told("flat", name).values[quantity] for quantity in WORLD_POINT]
     assert [there.values[quantity] for quantity in WORLD_POINT] == pytest.approx(here + by)

@@ -15,8 +15,8 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Frame
 from solver.methods import Method
-from solver.sequence import Sequence as Push
 from solver.table import csv_text, row
+from solver.tracker import PushTracker
 
 Record = dict[str, Any]
 # Gathers measurements; what it returns solves them all at once.
@@ -76,7 +76,7 @@ class Run:
     def once(self, frames: Sequence[Frame], images: Sequence[Grey]) -> None:
         """Solve every frame once from its image, and once from its points."""
         watch = _Watch(self._method)
-        push = Push(self._antenna, watch)
+        push = PushTracker(self._antenna, watch)
         image, within, points = (np.full(self._frames, np.nan) for _ in range(3))
         self._answers, measurements = [], list[Measurement]()
         for i, (frame, pixels) in enumerate(zip(frames, images, strict=True)):

@@ -18,11 +18,11 @@ from typing import Final
 
 import numpy as np
 
-from solver.estimate import set_up
 from solver.instrument.errors import InputError
 from solver.instrument.observation import Frame, open_observations
 from solver.methods import METHODS
-from solver.sequence import Sequence as Push
+from solver.set_up import set_up
+from solver.tracker import PushTracker
 from vbaa_bench.checks.method_runs import BATCHES, Record, Run
 
 # What a process needs, and one thread for every library: times are of one core.
@@ -105,7 +105,7 @@ def start_cold(observations: Path, name: str, launched: float) -> Record:
     began = time.time()
     antenna = set_up(opened)
     ready = time.time()
-    Push(antenna, METHODS[name]).solve(image, first.readings, first.push_id)
+    PushTracker(antenna, METHODS[name]).solve(image, first.readings, first.push_id)
     done = time.time()
     return {
         "import_s": imported - launched,

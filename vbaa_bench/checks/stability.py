@@ -29,7 +29,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.estimate import answer
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.board import Chessboard
@@ -37,6 +36,7 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.methods import METHODS, Method
+from solver.tracker import run_method
 from vbaa_bench.checks.reference import BEAM
 from vbaa_bench.mechanics.planar import push
 from vbaa_bench.mechanics.state import State
@@ -91,7 +91,7 @@ def pushed(beam: Beam, distance: float, deflection: float) -> Measurement:
 
 def judged(method: Method, measurement: Measurement) -> Record:
     """Outcome, amplification, condition and rounding of one method on one push; None: no number."""
-    plain = answer(method, measurement)
+    plain = run_method(method, measurement)
     found: Record = {
         "outcome": str(plain.outcome),
         "x_c_pct_L_per_px": None,
@@ -120,7 +120,7 @@ def amplification(
     for stretch in np.array_split(np.argsort(points[:, 0]), STRETCHES):
         moved = points.copy()
         moved[stretch] += sigmas[stretch]
-        there = answer(method, _with_points(measurement, moved))
+        there = run_method(method, _with_points(measurement, moved))
         if not there.values:
             return None
         change = [there.values[name] - plain.values[name] for name in ("x_c_m", "force_n")]
@@ -147,7 +147,9 @@ def rounding(method: Method, measurement: Measurement, plain: Estimate) -> float
     worst = 0.0
     for _ in range(3):
         towards = np.where(random.random(measurement.points.shape) < 0.5, -np.inf, np.inf)
-        there = answer(method, _with_points(measurement, np.nextafter(measurement.points, towards)))
+        there = run_method(
+            method, _with_points(measurement, np.nextafter(measurement.points, towards))
+        )
         if not there.values:
             return None
         worst = max(worst, abs(there.values["x_c_m"] - plain.values["x_c_m"]))

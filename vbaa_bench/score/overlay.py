@@ -6,7 +6,6 @@ import numpy as np
 import polars as pl
 
 from solver.antenna import Antenna
-from solver.estimate import see, set_up
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.centreline import Centreline
 from solver.instrument.errors import DamageError, InputError
@@ -15,6 +14,8 @@ from solver.instrument.images import eight_bit, read_grey
 from solver.instrument.observation import open_observations
 from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.set_up import set_up
+from solver.tracker import extract_centreline
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.stage import camera_frame_from_clamp
@@ -100,6 +101,6 @@ def antenna_of(results: Results) -> tuple[Antenna | None, str]:
 def _measured(antenna: Antenna, image: Grey) -> Centreline | None:
     """The usual centreline of this image; None where it cannot be measured."""
     try:
-        return see(antenna, image)
+        return extract_centreline(antenna, image)
     except (InputError, ValueError):  # the methods answer "invalid" here
         return None

@@ -15,7 +15,6 @@ from typing import Any, Final
 from solver.__main__ import find_method
 from solver.antenna import Antenna
 from solver.centreline.extractors import EXTRACTORS
-from solver.estimate import set_up
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -23,6 +22,7 @@ from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import answers, warm_up
 from solver.lab.shots import Files, Shot
 from solver.methods import Method
+from solver.set_up import set_up
 from solver.table import Row
 
 GIGABYTE: Final = 1e9

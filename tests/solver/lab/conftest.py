@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from solver.antenna import Antenna
-from solver.estimate import set_up
 from solver.instrument.observation import Observations, open_observations
+from solver.set_up import set_up
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from solver.estimate import estimate, set_up
 from solver.instrument.arrays import Grey
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations, open_observations
 from solver.methods import METHODS
+from solver.set_up import set_up
+from solver.tracker import PushTracker
 
 
 def rewritten(
@@ -45,8 +46,8 @@ def test_bits_change_nothing(
 ) -> None:
     deep = rewritten(observations.root, tmp_path / "deep", change, **camera)
     plain, method = set_up(observations), METHODS["exact_fit"]
-    one = estimate(plain, observations.frames[1].image(), method)
-    other = estimate(set_up(deep), deep.frames[1].image(), method)
+    one = PushTracker(plain, method).solve(observations.frames[1].image()).estimate
+    other = PushTracker(set_up(deep), method).solve(deep.frames[1].image()).estimate
     assert other.outcome is one.outcome
     assert other.values["x_c_m"] == pytest.approx(one.values["x_c_m"], abs=1e-7)
 
@@ -54,7 +55,7 @@ def test_bits_change_nothing(
 def test_frames_of_sixteen_bits_on_a_rig_of_eight_are_named(observations: Observations) -> None:
     antenna, frame = set_up(observations), observations.frames[1]
     deep = frame.image().astype(np.uint16) * 257
-    said = estimate(antenna, deep, METHODS["exact_fit"]).message
+    said = PushTracker(antenna, METHODS["exact_fit"]).solve(deep).estimate.message
     assert "are not in the lower 8 of its 16 bits" in said
 
 
@@ -66,6 +67,6 @@ def test_images_at_rest_are_read_in_the_rigs_channel(
         grey = read_grey(path)
         cv2.imwrite(str(path), np.dstack([0 * grey, 0 * grey, grey]))
     plain, method = set_up(observations), METHODS["exact_fit"]
-    one = estimate(plain, observations.frames[1].image(), method)
-    other = estimate(set_up(told), told.frames[1].image(), method)
+    one = PushTracker(plain, method).solve(observations.frames[1].image()).estimate
+    other = PushTracker(set_up(told), method).solve(told.frames[1].image()).estimate
     assert other.values["x_c_m"] == one.values["x_c_m"]

@@ -16,11 +16,11 @@ import pytest
 from solver.__main__ import main
 from solver.calibrate.rigidity import hung_beam
 from solver.centreline.extractors import EXTRACTORS
-from solver.estimate import set_up
 from solver.instrument.arrays import Grey
 from solver.instrument.hashes import HASHES
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import open_observations
+from solver.set_up import set_up
 
 
 class Ended(NamedTuple):

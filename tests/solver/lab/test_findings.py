@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.estimate import set_up
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig, read_rig, rig_to_json
 from solver.instrument.transforms import rigid
 from solver.lab.findings import findings
+from solver.set_up import set_up
 
 
 def names(observations: Observations, rig: Rig) -> set[str]:

@@ -12,11 +12,11 @@ import gc, sys
 from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from solver.estimate import set_up
+from solver.set_up import set_up
 from solver.instrument.observation import open_observations
 from solver.lab.live import warm_up
 from solver.methods import METHODS
-from solver.sequence import Sequence
+from solver.tracker import PushTracker
 
 def signatures():
     return {
@@ -31,7 +31,7 @@ antenna = set_up(opened)
 warm_up(antenna, method, next(opened.read_rest_images()))
 before = signatures()
 assert len(before) > 20
-sequence, random, rejected = Sequence(antenna, method), np.random.default_rng(0), 0
+tracker, random, rejected = PushTracker(antenna, method), np.random.default_rng(0), 0
 for frame in opened.frames:
     plain = frame.image()
     dead = random.random(plain.shape) < 0.03
@@ -41,7 +41,7 @@ for frame in opened.frames:
     step[:, 200:240] = np.roll(plain, 3, axis=0)[:, 200:240]
     half = np.where(np.arange(plain.shape[1]) < 330, plain, np.median(plain)).astype(np.uint8)
     for image in (plain, spots, step, half, np.zeros_like(plain)):
-        solved = sequence.solve(image, frame.readings, frame.push_id)
+        solved = tracker.solve(image, frame.readings, frame.push_id)
         rejected += 0 if solved.line is None else len(solved.line.rejected)
 assert rejected > 100
 print(sorted(signatures() - before))

@@ -13,10 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from solver.centreline.extractors import EXTRACTORS
-from solver.estimate import estimate, set_up
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
+from solver.set_up import set_up
+from solver.tracker import PushTracker
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
@@ -56,7 +57,9 @@ def test_the_process_of_a_method_measures_as_was_asked_for(
     observations = open_observations(solved.dataset.observations)
     antenna = set_up(observations, EXTRACTORS[centreline])
     here = [
-        estimate(antenna, frame.image(), METHODS["two_point"], frame.readings).values
+        PushTracker(antenna, METHODS["two_point"])
+        .solve(frame.image(), frame.readings)
+        .estimate.values
         for frame in observations
     ]
     found = pl.read_csv(solved.predictions / f"{name}.csv")["x_c_mm"].fill_null(math.nan)

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from solver.estimate import see, set_up
 from solver.instrument.images import read_grey
 from solver.instrument.observation import open_observations
+from solver.set_up import set_up
+from solver.tracker import extract_centreline
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.score.layout import Results
 from vbaa_bench.score.overlay import overlay
@@ -22,7 +23,7 @@ def test_points_are_those_of_the_solver_and_lie_on_the_true_beam(dataset: Path) 
     )
     shown = overlay(Results(dataset), truth, none, frame.frame_id, antenna)
     assert shown.measured is not None
-    given = see(antenna, read_grey(frame.path))
+    given = extract_centreline(antenna, read_grey(frame.path))
     np.testing.assert_array_equal(shown.measured.points, given.points)
     u, v = shown.measured.points.T
     assert len(u) > 200

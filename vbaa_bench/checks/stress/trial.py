@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from solver.estimate import set_up
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
@@ -16,7 +15,8 @@ from solver.instrument.units import MILLIMETRE
 from solver.lab.check import checked
 from solver.lab.shots import Files
 from solver.methods import METHODS
-from solver.sequence import Sequence
+from solver.set_up import set_up
+from solver.tracker import PushTracker
 from vbaa_bench.checks.stress.recording import (
     NotApplicableError,
     read_recording,
@@ -122,10 +122,10 @@ def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mappi
     except Exception as error:  # noqa: BLE001 - a traceback of set_up is a result of this test
         said = f"{type(error).__name__}: {error}"
         return (), said, dict.fromkeys(_ids(observations), Answer(Outcome.CRASHED, said))
-    sequence = Sequence(antenna, METHODS[method])
+    tracker = PushTracker(antenna, METHODS[method])
     answers = {}
     for shot in Files(opened.frames):
-        result = sequence.solve(shot.grey(), shot.readings, shot.push_id)
+        result = tracker.solve(shot.grey(), shot.readings, shot.push_id)
         points = 0 if result.line is None else len(result.line.points)
         answers[shot.name] = _answer(result.estimate, points)
     return findings, "", answers

@@ -1,32 +1,21 @@
-"""From images to estimates: calibrate -> rest -> centreline -> plane -> method."""
+"""Convert a centreline in the image to a measurement in the frame of the beam at rest."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from solver.antenna import Antenna
-from solver.at_rest import Learn, learn_at_rest
-from solver.calibrate import calibrate
-from solver.calibrate.certainty import certainty
 from solver.centreline import Centreline
-from solver.centreline.beam import learn_beam
-from solver.centreline.guide import Guide
-from solver.instrument.arrays import Floats, Grey
-from solver.instrument.errors import InputError
-from solver.instrument.estimate import Estimate, Outcome
-from solver.instrument.gray_scale import gray_scale
+from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement, Tip, View
-from solver.instrument.observation import NOTHING_READ, Observations, Readings
+from solver.instrument.observation import NOTHING_READ, Readings
 from solver.instrument.rig import Rig
-from solver.methods import Method
 from solver.plane import on_plane
 from solver.rest import Rest
 from solver.sag import raised
 
-WORST_REPROJECTION_PX = 0.5
 # A bent beam's course across its direction at the clamp, in powers of the distance; of a short
 # stretch the first two, and none of fewer points than these.
 CURVE_POWERS, LEAST_CURVE_POINTS = (2, 3, 4, 5, 6), 8
@@ -34,46 +23,13 @@ CURVE_POWERS, LEAST_CURVE_POINTS = (2, 3, 4, 5, 6), 8
 BESIDE_TIP = 30
 
 
-def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
-    """Calibrate the camera, learn the beam's look and its rest pose.
-
-    `learn` makes the extractor from the images of the beam at rest. Raises InputError if the
-    images forbid it.
-    """
-    rig = observations.rig
-    calibration = calibrate(observations.read_board_views(), rig)
-    if calibration.reprojection_px > WORST_REPROJECTION_PX:
-        raise InputError(
-            f"the calibration leaves {calibration.reprojection_px:.2f} px, allowed is "
-            f"{WORST_REPROJECTION_PX:g} px: is the rig's board the one in the views, and has the "
-            f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
-            "can describe?"
-        )
-    scale = gray_scale(observations.read_rest_images(), rig.bits)
-    images = [scale(image) for image in observations.read_rest_images()]
-    nominal = np.diag([1.0, rig.deflects_towards, 1.0, 1.0])
-    nominal[:3, 3] = rig.base_position
-    in_world = rig.camera_mount == "world"
-    guide = Guide(
-        calibration.camera,
-        nominal,
-        rig.beam.length,
-        rig.beam.radius,
-        in_world,
-        scale.full_scale,
-    )
-    at_rest = learn_at_rest(images, guide, learn, calibration, rig)
-    known = certainty(calibration, rig)
-    return Antenna(rig, calibration, at_rest, known.clamp, known.scale, scale)
-
-
-def measure(
+def to_measurement(
     antenna: Antenna,
     line: Centreline,
     readings: Readings = NOTHING_READ,
     earlier: Sequence[Measurement] = (),
 ) -> Measurement:
-    """The visible beam of an image, carried onto plane C, in the frame of the beam at rest.
+    """Project the visible beam onto plane C, in the frame of the beam at rest.
 
     `earlier` are the measurements of the same push before this one. Points within the readings'
     removed stretch are left out.
@@ -172,70 +128,3 @@ def _bow_error(points: Floats, rest: Rest) -> float:
     bow, sigma = rest.bow_at(np.linspace(0.0, rest.length, 50))
     slope = np.ptp(points[:, 1]) / max(float(np.ptp(points[:, 0])), 1e-12)
     return float(np.sqrt(np.mean(bow**2 + sigma**2)) * slope / rest.length)
-
-
-def see(antenna: Antenna, image: Grey) -> Centreline:
-    """The beam's centreline in a gray image (height, width).
-
-    Raises InputError if the image is not of the calibrated camera's size and kind.
-    """
-    camera = antenna.calibration.camera
-    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
-        raise InputError(
-            f"the image has shape {image.shape} and type {image.dtype}, "
-            "allowed is one channel of 8 or 16 bits"
-        )
-    if image.shape != (camera.height, camera.width):
-        raise InputError(
-            f"the image has {image.shape[1]} x {image.shape[0]} px, "
-            f"the calibration {camera.width} x {camera.height}"
-        )
-    # Compiled for one layout of an image only.
-    return antenna.extract(np.ascontiguousarray(antenna.scale(image)))
-
-
-def moved(antenna: Antenna, image: Grey) -> Estimate | None:
-    """Refuse an image (height, width) whose landmarks have moved since the rest images."""
-    shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
-    if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):
-        return None
-    return Estimate(
-        Outcome.CAMERA_MOVED,
-        f"the image has shifted by {shift.du:.2f} px along its rows and {shift.dv:.2f} px down "
-        "since the rest images: take those again",
-    )
-
-
-def estimate(
-    antenna: Antenna,
-    image: Grey,
-    method: Method,
-    readings: Readings = NOTHING_READ,
-    earlier: Sequence[Measurement] = (),
-) -> Estimate:
-    """One frame's answer; an error of any kind becomes an outcome, never an exception."""
-    try:
-        line = see(antenna, image)
-        refusal = moved(antenna, image)
-        if refusal is not None:
-            return refusal
-        measurement = measure(antenna, line, readings, earlier)
-    except (InputError, ValueError) as error:
-        return Estimate(Outcome.INVALID, str(error))
-    except Exception as error:  # noqa: BLE001 - any failure is a row in the table
-        return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
-    return answer(method, measurement, line.remark)
-
-
-def answer(method: Method, measurement: Measurement, remark: str = "") -> Estimate:
-    """What a method says of a measurement; whatever else it does is the outcome "crashed".
-
-    A `remark` on the image is added to the message.
-    """
-    try:
-        given: object = method(measurement)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
-        return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
-    if not isinstance(given, Estimate):  # a method of someone else's may return anything
-        return Estimate(Outcome.CRASHED, f"returned {type(given).__name__}, not an Estimate")
-    return replace(given, message="; ".join(filter(None, (given.message, remark))))

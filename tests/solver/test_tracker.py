@@ -10,14 +10,14 @@ from solver.antenna import Antenna
 from solver.at_rest import AtRest
 from solver.centreline import Centreline, down_columns
 from solver.centreline.noise import Noise
-from solver.estimate import estimate, measure, see
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import invert
 from solver.landmarks import learn_landmarks
 from solver.rest import Rest
-from solver.sequence import Sequence
+from solver.to_measurement import to_measurement
+from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
 from tests.laboratory import CALIBRATION, GUIDE, antenna, rig
 
@@ -38,7 +38,9 @@ def test_a_tip_of_any_kind_is_where_the_beam_ends(kind: str) -> None:
     assert lab.tip_sigma is not None
     for theta in (0.2, -0.15):
         shape = bent(theta, 0.6, TILT)
-        tip = measure(lab, see(lab, image(drawn(GUIDE, shape, look), 3))).view.tip
+        tip = to_measurement(
+            lab, extract_centreline(lab, image(drawn(GUIDE, shape, look), 3))
+        ).view.tip
         assert tip is not None
         end = invert(lab.antenna_from_beam)[:2] @ [*shape[-1], 0.0, 1.0]
         along = shape[-1] - shape[-20]
@@ -64,7 +66,7 @@ def nothing() -> Centreline:
 
 def test_where_nothing_is_seen_there_is_no_bow_to_take_off() -> None:
     lab = bowed(np.array([2e-3, 0.0, 0.0]))
-    assert not len(measure(lab, nothing()).points)
+    assert not len(to_measurement(lab, nothing()).points)
 
 
 @pytest.mark.parametrize("theta", [-0.5, 0.2, 0.5])
@@ -82,7 +84,7 @@ def test_a_bow_is_taken_off_although_the_base_is_hidden(hidden: float, theta: fl
     rows = np.interp(columns, shown[:, 0], shown[:, 1])
     rows += 0.01 * np.random.default_rng(1).standard_normal(len(rows))
     line = down_columns(np.column_stack([columns, rows]), np.full(len(rows), 0.01))
-    off = distances(measure(lab, line).points, straight[::8])
+    off = distances(to_measurement(lab, line).points, straight[::8])
     assert np.abs(off).max() < 0.05e-3
 
 
@@ -107,10 +109,10 @@ def untouched(_measurement: Measurement) -> Estimate:
 def test_a_frame_of_a_knocked_camera_has_no_values() -> None:
     lab = antenna([image(scene(0.0, 0.0), seed) for seed in (1, 2)])
     still, knocked = (image(scene(du, 0.15), 3) for du in (0.0, 0.5))
-    assert estimate(lab, still, untouched).outcome is Outcome.NO_CONTACT
-    solved = Sequence(lab, untouched).solve(knocked)
-    for answer in (estimate(lab, knocked, untouched), solved.estimate):
-        assert answer.outcome is Outcome.CAMERA_MOVED
-        assert "has shifted by 0.49 px along its rows" in answer.message
-        assert not answer.values
-    assert Sequence(lab, untouched).solve(still).estimate.outcome is Outcome.NO_CONTACT
+    tracker = PushTracker(lab, untouched)
+    assert tracker.solve(still).estimate.outcome is Outcome.NO_CONTACT
+    estimate = tracker.solve(knocked).estimate
+    assert estimate.outcome is Outcome.CAMERA_MOVED
+    assert "has shifted by 0.49 px along its rows" in estimate.message
+    assert not estimate.values
+    assert tracker.solve(still).estimate.outcome is Outcome.NO_CONTACT

@@ -1,0 +1,49 @@
+"""Set up an antenna: calibrate its camera and learn the beam at rest, once per rig."""
+
+import numpy as np
+
+from solver.antenna import Antenna
+from solver.at_rest import Learn, learn_at_rest
+from solver.calibrate import calibrate
+from solver.calibrate.certainty import certainty
+from solver.centreline.beam import learn_beam
+from solver.centreline.guide import Guide
+from solver.instrument.errors import InputError
+from solver.instrument.gray_scale import gray_scale
+from solver.instrument.observation import Observations
+
+# Chosen: a printed board and an ordinary lens leave 0.05 to 0.2 px; above, the model is wrong.
+WORST_REPROJECTION_PX = 0.5
+
+
+def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
+    """Calibrate the camera, learn the beam's look and its rest pose.
+
+    `learn` makes the extractor from the images of the beam at rest. Raises InputError if the
+    images forbid it.
+    """
+    rig = observations.rig
+    calibration = calibrate(observations.read_board_views(), rig)
+    if calibration.reprojection_px > WORST_REPROJECTION_PX:
+        raise InputError(
+            f"the calibration leaves {calibration.reprojection_px:.2f} px, allowed is "
+            f"{WORST_REPROJECTION_PX:g} px: is the rig's board the one in the views, and has the "
+            f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
+            "can describe?"
+        )
+    scale = gray_scale(observations.read_rest_images(), rig.bits)
+    images = [scale(image) for image in observations.read_rest_images()]
+    nominal = np.diag([1.0, rig.deflects_towards, 1.0, 1.0])
+    nominal[:3, 3] = rig.base_position
+    in_world = rig.camera_mount == "world"
+    guide = Guide(
+        calibration.camera,
+        nominal,
+        rig.beam.length,
+        rig.beam.radius,
+        in_world,
+        scale.full_scale,
+    )
+    at_rest = learn_at_rest(images, guide, learn, calibration, rig)
+    known = certainty(calibration, rig)
+    return Antenna(rig, calibration, at_rest, known.clamp, known.scale, scale)

@@ -1,0 +1,123 @@
+"""Track a push: image -> centreline -> measurement -> estimate, offline, live and in the judge."""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solver.antenna import Antenna
+from solver.centreline import Centreline
+from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.instrument.observation import NOTHING_READ, Readings
+from solver.methods import Method
+from solver.to_measurement import to_measurement
+
+# Chosen: a longer push is thinned to every other frame, so that memory is bounded and the whole
+# push stays in view.
+LONGEST_PUSH = 32
+
+
+@dataclass(frozen=True)
+class Solved:
+    """One frame's estimate, the centreline it came from, and the time it took [s].
+
+    `line` is None where the image could not be used; the time runs from the image in memory.
+    """
+
+    estimate: Estimate
+    line: Centreline | None
+    seconds: float
+
+
+class PushTracker:
+    """Estimate contact and force in frames as they come, with the memory of their push.
+
+    A push ends where its `push_id` changes; where frames have none, as from a live camera, it ends
+    with a frame without contact.
+    """
+
+    def __init__(self, antenna: Antenna, method: Method) -> None:
+        self._antenna, self._method = antenna, method
+        self._push: list[Measurement] = []
+        self._push_id = ""
+
+    def solve(self, image: Grey, readings: Readings = NOTHING_READ, push_id: str = "") -> Solved:
+        """Estimate from the next image (height, width); any failure becomes an outcome."""
+        if push_id != self._push_id:
+            self._push, self._push_id = [], push_id
+        line, measurement = None, None
+        start = time.perf_counter()
+        try:
+            line = extract_centreline(self._antenna, image)
+            refusal = refusal_of_moved_camera(self._antenna, image)
+            if refusal is None:
+                measurement = to_measurement(self._antenna, line, readings, self._push)
+                estimate = run_method(self._method, measurement, line.remark)
+            else:
+                estimate = refusal
+        except (InputError, ValueError) as error:
+            estimate = Estimate(Outcome.INVALID, str(error))
+        except Exception as error:  # noqa: BLE001 - any failure is a row in the table
+            estimate = Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
+        seconds = time.perf_counter() - start
+        if measurement is not None:
+            if estimate.outcome is Outcome.NO_CONTACT and not push_id:
+                self._push = []
+            else:
+                self._remember(measurement)
+        return Solved(estimate, line, seconds)
+
+    def _remember(self, measurement: Measurement) -> None:
+        if len(self._push) == LONGEST_PUSH:
+            self._push = self._push[::2]
+        # Without its own past, or the chain of them would keep everything.
+        self._push.append(replace(measurement, earlier=()))
+
+
+def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
+    """Extract the beam's centreline from a gray image (height, width).
+
+    Raises InputError if the image is not of the calibrated camera's size and kind.
+    """
+    camera = antenna.calibration.camera
+    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+        raise InputError(
+            f"the image has shape {image.shape} and type {image.dtype}, "
+            "allowed is one channel of 8 or 16 bits"
+        )
+    if image.shape != (camera.height, camera.width):
+        raise InputError(
+            f"the image has {image.shape[1]} x {image.shape[0]} px, "
+            f"the calibration {camera.width} x {camera.height}"
+        )
+    # Compiled for one layout of an image only.
+    return antenna.extract(np.ascontiguousarray(antenna.scale(image)))
+
+
+def refusal_of_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
+    """Refuse an image (height, width) whose landmarks have moved since the rest images."""
+    shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
+    if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):
+        return None
+    return Estimate(
+        Outcome.CAMERA_MOVED,
+        f"the image has shifted by {shift.du:.2f} px along its rows and {shift.dv:.2f} px down "
+        "since the rest images: take those again",
+    )
+
+
+def run_method(method: Method, measurement: Measurement, remark: str = "") -> Estimate:
+    """Run a method on a measurement; any error or other answer is the outcome "crashed".
+
+    A `remark` on the image is added to the message.
+    """
+    try:
+        given: object = method(measurement)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
+        return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
+    if not isinstance(given, Estimate):  # a method of someone else's may return anything
+        return Estimate(Outcome.CRASHED, f"returned {type(given).__name__}, not an Estimate")
+    return replace(given, message="; ".join(filter(None, (given.message, remark))))
