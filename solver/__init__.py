@@ -1,11 +1,55 @@
-"""The antenna's own software: from images of a bent beam to where, how hard, how sure."""
+"""Estimate where, how hard and how surely a flexible beam touches, from images of its bending.
 
-from pathlib import Path
+>>> import solver
+>>> rig = solver.open_rig("rig")  # doctest: +SKIP
+>>> tracker = rig.tracker("exact_fit")  # doctest: +SKIP
+>>> estimate = tracker.update(image, motor_angle_deg=3.2)  # doctest: +SKIP
+>>> estimate.x_c_mm, estimate.force_n, estimate.sigma("x_c_mm")  # doctest: +SKIP
+"""
 
-from solver.instrument.compiled import keep_apart
+import importlib
+from typing import TYPE_CHECKING, Any
 
-keep_apart(Path(__file__).parent)
+if TYPE_CHECKING:
+    from solver.api import CalibratedRig, open_rig
+    from solver.instrument.errors import InputError
+    from solver.instrument.estimate import Estimate, Outcome
+    from solver.instrument.measurement import Measurement
+    from solver.instrument.observation import open_observations
+    from solver.methods import METHODS
+    from solver.tracker import PushTracker
 
-from solver.methods import METHODS  # noqa: E402 - numba is imported only now
+__all__ = [
+    "METHODS",
+    "CalibratedRig",
+    "Estimate",
+    "InputError",
+    "Measurement",
+    "Outcome",
+    "PushTracker",
+    "open_observations",
+    "open_rig",
+]
 
-__all__ = ["METHODS"]
+# Imported when first used: numba and SciPy take a second.
+_MODULE_OF = {
+    "METHODS": "methods",
+    "CalibratedRig": "api",
+    "Estimate": "instrument.estimate",
+    "InputError": "instrument.errors",
+    "Measurement": "instrument.measurement",
+    "Outcome": "instrument.estimate",
+    "PushTracker": "tracker",
+    "open_observations": "instrument.observation",
+    "open_rig": "api",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'solver' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"solver.{_MODULE_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 
 # The strongest landmarks that are kept: a thousand pixels cost 0.05 ms an image.
 MOST = 1000

@@ -3,10 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
+from solver.instrument.compiled import njit
 from solver.instrument.distortion import distort
 
 

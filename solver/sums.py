@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from numba import njit
-
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 
 # Reordered sums and fused products let loops run in vector registers; no special value is assumed
 # away.

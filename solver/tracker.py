@@ -4,14 +4,17 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from solver.antenna import Antenna
 from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.images import to_grey
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import NOTHING_READ, Readings
+from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.methods import Method
 from solver.to_measurement import to_measurement
 
@@ -69,6 +72,29 @@ class PushTracker:
             else:
                 self._remember(measurement)
         return Solved(estimate, line, seconds)
+
+    def update(
+        self,
+        image: ArrayLike,
+        *,
+        motor_angle_deg: float | None = None,
+        moment_y_n_mm: float | None = None,
+        push_id: str = "",
+    ) -> Estimate:
+        """Estimate from the next image of a camera and the readings taken with it.
+
+        `image` (height, width) is gray, or (height, width, 3) in OpenCV's order, of 8 or 16 bits;
+        of a colour image the rig's channel is read. Any failure becomes an outcome.
+        """
+        readings = Readings(
+            motor_angle=None if motor_angle_deg is None else motor_angle_deg * DEGREE,
+            moment_y=None if moment_y_n_mm is None else moment_y_n_mm * MILLIMETRE,
+        )
+        try:
+            gray = to_grey(np.asarray(image), "the image", self._antenna.rig.channel)
+        except InputError as error:
+            return Estimate(Outcome.INVALID, str(error))
+        return self.solve(gray, readings, push_id).estimate
 
     def _remember(self, measurement: Measurement) -> None:
         if len(self._push) == LONGEST_PUSH:

@@ -25,9 +25,10 @@ compiled road; `frictional` has the same beam in elliptic integrals, for any dir
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import chebyshev, polynomial
 from scipy.special import hyp2f1
+
+from solver.instrument.compiled import njit
 
 # Angles to the contact's tangent of which the shorter series serves: cos(phi) > 0.9, 25.8 degrees.
 GENTLE: Final = 0.1

@@ -9,9 +9,9 @@ u is twice continuously differentiable, also in x_c and where the two parts meet
 """
 
 import numpy as np
-from numba import njit
 
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 
 
 def unit_deflection(x: Floats | float, x_c: Floats | float) -> Floats:

@@ -2,13 +2,13 @@
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.centreline.columns import read_column, tabulated
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 
 
 def fit_amplitudes(

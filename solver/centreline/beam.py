@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from solver.centreline import Centreline, down_columns
 from solver.centreline.appearance import Appearance, learn
@@ -20,6 +19,7 @@ from solver.centreline.smooth import FEWEST
 from solver.centreline.stations import stations
 from solver.centreline.tip import find_tip
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 
 # A tip must lie so far along the beam, over its length.
 SHORTEST, LONGEST = 0.75, 1.3

@@ -2,10 +2,10 @@
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.centreline.noise import ROUNDING, Noise
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 
 # The strongest places of a column that are kept.
 MOST = 6

@@ -1,10 +1,10 @@
 """One pixel column, or row: its gray values, and the profile that the table gives for them."""
 
 import numpy as np
-from numba import njit
 
 from solver.centreline.profile import STEP
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
 from solver.centreline.smooth import CUT, curve
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 from solver.sums import FAST
 
 # Scan lines over the beam's length, and contact distances that are tried, as shares of it.

@@ -3,11 +3,11 @@
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
 from solver.centreline.smooth import CUT, DEGREE, curve, local_scatter, running_median
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.centreline import Flag
+from solver.instrument.compiled import njit
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
 # Times the amplitude at rest within which a column's amplitude may lie.

@@ -1,9 +1,9 @@
 """Smooth courses along the beam, which outliers do not pull: a curve, and a running median."""
 
 import numpy as np
-from numba import njit
 
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.sums import FAST, dot
 
 FEWEST = 8

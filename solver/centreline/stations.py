@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.instrument.arrays import Floats, Mask
+from solver.instrument.compiled import njit
 
 
 @dataclass(frozen=True)

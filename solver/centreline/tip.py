@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.centreline.amplitude import fit_amplitudes
 from solver.centreline.appearance import Appearance
 from solver.centreline.profile_fit import Fits
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.compiled import njit
 
 # Stations before the end that tell the beam's brightness, and beyond it that tell there is none.
 BEFORE, BEYOND = 12, 4

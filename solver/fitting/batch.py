@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, settle
 from solver.fitting.minimise import CONVERGED, DEFICIENT
@@ -25,6 +24,7 @@ from solver.fitting.residuals import (
 from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
+from solver.instrument.compiled import njit
 from solver.sums import FAST
 
 

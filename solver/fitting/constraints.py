@@ -4,7 +4,6 @@ Each adds to the normal equations of a fit, in the parameters and units of `resi
 """
 
 import numpy as np
-from numba import njit
 
 from solver.beam_models.exact import contact_at
 from solver.fitting.residuals import (
@@ -24,6 +23,7 @@ from solver.fitting.residuals import (
     Q,
 )
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 
 # Columns of a tip: its image on C, the rows of the matrix that whitens its error, its view.
 TIP_COLUMNS = 7

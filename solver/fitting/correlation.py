@@ -1,9 +1,9 @@
 """How many neighbouring points err together."""
 
 import numpy as np
-from numba import njit
 
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.sums import FAST, dot
 
 

@@ -17,10 +17,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from solver.fitting.correlation import integrated_correlation
 from solver.instrument.arrays import Floats, Mask
+from solver.instrument.compiled import njit
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.sums import dot

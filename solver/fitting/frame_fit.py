@@ -11,7 +11,6 @@ that agree with one another.
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
 from solver.fitting.constraints import add_constraints
 from solver.fitting.correlation import integrated_correlation
@@ -27,6 +26,7 @@ from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
 from solver.fitting.robust import CUT, VARIANCE_FACTOR, scale
 from solver.fitting.starts import consensus
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 
 # Of white noise the largest of 500 residuals exceeds this in one frame of 3500; six sigmas of
 # chi2 show a run of outliers that least squares has bent towards.

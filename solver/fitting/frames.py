@@ -18,9 +18,9 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
 
 NAMES: Final = (

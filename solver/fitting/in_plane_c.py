@@ -10,7 +10,6 @@ the rest.
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solver.beam_models.exact import BEND_GENTLE, BEND_STEEP, GENTLE, STEEP, bend_at
 from solver.fitting.residuals import (
@@ -29,6 +28,7 @@ from solver.fitting.residuals import (
     weight_of,
 )
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.sums import FAST
 
 

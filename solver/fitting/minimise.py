@@ -3,7 +3,6 @@
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
 from solver.fitting.constraints import add_constraints
 from solver.fitting.in_plane_c import plane_equations
@@ -18,6 +17,7 @@ from solver.fitting.residuals import (
 )
 from solver.fitting.robust import tukey
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.sums import FAST, dot
 
 CONVERGED, STOPPED, DEFICIENT = range(3)

@@ -6,7 +6,6 @@ from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from solver.fitting.constraints import TIP_COLUMNS
 from solver.fitting.frame_fit import (
@@ -35,6 +34,7 @@ from solver.fitting.residuals import (
 )
 from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement, View
 
 # A millionth: no length and no rigidity is known better.

@@ -18,7 +18,6 @@ in the clamp's axes: eqs. (7) and (8) of Kaneko, Kanayama and Tsuji (2001), for 
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
 from solver.beam_models.exact import (
     BEND_GENTLE,
@@ -31,6 +30,7 @@ from solver.beam_models.exact import (
     horner,
 )
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.sums import FAST
 
 Q, LEVER, PSI, DX, DY, TILT, STRETCH, RIGIDITY = range(8)

@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from numba import njit
-
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.sums import FAST
 
 # From here on a residual has no weight; of white noise the answer loses 5 % of its efficiency.

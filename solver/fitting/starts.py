@@ -6,7 +6,6 @@ A `problem` and its units are those of `frame_fit`.
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
 from solver.fitting.minimise import DEFICIENT, minimise
 from solver.fitting.residuals import (
@@ -23,6 +22,7 @@ from solver.fitting.residuals import (
     possible,
 )
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.sums import FAST
 
 _COARSE: Final = 32

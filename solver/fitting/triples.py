@@ -7,10 +7,10 @@ difference, averaged over all triples, is a weighted sum over pairs.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_deflection, unit_slope
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
 from solver.plane_d import unproject
 

@@ -3,7 +3,6 @@
 from typing import Final
 
 import numpy as np
-from numba import njit
 
 from solver.beam_models import frictional
 from solver.beam_models.exact import contact_at
@@ -11,6 +10,7 @@ from solver.fitting import frames
 from solver.fitting.problem import FrameFit
 from solver.fitting.residuals import PARAMETERS
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
 
 # By what the quantities have gradients. `rigidity` and `scale` are the relative errors of EI and of

@@ -1,7 +1,8 @@
-"""Where compiled code is kept: one folder for every state of the sources that are compiled.
+"""numba's `njit`, which keeps compiled code in one folder per state of the compiled sources.
 
-numba looks only at the file that a function stands in, and would go on using what it compiled
-when a function that this one calls has changed in another file.
+By itself numba compares only the file in which a function is defined, and would use outdated code
+after a change of another file whose functions it calls. All modules import `njit` from here, so
+that the folder is set before the first function is decorated.
 """
 
 import hashlib
@@ -9,17 +10,18 @@ import os
 import shutil
 from pathlib import Path
 
-_VARIABLE = "NUMBA_CACHE_DIR"
+from numba import config, njit
+
+__all__ = ["njit"]
 
 
-def keep_apart(package: Path) -> None:
-    """Tell numba of a folder that is named after the sources of `package`, and drop older ones.
+def _set_folder(package: Path) -> None:
+    """Name numba's folder after the compiled sources of `package`, and remove older ones.
 
-    Must run before numba is imported. Nothing is changed where the user has chosen a folder, or
-    where none can be written.
+    Nothing is changed where the user has chosen a folder, or where none can be written.
     """
-    cache = package / "__pycache__"
-    if os.environ.get(_VARIABLE) or not os.access(package, os.W_OK):
+    cache, settings = package / "__pycache__", vars(config)
+    if settings["CACHE_DIR"] or not os.access(package, os.W_OK):
         return
     sources = [path.read_bytes() for path in sorted(package.rglob("*.py"))]
     compiled = b"".join(source for source in sources if b"@njit" in source)
@@ -28,4 +30,7 @@ def keep_apart(package: Path) -> None:
     if not folder.is_dir():
         for older in cache.glob("compiled-*"):
             shutil.rmtree(older, ignore_errors=True)
-    os.environ[_VARIABLE] = str(folder)
+    settings["CACHE_DIR"] = str(folder)
+
+
+_set_folder(Path(__file__).parent.parent)

@@ -13,9 +13,9 @@ from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 
 COUNTS: Final = (0, 5, 8)
 # Normalised units: a billionth of a pixel.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.quantities import QUANTITIES, QUANTITY_OF
 
 
 class Outcome(StrEnum):
@@ -33,40 +34,6 @@ class Outcome(StrEnum):
         return self in (Outcome.CONTACT, Outcome.WEAK_CONTACT, Outcome.TIP_CONTACT)
 
 
-# What an estimate may hold, by name with its SI unit.
-# In Sigma_d: contact distance, its deflection, contact arc length, |force|, the force's component
-# across the undeformed beam (eq. 11), the tangent's angle at the contact; psi inclines D against C.
-# In Sigma_a and Sigma_o, as `antenna` and `world`: the contact point, eqs. (1)-(5); the force on
-# the beam; by how much the beam has moved at the contact, eqs. (28), (29).
-# Of a push: the object's compliance 1/k_s, k_s itself where it is told apart from rigid, Coulomb's
-# coefficient, and the motor's angle at first contact.
-QUANTITIES = (
-    "x_c_m",
-    "y_c_m",
-    "s_c_m",
-    "force_n",
-    "f_n",
-    "theta_c_rad",
-    "psi_rad",
-    "contact_antenna_x_m",
-    "contact_antenna_y_m",
-    "contact_antenna_z_m",
-    "contact_world_x_m",
-    "contact_world_y_m",
-    "contact_world_z_m",
-    "force_x_n",
-    "force_y_n",
-    "force_z_n",
-    "displacement_y_m",
-    "displacement_z_m",
-    "compliance_m_per_n",
-    "stiffness_n_per_m",
-    "friction",
-    "onset_angle_rad",
-    "motor_angle_rad",
-)
-
-_KNOWN = frozenset(QUANTITIES)
 _SENTENCES = {
     Outcome.CONTACT: "The beam touches an object at the stated place.",
     Outcome.WEAK_CONTACT: "The beam is bent, but so little that the place is only an interval.",
@@ -81,13 +48,32 @@ _SENTENCES = {
 }
 
 
-@dataclass(frozen=True)
+# Shown first, by their columns: label and unit.
+_SHOWN = {
+    "x_c_mm": ("x_c", "mm"),
+    "force_n": ("force", "N"),
+    "psi_deg": ("psi", "deg"),
+    "compliance_mm_per_n": ("1/k_s", "mm/N"),
+}
+
+
+@dataclass(frozen=True, repr=False)
 class Estimate:
-    """One frame's answer.
+    """One frame's estimate of contact and force.
 
     `values` maps some of QUANTITIES to numbers in SI units; what a method does not estimate is
     absent. `covariance` (n, n) follows the order of `values`; None where a method does not know
     it. `chi2` is the weighted sum of squared residuals on `dof` degrees of freedom.
+
+    Every quantity is also an attribute, by its SI name or by its column in a table, and None where
+    it was not estimated:
+
+    >>> estimate = Estimate(Outcome.CONTACT, values={"x_c_m": 0.12, "force_n": 0.05})
+    >>> estimate.x_c_mm, estimate.force_n, estimate.psi_deg
+    (120.0, 0.05, None)
+    >>> estimate
+    Estimate(contact: x_c 120 mm, force 0.05 N)
+
     Raises ValueError if a name is unknown, a value not finite, or the covariance does not fit.
     """
 
@@ -102,7 +88,7 @@ class Estimate:
     def __post_init__(self) -> None:
         if bool(self.values) != self.outcome.has_values:
             raise ValueError(f"outcome '{self.outcome}' with values {dict(self.values)}")
-        unknown = [name for name in self.values if name not in _KNOWN]
+        unknown = [name for name in self.values if name not in QUANTITIES]
         if unknown:
             raise ValueError(f"an estimate holds {unknown}, allowed are {', '.join(QUANTITIES)}")
         if not all(math.isfinite(value) for value in self.values.values()):
@@ -113,8 +99,33 @@ class Estimate:
             object.__setattr__(self, "covariance", covariance)
 
     def sigma(self, name: str) -> float:
-        """Standard deviation of a value, in its own unit. Raises ValueError if it is not known."""
+        """Return the standard deviation of a value, in the unit that its name states.
+
+        Raises ValueError if it is not known.
+        """
         if self.covariance is None:
             raise ValueError("the estimate states no covariance")
-        index = list(self.values).index(name)
-        return math.sqrt(max(float(self.covariance[index, index]), 0.0))
+        quantity = QUANTITY_OF.get(name, name)
+        if quantity not in self.values:
+            raise ValueError(f"the estimate has no {name}, but {', '.join(self.values)}")
+        index = list(self.values).index(quantity)
+        variance = max(float(self.covariance[index, index]), 0.0)
+        return math.sqrt(variance) / (1.0 if name in QUANTITIES else QUANTITIES[quantity].unit)
+
+    def __getattr__(self, name: str) -> float | None:
+        if name in QUANTITIES:
+            return self.values.get(name)
+        if name in QUANTITY_OF:
+            value = self.values.get(QUANTITY_OF[name])
+            return None if value is None else value / QUANTITIES[QUANTITY_OF[name]].unit
+        raise AttributeError(f"an estimate has no {name!r}, but {', '.join(QUANTITY_OF)}")
+
+    def __repr__(self) -> str:
+        shown = []
+        for name, (label, unit) in _SHOWN.items():
+            value = getattr(self, name)
+            if value is not None:
+                sigma = f" +- {self.sigma(name):.2g}" if self.covariance is not None else ""
+                shown.append(f"{label} {value:.6g}{sigma} {unit}")
+        summary = ", ".join(shown) or self.message or self.outcome.sentence
+        return f"Estimate({self.outcome}: {summary})"

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
 from solver.instrument.arrays import Floats, frozen_floats
+from solver.instrument.compiled import njit
 from solver.instrument.rig import Rig
 
 UNKNOWN_VIEWPOINT = "plane C alone was calibrated; more views of the board tell the viewpoint"

@@ -85,7 +85,8 @@ class Observations:
     frames: tuple[Frame, ...]
 
     def __iter__(self) -> Iterator[Frame]:
-        return iter(self.frames)
+        """Iterate over the frames, push after push and step after step."""
+        return (self.frames[place] for place in push_order(self.frames))
 
     def read_board_views(self) -> Iterator[Grey]:
         """Read the views of the board one after the other, in gray. Raises InputError."""
@@ -96,12 +97,21 @@ class Observations:
         return (read_grey(path, self.rig.channel) for path in self.rest_images)
 
 
-def open_observations(root: Path) -> Observations:
+def push_order(frames: Sequence[Frame]) -> list[int]:
+    """Sort the places of frames by push, in the order of their first frames, and by step."""
+    first = {frame.push_id: place for place, frame in reversed(list(enumerate(frames)))}
+    return sorted(
+        range(len(frames)), key=lambda place: (first[frames[place].push_id], frames[place].step)
+    )
+
+
+def open_observations(root: str | Path) -> Observations:
     """Open the tree at `root`. Raises InputError where it is missing, broken or incomplete.
 
     Of a generated tree only the files that its hashes.json lists are used. The frames' images are
     looked at only when they are read.
     """
+    root = Path(root)
     if not root.is_dir():
         raise InputError(f"{root}: is not a folder of observations")
     names = listed(root)

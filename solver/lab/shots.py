@@ -7,7 +7,7 @@ from typing import Protocol
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.observation import NOTHING_READ, Frame, Readings
+from solver.instrument.observation import NOTHING_READ, Frame, Readings, push_order
 
 
 @dataclass(frozen=True)
@@ -47,19 +47,13 @@ class Source(Protocol):
 
 
 class Files:
-    """Frames that lie on disk, push after push and step after step.
-
-    Pushes come in the order of their first frames; `number` is a frame's place before sorting.
-    """
+    """Frames on disk, push after push and step after step; `number` is a frame's first place."""
 
     live = False
     rate = 25.0
 
     def __init__(self, frames: Sequence[Frame]) -> None:
-        first = {frame.push_id: number for number, frame in reversed(list(enumerate(frames)))}
-        self._frames = sorted(
-            enumerate(frames), key=lambda item: (first[item[1].push_id], item[1].step)
-        )
+        self._frames = [(place, frames[place]) for place in push_order(frames)]
 
     def __len__(self) -> int:
         return len(self._frames)

@@ -25,11 +25,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_slope
 from solver.fitting.linear_answer import LinearContact, answer, bent, errors_of_planar_fit
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 

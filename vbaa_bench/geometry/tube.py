@@ -2,9 +2,9 @@
 
 import numpy as np
 import trimesh
-from numba import njit
 
 from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
 
 
 def tube(

@@ -15,10 +15,10 @@ way along a spring. Lengths are in units of L and forces in units of EI / L^2.
 import math
 
 import numpy as np
-from numba import njit
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
+from solver.instrument.compiled import njit
 from vbaa_bench.mechanics.state import WORST_RESIDUAL, Contact, EquilibriumError, State
 
 ORDER = 16

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from scipy.integrate import DOP853
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
+from solver.instrument.compiled import njit
 
 POISSON = 0.3  # of steel; only a beam that twists asks for it
 STEPS = 32

@@ -1,0 +1,49 @@
+"""The quantities that an estimate may hold: SI names, table columns and units."""
+
+import itertools
+from typing import Final, NamedTuple
+
+from solver.instrument.units import DEGREE, MILLIMETRE
+
+
+class Column(NamedTuple):
+    """A table's column for a quantity; `unit` is one of its units in SI."""
+
+    name: str
+    unit: float
+
+    @property
+    def sigma_name(self) -> str:
+        """The column of the standard deviation, such as x_c_sigma_mm."""
+        for suffix in ("_mm_per_n", "_n_per_m", "_mm", "_deg", "_n"):
+            if self.name.endswith(suffix):
+                return f"{self.name.removesuffix(suffix)}_sigma{suffix}"
+        return f"{self.name}_sigma"
+
+
+_POINTS: Final = tuple(itertools.product(("antenna", "world"), "xyz"))
+# In Sigma_d: contact distance, its deflection, contact arc length, |force|, the force's component
+# across the undeformed beam (eq. 11), the tangent's angle at the contact; psi inclines D against C.
+# In Sigma_a and Sigma_o, as `antenna` and `world`: the contact point, eqs. (1)-(5); the force on
+# the beam; by how much the beam has moved at the contact, eqs. (28), (29).
+# Of a push: the object's compliance 1/k_s, k_s itself where it is told apart from rigid, Coulomb's
+# coefficient, and the motor's angle at first contact.
+QUANTITIES: Final[dict[str, Column]] = {
+    "x_c_m": Column("x_c_mm", MILLIMETRE),
+    "y_c_m": Column("y_c_mm", MILLIMETRE),
+    "s_c_m": Column("s_c_mm", MILLIMETRE),
+    "force_n": Column("force_n", 1.0),
+    "f_n": Column("f_n", 1.0),
+    "theta_c_rad": Column("theta_c_deg", DEGREE),
+    "psi_rad": Column("psi_deg", DEGREE),
+    **{f"contact_{f}_{a}_m": Column(f"contact_{f}_{a}_mm", MILLIMETRE) for f, a in _POINTS},
+    **{f"force_{a}_n": Column(f"force_{a}_n", 1.0) for a in "xyz"},
+    **{f"displacement_{a}_m": Column(f"displacement_{a}_mm", MILLIMETRE) for a in "yz"},
+    "compliance_m_per_n": Column("compliance_mm_per_n", MILLIMETRE),
+    "stiffness_n_per_m": Column("stiffness_n_per_m", 1.0),
+    "friction": Column("friction", 1.0),
+    "onset_angle_rad": Column("onset_angle_deg", DEGREE),
+    "motor_angle_rad": Column("motor_angle_deg", DEGREE),
+}
+# The way back: a quantity's SI name by its column.
+QUANTITY_OF: Final = {column.name: name for name, column in QUANTITIES.items()}
