@@ -78,7 +78,7 @@ def learn_at_rest(
     if largest > MOST_DISAGREEMENT_PX:
         raise _moving(largest)
     noise = noise_of(used)
-    rest = learn_rest(lines, calibration, rig, noise.processed(used[0]))
+    rest = learn_rest(lines, calibration, rig)
     _check_direction(rest, extract, used[0], lines[0], rig)
     landmarks = learn_landmarks(
         used, _path(rest, calibration, rig), 4 * guide.radius_px + 2 * BESIDE_PX, noise

@@ -44,7 +44,7 @@ class Rest:
     `bow` (3,) are the coefficients of x^2, x^3, x^4 in units of the beam's `length` [m]; they are
     zero for a beam that is straight within the noise. `covariance` (5, 5) is that of
     (y_at_clamp, slope, bow). Where the pixel grid may look like a bow, the bow is zero, and
-    three of its sigmas are what it would be.
+    its sigma covers everything from straight to bowed.
     """
 
     y_at_clamp: float
@@ -95,13 +95,11 @@ class Rest:
         return np.column_stack([line, _bow_powers(x / self.length)]), line
 
 
-def learn_rest(
-    lines: Sequence[Centreline], calibration: Calibration, rig: Rig, processed: bool = False
-) -> Rest:
+def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> Rest:
     """Fit the beam's line, and its bow where there is one, to the mean of the rest images.
 
-    In `processed` images a smooth bow may be the pixel rows' as well. The covariance follows from
-    the points' own scatter. Raises InputError where the images show too little of the beam.
+    The covariance follows from the points' own scatter. Raises InputError where the images show
+    too little of the beam.
     """
     mean = _mean_line(lines, calibration)
     points = raised(mean.points, calibration.camera.viewpoint, rig)
@@ -122,13 +120,10 @@ def learn_rest(
     gain = straight.chi2 - bowed.chi2
     if len(points) > 50 and gain > BOWED_CHI2 * bowed.scatter:
         bend = float(np.abs(curve @ (c - s)).max())
-        # A curve of as many coefficients as there are rows hides the rows' errors.
-        hidden = processed and mean.rows + 1 <= len(c)
-        imitable = hidden or gain < BOWED_CHI2 * bowed.repeated
-        if not imitable or bend > MOST_OFF_GRID_PX * mean.pixel:
+        if gain > BOWED_CHI2 * bowed.repeated or bend > MOST_OFF_GRID_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
-        # More likely straight; three sigmas reach the bow.
-        covariance += np.outer(c - s, c - s) / 9
+        # From straight to fully bowed everything is as likely: about zero the variance of that.
+        covariance += np.outer(c - s, c - s) / 3
     return Rest(float(s[0]), float(s[1]), s[2:], covariance, length)
 
 
@@ -183,7 +178,7 @@ class _LinearFit(NamedTuple):
     """Coefficients (m,), their covariance (m, m), chi^2, and what chi^2 is to be divided by.
 
     `scatter` is that for errors like noise, `repeated` for errors that follow the pixel grid;
-    infinite where the coefficients are as many as those errors.
+    infinite where the coefficients are as many as those errors, and absorb them.
     """
 
     coefficients: Floats
@@ -226,7 +221,7 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
         inverse[:m, :m] * max(variance * correlation, in_rows / max(spare, 1.0)),
         float(residual @ residual),
         max(near_variance, 1.0) * correlation,
-        0.0 if repeated == 0 else repeated / spare if spare > 0 else math.inf,
+        repeated / spare if spare > 0 else math.inf,
     )
 
 

@@ -61,7 +61,7 @@ def _bent(antenna: Antenna) -> Iterator[Finding]:
         _, sigma = rest.bow_at(np.linspace(0.0, rest.length, 50))
         yield Finding(
             "bow_undecided",
-            f"the beam at rest looks bent by {3 * sigma.max() / MILLIMETRE:.3f} mm, "
+            f"the beam at rest looks bent by {math.sqrt(3) * sigma.max() / MILLIMETRE:.3f} mm, "
             "but it crosses so few pixel rows that the camera's processing or compression may do "
             "that; the stated sigmas include it: turn the camera until the beam crosses more rows, "
             "or take unprocessed images",
