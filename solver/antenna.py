@@ -16,7 +16,7 @@ from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
 from solver.plane import on_plane
 from solver.rest import Rest
-from solver.sag import raised, scale_error
+from solver.sag import correct_for_sag, scale_error
 
 # A motor whose camera stands in the world may have turned by any angle of this order [rad].
 ANY_TILT = 0.5
@@ -96,7 +96,10 @@ class Antenna:
         camera = self.calibration.camera
         # How the point moves with the pixel's u and v.
         points, by_pixel = on_plane(camera, np.array([pixel, pixel]), np.eye(2))
-        viewpoint, point = camera.viewpoint, raised(points[:1], camera.viewpoint, self.rig)[0]
+        viewpoint, point = (
+            camera.viewpoint,
+            correct_for_sag(points[:1], camera.viewpoint, self.rig)[0],
+        )
         lift = self.rig.beam.radius * math.pi / 4
         outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
         axes, clamp = self.antenna_from_beam[:2, :2], self.antenna_from_beam[:2, 3]

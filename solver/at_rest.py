@@ -12,7 +12,7 @@ import numpy as np
 
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, Extractor
-from solver.centreline.beam import Beam
+from solver.centreline.extractor import BeamExtractor
 from solver.centreline.guide import Guide
 from solver.centreline.noise import noise_of
 from solver.instrument.arrays import Floats, Grey
@@ -108,7 +108,7 @@ def _check_direction(
             f"the beam at rest lies at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
             f"are {MOST_ASKEW / DEGREE:.0f}: correct the third number of {where} by as much"
         )
-    if line.tip is None and isinstance(extract, Beam):
+    if line.tip is None and isinstance(extract, BeamExtractor):
         turned = replace(extract, guide=extract.guide.turned_about())
         if turned(image).tip is not None:
             raise InputError(

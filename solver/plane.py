@@ -35,7 +35,7 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
 
 
 @njit(cache=True, error_model="numpy")
-def through(h: Floats, points: Floats) -> Floats:
+def apply_homography(h: Floats, points: Floats) -> Floats:
     """Points (n, 2) carried by a homography (3, 3)."""
     to = np.empty((len(points), 2))
     for i in range(len(points)):
@@ -49,7 +49,7 @@ def through(h: Floats, points: Floats) -> Floats:
 @njit(cache=True, error_model="numpy")
 def _moved(h: Floats, points: Floats, vectors: Floats) -> Any:
     """Points (n, 2) carried by a homography (3, 3), and small vectors (n, 2) at them."""
-    to, moved = through(h, points), np.empty((len(points), 2))
+    to, moved = apply_homography(h, points), np.empty((len(points), 2))
     for i in range(len(points)):
         a, b = vectors[i]
         w = h[2, 0] * points[i, 0] + h[2, 1] * points[i, 1] + h[2, 2]

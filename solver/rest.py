@@ -20,7 +20,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 from solver.plane import on_plane
-from solver.sag import raised
+from solver.sag import correct_for_sag
 
 LEAST_POINTS = 10
 # A beam is bowed if straight it would leave this much more chi^2, for three coefficients.
@@ -102,7 +102,7 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     too little of the beam.
     """
     mean = _mean_line(lines, calibration)
-    points = raised(mean.points, calibration.camera.viewpoint, rig)
+    points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
     if len(points) < LEAST_POINTS:
         raise InputError(
             f"the rest images show {len(points)} columns of the beam, needed are {LEAST_POINTS}"

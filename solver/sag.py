@@ -9,7 +9,7 @@ from solver.instrument.rig import Rig
 UNKNOWN_SHARE = 0.02
 
 
-def raised(points: Floats, viewpoint: Floats, rig: Rig) -> Floats:
+def correct_for_sag(points: Floats, viewpoint: Floats, rig: Rig) -> Floats:
     """Points (n, 2) [m] on C where a beam that sags would be seen if it lay in C.
 
     `points` are where the rays from `viewpoint` (4,), homogeneous, to the sagging beam meet C, in

@@ -5,8 +5,8 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.at_rest import Learn, learn_at_rest
 from solver.calibrate import calibrate
-from solver.calibrate.certainty import certainty
-from solver.centreline.beam import learn_beam
+from solver.calibrate.uncertainty import calibration_uncertainty
+from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
 from solver.instrument.errors import InputError
 from solver.instrument.gray_scale import gray_scale
@@ -45,5 +45,5 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
         scale.full_scale,
     )
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
-    known = certainty(calibration, rig)
+    known = calibration_uncertainty(calibration, rig)
     return Antenna(rig, calibration, at_rest, known.clamp, known.scale, scale)

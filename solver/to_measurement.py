@@ -14,7 +14,7 @@ from solver.instrument.observation import NOTHING_READ, Readings
 from solver.instrument.rig import Rig
 from solver.plane import on_plane
 from solver.rest import Rest
-from solver.sag import raised
+from solver.sag import correct_for_sag
 
 # A bent beam's course across its direction at the clamp, in powers of the distance; of a short
 # stretch the first two, and none of fewer points than these.
@@ -36,7 +36,7 @@ def to_measurement(
     """
     camera, rig, rest = antenna.calibration.camera, antenna.rig, antenna.rest
     points, sigmas = on_plane(camera, line.points, line.directions * line.sigma[:, None])
-    points = raised(points, camera.viewpoint, rig)
+    points = correct_for_sag(points, camera.viewpoint, rig)
     if readings.removed is not None:
         low, high = readings.removed
         kept = (points[:, 0] < low) | (points[:, 0] > high)

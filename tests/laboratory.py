@@ -5,7 +5,7 @@ from dataclasses import replace
 from solver.antenna import Antenna
 from solver.at_rest import AtRest, learn_at_rest
 from solver.calibrate import Calibration
-from solver.centreline.beam import learn_beam
+from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
 from solver.instrument.arrays import Grey
 from solver.instrument.beam import Beam, circular_rigidity

@@ -11,12 +11,12 @@ from contextlib import contextmanager
 import cv2
 import numpy as np
 
+from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration as Calibration
 from solver.calibrate.lines import line_network
 from solver.calibrate.pinhole import pinhole
 from solver.calibrate.plane_alone import plane_alone
 from solver.calibrate.saddles import charuco, chessboard
-from solver.calibrate.sighting import Sighting
 from solver.calibrate.telecentric import telecentric
 from solver.instrument.arrays import Grey
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
@@ -53,13 +53,13 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
     beam.
     """
     shapes: list[tuple[int, ...]] = []
-    seen: list[Sighting | None] = []
+    seen: list[BoardDetection | None] = []
     for view in board_views:
         shapes.append(view.shape)
         if view.shape != shapes[0]:
             sizes = sorted({shapes[0], view.shape})
             raise InputError(f"the calibration views differ in size: {sizes}, allowed is one")
-        seen.append(sighting(view, rig.board))
+        seen.append(detect_board(view, rig.board))
     if not seen:
         raise InputError("there is no calibration view, needed is at least one")
     if seen[0] is None:
@@ -93,12 +93,12 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
     return found
 
 
-def sighting(view: Grey, board: Board) -> Sighting | None:
+def detect_board(view: Grey, board: Board) -> BoardDetection | None:
     """Points of the board in a view (height, width), None if too few are seen.
 
     They are detected in 8 bits and refined in all bits that the view has.
     """
-    seen: Sighting | None = None
+    seen: BoardDetection | None = None
     if isinstance(board, Charuco):
         seen = charuco(view, board)
     elif isinstance(board, LineNetwork):

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from scipy.ndimage import spline_filter
 
+from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.lattice import Lattice, Node, crossings, lattice
-from solver.calibrate.sighting import Sighting
 from solver.calibrate.strokes import Stroke, crossing, stroke
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import LineNetwork
@@ -24,7 +24,7 @@ _THICK: Final = 1.5
 _ASTRAY: Final = 0.15
 
 
-def line_network(view: Grey, board: LineNetwork) -> Sighting | None:
+def line_network(view: Grey, board: LineNetwork) -> BoardDetection | None:
     """Crossings of a view, which is (height, width); None if they cannot be found and told."""
     tried = [_lattice(view, board, fill * view.shape[1] / board.columns) for fill in _FILLS]
     best = max(tried, key=len)
@@ -56,7 +56,7 @@ def line_network(view: Grey, board: LineNetwork) -> Sighting | None:
     if not seen:
         return None
     numbers = sorted(seen)
-    return Sighting(np.array(numbers), np.array([seen[number] for number in numbers]))
+    return BoardDetection(np.array(numbers), np.array([seen[number] for number in numbers]))
 
 
 def _darkness(view: Grey, spacing: float) -> Floats:

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
+from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration
-from solver.calibrate.sighting import Sighting
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board
 from solver.instrument.camera import Camera
@@ -29,7 +29,7 @@ _BELIEF_PX: Final = 0.02
 _STRAY: Final = 4.0
 
 
-def pinhole(seen: Sequence[Sighting], width: int, height: int, rig: Rig) -> Calibration:
+def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -> Calibration:
     """Camera with square pixels from several views of the rig's board, view 0 first.
 
     Every point counts alike; the least squares run in float64 to 14 digits. Raises InputError if
@@ -61,7 +61,9 @@ def pinhole(seen: Sequence[Sighting], width: int, height: int, rig: Rig) -> Cali
     return Calibration(camera, float(np.sqrt(left @ left / points)), bundle.covariance(found))
 
 
-def _adjusted(rig: Rig, seen: Sequence[Sighting], width: int, height: int) -> tuple["Bundle", Any]:
+def _adjusted(
+    rig: Rig, seen: Sequence[BoardDetection], width: int, height: int
+) -> tuple["Bundle", Any]:
     """The bundle of all views, and the least squares' answer."""
     bundle = Bundle(rig.board, seen, rig.distortion_coefficients)
     found: Any = least_squares(
@@ -77,7 +79,7 @@ def _adjusted(rig: Rig, seen: Sequence[Sighting], width: int, height: int) -> tu
     return bundle, found
 
 
-def _without_strays(seen: Sequence[Sighting], residuals: Floats) -> list[Sighting]:
+def _without_strays(seen: Sequence[BoardDetection], residuals: Floats) -> list[BoardDetection]:
     """The views without points that lie off by more than STRAY times what is usual."""
     total = sum(map(len, seen))
     off = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
@@ -85,14 +87,15 @@ def _without_strays(seen: Sequence[Sighting], residuals: Floats) -> list[Sightin
     usual = off <= _STRAY * max(float(np.median(off)), 0.01)
     parts = np.split(usual, np.cumsum([len(one) for one in seen])[:-1])
     return [
-        Sighting(one.numbers[part], one.pixels[part]) for one, part in zip(seen, parts, strict=True)
+        BoardDetection(one.numbers[part], one.pixels[part])
+        for one, part in zip(seen, parts, strict=True)
     ]
 
 
 class Bundle:
     """Residuals of all views' points by focal length, principal point, distortion, and poses."""
 
-    def __init__(self, board: Board, seen: Sequence[Sighting], coefficients: int) -> None:
+    def __init__(self, board: Board, seen: Sequence[BoardDetection], coefficients: int) -> None:
         corners = board.corners()
         self.board, self.seen, self.lens = board, seen, 3 + coefficients
         self.points = [corners[one.numbers] for one in seen]

@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 from scipy.optimize import least_squares
 
+from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration
 from solver.calibrate.pinhole import Bundle
-from solver.calibrate.sighting import Sighting
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.rig import Rig
@@ -24,7 +24,7 @@ FOCAL_SHARE, AXIS_SHARE = 0.5, 0.05
 _BELIEF_PX: Final = 0.02
 
 
-def plane_alone(lying: Sighting, width: int, height: int, rig: Rig) -> Calibration:
+def plane_alone(lying: BoardDetection, width: int, height: int, rig: Rig) -> Calibration:
     """A camera with square pixels that shows the board of view 0 where it is seen.
 
     Its mapping of plane C is that of the best homography; its viewpoint is not known.

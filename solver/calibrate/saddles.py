@@ -5,7 +5,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from solver.calibrate.sighting import Sighting
+from solver.calibrate.board_detection import BoardDetection
 from solver.instrument.arrays import Grey
 from solver.instrument.board import Charuco, Chessboard
 from solver.instrument.images import eight_bit
@@ -16,7 +16,7 @@ BLUR_PX: Final = 1.5
 _CLEAR, _CLEAR_OF_MARKERS = 0.25, 0.2
 
 
-def chessboard(view: Grey, board: Chessboard) -> Sighting | None:
+def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
     """Inner corners of a view, which is (height, width); None if not all are seen."""
     pattern = (board.columns, board.rows)
     found, corners = cv2.findChessboardCornersSB(
@@ -32,10 +32,10 @@ def chessboard(view: Grey, board: Chessboard) -> Sighting | None:
     if corners[0, 0, 1] > corners[-1, 0, 1]:
         corners = corners[::-1]
     numbers = np.arange(board.rows * board.columns)
-    return _refined(view, Sighting(numbers, corners.reshape(-1, 2)), board, _CLEAR)
+    return _refined(view, BoardDetection(numbers, corners.reshape(-1, 2)), board, _CLEAR)
 
 
-def charuco(view: Grey, board: Charuco) -> Sighting | None:
+def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
     """Corners beside markers that can be read; None if there are none."""
     name = f"DICT_{board.dictionary.upper()}"
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
@@ -47,13 +47,13 @@ def charuco(view: Grey, board: Charuco) -> Sighting | None:
         return None
     order = np.argsort(numbers.ravel())
     pixels = (corners.reshape(-1, 2)[order] - 0.5) / 2
-    seen = Sighting(numbers.ravel()[order].astype(np.int64), pixels)
+    seen = BoardDetection(numbers.ravel()[order].astype(np.int64), pixels)
     return _refined(view, seen, board, _CLEAR_OF_MARKERS)
 
 
 def _refined(
-    view: Grey, seen: Sighting, board: Chessboard | Charuco, clear: float
-) -> Sighting | None:
+    view: Grey, seen: BoardDetection, board: Chessboard | Charuco, clear: float
+) -> BoardDetection | None:
     """Corners moved to the saddle points; those that move too far, or out of view, left out.
 
     The detector's own corners are off by a common 0.01 px, those between markers by more where
@@ -75,10 +75,10 @@ def _refined(
     margin = reach + BLUR_PX
     inside = ((pixels > margin) & (pixels < [width - 1 - margin, height - 1 - margin])).all(axis=1)
     kept = inside & (np.linalg.norm(pixels - seen.pixels, axis=1) < reach)
-    return Sighting(seen.numbers[kept], pixels[kept]) if kept.any() else None
+    return BoardDetection(seen.numbers[kept], pixels[kept]) if kept.any() else None
 
 
-def _spacing(seen: Sighting, board: Chessboard | Charuco) -> float:
+def _spacing(seen: BoardDetection, board: Chessboard | Charuco) -> float:
     """The least distance [px] between neighbours in a row or column; infinite without any."""
     pixels = np.full((board.rows * board.columns, 2), np.nan)
     pixels[seen.numbers] = seen.pixels

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
+from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration
-from solver.calibrate.sighting import Sighting
 from solver.instrument.camera import Camera
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
 
 
-def telecentric(seen: Sighting, width: int, height: int, rig: Rig) -> Calibration:
+def telecentric(seen: BoardDetection, width: int, height: int, rig: Rig) -> Calibration:
     """Camera from what is seen of the board lying in plane C.
 
     The least-squares affine map from board to pixels has six numbers, just those of a scaled

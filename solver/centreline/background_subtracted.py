@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline import Centreline, Flag
-from solver.centreline.beam import Beam, learn_beam
+from solver.centreline.extractor import BeamExtractor, learn_beam
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import MARGIN
 from solver.instrument.arrays import Floats, Grey
@@ -24,7 +24,7 @@ from solver.instrument.arrays import Floats, Grey
 class Centroid:
     """Measures the beam in images: the centroid in every column in which `beam` measures it."""
 
-    beam: Beam
+    beam: BeamExtractor
 
     def __call__(self, image: Grey) -> Centreline:
         """The centreline in an image (height, width); empty where there is no beam.

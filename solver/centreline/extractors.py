@@ -6,7 +6,7 @@ from typing import Final
 from solver.centreline import Extractor
 from solver.centreline.area_weighted import area_weighted
 from solver.centreline.background_subtracted import learn_centroid
-from solver.centreline.beam import learn_beam
+from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
@@ -17,7 +17,7 @@ def learn_area_weighted(images: Sequence[Grey], guide: Guide) -> Extractor:
 
     It knows a bright beam that runs from left to right. Raises InputError where it sees none.
     """
-    if not guide.upright or not all(len(area_weighted(image).points) for image in images):
+    if not guide.scans_columns or not all(len(area_weighted(image).points) for image in images):
         raise InputError(
             "the rest images show no bright beam that runs from left to right, "
             "and area_weighted sees no other"

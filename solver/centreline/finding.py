@@ -16,9 +16,9 @@ from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
 from solver.centreline.smooth import CUT, curve
+from solver.dot_products import FAST
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
-from solver.sums import FAST
 
 # Scan lines over the beam's length, and contact distances that are tried, as shares of it.
 LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)
@@ -55,8 +55,8 @@ def find(
     """
     lines = _scan_lines(guide, image.shape)
     core = max(2, round(2 * guide.radius_px))
-    seen = candidates(image, lines, guide.upright, core, polarity, noise)
-    places = guide.places(seen[:, :2] if guide.upright else seen[:, 1::-1])
+    seen = candidates(image, lines, guide.scans_columns, core, polarity, noise)
+    places = guide.places(seen[:, :2] if guide.scans_columns else seen[:, 1::-1])
     near = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
     distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
     line, strength = seen[:, 0], seen[:, 2]
@@ -68,12 +68,12 @@ def find(
 
 def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
     """Pixel columns (rows of a beam that stands upright) that cross the beam's length."""
-    axis = 0 if guide.upright else 1
+    axis = 0 if guide.scans_columns else 1
     near, far = guide.ends[:, axis]
     low, high = min(near, far), max(near, far)
     if guide.free_tilt:
         low, high = near - (high - low), near + (high - low)
-    limit = shape[1] if guide.upright else shape[0]
+    limit = shape[1] if guide.scans_columns else shape[0]
     low, high = max(low, 0), min(high, limit - 1)
     lines = np.linspace(low, high, LINES).astype(np.int64)
     return np.asarray(lines[np.append(True, lines[1:] != lines[:-1])])

@@ -8,7 +8,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
-from solver.plane import through
+from solver.plane import apply_homography
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Guide:
     def pixels(self, places: Floats) -> Floats:
         """Pixels (n, 2) of places (n, 2) [m] of the beam's frame in plane C."""
         if not self.camera.distortion:
-            return through(self._image_from_beam, places)
+            return apply_homography(self._image_from_beam, places)
         points = np.column_stack([places, np.zeros(len(places))])
         return self.camera.project(apply(self.antenna_from_beam, points))
 
@@ -41,7 +41,7 @@ class Guide:
         """
         if self.camera.distortion:
             pixels = self.camera.undistorted_pixels(pixels)
-        return through(self._beam_from_image, pixels)
+        return apply_homography(self._beam_from_image, pixels)
 
     def turned_about(self) -> "Guide":
         """The guide of a beam clamped at this one's tip, whose tip is where this one is clamped."""
@@ -77,7 +77,7 @@ class Guide:
         return self.pixels(np.array([[0.02 * self.length, 0.0], [self.length, 0.0]]))
 
     @cached_property
-    def upright(self) -> bool:
+    def scans_columns(self) -> bool:
         """Whether the beam at rest runs rather along the image's rows, and columns cross it."""
         along, down = np.abs(self.ends[1] - self.ends[0])
         return bool(along >= down)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from solver.dot_products import FAST
 from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, settle
 from solver.fitting.minimise import CONVERGED, DEFICIENT
 from solver.fitting.problem import base_whitening, view_row
@@ -25,7 +26,6 @@ from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
-from solver.sums import FAST
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solver.dot_products import dot
 from solver.fitting.correlation import integrated_correlation
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
-from solver.sums import dot
 
 # A bend is believed from this many of its own sigmas on.
 LEAST_SIGNIFICANCE = 5.0

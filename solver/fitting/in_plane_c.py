@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from solver.beam_models.exact import BEND_GENTLE, BEND_STEEP, GENTLE, STEEP, bend_at
+from solver.dot_products import FAST
 from solver.fitting.residuals import (
     DX,
     DY,
@@ -29,7 +30,6 @@ from solver.fitting.residuals import (
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
-from solver.sums import FAST
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,6 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from solver.dot_products import FAST, dot
 from solver.fitting.constraints import add_constraints
 from solver.fitting.in_plane_c import plane_equations
 from solver.fitting.residuals import (
@@ -18,7 +19,6 @@ from solver.fitting.residuals import (
 from solver.fitting.robust import tukey
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
-from solver.sums import FAST, dot
 
 CONVERGED, STOPPED, DEFICIENT = range(3)
 # The last step is that after which none longer than so many sigmas would follow: one shorter than

@@ -77,7 +77,7 @@ class FrameFit:
     chi2: float
     kept: Any
     iterations: int
-    widening: float
+    variance_inflation: float
 
 
 def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
@@ -133,7 +133,7 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
     )
 
 
-def started(problem: Problem, psi: float) -> Floats | None:
+def start_of(problem: Problem, psi: float) -> Floats | None:
     """Parameters (8,) near the minimum at this psi, by a coarse choice of points; None if none."""
     p = np.zeros(PARAMETERS)
     if not begin(problem.arrays, problem.shape_free, problem.tilt_variance, psi, p):
@@ -141,7 +141,7 @@ def started(problem: Problem, psi: float) -> Floats | None:
     return p
 
 
-def settled(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
+def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
     """The fit from a start, robust where its residuals ask for it."""
     p = start.copy()
     covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(5)
@@ -158,7 +158,7 @@ def settled(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
         chi2=float(summary[CHI2]),
         kept=of_measurement,
         iterations=int(summary[ITERATIONS]),
-        widening=float(summary[WIDENING]),
+        variance_inflation=float(summary[WIDENING]),
     )
 
 

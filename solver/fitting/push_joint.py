@@ -178,7 +178,7 @@ class Push:
         sigma[count], sigma[count + 1 :] = _ROUNDING * self.rig.beam.length, DRY
         return residual / sigma, jacobian / sigma[:, None]
 
-    def tension(self, parameters: Floats) -> tuple[float, int]:
+    def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
         """What the push costs: chi^2 and degrees of freedom of its own equations (Rao 1948).
 
         By how much chi^2 would fall if each frame had a shape of its own, to first order about

@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from solver.dot_products import FAST
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
-from solver.sums import FAST
 
 # From here on a residual has no weight; of white noise the answer loses 5 % of its efficiency.
 CUT: Final = 4.685

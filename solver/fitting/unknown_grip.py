@@ -7,7 +7,7 @@ first order, is added to its covariance.
 
 import numpy as np
 
-from solver.fitting.problem import problem_of, settled, started, without
+from solver.fitting.problem import fit_from, problem_of, start_of, without
 from solver.fitting.push_frame import Frame
 from solver.fitting.push_joint import DRY
 from solver.fitting.residuals import DX, DY, LEVER, TILT, Q
@@ -34,13 +34,13 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
         return found
     planar, psi = found
     problem = problem_of(planar, with_tips=False)
-    start = started(problem, 0.0)
+    start = start_of(problem, 0.0)
     if start is None or alone.covariance is None:
         return alone
-    fit = settled(problem, start, psi_free=False)
+    fit = fit_from(problem, start, psi_free=False)
     length = measurement.rig.beam.length
     p = fit.p[[Q, LEVER, DX, DY, TILT]] * [length**-2, length, length, length, 1.0]
-    frame = Frame(0.0, without(problem, fit.kept), fit.widening)
+    frame = Frame(0.0, without(problem, fit.kept), fit.variance_inflation)
     rows = frame.points(p[:2], p[2:], length, grip=0.0)
     if rows is None:
         return alone

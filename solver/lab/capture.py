@@ -56,7 +56,7 @@ class Video:
             raise InputError(f"{self._name}: holds no frame that can be decoded")
 
 
-class Camera:
+class CameraStream:
     """The newest frame whenever one is asked for; a thread fetches all and forgets the rest.
 
     Raises InputError when the camera gives no more images.

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.centreline.beam import Beam
+from solver.centreline.extractor import BeamExtractor
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.lab.findings import Finding, findings
 
@@ -127,7 +127,7 @@ class Checked:
 def checked(antenna: Antenna) -> Checked:
     """What is known of an antenna whose beam is measured by the profile fit."""
     calibration, rest, beam = antenna.calibration, antenna.rest, antenna.extract
-    assert isinstance(beam, Beam)
+    assert isinstance(beam, BeamExtractor)
     camera, look = calibration.camera, beam.appearance
     lens: list[float | None] = [None] * 3
     if calibration.covariance is not None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.calibrate.certainty import certainty
+from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.landmarks import FARTHEST
 
@@ -100,7 +100,7 @@ def _pose(antenna: Antenna) -> Iterator[Finding]:
     if antenna.in_world:  # where the motor's angle at rest is not stated
         return
     tolerance = rig.tolerances
-    known = certainty(antenna.calibration, rig)
+    known = calibration_uncertainty(antenna.calibration, rig)
     place_sigma = math.hypot(
         tolerance.base_position,
         tolerance.board_translation,

@@ -7,7 +7,7 @@ from typing import Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.observation import Frame, read_frames
-from solver.lab.capture import Camera, Video, open_capture
+from solver.lab.capture import CameraStream, Video, open_capture
 from solver.lab.controls import NO_CONTROLS, Controls, set_controls
 from solver.lab.shots import Files, Source
 
@@ -30,7 +30,7 @@ def open_source(
         name = f"camera {only}"
         capture = open_capture(int(only) if only.isdecimal() else only)
         set_controls(capture, controls, name)
-        return Camera(name, capture, channel)
+        return CameraStream(name, capture, channel)
     if controls != NO_CONTROLS:
         raise InputError(f"{names[0]}: is no camera, whose size, exposure or controls could be set")
     if Path(only).suffix.lower() in VIDEOS:

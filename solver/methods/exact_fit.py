@@ -7,8 +7,8 @@ tolerances give it. Attains the information limit for white noise, and keeps 95 
 (`rig.known_psi`, eqs. (7) and (8)). It needs neither the contact nor the tip to be visible.
 """
 
-from solver.fitting.answer import LEAST_POINTS, answer, refusal_of
-from solver.fitting.problem import problem_of, settled, started
+from solver.fitting.fit_estimate import LEAST_POINTS, estimate_from_fit, refusal_of
+from solver.fitting.problem import fit_from, problem_of, start_of
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
@@ -20,9 +20,9 @@ def exact_fit(measurement: Measurement) -> Estimate:
     known_psi = measurement.rig.known_psi
     # Seen in a mirror, where the rig deflects to -y, a plane leans the other way.
     psi = measurement.handedness * (known_psi or 0.0)
-    start = started(problem, psi) if problem.points >= LEAST_POINTS else None
-    fit = None if start is None else settled(problem, start, psi_free=False)
+    start = start_of(problem, psi) if problem.points >= LEAST_POINTS else None
+    fit = None if start is None else fit_from(problem, start, psi_free=False)
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    return answer(measurement, problem, fit, psi_known=known_psi is not None)
+    return estimate_from_fit(measurement, problem, fit, psi_known=known_psi is not None)

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from solver.fitting.answer import LEAST_POINTS, answer, refusal_of
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
+from solver.fitting.fit_estimate import LEAST_POINTS, estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
-from solver.fitting.problem import FrameFit, Problem, problem_of, settled, started, without
+from solver.fitting.problem import FrameFit, Problem, fit_from, problem_of, start_of, without
 from solver.fitting.residuals import PSI
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
@@ -86,7 +86,9 @@ def _fitted(measurement: Measurement) -> Estimate:
         )
     if refusal is not None:
         return refusal
-    return answer(measurement, problem, best, psi_known=True, psi_fitted=True, spread=spread)
+    return estimate_from_fit(
+        measurement, problem, best, psi_known=True, psi_fitted=True, spread=spread
+    )
 
 
 def _robust_minima(problem: Problem) -> list[FrameFit]:
@@ -95,7 +97,7 @@ def _robust_minima(problem: Problem) -> list[FrameFit]:
     if minima and not minima[0].kept.all():
         # Outliers draw every start astray: look again with what the first look has kept.
         again = _minima(without(problem, minima[0].kept))
-        minima = [settled(problem, one.p, psi_free=True) for one in again] or minima
+        minima = [fit_from(problem, one.p, psi_free=True) for one in again] or minima
         minima.sort(key=_rank)
     return minima
 
@@ -108,7 +110,10 @@ def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool
         return True
     tip, free = with_tip[0], without_tip[0]
     fewer = int(free.kept.sum()) - int(tip.kept.sum())
-    return fewer > 0.05 * len(free.kept) or tip.chi2 - free.chi2 > MOST_TIP_CHI2 * free.widening
+    return (
+        fewer > 0.05 * len(free.kept)
+        or tip.chi2 - free.chi2 > MOST_TIP_CHI2 * free.variance_inflation
+    )
 
 
 def _rank(fit: FrameFit) -> tuple[bool, int, float]:
@@ -119,9 +124,9 @@ def _rank(fit: FrameFit) -> tuple[bool, int, float]:
 def _minima(problem: Problem) -> list[FrameFit]:
     """The distinct minima of chi2 that the starts lead to, best first."""
     starts = [
-        start for start in (started(problem, float(psi)) for psi in STARTS) if start is not None
+        start for start in (start_of(problem, float(psi)) for psi in STARTS) if start is not None
     ]
-    found = sorted((settled(problem, start, psi_free=True) for start in starts), key=_rank)
+    found = sorted((fit_from(problem, start, psi_free=True) for start in starts), key=_rank)
     distinct: list[FrameFit] = []
     for fit in found:
         near = 0.1 * math.sqrt(max(float(fit.covariance[PSI, PSI]), 0.0)) + 1e-6
@@ -137,7 +142,7 @@ def _spread(best: FrameFit, others: list[FrameFit]) -> tuple[Floats, list[FrameF
     """
     spread, close = np.zeros(len(best.p)), []
     for one in others:
-        worse = (one.chi2 - best.chi2) / best.widening
+        worse = (one.chi2 - best.chi2) / best.variance_inflation
         if one.status == CONVERGED and worse < CLOSE_CHI2 and one.kept.sum() == best.kept.sum():
             likelihood = math.exp(-max(worse, 0.0) / 2)
             apart = math.sqrt(likelihood / (1 + likelihood)) * (one.p - best.p)

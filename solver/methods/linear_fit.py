@@ -23,13 +23,13 @@ from scipy.optimize import brentq
 from solver.beam_models.linear import unit_deflection, unit_deflection_by_contact, unit_slope
 from solver.fitting.correlation import correlation_length
 from solver.fitting.first_contact import Bend
-from solver.fitting.linear_answer import (
+from solver.fitting.linear_estimate import (
     BASE,
     LOAD,
     X_C,
     LinearContact,
-    answer,
     bent,
+    estimate_from_linear_fit,
     stated_errors,
 )
 from solver.instrument.arrays import Floats
@@ -167,4 +167,4 @@ def _answer(planar: Measurement, projection: _Projection, x_c: float, iterations
     rows = np.r_[X_C, LOAD, np.arange(8)[BASE]]
     covariance[np.ix_(rows, rows)] = fitted
     contact = LinearContact(x_c, load, covariance, base=(dx, float(linear[2]), float(linear[3])))
-    return answer(contact, planar, chi2=chi2, dof=dof, iterations=iterations)
+    return estimate_from_linear_fit(contact, planar, chi2=chi2, dof=dof, iterations=iterations)

@@ -26,7 +26,7 @@ import math
 import numpy as np
 
 from solver.fitting.first_contact import LEAST_SIGNIFICANCE, nearest_linear_bend, no_contact
-from solver.fitting.linear_answer import (
+from solver.fitting.linear_estimate import (
     ERRORS,
     LOAD,
     PSI,
@@ -34,8 +34,8 @@ from solver.fitting.linear_answer import (
     SCALE,
     X_C,
     LinearContact,
-    answer,
     errors_of_planar_fit,
+    estimate_from_linear_fit,
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
@@ -99,7 +99,9 @@ def moment_sensor(measurement: Measurement) -> Estimate:
                 measurement, planar, mean, psi, (moment, moment_sigma, rigidity)
             )
             contact = LinearContact(mean.x_c, mean.load, covariance, psi)
-            return answer(contact, planar, f"mean of {mean.pairs} pairs", iterations=iteration)
+            return estimate_from_linear_fit(
+                contact, planar, f"mean of {mean.pairs} pairs", iterations=iteration
+            )
         ahead = excess
         if previous is not None and previous[1] != excess:  # Aitken: the secant through both
             ahead = -excess * (psi - previous[0]) / (excess - previous[1])

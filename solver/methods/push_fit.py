@@ -32,9 +32,9 @@ import numpy as np
 from scipy.stats import chi2 as distribution
 
 from solver.beam_models.linear import unit_deflection
-from solver.fitting.answer import refusal_of
+from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.gauss_newton import Fit, gauss_newton
-from solver.fitting.problem import problem_of, settled, started, without
+from solver.fitting.problem import fit_from, problem_of, start_of, without
 from solver.fitting.push_frame import Frame
 from solver.fitting.push_joint import BASE, DRY, PUSH, Push
 from solver.fitting.residuals import LEVER
@@ -115,15 +115,15 @@ def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
     for one in (*measurement.earlier, measurement):
         # As in `exact_fit`: what looks like the tip may be an occluder's edge.
         problem = problem_of(one, with_tips=False)
-        start = started(problem, 0.0) if problem.points else None
-        fit = None if start is None else settled(problem, start, psi_free=False)
+        start = start_of(problem, 0.0) if problem.points else None
+        fit = None if start is None else fit_from(problem, start, psi_free=False)
         refusal = refusal_of(one, problem, fit)
         if refusal is not None and refusal.outcome is Outcome.NO_CONTACT:
             begins = True
         if fit is None or one.motor_angle is None or refusal is not None:
             continue
         kept = problem if fit.kept.all() else without(problem, fit.kept)
-        frames.append(Frame(one.motor_angle, kept, fit.widening, begins))
+        frames.append(Frame(one.motor_angle, kept, fit.variance_inflation, begins))
         begins = False
         if fit.covariance[LEVER, LEVER] < best:
             best, lever = fit.covariance[LEVER, LEVER], fit.p[LEVER]
@@ -162,12 +162,12 @@ def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimat
 
     if fit.rank_deficient:
         return _of_last(alone, f"{count} frames leave the push open")
-    tension, equations = push.tension(fit.parameters)
-    if tension > distribution.isf(REFUSED, equations):
+    consistency, equations = push.consistency_chi2(fit.parameters)
+    if consistency > distribution.isf(REFUSED, equations):
         return refused(
             Outcome.INVALID,
             f"the {count} frames of the push are not those of one object at one place on a linear "
-            f"spring: chi^2 of the push is {tension:.3g} on {equations} degrees of freedom",
+            f"spring: chi^2 of the push is {consistency:.3g} on {equations} degrees of freedom",
         )
     if not fit.converged:
         return _of_last(alone, f"the fit of {count} frames did not converge")

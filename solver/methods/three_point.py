@@ -38,7 +38,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
-from solver.fitting.linear_answer import BASE, LinearContact, answer, stated_errors
+from solver.fitting.linear_estimate import (
+    BASE,
+    LinearContact,
+    estimate_from_linear_fit,
+    stated_errors,
+)
 from solver.fitting.triples import STRETCHES, Nodes, Votes, by_sources, stretch_nodes, weighted_sum
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
@@ -98,7 +103,7 @@ def three_point(measurement: Measurement) -> Estimate:
     others = "".join(f", {math.degrees(root):.0f}" for root in roots if root != psi)
     message = f"mean of {mean.pairs} pairs" + (f"; other inclinations{others} deg" * bool(others))
     contact = LinearContact(mean.x_c, mean.load, covariance, psi)
-    return answer(contact, planar, message)
+    return estimate_from_linear_fit(contact, planar, message)
 
 
 def _roots(disagreement: Callable[[float], float], scan: Floats, viewpoint: Floats) -> list[float]:

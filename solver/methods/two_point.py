@@ -27,7 +27,12 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_slope
-from solver.fitting.linear_answer import LinearContact, answer, bent, errors_of_planar_fit
+from solver.fitting.linear_estimate import (
+    LinearContact,
+    bent,
+    errors_of_planar_fit,
+    estimate_from_linear_fit,
+)
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.estimate import Estimate, Outcome
@@ -49,7 +54,7 @@ def two_point(measurement: Measurement) -> Estimate:
         return mean
     covariance = errors_of_planar_fit(planar, mean.noise * bend.widening, mean.by_base)
     contact = LinearContact(mean.x_c, mean.load, covariance)
-    return answer(contact, planar, f"mean of {mean.pairs} pairs")
+    return estimate_from_linear_fit(contact, planar, f"mean of {mean.pairs} pairs")
 
 
 @dataclass(frozen=True)

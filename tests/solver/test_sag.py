@@ -8,7 +8,7 @@ from solver.instrument.camera import Camera
 from solver.instrument.rig import read_rig, rig_to_json
 from solver.instrument.transforms import camera_looking_at
 from solver.plane import on_plane
-from solver.sag import raised, scale_error
+from solver.sag import correct_for_sag, scale_error
 from tests.simulated import BEAM, rig
 from tests.vbaa_bench.mechanics.benches import STEEL
 from vbaa_bench.mechanics.pushing import rest
@@ -33,15 +33,17 @@ def test_a_beam_that_hangs_is_seen_as_if_it_lay_in_plane_c() -> None:
     pixels = CAMERA.project(hanging[:, 1:4])
     seen, _ = on_plane(CAMERA, pixels, np.zeros_like(pixels))
     assert np.abs(seen - hanging[:, 1:3]).max() > 1e-3
-    back = raised(seen, CAMERA.viewpoint, replace(rig(), sag=SAG))
+    back = correct_for_sag(seen, CAMERA.viewpoint, replace(rig(), sag=SAG))
     assert np.abs(back - hanging[:, 1:3]).max() < 2e-6  # a two-hundredth of a pixel
 
 
 def test_no_sag_changes_nothing_and_a_telecentric_camera_sees_none_of_it() -> None:
     points = np.column_stack([np.linspace(0, 0.24, 9), np.linspace(0, 0.03, 9)])
-    assert raised(points, CAMERA.viewpoint, rig()) is points
+    assert correct_for_sag(points, CAMERA.viewpoint, rig()) is points
     above = np.array([0.0, 0.0, 1.0, 0.0])
-    assert raised(points, above, replace(rig(), sag=SAG)) == pytest.approx(points, abs=1e-15)
+    assert correct_for_sag(points, above, replace(rig(), sag=SAG)) == pytest.approx(
+        points, abs=1e-15
+    )
     assert scale_error(above, replace(rig(), sag=SAG)) == 0
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 
 from solver.calibrate import calibrate
-from solver.calibrate.certainty import certainty
+from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.instrument.board import Chessboard
 from solver.plane import on_plane
 from tests.drawn import drawn
@@ -31,6 +31,6 @@ def test_what_a_calibration_leaves_open_along_the_beam_is_what_it_errs_by() -> N
         ]
         found = calibrate(views, nominal)
         seen, _ = on_plane(found.camera, true.project(places), np.zeros((len(x), 2)))
-        errors.append(line @ (seen[:, 0] - x) / certainty(found, nominal)[:2])
+        errors.append(line @ (seen[:, 0] - x) / calibration_uncertainty(found, nominal)[:2])
     # Eight numbers, whose mean square is 1 +- 0.5; errors of the pixel grid are in it too.
     assert 0.1 < np.mean(np.square(errors)) < 3.0

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration
 from solver.calibrate.pinhole import pinhole
-from solver.calibrate.sighting import Sighting
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Chessboard
 from solver.instrument.camera import Camera
@@ -38,7 +38,7 @@ def found(true: Camera, noise: Noise = nothing, seen: slice = slice(None)) -> Ca
     views = []
     for view in range(VIEWS):
         pixels = true.project(apply(board_pose(view), BOARD.corners())) + noise(view)
-        views.append(Sighting(numbers[seen], pixels[seen]))
+        views.append(BoardDetection(numbers[seen], pixels[seen]))
     coefficients = len(true.distortion)
     return pinhole(views, true.width, true.height, rig(BOARD, coefficients))
 
@@ -129,4 +129,4 @@ def test_a_part_of_the_board_in_every_view_is_enough() -> None:
 def test_two_views_are_too_few() -> None:
     numbers, pixels = np.arange(108), camera().project(apply(BOARD_POSE, BOARD.corners()))
     with pytest.raises(InputError, match=r"2 calibration views show enough.*needed are 3"):
-        pinhole([Sighting(numbers, pixels)] * 2, 320, 280, rig(BOARD))
+        pinhole([BoardDetection(numbers, pixels)] * 2, 320, 280, rig(BOARD))

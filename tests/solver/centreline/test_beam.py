@@ -8,7 +8,7 @@ import pytest
 
 from solver.centreline import Centreline, Flag
 from solver.centreline.background_subtracted import Centroid, learn_centroid
-from solver.centreline.beam import Beam, learn_beam
+from solver.centreline.extractor import BeamExtractor, learn_beam
 from solver.centreline.flags import follow
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
@@ -33,7 +33,7 @@ def rest_images(
 @cache
 def learned(
     look: Look = BRIGHT, roll: float = 0.0, tilt: float = TILT, sensor: Sensor = SENSOR
-) -> Beam:
+) -> BeamExtractor:
     return learn_beam(rest_images(look, roll, tilt, sensor), guide(roll))
 
 
@@ -52,7 +52,7 @@ def pushed(
     return light, guide(roll).pixels(shape)
 
 
-def seen(light: Floats, beam: Beam, seed: int = 2) -> Centreline:
+def seen(light: Floats, beam: BeamExtractor, seed: int = 2) -> Centreline:
     return beam(SENSOR(light, np.random.default_rng(seed)))
 
 

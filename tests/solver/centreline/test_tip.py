@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.centreline import Centreline
-from solver.centreline.beam import learn_beam
+from solver.centreline.extractor import learn_beam
 from solver.instrument.arrays import Floats, Mask
 from tests.beam_images import HEIGHT, LENGTH, METRES_PER_PIXEL, WIDTH, Look, bent, drawn, guide
 from tests.solver.centreline.test_beam import (

@@ -16,7 +16,7 @@ import pytest
 from solver.instrument.errors import InputError
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import Frame, open_observations, open_rig, read_frames
-from solver.lab.capture import Camera, Video
+from solver.lab.capture import CameraStream, Video
 from solver.lab.controls import Controls
 from solver.lab.shots import Files
 from solver.lab.sources import open_source
@@ -87,7 +87,7 @@ class Scripted:
 
 def test_a_slow_reader_gets_the_newest_frame_and_is_told_what_it_missed() -> None:
     device = Scripted()
-    camera = Camera("camera 0", device)
+    camera = CameraStream("camera 0", device)
     assert (camera.live, camera.rate) == (True, 30.0)
     shots = iter(camera)
     device.show(10)
@@ -171,7 +171,7 @@ def test_the_channel_is_that_of_stills_videos_and_cameras(tmp_path: Path) -> Non
     for channel, gray in (("b", 30), ("g", 90), ("r", 200), ("gray", 116)):
         shot = next(iter(open_source([str(path)], channel=channel)))
         assert (shot.grey() == gray).all()
-        moving = Camera("camera 0", Still(colour), channel)
+        moving = CameraStream("camera 0", Still(colour), channel)
         assert (next(iter(moving)).grey() == gray).all()
         film = Video("film", Still(colour), channel)
         assert (next(iter(film)).grey() == gray).all()

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from solver.calibrate import sighting
+from solver.calibrate import detect_board
 from solver.instrument.arrays import Grey
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.lab.target import black_rectangles, svg
@@ -33,7 +33,7 @@ def printed(board: Board) -> Grey:
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: type(board).__name__)
 def test_the_print_is_found_where_it_was_drawn(board: Board) -> None:
     card = printed(board)
-    seen = sighting(np.pad(card, 60, constant_values=60), board)
+    seen = detect_board(np.pad(card, 60, constant_values=60), board)
     assert seen is not None
     assert len(seen) == board.columns * board.rows
     # The card's middle is the pattern's; x to the right, y up, in pixels of integer centres.

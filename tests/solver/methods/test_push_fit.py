@@ -543,7 +543,7 @@ def test_the_tension_of_a_single_object_is_chance(friction: float) -> None:
         start = [*bends, 0.0, 0.0, 0.0, 0.12, ONSET, 0.0, 2e-3]
         fit = gauss_newton(push.residuals, np.array([*start, *[0.0] * matrix.shape[1]]))
         assert fit.converged
-        tension, equations = push.tension(fit.parameters)
+        tension, equations = push.consistency_chi2(fit.parameters)
         tensions.append(tension)
     spread = math.sqrt(2 * equations / len(tensions))
     assert np.mean(tensions) == pytest.approx(equations, abs=4 * spread)

@@ -13,7 +13,7 @@ from solver.instrument.transforms import invert, rigid
 from solver.plane import on_plane
 
 
-class Certainty(NamedTuple):
+class CalibrationUncertainty(NamedTuple):
     """One-sigma errors that a calibration leaves on plane C.
 
     Along the beam: `clamp` of a place at the clamp [m], `scale` of lengths, relative. Across it:
@@ -27,10 +27,10 @@ class Certainty(NamedTuple):
     turn: float
 
 
-def certainty(calibration: Calibration, rig: Rig) -> Certainty:
+def calibration_uncertainty(calibration: Calibration, rig: Rig) -> CalibrationUncertainty:
     """Carry a calibration's covariance to the beam on plane C; zero where it states none."""
     if calibration.covariance is None:
-        return Certainty(0.0, 0.0, 0.0, 0.0)
+        return CalibrationUncertainty(0.0, 0.0, 0.0, 0.0)
     camera = calibration.camera
     x = rig.beam.length * np.linspace(0.05, 0.95, 10)
     places = rig.base_position + np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
@@ -49,7 +49,7 @@ def certainty(calibration: Calibration, rig: Rig) -> Certainty:
         slopes[:2, i] = line @ (seen[:, 0] - places[:, 0]) / (step or 1.0)
         slopes[2:, i] = line @ (seen[:, 1] - places[:, 1]) / (step or 1.0)
     variance = np.diag(slopes @ calibration.covariance @ slopes.T)
-    return Certainty(*(float(value) for value in np.sqrt(np.maximum(variance, 0.0))))
+    return CalibrationUncertainty(*(float(value) for value in np.sqrt(np.maximum(variance, 0.0))))
 
 
 def _moved(camera: Camera, change: Floats, rig: Rig) -> Camera:

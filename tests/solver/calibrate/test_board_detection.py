@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.calibrate import sighting
+from solver.calibrate import detect_board
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
@@ -35,7 +35,7 @@ def errors(name: str, seen_by: Camera, pose: Floats, seed: int = 0) -> Floats:
     """How far (n, 2) [px] the points of a view are found from where they are."""
     board = BOARDS[name]
     view = drawn(board, seen_by, pose, np.random.default_rng(seed), samples=55, generator=34)
-    found = sighting(view, board)
+    found = detect_board(view, board)
     assert found is not None
     assert len(found) > 0.5 * board.columns * board.rows
     return found.pixels - seen_by.project(apply(pose, board.corners()))[found.numbers]
@@ -72,7 +72,7 @@ def test_sixteen_bits_are_all_used(name: str) -> None:
     board, random = BOARDS[name], np.random.default_rng(0)
     seen_by = replace(camera(), distortion=())
     deep = drawn(board, seen_by, MIDDLE, random, noise=0, bits=16, samples=55, generator=34)
-    full, dim = sighting(deep, board), sighting(deep // 16, board)
+    full, dim = detect_board(deep, board), detect_board(deep // 16, board)
     assert full is not None
     assert dim is not None
     assert np.array_equal(full.numbers, dim.numbers)
@@ -85,4 +85,4 @@ def test_where_there_is_no_board_none_is_seen(name: str, what: str) -> None:
     blank = np.zeros((280, 320), np.uint8)
     if what == "noise":
         blank = np.random.default_rng(0).integers(0, 255, blank.shape, dtype=np.uint8)
-    assert sighting(blank, BOARDS[name]) is None
+    assert detect_board(blank, BOARDS[name]) is None

@@ -82,7 +82,7 @@ def stated_errors(measurement: Measurement) -> Floats:
     return covariance
 
 
-def answer(
+def estimate_from_linear_fit(
     contact: LinearContact,
     planar: Measurement,
     message: str = "",

@@ -9,7 +9,7 @@ from solver.instrument.arrays import Floats
 
 
 @dataclass(frozen=True)
-class Sighting:
+class BoardDetection:
     """Points of a target in one view: `numbers` (n,) into `Board.corners()`, `pixels` (n, 2)."""
 
     numbers: npt.NDArray[np.int64]

@@ -31,7 +31,7 @@ ANY_TILT = 0.6
 
 
 @dataclass(frozen=True)
-class Beam:
+class BeamExtractor:
     """Measures the beam in images: a profile fit at every column that crosses it."""
 
     appearance: Appearance
@@ -124,7 +124,7 @@ def _summary(
     return np.sqrt(rough / (1.0 + rows)), np.median(share), np.median(ground)
 
 
-def learn_beam(images: Sequence[Grey], guide: Guide) -> Beam:
+def learn_beam(images: Sequence[Grey], guide: Guide) -> BeamExtractor:
     """Learn the beam from images (height, width) of it at rest. Raises InputError."""
     appearance, turned = learn(images, guide)
-    return Beam(appearance, turned)
+    return BeamExtractor(appearance, turned)

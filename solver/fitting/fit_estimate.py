@@ -71,7 +71,7 @@ def _stopped(problem: Problem, message: str = "") -> Estimate:
     return Estimate(Outcome.NOT_CONVERGED, message)
 
 
-def answer(
+def estimate_from_fit(
     measurement: Measurement,
     problem: Problem,
     fit: FrameFit,
