@@ -14,8 +14,8 @@ FLOORS: list[set[str]] = [
     {"cli"},
     {"speed"},
     {"options", "report", "console"},
-    {"score", "checks"},
-    {"generate"},
+    {"scoring", "checks"},
+    {"generation"},
     {"bench"},
     {"motion"},
     {"plan", "studio", "readings", "workers"},
@@ -27,7 +27,7 @@ FLOORS: list[set[str]] = [
     {"spec", "mechanics", "interrupt"},
 ]
 # Only these may use the solver beyond its words.
-CALLERS_OF_THE_SOLVER = {"score", "checks", "cli", "options"}
+CALLERS_OF_THE_SOLVER = {"scoring", "checks", "cli", "options"}
 HEAVY = {"mitsuba", "drjit", "trimesh", "OpenEXR", "polars", "altair", "pydantic", "ruamel"}
 
 

@@ -43,14 +43,14 @@ from vbaa_bench.options import (
     Workers,
 )
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
-from vbaa_bench.score.accuracy import accuracy, markdown
-from vbaa_bench.score.applicable import applicable
-from vbaa_bench.score.child import MEMORY_GB, MethodRun
-from vbaa_bench.score.child import solve as solve_apart
-from vbaa_bench.score.layout import USUAL_CENTRELINE, Results, kept_as
-from vbaa_bench.score.metrics import CONDITIONS
-from vbaa_bench.score.score import score as score_predictions
-from vbaa_bench.score.score import with_own
+from vbaa_bench.scoring.accuracy import accuracy, markdown
+from vbaa_bench.scoring.applicable import applicable
+from vbaa_bench.scoring.child import MEMORY_GB, MethodRun
+from vbaa_bench.scoring.child import solve as solve_apart
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, kept_as
+from vbaa_bench.scoring.metrics import CONDITIONS
+from vbaa_bench.scoring.score import score as score_predictions
+from vbaa_bench.scoring.score import with_own
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.speed import speed_app
 from vbaa_bench.workers import WorkerDiedError, cores
@@ -322,7 +322,7 @@ def _generate(
     scene: Path, out: Path | None, seed: int | None, workers: int | None, variant: str | None
 ) -> Path:
     # Imported late: doctor must run where the renderer cannot even be loaded.
-    from vbaa_bench.generate import generate as generate_dataset
+    from vbaa_bench.generation import generate as generate_dataset
 
     file = load_scene(scene, seed)
     chosen = choose(variant)

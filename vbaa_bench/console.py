@@ -20,7 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from solver.instrument.estimate import Outcome
-from vbaa_bench.score.metrics import read_predictions
+from vbaa_bench.scoring.metrics import read_predictions
 
 console = Console(stderr=True, highlight=False)
 

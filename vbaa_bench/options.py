@@ -8,7 +8,7 @@ import typer
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.errors import InputError
 from solver.methods import METHODS
-from vbaa_bench.score.layout import USUAL_CENTRELINE
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 
 
 def _known(centrelines: list[str] | None) -> list[str] | None:

@@ -13,7 +13,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.options import AsJson, Repeats, ScenePath, Variant
 from vbaa_bench.render.variant import choose
-from vbaa_bench.score.speed import judged
+from vbaa_bench.scoring.speed import judged
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.workers import cores
 
@@ -139,7 +139,7 @@ def show_speeds(record: dict[str, Any]) -> None:
 
 def _quickstart(variant: str | None) -> Path:
     # Imported late: doctor must run where the renderer cannot even be loaded.
-    from vbaa_bench.generate import generate
+    from vbaa_bench.generation import generate
 
     root = Path("runs") / QUICKSTART.stem
     with console.status(f"rendering {QUICKSTART}"):

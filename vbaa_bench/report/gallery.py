@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.centreline import Flag
-from vbaa_bench.score.overlay import Overlay
+from vbaa_bench.scoring.overlay import Overlay
 
 # BGR. Truth is green, measured points yellow; methods take the others in order.
 TRUTH: Final = (90, 200, 60)

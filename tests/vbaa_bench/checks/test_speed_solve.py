@@ -21,8 +21,8 @@ from vbaa_bench.checks.method_runs import BATCHES
 from vbaa_bench.checks.speed_solve import chosen, measure, measure_apart
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.score.child import MethodRun
-from vbaa_bench.score.speed import judged
+from vbaa_bench.scoring.child import MethodRun
+from vbaa_bench.scoring.speed import judged
 
 
 def needs_a_sensor(measurement: Measurement) -> Estimate:

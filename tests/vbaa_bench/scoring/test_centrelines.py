@@ -20,9 +20,9 @@ from solver.methods import METHODS
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.score.child import MethodRun
-from vbaa_bench.score.layout import USUAL_CENTRELINE, Results
-from vbaa_bench.score.score import found_predictions
+from vbaa_bench.scoring.child import MethodRun
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.score import found_predictions
 
 PAPER = "two_point@area_weighted"
 BOTH = ["--centreline", "profile_fit", "--centreline", "area_weighted"]

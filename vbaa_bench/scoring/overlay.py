@@ -16,8 +16,8 @@ from solver.instrument.observation import open_observations
 from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.stage import camera_frame_from_clamp
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.stage import camera_frame_from_clamp
 
 
 @dataclass(frozen=True)

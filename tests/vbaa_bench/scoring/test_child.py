@@ -24,9 +24,9 @@ from solver.table import csv_text, row
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.score import child
-from vbaa_bench.score.child import MethodRun, solve
-from vbaa_bench.score.user_modules import copy_sources
+from vbaa_bench.scoring import child
+from vbaa_bench.scoring.child import MethodRun, solve
+from vbaa_bench.scoring.user_modules import copy_sources
 
 FAILING = """
 import os, subprocess, sys, threading, time
@@ -134,7 +134,7 @@ def test_where_the_judge_is_killed_its_method_and_its_folder_go_too(
         encoding="utf-8",
     )
     code = (
-        "import sys; from pathlib import Path; from vbaa_bench.score.child import *\n"
+        "import sys; from pathlib import Path; from vbaa_bench.scoring.child import *\n"
         "solve(Layout(Path(sys.argv[1])), 'slow:any', Path('out.csv'), 1)"
     )
     judge = subprocess.Popen(
