@@ -68,8 +68,18 @@ from vbaa_bench.cli import main
 """
 
 
-def test_an_interrupt_while_importing_is_no_traceback() -> None:
-    command = [sys.executable, "-c", IMPORTING]
+RUNNING = (
+    IMPORTING.replace('"typer"', '"mitsuba"')
+    + """
+sys.argv = ["vbaa-bench", "score", "dataset"]
+main()
+"""
+)
+
+
+@pytest.mark.parametrize("code", [IMPORTING, RUNNING], ids=["the_command", "what_it_needs"])
+def test_an_interrupt_while_importing_is_no_traceback(code: str) -> None:
+    command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "")
 

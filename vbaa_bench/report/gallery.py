@@ -62,6 +62,11 @@ def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 1
     return view.canvas
 
 
+def whole(overlay: Overlay, scale: int) -> np.ndarray:
+    """The whole frame, enlarged, with truth and contacts."""
+    return strip(overlay, {}, scale, margin_px=max(overlay.image.shape))
+
+
 def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int = 24) -> np.ndarray:
     """The surroundings of the contact, much enlarged, with all that the solver measures there."""
     half_px = min(half_px, (min(overlay.image.shape) - 1) // 2)

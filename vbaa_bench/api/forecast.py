@@ -1,0 +1,188 @@
+"""What a dataset will cost, from a short probe."""
+
+import itertools
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from vbaa_bench.api.data import usable_variant, worker_count
+from vbaa_bench.api.scene import AnyScene, scene_file
+from vbaa_bench.bench import Bench
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.plan import plan
+from vbaa_bench.spec.load import SceneFile
+from vbaa_bench.spec.trials import Trial, in_shards, trials
+from vbaa_bench.workers import Pool, cores
+
+# Frames that are rendered and weighed after a first one, in which kernels are compiled. Chosen:
+# seconds, and still a first idea of how much frames differ.
+PROBES: Final = 3
+# By how much other load and frames that are not probed may change the time. Chosen, and stated.
+_FACTOR: Final = 1.5
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """The cost of a dataset on this machine.
+
+    `hours_low` and `hours_high` span the fastest and the slowest probed frame, each widened by half
+    for other load and for frames that differ more. `memory_gb` is of all workers together; None
+    where the system does not state it.
+    """
+
+    frames: int
+    pushes: int
+    images: int
+    workers: int
+    hours: float
+    hours_low: float
+    hours_high: float
+    gigabytes: float
+    memory_gb: float | None
+
+    def record(self) -> dict[str, Any]:
+        """Return all figures by name."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        memory = "unknown" if self.memory_gb is None else f"{self.memory_gb:.2g} GB"
+        return (
+            f"{self.frames:,} frames of {self.pushes:,} pushes, and {self.images} images of the "
+            f"board and the beam at rest\n"
+            f"time:    {_duration(self.hours)} with {self.workers} workers; probed frames and "
+            f"other load allow {_duration(self.hours_low)} to {_duration(self.hours_high)}\n"
+            f"disk:    {_size(self.gigabytes)}, to about a tenth\n"
+            f"memory:  {memory} in all, the most that the probe took, times the workers"
+        )
+
+
+def forecast(
+    scene: AnyScene, *, workers: int | None = None, variant: str | None = None
+) -> Forecast:
+    """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
+
+    These are rendered in a worker process, timed and weighed, which takes seconds. Pushes that are
+    not probed may still be impossible: `generate` says so before it renders.
+
+    Raises InputError where a probed push is impossible.
+    """
+    file, chosen = scene_file(scene), usable_variant(variant)
+    count = worker_count(workers, chosen)
+    made = trials(file.scene)
+    shards = len(in_shards(file.scene, made))
+    pushes = len({trial.push for trial in made})
+    first, *probes = _spread(made)
+    probe = _probe(file, first, probes or [first], (chosen, max(cores() // count, 1)))
+    images = file.scene.calibration.views + file.scene.sensor.rest_images
+
+    def hours(frame_s: float) -> float:
+        # No worker renders less than one shard.
+        frames = math.ceil(shards / count) / shards * len(made)
+        rendering = frames * frame_s + images * probe.image_s / count
+        return (probe.start_s + pushes * probe.push_s + rendering) / 3600
+
+    mean = sum(probe.frames_s) / len(probe.frames_s)
+    return Forecast(
+        frames=len(made),
+        pushes=pushes,
+        images=images,
+        workers=count,
+        hours=hours(mean),
+        hours_low=hours(min(probe.frames_s)) / _FACTOR,
+        hours_high=hours(max(probe.frames_s)) * _FACTOR,
+        gigabytes=(len(made) * probe.frame_bytes + images * probe.image_bytes) / 1e9,
+        memory_gb=None if probe.memory_bytes is None else count * probe.memory_bytes / 1e9,
+    )
+
+
+@dataclass(frozen=True)
+class _Probe:
+    """Seconds [s] and bytes: of a worker's start and first frame, of one push's mechanics, of each
+    probed frame, and of one calibration image."""
+
+    start_s: float
+    push_s: float
+    frames_s: Sequence[float]
+    image_s: float
+    frame_bytes: float
+    image_bytes: float
+    memory_bytes: int | None
+
+
+class _ProbedBench(Bench):
+    """A bench that can state its process's memory."""
+
+    def peak_memory(self, _tick: Callable[[], None]) -> int | None:
+        """Return the most memory that this process has had [bytes], None where it is unknown."""
+        if sys.platform == "win32":
+            return None
+        import resource  # not on Windows
+
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _spread(made: Sequence[Trial]) -> list[Trial]:
+    """Choose trials evenly spread over a scene's pushes: the first to warm up, then the probes."""
+    by_index = sorted(made, key=lambda trial: trial.index)
+    count = min(PROBES + 1, len(made))
+    return [by_index[(2 * place + 1) * len(made) // (2 * count)] for place in range(count)]
+
+
+def _probe(
+    file: SceneFile, first: Trial, probes: Sequence[Trial], machine: tuple[str, int]
+) -> _Probe:
+    clock = time.perf_counter
+    begun = clock()
+    rig = plan(file, of=[first]).rig  # compiles what mechanics needs
+    compiled = clock()
+    pushes = {trial.push for trial in probes}
+    plan(file, of=probes)
+    push_s = (clock() - compiled) / len(pushes)
+    with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
+        layout = Layout(Path(folder))
+        (layout.observations / "calibration").mkdir(parents=True)
+        layout.truth.mkdir()
+        arguments = (file.scene, rig, file.path.parent.resolve(), layout, *machine)
+        with Pool(1, _ProbedBench, arguments) as pool:
+            exposure = float(pool.call("measure_exposure"))
+            pool.call("shard", 0, [first], exposure)
+            pool.call("image", "calibration/view_00.png", exposure)
+            times = [clock()]
+            for number, trial in enumerate(probes, 1):
+                pool.call("shard", number, [trial], exposure)
+                times.append(clock())
+            pool.call("image", "calibration/view_00.png", exposure)
+            image_s = clock() - times[-1]
+            memory = pool.call("peak_memory")
+        shards = [
+            layout.shard(tree, number)
+            for tree in layout.trees
+            for number in range(1, len(probes) + 1)
+        ]
+        sizes = [path.stat().st_size for shard in shards for path in shard.iterdir()]
+        image_bytes = (layout.observations / "calibration/view_00.png").stat().st_size
+    return _Probe(
+        start_s=times[0] - begun,
+        push_s=push_s,
+        frames_s=[end - start for start, end in itertools.pairwise(times)],
+        image_s=image_s,
+        frame_bytes=sum(sizes) / len(probes),
+        image_bytes=image_bytes,
+        memory_bytes=memory,
+    )
+
+
+def _duration(hours: float) -> str:
+    if hours < 1 / 60:
+        return f"{3600 * hours:.2g} s"
+    return f"{60 * hours:.2g} min" if hours < 1 else f"{hours:.3g} h"
+
+
+def _size(gigabytes: float) -> str:
+    return f"{1e3 * gigabytes:.2g} MB" if gigabytes < 1 else f"{gigabytes:.3g} GB"
