@@ -5,12 +5,12 @@ What a program needs is here; the modules below are private, and change.
 >>> import vbaa_bench as vb
 >>> camera = {"width_px": 256, "height_px": 88, "focal_length_px": 350}
 >>> camera |= {"position_mm": [120, 22, 360], "look_at_mm": [120, 22, 0]}
->>> board = {"columns": 20, "rows": 5, "square_mm": 10, "center_mm": [120, 22], "views": 6}
+>>> board = {"columns": 20, "rows": 5, "square_mm": 10, "center_mm": [120, 22], "views": 4}
 >>> pushes = {"contact_distance_mm": [120], "deflection_pct": [5, 10]}
 >>> scene = vb.Scene(title="One push", seed=1, pushes=pushes, camera=camera, calibration=board)
 >>> data = vb.generate(scene, "runs/one_push", workers=1)
 >>> [round(x_c, 1) for x_c in sorted(data.truth.frames["x_c_mm"])]
-[119.1, 119.8]
+[119.6, 119.9]
 >>> scores = vb.score(data, methods=["exact_fit"])
 >>> scores.table()["method", "n"].rows()
 [('exact_fit', 2)]
@@ -65,13 +65,16 @@ _MODULES: Final = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _MODULES:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    value = getattr(importlib.import_module(_MODULES[name]), name)
-    globals()[name] = value
-    return value
+# Hidden from type checkers, which would take any name as public.
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name when it is first used."""
+        if name not in _MODULES:
+            raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+        value = getattr(importlib.import_module(_MODULES[name]), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

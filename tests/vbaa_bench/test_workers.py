@@ -55,6 +55,28 @@ def test_workers_end_with_a_parent_that_was_killed() -> None:
     assert int(done.stdout) > 0
 
 
+SCRIPT = """
+from tests.vbaa_bench.residents import Resident
+from vbaa_bench.workers import Pool
+
+with Pool(1, Resident, ()) as pool:
+    print(pool.call("pid") > 0)
+"""
+
+
+def test_workers_start_from_a_plain_script_and_do_not_run_it_again(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+
+
 IMPORTING = """
 import os, signal, sys
 

@@ -22,7 +22,7 @@ from vbaa_bench.workers import Pool, cores
 # Frames that are rendered and weighed after a first one, in which kernels are compiled. Chosen:
 # seconds, and still a first idea of how much frames differ.
 PROBES: Final = 3
-# By how much other load and frames that are not probed may change the time. Chosen, and stated.
+# By how much frames that are not probed, and other workers, may change the time. Chosen.
 _FACTOR: Final = 1.5
 
 
@@ -31,8 +31,9 @@ class Forecast:
     """The cost of a dataset on this machine.
 
     `hours_low` and `hours_high` span the fastest and the slowest probed frame, each widened by half
-    for other load and for frames that differ more. `memory_gb` is of all workers together; None
-    where the system does not state it.
+    for frames that differ more, and for workers that slow each other down. They hold for a machine
+    as busy as during the probe. `memory_gb` is of all workers together; None where the system does
+    not state it.
     """
 
     frames: int
@@ -54,8 +55,9 @@ class Forecast:
         return (
             f"{self.frames:,} frames of {self.pushes:,} pushes, and {self.images} images of the "
             f"board and the beam at rest\n"
-            f"time:    {_duration(self.hours)} with {self.workers} workers; probed frames and "
-            f"other load allow {_duration(self.hours_low)} to {_duration(self.hours_high)}\n"
+            f"time:    {_duration(self.hours)} with {self.workers} workers, between "
+            f"{_duration(self.hours_low)} and {_duration(self.hours_high)} if the machine stays as "
+            f"busy as during the probe\n"
             f"disk:    {_size(self.gigabytes)}, to about a tenth\n"
             f"memory:  {memory} in all, the most that the probe took, times the workers"
         )

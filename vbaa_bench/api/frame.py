@@ -73,9 +73,9 @@ def render_frame(scene: AnyScene, number: int = 0, *, variant: str | None = None
     >>> scene = vb.Scene(title="One push", seed=1, pushes=pushes, camera=camera, calibration=board)
     >>> frame = vb.render_frame(scene, 1)
     >>> frame
-    Frame(256 x 88 px, x_c = 119.1 mm, deflection 10 %, force 48.2 mN)
+    Frame(256 x 88 px, x_c = 119.6 mm, deflection 10 %, force 67.1 mN)
     >>> frame.image.shape, round(frame.truth["s_c_mm"], 1), sorted(frame.layers)[:2]
-    ((88, 256), 120.6, ['arc_length', 'beam_mask'])
+    ((88, 256), 120.1, ['arc_length', 'beam_mask'])
     """
     file = scene_file(scene)
     made = trials(file.scene)

@@ -64,15 +64,15 @@ def solve(
     centrelines: Sequence[str] = (USUAL_CENTRELINE,),
     repeats: int = 3,
     memory_gb: float = MEMORY_GB,
-    begin: Callable[[str], None] = lambda _name: None,
-    hear: Callable[[str], None] = lambda _line: None,
+    on_start: Callable[[str], None] = lambda _name: None,
+    on_output: Callable[[str], None] = lambda _line: None,
 ) -> dict[str, MethodRun]:
     """Run methods on the observations of a dataset, each in a process that never sees the truth.
 
     `methods` are names, "all", or "package.module:function"; by default those that the dataset has
     readings for. Their estimates are written to the folder `predictions/`. Each frame is solved
-    `repeats` times, and the median time counts. `begin` is called with the name of each run before
-    it starts, `hear` with each line that a method prints.
+    `repeats` times, and the median time counts. `on_start` is called with the name of each run
+    before it starts, `on_output` with each line that a method prints.
 
     Returns the runs by name: a method, or "method@centreline" for another centreline than the
     usual one. Raises InputError.
@@ -83,14 +83,20 @@ def solve(
     runs = {}
     for method, centreline in product(chosen, dict.fromkeys(centrelines)):
         name = kept_as(method, centreline)
-        begin(name)
+        on_start(name)
         target = results.predictions / f"{name}.csv"
         runs[name] = run_method(
-            results.dataset, method, target, repeats, centreline, memory_gb=memory_gb, hear=hear
+            results.dataset,
+            method,
+            target,
+            repeats,
+            centreline,
+            memory_gb=memory_gb,
+            hear=on_output,
         )
         if runs[name].traceback:
             crashed = runs[name].crashed
-            hear(f"{name}, the first of {crashed} crashes:\n{runs[name].traceback}")
+            on_output(f"{name}, the first of {crashed} crashes:\n{runs[name].traceback}")
     return runs
 
 

@@ -20,7 +20,7 @@ class Scene(SceneFile):
     >>> pushes = {"contact_distance_mm": [120], "deflection_pct": [5, 10]}
     >>> scene = vb.Scene(title="One push", seed=1, pushes=pushes)
     >>> scene.scene.beam.length_mm
-    240
+    240.0
     >>> vb.Scene(title="One push", seed=1, pushes=pushes, beam={"lenght_mm": 100})
     Traceback (most recent call last):
     ...

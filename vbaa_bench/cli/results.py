@@ -128,8 +128,8 @@ def _solve(
             centrelines=centrelines or [USUAL_CENTRELINE],
             repeats=repeats,
             memory_gb=memory,
-            begin=lambda name: status.update(escape(f"solving with {name}")),
-            hear=hear,
+            on_start=lambda name: status.update(escape(f"solving with {name}")),
+            on_output=hear,
         )
 
 
