@@ -5,6 +5,7 @@ import doctest
 import importlib
 import types
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ import pytest
 import vbaa_bench as vb
 from solver.instrument.images import read_grey
 from vbaa_bench.api import frame as frame_module
+from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.scoring.child import MethodRun
+from vbaa_bench.scoring.layout import Results
 
 
 @pytest.mark.parametrize("module", [vb, frame_module, scene_module], ids=lambda m: m.__name__)
@@ -53,7 +57,7 @@ def test_no_module_takes_the_place_of_a_public_name(name: str) -> None:
 
 def test_a_frame_is_that_of_the_dataset(dataset: Path, small_scene: Path) -> None:
     frame = vb.render_frame(str(small_scene), 2)
-    row = vb.Dataset(dataset).truth.frames.row(named=True, index=_place(dataset, 2))
+    row = vb.Dataset(str(dataset)).truth.frames.row(named=True, index=_place(dataset, 2))
     assert frame.truth == {name: row[name] for name in frame.truth}
     layout = Layout(dataset)
     image = next(layout.observations.glob(f"shard_*/{row['frame_id']}.png"))
@@ -66,7 +70,7 @@ def test_a_frame_is_that_of_the_dataset(dataset: Path, small_scene: Path) -> Non
 
 
 def _place(dataset: Path, trial: int) -> int:
-    frames = vb.open_truth(dataset / "truth").frames
+    frames = vb.open_truth(str(dataset / "truth")).frames
     return frames["trial"].to_list().index(trial)
 
 
@@ -108,3 +112,34 @@ def test_a_scene_in_python_is_that_of_the_file(small_scene: Path) -> None:
     )
     assert scene.scene == vb.load_scene(small_scene).scene
     assert vb.load_scene(str(small_scene), seed=12).scene.seed == 12
+
+
+def test_named_methods_are_run_and_scored_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[str] = []
+    scored: list[set[str]] = []
+
+    def run_method(_data: Layout, method: str, out: Path, *_: Any, **_options: Any) -> MethodRun:
+        ran.append(method)
+        return MethodRun(out, 1, 0, "")
+
+    def write_scores(_results: Results, tables: dict[str, Path]) -> dict[str, Any]:
+        scored.append(set(tables))
+        return {}
+
+    monkeypatch.setattr(results_module, "run_method", run_method)
+    monkeypatch.setattr(results_module, "write_scores", write_scores)
+    (tmp_path / "predictions").mkdir()
+    for name in ("two_point", "exact_fit", "mine"):
+        (tmp_path / "predictions" / f"{name}.csv").touch()
+    vb.score(tmp_path, "exact_fit")
+    assert ran == ["exact_fit"]
+    own = [tmp_path / "other.csv"]
+    vb.score(str(tmp_path), ["exact_fit", "two_point"], predictions=own)
+    vb.score(tmp_path)
+    assert scored == [
+        {"exact_fit"},
+        {"exact_fit", "two_point", "other"},
+        {"exact_fit", "two_point", "mine"},
+    ]

@@ -22,17 +22,21 @@ from vbaa_bench.workers import cores
 class Dataset:
     """A dataset in the folder `root`, opened when it is used. Raises InputError then."""
 
-    root: Path
+    root: Path | str
+
+    @property
+    def _layout(self) -> Layout:
+        return Layout(Path(self.root))
 
     @cached_property
     def observations(self) -> Observations:
         """All that a method sees: the nominal rig, and frames to iterate over."""
-        return open_observations(Layout(self.root).observations)
+        return open_observations(self._layout.observations)
 
     @cached_property
     def truth(self) -> Truth:
         """The manifest, the true camera, and `frames`, a polars frame with one row a frame."""
-        return open_truth(Layout(self.root).truth)
+        return open_truth(self._layout.truth)
 
 
 AnyDataset = Dataset | Path | str
@@ -40,7 +44,7 @@ AnyDataset = Dataset | Path | str
 
 def dataset_folder(data: AnyDataset) -> Path:
     """Return the folder of a dataset."""
-    return data.root if isinstance(data, Dataset) else Path(data)
+    return Path(data.root if isinstance(data, Dataset) else data)
 
 
 @functools.cache

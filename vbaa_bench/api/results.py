@@ -59,7 +59,7 @@ class Scores:
 
 def solve(
     data: AnyDataset,
-    methods: Sequence[str] | None = None,
+    methods: Sequence[str] | str | None = None,
     *,
     centrelines: Sequence[str] = (USUAL_CENTRELINE,),
     repeats: int = 3,
@@ -69,16 +69,17 @@ def solve(
 ) -> dict[str, MethodRun]:
     """Run methods on the observations of a dataset, each in a process that never sees the truth.
 
-    `methods` are names, "all", or "package.module:function"; by default those that the dataset has
-    readings for. Their estimates are written to the folder `predictions/`. Each frame is solved
-    `repeats` times, and the median time counts. `on_start` is called with the name of each run
-    before it starts, `on_output` with each line that a method prints.
+    `methods` are names, "all", or "package.module:function", one or several; by default those that
+    the dataset has readings for. Their estimates are written to the folder `predictions/`. Each
+    frame is solved `repeats` times, and the median time counts. `on_start` is called with the name
+    of each run before it starts, `on_output` with each line that a method prints.
 
     Returns the runs by name: a method, or "method@centreline" for another centreline than the
     usual one. Raises InputError.
     """
     results = Results(dataset_folder(data))
-    asked = methods or applicable(open_observations(results.dataset.observations))
+    asked = [methods] if isinstance(methods, str) else methods
+    asked = asked or applicable(open_observations(results.dataset.observations))
     chosen = dict.fromkeys(name for one in asked for name in (METHODS if one == _ALL else [one]))
     runs = {}
     for method, centreline in product(chosen, dict.fromkeys(centrelines)):
@@ -102,7 +103,7 @@ def solve(
 
 def score(
     data: AnyDataset,
-    methods: Sequence[str] | None = None,
+    methods: Sequence[str] | str | None = None,
     *,
     runs: Mapping[str, MethodRun] | None = None,
     predictions: Sequence[Path | str] = (),

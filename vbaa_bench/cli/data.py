@@ -84,10 +84,11 @@ def generate_dataset(
 
     file, root = load_scene(scene, seed), out or Path("runs") / scene.stem
     try:
-        return data.generate(file, root, workers=workers, variant=variant, progress=True).root
+        data.generate(file, root, workers=workers, variant=variant, progress=True)
     except KeyboardInterrupt:
         console.print("interrupted; the same command goes on from what is finished")
         raise
+    return root
 
 
 def contact_sheet(

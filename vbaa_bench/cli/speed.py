@@ -143,4 +143,5 @@ def _quickstart(variant: str | None) -> Path:
 
     root = Path("runs") / QUICKSTART.stem
     with console.status(f"rendering {QUICKSTART}"):
-        return generate(QUICKSTART, root, variant=variant).root
+        generate(QUICKSTART, root, variant=variant)
+    return root
