@@ -1,6 +1,5 @@
 """What a dataset will cost, from a short probe."""
 
-import itertools
 import math
 import sys
 import tempfile
@@ -8,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.scene import AnyScene, scene_file
@@ -19,8 +18,8 @@ from vbaa_bench.spec.load import SceneFile
 from vbaa_bench.spec.trials import Trial, in_shards, trials
 from vbaa_bench.workers import Pool, cores
 
-# Frames that are rendered and weighed after a first one, in which kernels are compiled. Chosen:
-# seconds, and still a first idea of how much frames differ.
+# Frames that each worker renders after a first one, in which kernels are compiled. Chosen: seconds,
+# and still a first idea of how much frames differ.
 PROBES: Final = 3
 # By how much frames that are not probed, and other workers, may change the time. Chosen.
 _FACTOR: Final = 1.5
@@ -59,7 +58,7 @@ class Forecast:
             f"{_duration(self.hours_low)} and {_duration(self.hours_high)} if the machine stays as "
             f"busy as during the probe\n"
             f"disk:    {_size(self.gigabytes)}, to about a tenth\n"
-            f"memory:  {memory} in all, the most that the probe took, times the workers"
+            f"memory:  {memory} in all, the most that a probing worker took, times the workers"
         )
 
 
@@ -68,8 +67,9 @@ def forecast(
 ) -> Forecast:
     """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
 
-    These are rendered in a worker process, timed and weighed, which takes seconds. Pushes that are
-    not probed may still be impossible: `generate` says so before it renders.
+    These are rendered, timed and weighed, by as many workers at once as will make the dataset. This
+    takes seconds. Pushes that are not probed may still be impossible: `generate` says so before it
+    renders.
 
     Raises InputError where a probed push is impossible.
     """
@@ -78,8 +78,8 @@ def forecast(
     made = trials(file.scene)
     shards = len(in_shards(file.scene, made))
     pushes = len({trial.push for trial in made})
-    first, *probes = _spread(made)
-    probe = _probe(file, first, probes or [first], (chosen, max(cores() // count, 1)))
+    first, *probes = _spread(made, 1 + PROBES * count)
+    probe = _probe(file, first, probes or [first], chosen, count)
     images = file.scene.calibration.views + file.scene.sensor.rest_images
 
     def hours(frame_s: float) -> float:
@@ -116,67 +116,88 @@ class _Probe:
     memory_bytes: int | None
 
 
+class _ProbedFrame(NamedTuple):
+    """Seconds of a frame and of its worker's first one [s], the worker's peak memory [bytes]."""
+
+    seconds: float
+    first_s: float
+    memory_bytes: int | None
+
+
 class _ProbedBench(Bench):
-    """A bench that can state its process's memory."""
+    """A bench that times its frames."""
 
-    def peak_memory(self, _tick: Callable[[], None]) -> int | None:
-        """Return the most memory that this process has had [bytes], None where it is unknown."""
-        if sys.platform == "win32":
-            return None
-        import resource  # not on Windows
+    _first_s: float | None = None
 
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return peak if sys.platform == "darwin" else 1024 * peak
+    def probe(
+        self, tick: Callable[[], None], number: int, trials: tuple[Trial, Trial], exposure: float
+    ) -> _ProbedFrame:
+        """Make a shard of the second trial; before, once a worker, render the first."""
+        first, trial = trials
+        begun = time.perf_counter()
+        if self._first_s is None:
+            self.frame(first, exposure)
+            self._first_s = time.perf_counter() - begun
+        begun = time.perf_counter()
+        self.shard(tick, number, [trial], exposure)
+        return _ProbedFrame(time.perf_counter() - begun, self._first_s, _peak_memory())
 
 
-def _spread(made: Sequence[Trial]) -> list[Trial]:
-    """Choose trials evenly spread over a scene's pushes: the first to warm up, then the probes."""
+def _peak_memory() -> int | None:
+    """Return the most memory that this process has had [bytes], None where it is unknown."""
+    if sys.platform == "win32":
+        return None
+    import resource  # not on Windows
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _spread(made: Sequence[Trial], most: int) -> list[Trial]:
+    """Choose trials evenly spread over a scene's pushes."""
     by_index = sorted(made, key=lambda trial: trial.index)
-    count = min(PROBES + 1, len(made))
+    count = min(most, len(made))
     return [by_index[(2 * place + 1) * len(made) // (2 * count)] for place in range(count)]
 
 
 def _probe(
-    file: SceneFile, first: Trial, probes: Sequence[Trial], machine: tuple[str, int]
+    file: SceneFile, first: Trial, probes: Sequence[Trial], variant: str, workers: int
 ) -> _Probe:
     clock = time.perf_counter
     begun = clock()
     rig = plan(file, of=[first]).rig  # compiles what mechanics needs
     compiled = clock()
-    pushes = {trial.push for trial in probes}
     plan(file, of=probes)
-    push_s = (clock() - compiled) / len(pushes)
+    push_s = (clock() - compiled) / len({trial.push for trial in probes})
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
-        layout = Layout(Path(folder))
-        (layout.observations / "calibration").mkdir(parents=True)
+        layout, view = Layout(Path(folder)), "calibration/view_00.png"
+        (layout.observations / view).parent.mkdir(parents=True)
         layout.truth.mkdir()
-        arguments = (file.scene, rig, file.path.parent.resolve(), layout, *machine)
-        with Pool(1, _ProbedBench, arguments) as pool:
+        threads = max(cores() // workers, 1)
+        arguments = (file.scene, rig, file.path.parent.resolve(), layout, variant, threads)
+        with Pool(workers, _ProbedBench, arguments) as pool:
             exposure = float(pool.call("measure_exposure"))
-            pool.call("shard", 0, [first], exposure)
-            pool.call("image", "calibration/view_00.png", exposure)
-            times = [clock()]
-            for number, trial in enumerate(probes, 1):
-                pool.call("shard", number, [trial], exposure)
-                times.append(clock())
-            pool.call("image", "calibration/view_00.png", exposure)
-            image_s = clock() - times[-1]
-            memory = pool.call("peak_memory")
-        shards = [
-            layout.shard(tree, number)
-            for tree in layout.trees
-            for number in range(1, len(probes) + 1)
-        ]
-        sizes = [path.stat().st_size for shard in shards for path in shard.iterdir()]
-        image_bytes = (layout.observations / "calibration/view_00.png").stat().st_size
+            started = clock()
+            frames: list[_ProbedFrame] = pool.run(
+                [("probe", (n, (first, trial), exposure)) for n, trial in enumerate(probes)],
+                lambda _done: None,
+            )
+            pool.call("image", view, exposure)  # compiles
+            compiled = clock()
+            pool.call("image", view, exposure)
+            image_s = clock() - compiled
+        files = [path for path in layout.root.glob("*/shard_*/*") if path.is_file()]
+        frame_bytes = sum(path.stat().st_size for path in files) / len(probes)
+        image_bytes = (layout.observations / view).stat().st_size
+    memory = [one.memory_bytes for one in frames if one.memory_bytes is not None]
     return _Probe(
-        start_s=times[0] - begun,
+        start_s=started - begun + max(one.first_s for one in frames),
         push_s=push_s,
-        frames_s=[end - start for start, end in itertools.pairwise(times)],
+        frames_s=[one.seconds for one in frames],
         image_s=image_s,
-        frame_bytes=sum(sizes) / len(probes),
+        frame_bytes=frame_bytes,
         image_bytes=image_bytes,
-        memory_bytes=memory,
+        memory_bytes=max(memory, default=None),
     )
 
 

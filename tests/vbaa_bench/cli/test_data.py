@@ -73,5 +73,5 @@ def test_a_plan_is_said_in_four_lines() -> None:
         "time:    12.3 h with 8 workers, between 8 h and 30 min if the machine stays as busy as "
         "during the probe",
         "disk:    81.2 GB, to about a tenth",
-        "memory:  3.7 GB in all, the most that the probe took, times the workers",
+        "memory:  3.7 GB in all, the most that a probing worker took, times the workers",
     ]
