@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from vbaa_bench.generate import generate
+from vbaa_bench.generation import generate
 from vbaa_bench.render.variant import choose
 from vbaa_bench.spec.load import load_scene
 

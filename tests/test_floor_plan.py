@@ -12,10 +12,10 @@ ROOT = Path(__file__).parent.parent
 # Top floor first; rooms that share a floor do not know each other, but for those of one name.
 FLOORS: list[set[str]] = [
     {"cli"},
-    {"speed"},
-    {"options", "report", "console"},
-    {"score", "checks"},
-    {"generate"},
+    {"api"},
+    {"report", "console"},
+    {"scoring", "checks"},
+    {"generation"},
     {"bench"},
     {"motion"},
     {"plan", "studio", "readings", "workers"},
@@ -27,7 +27,7 @@ FLOORS: list[set[str]] = [
     {"spec", "mechanics", "interrupt"},
 ]
 # Only these may use the solver beyond its words.
-CALLERS_OF_THE_SOLVER = {"score", "checks", "cli", "options"}
+CALLERS_OF_THE_SOLVER = {"scoring", "checks", "cli", "api"}
 HEAVY = {"mitsuba", "drjit", "trimesh", "OpenEXR", "polars", "altair", "pydantic", "ruamel"}
 
 

@@ -1,1 +1,81 @@
-"""The world the antenna is put into, and the judge."""
+"""The world the antenna is put into, and the judge.
+
+What a program needs is here; the modules below are private, and change.
+
+>>> import vbaa_bench as vb
+>>> camera = {"width_px": 256, "height_px": 88, "focal_length_px": 350}
+>>> camera |= {"position_mm": [120, 22, 360], "look_at_mm": [120, 22, 0]}
+>>> board = {"columns": 20, "rows": 5, "square_mm": 10, "center_mm": [120, 22], "views": 4}
+>>> pushes = {"contact_distance_mm": [120], "deflection_pct": [5, 10]}
+>>> scene = vb.Scene(title="One push", seed=1, pushes=pushes, camera=camera, calibration=board)
+>>> data = vb.generate(scene, "runs/one_push", workers=1)
+>>> [round(x_c, 1) for x_c in sorted(data.truth.frames["x_c_mm"])]
+[119.6, 119.9]
+>>> scores = vb.score(data, methods=["exact_fit"])
+>>> scores.table()["method", "n"].rows()
+[('exact_fit', 2)]
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from solver.instrument.errors import InputError
+    from vbaa_bench.api.data import Dataset, generate, read_exr
+    from vbaa_bench.api.forecast import Forecast, forecast
+    from vbaa_bench.api.frame import Frame, render_frame
+    from vbaa_bench.api.results import Scores, score, solve
+    from vbaa_bench.api.scene import Scene
+    from vbaa_bench.dataset.readers import open_truth
+    from vbaa_bench.spec.load import load_scene
+
+__all__ = [
+    "Dataset",
+    "Forecast",
+    "Frame",
+    "InputError",
+    "Scene",
+    "Scores",
+    "forecast",
+    "generate",
+    "load_scene",
+    "open_truth",
+    "read_exr",
+    "render_frame",
+    "score",
+    "solve",
+]
+
+# Imported when they are first used: renderer, compiler and tables take seconds.
+_MODULES: Final = {
+    "Dataset": "vbaa_bench.api.data",
+    "Forecast": "vbaa_bench.api.forecast",
+    "Frame": "vbaa_bench.api.frame",
+    "InputError": "solver.instrument.errors",
+    "Scene": "vbaa_bench.api.scene",
+    "Scores": "vbaa_bench.api.results",
+    "forecast": "vbaa_bench.api.forecast",
+    "generate": "vbaa_bench.api.data",
+    "load_scene": "vbaa_bench.spec.load",
+    "open_truth": "vbaa_bench.dataset.readers",
+    "read_exr": "vbaa_bench.api.data",
+    "render_frame": "vbaa_bench.api.frame",
+    "score": "vbaa_bench.api.results",
+    "solve": "vbaa_bench.api.results",
+}
+
+
+# Hidden from type checkers, which would take any name as public.
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name when it is first used."""
+        if name not in _MODULES:
+            raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+        value = getattr(importlib.import_module(_MODULES[name]), name)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path, PurePath
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,15 @@ from vbaa_bench.truth import truth_row
 METERING = 0.05
 # Of so many pushes a worker remembers the states.
 LAST_PUSHES = 64
+
+
+class RenderedFrame(NamedTuple):
+    """All that is written of a frame: gray image, columns of metadata.csv, truth row and layers."""
+
+    image: Grey
+    readings: dict[str, str | float | int]
+    truth: dict[str, Any]
+    layers: dict[str, np.ndarray]
 
 
 @dataclass
@@ -125,11 +135,12 @@ class Bench:
         """Make and save the frames of one shard; the sha256 of its hashes.json, by tree."""
         with ShardWriter(self.layout, number) as writer:
             for trial in trials:
-                self._frame(writer, trial, exposure)
+                writer.add(trial.frame_id, *self.frame(trial, exposure))
                 tick()
         return writer.digests
 
-    def _frame(self, writer: ShardWriter, trial: Trial, exposure: float) -> None:
+    def frame(self, trial: Trial, exposure: float) -> RenderedFrame:
+        """Render one frame, and collect its truth."""
         pose = self.pose(trial)
         image, seen = self.photograph(trial, exposure)
         length_mm = self.scene.beam.length_mm
@@ -142,7 +153,7 @@ class Bench:
         told = readings(self.scene, trial, pose.state, pose.hidden)
         made = seen.by_name()
         kept = {str(layer): made[layer] for layer in self.scene.layers}
-        writer.add(trial.frame_id, image, told, truth, kept)
+        return RenderedFrame(image, told, truth, kept)
 
     def photograph(self, trial: Trial, exposure: float) -> tuple[Grey, Picture]:
         """The image of one frame, and what it was taken of."""

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import polars as pl
 from rich import box
 from rich.console import Console
 from rich.progress import (
@@ -18,9 +17,6 @@ from rich.progress import (
 )
 from rich.table import Table
 from rich.text import Text
-
-from solver.instrument.estimate import Outcome
-from vbaa_bench.score.metrics import read_predictions
 
 console = Console(stderr=True, highlight=False)
 
@@ -38,8 +34,8 @@ def hear(line: str) -> None:
     console.print(line, markup=False, emoji=False, soft_wrap=True)
 
 
-def progress_bars() -> Progress:
-    """Bars with the time that has passed and that is left."""
+def progress_bars(*, shown: bool = True) -> Progress:
+    """Return bars with the time that has passed and that is left."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -47,6 +43,7 @@ def progress_bars() -> Progress:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=console,
+        disable=not shown,
     )
 
 
@@ -97,6 +94,11 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
 
 def outcomes(table: Path) -> str:
     """How often a predictions file says what, and the first reason for each failure."""
+    import polars as pl  # imported late: only methods' commands need tables
+
+    from solver.instrument.estimate import Outcome
+    from vbaa_bench.scoring.metrics import read_predictions
+
     rows = read_predictions(table).group_by("outcome").agg(pl.len(), pl.col("message").first())
     said = [
         f"{count} {outcome}" + ("" if outcome == Outcome.CONTACT else f" ({message})")

@@ -1,26 +1,34 @@
-"""Ctrl-C while a command is still importing: its end, with exit status 130 and no traceback.
+"""End the process at Ctrl-C while it imports: exit status 130 and no traceback.
 
-Importing this module changes what Ctrl-C does: `vbaa_bench.cli` imports it before what is slow,
-and calls `raise_again` after it.
+An exception could be taken for a failed import by the module that is being imported, and nothing
+has to be saved yet. For command lines only: in a notebook this would end the kernel.
 """
 
+import contextlib
 import os
 import signal
 import threading
+from collections.abc import Iterator
 from types import FrameType
 
 
 def _exit(_signal: int, _frame: FrameType | None) -> None:
-    os._exit(130)  # an exception could be taken for a failed import, and there is nothing to save
+    os._exit(130)
 
 
-def raise_again() -> None:
-    """Let Ctrl-C raise KeyboardInterrupt again."""
-    if signal.getsignal(signal.SIGINT) is _exit:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+@contextlib.contextmanager
+def importing() -> Iterator[None]:
+    """End the process at Ctrl-C within this block, then let Ctrl-C raise KeyboardInterrupt again.
 
-
-# Only where Ctrl-C would raise: who ignores it, or handles it, goes on doing so.
-_usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-if _usual and threading.current_thread() is threading.main_thread():
+    Nothing is changed where Ctrl-C is ignored or has another handler already.
+    """
+    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not usual or threading.current_thread() is not threading.main_thread():
+        yield
+        return
     signal.signal(signal.SIGINT, _exit)
+    try:
+        yield
+    finally:
+        if signal.getsignal(signal.SIGINT) is _exit:
+            signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,7 +1,7 @@
 """Scene -> what will be made: every trial with its equilibrium, and nothing impossible."""
 
 import itertools
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,15 +53,23 @@ class Plan:
         return itertools.chain.from_iterable(self.shards)
 
 
-def plan(file: SceneFile, progress: Progress = lambda _done, _total: None) -> Plan:
-    """Solve every push of a scene. Raises InputError listing all that cannot physically be."""
+def plan(
+    file: SceneFile,
+    progress: Progress = lambda _done, _total: None,
+    *,
+    of: Sequence[Trial] | None = None,
+) -> Plan:
+    """Solve every push of a scene. Raises InputError listing all that cannot physically be.
+
+    With `of` only the pushes of these trials are solved and planned.
+    """
     scene = file.scene
     try:
         rig = true_rig(scene)
     except ValueError as error:
         raise InputError(file.complaint(("camera", "look_at_mm"), str(error))) from error
     _environment_is_readable(file)
-    made = trials(scene)
+    made = trials(scene) if of is None else of
     seen = _Seen(file, rig)
     mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig) + _too_fine(file, rig)
     pushes: dict[Push, set[float]] = {}

@@ -6,7 +6,9 @@ import multiprocessing.connection
 import os
 import pickle
 import signal
+import sys
 import threading
+import types
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -118,7 +120,7 @@ class Pool:
         return [future.result() for future in futures]
 
     def _submit(self, method: str, arguments: tuple[Any, ...]) -> Future[Any]:
-        with _interrupt_held_back():  # submitting starts processes
+        with _interrupt_held_back(), _main_module_hidden():  # submitting starts processes
             return self._executor.submit(_work, method, arguments)
 
     def _drained(self) -> int:
@@ -142,6 +144,21 @@ def _interrupt_held_back() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _main_module_hidden() -> Iterator[None]:
+    """Keep processes that are started from running the user's script again.
+
+    Jobs need nothing of it. A script without `if __name__ == "__main__"` would start workers in
+    each worker.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _settle(made: bytes, pieces: Any, stop: Any) -> None:

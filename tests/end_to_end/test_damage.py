@@ -22,16 +22,16 @@ from tests.conftest import SMALL_SCENE
 from tests.end_to_end.test_generate import digests, quiet
 from tests.sealing import reseal
 from vbaa_bench import cli
-from vbaa_bench import generate as generating
+from vbaa_bench import generation as generating
 from vbaa_bench.dataset import identity
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.readers import copy_observations, open_truth
 from vbaa_bench.dataset.writer import ShardWriter
-from vbaa_bench.generate import generate
+from vbaa_bench.generation import generate
 from vbaa_bench.report.report import report
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.score import score
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.score import score
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.spec.trials import trials
 

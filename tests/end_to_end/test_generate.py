@@ -22,7 +22,7 @@ from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.generate import generate
+from vbaa_bench.generation import generate
 from vbaa_bench.render.variant import FAST, PLAIN
 from vbaa_bench.spec.load import load_scene
 from vbaa_bench.workers import Pool, WorkerDiedError

@@ -16,10 +16,10 @@ from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.generate import generate
+from vbaa_bench.generation import generate
 from vbaa_bench.report.contact_sheet import contact_sheet
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.overlay import overlay
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.overlay import overlay
 from vbaa_bench.spec.load import load_scene
 
 

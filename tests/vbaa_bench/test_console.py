@@ -4,7 +4,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from vbaa_bench.console import hear, show_table
-from vbaa_bench.score.layout import kept_as
+from vbaa_bench.scoring.layout import kept_as
 
 
 def test_a_table_is_whole_where_the_terminal_is_narrow(

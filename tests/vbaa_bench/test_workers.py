@@ -55,6 +55,28 @@ def test_workers_end_with_a_parent_that_was_killed() -> None:
     assert int(done.stdout) > 0
 
 
+SCRIPT = """
+from tests.vbaa_bench.residents import Resident
+from vbaa_bench.workers import Pool
+
+with Pool(1, Resident, ()) as pool:
+    print(pool.call("pid") > 0)
+"""
+
+
+def test_workers_start_from_a_plain_script_and_do_not_run_it_again(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+
+
 IMPORTING = """
 import os, signal, sys
 
@@ -68,8 +90,18 @@ from vbaa_bench.cli import main
 """
 
 
-def test_an_interrupt_while_importing_is_no_traceback() -> None:
-    command = [sys.executable, "-c", IMPORTING]
+RUNNING = (
+    IMPORTING.replace('"typer"', '"mitsuba"')
+    + """
+sys.argv = ["vbaa-bench", "score", "dataset"]
+main()
+"""
+)
+
+
+@pytest.mark.parametrize("code", [IMPORTING, RUNNING], ids=["the_command", "what_it_needs"])
+def test_an_interrupt_while_importing_is_no_traceback(code: str) -> None:
+    command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "")
 

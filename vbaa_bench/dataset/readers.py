@@ -64,12 +64,13 @@ def check_complete(layout: Layout) -> None:
     raise InputError(f"{layout.root}: is no dataset, it has no {HASHES} in observations")
 
 
-def open_truth(root: Path) -> Truth:
+def open_truth(root: Path | str) -> Truth:
     """Open the truth tree of a dataset, at `root`, beside which its observations are.
 
     Only what its hashes.json lists is read, and must be what was generated. Raises InputError if
     it is missing, broken or incomplete.
     """
+    root = Path(root)
     check_complete(Layout(root.parent))
     names = listed(root)
     manifest = read_json(root / "manifest.json")

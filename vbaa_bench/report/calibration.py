@@ -9,7 +9,7 @@ import polars as pl
 from scipy.special import erf
 
 from vbaa_bench.report.figures import Chart, few_dots
-from vbaa_bench.score.judged import JUDGED, Judged
+from vbaa_bench.scoring.judged import JUDGED, Judged
 
 _SHOWN: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
 _MOST_SIGMAS = 4.0

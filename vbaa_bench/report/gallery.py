@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.centreline import Flag
-from vbaa_bench.score.overlay import Overlay
+from vbaa_bench.scoring.overlay import Overlay
 
 # BGR. Truth is green, measured points yellow; methods take the others in order.
 TRUTH: Final = (90, 200, 60)
@@ -60,6 +60,11 @@ def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 1
     _rejected(view, overlay, radius_px=0.6)
     _contacts(view, overlay, colours, radius_px=4)
     return view.canvas
+
+
+def whole(overlay: Overlay, scale: int) -> np.ndarray:
+    """The whole frame, enlarged, with truth and contacts."""
+    return strip(overlay, {}, scale, margin_px=max(overlay.image.shape))
 
 
 def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int = 24) -> np.ndarray:

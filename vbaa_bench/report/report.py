@@ -15,9 +15,9 @@ from solver.instrument.files import write_bytes, write_text
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report import calibration, figures, gallery
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.overlay import Overlay, antenna_of, overlay
-from vbaa_bench.score.score import read_scores
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
+from vbaa_bench.scoring.score import read_scores
 
 MOST_FAILURES = 100
 GALLERY_FRAMES = 6

@@ -3,8 +3,8 @@
 import difflib
 import functools
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -34,23 +34,43 @@ class SceneFile:
 
     path: Path
     scene: Scene
-    _document: Any
+    _document: Any = field(repr=False)
 
     def complaint(self, key: Sequence[Key], sentence: str) -> str:
         """`file:line:column: key: sentence` for the value at `key`, or the nearest above it."""
         return _complaint(self.path, self._document, key, sentence)
 
 
-def load_scene(path: Path, seed: int | None = None) -> SceneFile:
+def load_scene(path: Path | str, seed: int | None = None) -> SceneFile:
     """Read and check a scene; `seed` replaces the file's. Raises InputError with all mistakes."""
+    path = Path(path)
     document = _document(path, _text(path))
     if not isinstance(document, CommentedMap):
         raise InputError(
             f"{path}:1:1: is {shown(document)}, allowed is a mapping of keys to values"
         )
-    plain = _Plain(path).of(document)
-    if seed is not None:
-        plain["seed"] = seed
+    return _checked(path, document, {} if seed is None else {"seed": seed})
+
+
+def check_scene(keys: Mapping[str, Any]) -> SceneFile:
+    """Check a scene given as keys and values of Python, as a file would hold them.
+
+    Files that it names are looked for in the current folder. Raises InputError with all mistakes.
+    """
+    return _checked(Path("Scene"), _as_document(keys), {})
+
+
+def _as_document(value: Any) -> Any:
+    """Convert mappings and sequences to the parser's types, without places in a file."""
+    if isinstance(value, Mapping):
+        return CommentedMap({key: _as_document(part) for key, part in value.items()})
+    if isinstance(value, list | tuple):
+        return CommentedSeq([_as_document(part) for part in value])
+    return value
+
+
+def _checked(path: Path, document: CommentedMap, replaced: Mapping[str, Any]) -> SceneFile:
+    plain = _Plain(path).of(document) | replaced
     try:
         scene = Scene.model_validate(plain)
     except ValidationError as error:
@@ -258,7 +278,9 @@ def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> 
             break
     name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
     label = f"{cut(name.lstrip('.'))} " if name else ""
-    return f"{path}:{line + 1}:{column + 1}: {label}{sentence}"
+    # A scene that is built in Python has no lines.
+    place = f":{line + 1}:{column + 1}" if document.lc.line is not None else ""
+    return f"{path}{place}: {label}{sentence}"
 
 
 class _Plain:

@@ -7,11 +7,12 @@ import pytest
 from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
-from vbaa_bench import cli, speed
+from vbaa_bench import cli
 from vbaa_bench.checks import speed_render
 from vbaa_bench.checks.image_error import Line
 from vbaa_bench.checks.speed_curves import at_equal_error
 from vbaa_bench.checks.speed_render import measure
+from vbaa_bench.render import variant
 from vbaa_bench.render.variant import FAST, PLAIN
 from vbaa_bench.spec.load import load_scene
 
@@ -67,7 +68,7 @@ def test_a_scenes_folder_stays_free_for_its_dataset(
         raise InputError("measured enough")
 
     monkeypatch.setattr(speed_render, "measure", measured)
-    monkeypatch.setattr(speed, "choose", str)
+    monkeypatch.setattr(variant, "choose", str)
     path = tmp_path / "small.yaml"
     path.write_text(SCENE, encoding="utf-8")
     CliRunner().invoke(cli.app, ["speed", "render", str(path)])

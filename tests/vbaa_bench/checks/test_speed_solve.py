@@ -17,12 +17,14 @@ from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Frame
 from solver.methods import METHODS
 from vbaa_bench import cli
+from vbaa_bench.api import results as api
 from vbaa_bench.checks.method_runs import BATCHES
 from vbaa_bench.checks.speed_solve import chosen, measure, measure_apart
+from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.score.child import MethodRun
-from vbaa_bench.score.speed import judged
+from vbaa_bench.scoring.child import MethodRun
+from vbaa_bench.scoring.speed import judged
 
 
 def needs_a_sensor(measurement: Measurement) -> Estimate:
@@ -156,8 +158,8 @@ def test_all_is_every_method_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
         solved.append(method)
         return MethodRun(out, 1, 0, "")
 
-    monkeypatch.setattr(cli, "solve_apart", solve)
-    monkeypatch.setattr(cli, "outcomes", lambda _path: "")
+    monkeypatch.setattr(api, "run_method", solve)
+    monkeypatch.setattr(commands, "outcomes", lambda _path: "")
     line = ["solve", str(tmp_path), "--method", "all", "--method", "two_point"]
     done = CliRunner().invoke(cli.app, [*line, "--method", "mine:best", "--json"])
     assert done.exit_code == 0, done.output

@@ -33,6 +33,7 @@ from vbaa_bench.checks.stress.rigs import drawn_rig
 from vbaa_bench.checks.stress.rows import NAMES, ROWS, Row, Wanted
 from vbaa_bench.checks.stress.run import lines
 from vbaa_bench.checks.stress.trial import Answer, FrameResult, RigResult, judged, stress_rig
+from vbaa_bench.render import variant
 from vbaa_bench.spec.load import load_scene
 
 LENGTH = 0.24
@@ -440,7 +441,7 @@ def test_the_command_prints_and_writes_the_table(
     def measured(_roots: object, rows: list[Row], *_rest: object) -> list[dict[str, object]]:
         return [run_module._record(row, [rig], 1) for row in rows]
 
-    monkeypatch.setattr(cli, "choose", str)  # probing the renderer takes seconds
+    monkeypatch.setattr(variant, "choose", str)  # probing the renderer takes seconds
     monkeypatch.setattr(command, "render", lambda *_given: [])
     monkeypatch.setattr(command, "measure", measured)
     out = tmp_path / "table.json"

@@ -5,7 +5,7 @@ import pytest
 
 from solver.centreline import Centreline, Flag
 from vbaa_bench.report import gallery
-from vbaa_bench.score.overlay import Overlay
+from vbaa_bench.scoring.overlay import Overlay
 
 
 def drawn(flag: Flag | None) -> Overlay:

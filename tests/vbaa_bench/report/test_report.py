@@ -12,8 +12,8 @@ from tests.sealing import reseal
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.report import calibration, figures
 from vbaa_bench.report.report import _svg, report
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.score import score
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.score import score
 
 
 def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(

@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generate import generate
+from vbaa_bench.generation import generate
 from vbaa_bench.spec.camera import CameraSpec
 from vbaa_bench.spec.load import SceneFile
 from vbaa_bench.spec.sampling import SamplingSpec

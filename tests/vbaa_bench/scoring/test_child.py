@@ -23,10 +23,12 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.table import csv_text, row
 from tests.sealing import reseal
 from vbaa_bench import cli
+from vbaa_bench.api import results as api
+from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.score import child
-from vbaa_bench.score.child import MethodRun, solve
-from vbaa_bench.score.user_modules import copy_sources
+from vbaa_bench.scoring import child
+from vbaa_bench.scoring.child import MethodRun, solve
+from vbaa_bench.scoring.user_modules import copy_sources
 
 FAILING = """
 import os, subprocess, sys, threading, time
@@ -134,7 +136,7 @@ def test_where_the_judge_is_killed_its_method_and_its_folder_go_too(
         encoding="utf-8",
     )
     code = (
-        "import sys; from pathlib import Path; from vbaa_bench.score.child import *\n"
+        "import sys; from pathlib import Path; from vbaa_bench.scoring.child import *\n"
         "solve(Layout(Path(sys.argv[1])), 'slow:any', Path('out.csv'), 1)"
     )
     judge = subprocess.Popen(
@@ -211,8 +213,8 @@ def test_the_status_is_one_where_every_frame_crashed_and_the_traceback_is_shown(
     def pretended(_layout: Layout, _method: str, out: Path, *_: Any, **_more: Any) -> MethodRun:
         return MethodRun(out, 4, crashed, trace)
 
-    monkeypatch.setattr(cli, "solve_apart", pretended)
-    monkeypatch.setattr(cli, "outcomes", lambda _table: "")
+    monkeypatch.setattr(api, "run_method", pretended)
+    monkeypatch.setattr(commands, "outcomes", lambda _table: "")
     done = CliRunner().invoke(cli.app, ["solve", str(tmp_path), "--method", "mine:f"])
     assert done.exit_code == status, done.output
     assert trace in done.stderr

@@ -1,6 +1,8 @@
 """What the solver saw in a frame, beside what was: for pictures."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -17,8 +19,8 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.set_up import set_up
 from solver.tracker import extract_centreline
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.stage import camera_frame_from_clamp
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.stage import camera_frame_from_clamp
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,23 @@ def overlay(
         raise InputError(
             f"{results.dataset.observations}: the image of frame {frame_id} is missing; {MEND}"
         )
-    image = read_grey(paths[0])
     row = truth.frames.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
+    answered = scores.filter((pl.col("frame_id") == frame_id) & ~pl.col("failed"))
+    estimates = dict(answered.select("method", "x_c_mm").drop_nulls().iter_rows())
+    return overlay_of(truth, row, read_grey(paths[0]), estimates, antenna)
+
+
+def overlay_of(
+    truth: Truth,
+    row: Mapping[str, Any],
+    image: Grey,
+    estimates_mm: Mapping[str, float],
+    antenna: Antenna | None = None,
+) -> Overlay:
+    """Project the truth of a frame, a row of `truth.frames`, and estimates of x_c onto its image.
+
+    Of `truth` the manifest is used.
+    """
     x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
     stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
 
@@ -62,11 +79,6 @@ def overlay(
         points = np.column_stack([at, np.interp(at, x, y), np.interp(at, x, z)])
         return truth.camera.project(apply(stage, points * MILLIMETRE))
 
-    answered = scores.filter((pl.col("frame_id") == frame_id) & ~pl.col("failed"))
-    estimates = {
-        name: pixels(np.array([x_c]))[0]
-        for name, x_c in answered.select("method", "x_c_mm").drop_nulls().iter_rows()
-    }
     title, contact = "no contact", None
     if row["x_c_mm"] is not None:
         title = (
@@ -75,13 +87,13 @@ def overlay(
         )
         contact = pixels(np.array([row["x_c_mm"]]))[0]
     return Overlay(
-        frame_id=frame_id,
+        frame_id=row["frame_id"],
         title=title,
         image=eight_bit(image),
         centreline=pixels(x),
         contact=contact,
         measured=None if antenna is None else _measured(antenna, image),
-        estimates=estimates,
+        estimates={name: pixels(np.array([x_c]))[0] for name, x_c in estimates_mm.items()},
     )
 
 

@@ -8,12 +8,12 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.sealing import reseal
-from tests.vbaa_bench.score.worlds import FREE, MANIFEST, truth
+from tests.vbaa_bench.scoring.worlds import FREE, MANIFEST, truth
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.score.accuracy import accuracy, markdown
-from vbaa_bench.score.metrics import checked_predictions, score_frames
-from vbaa_bench.score.remarks import remarks
+from vbaa_bench.scoring.accuracy import accuracy, markdown
+from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.spec.load import load_scene
 
 SCENES = Path(__file__).parents[3] / "scenes"

@@ -1,22 +1,51 @@
 """Arguments and options that commands share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
-from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.errors import InputError
-from solver.methods import METHODS
-from vbaa_bench.score.layout import USUAL_CENTRELINE
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE
+
+# Written out for help texts: importing what they name takes seconds. A test compares them.
+METHODS: Final = (
+    "two_point",
+    "three_point",
+    "moment_sensor",
+    "stiffness",
+    "linear_fit",
+    "exact_fit",
+    "exact_fit_3d",
+    "push_fit",
+    "push_fit_friction",
+    "force_sensor",
+)
+CENTRELINES: Final = ("profile_fit", "background_subtracted", "area_weighted")
+CONDITIONS: Final = (
+    "push",
+    "push_id",
+    "step",
+    "contact_distance_at_rest_mm",
+    "deflection_pct",
+    "pushing_angle_deg",
+    "normal_deg",
+    "k_s_n_m",
+    "k_s_over_k_beam",
+    "hidden_by",
+    "hidden_place",
+    "availability_asked",
+)
+# Memory that a method may allocate [GB].
+MEMORY_GB: Final = 8.0
 
 
 def _known(centrelines: list[str] | None) -> list[str] | None:
-    """Refuses a name that nothing has, before anything is rendered. Raises InputError."""
+    """Refuse an unknown name before anything is rendered. Raises InputError."""
     for name in centrelines or []:
-        if name not in EXTRACTORS:
+        if name not in CENTRELINES:
             raise InputError(
-                f"centreline '{name}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
+                f"centreline '{name}' is unknown, allowed is one of {', '.join(CENTRELINES)}"
             )
     return centrelines
 
@@ -61,7 +90,7 @@ Centreline = Annotated[
     list[str] | None,
     typer.Option(
         callback=_known,
-        help=f"how the beam is measured: {', '.join(EXTRACTORS)}; repeatable",
+        help=f"how the beam is measured: {', '.join(CENTRELINES)}; repeatable",
         show_default=USUAL_CENTRELINE,
     ),
 ]
@@ -75,5 +104,8 @@ Memory = Annotated[
 Predictions = Annotated[
     list[Path] | None,
     typer.Option(help="CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),
+]
+By = Annotated[
+    str | None, typer.Option(help=f"a row for each value of one of {', '.join(CONDITIONS)}")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object, nothing else")]

@@ -5,7 +5,7 @@ from solver.instrument.observation import Frame, Observations
 from solver.instrument.rig import Sensors
 from solver.methods import METHODS
 from tests.simulated import rig
-from vbaa_bench.score.applicable import applicable
+from vbaa_bench.scoring.applicable import applicable
 
 
 def observations(tmp: str, sensors: Sensors, pushes: list[str]) -> Observations:

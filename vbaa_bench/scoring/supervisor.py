@@ -1,6 +1,6 @@
 """Run a method over all frames in worker processes, and go on after each that is lost.
 
-`python -m vbaa_bench.score.supervisor OBSERVATIONS METHOD CENTRELINE REPEATS MEMORY_GB FRAME_S`
+`python -m vbaa_bench.scoring.supervisor OBSERVATIONS METHOD CENTRELINE REPEATS MEMORY_GB FRAME_S`
 
 Waits for a line on standard input, then prints one line of JSON for each frame on standard output:
 its `index`, its `row` and, where the method raised, the `traceback`; or one line `refused`. Where
@@ -26,7 +26,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
 from solver.table import row
-from vbaa_bench.score.worker import Task, opened, work
+from vbaa_bench.scoring.worker import Task, opened, work
 
 # From its start until a worker is ready, compilation included [s]. Chosen: a first compilation of
 # the solver took 110 s on a loaded machine.

@@ -9,8 +9,8 @@ import polars as pl
 from solver.instrument.errors import InputError, cut, shown
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.score.judged import COMPONENTS, JUDGED, NUMBERS, VECTORS, Judged, components
-from vbaa_bench.score.refusals import right_refusals
+from vbaa_bench.scoring.judged import COMPONENTS, JUDGED, NUMBERS, VECTORS, Judged, components
+from vbaa_bench.scoring.refusals import right_refusals
 
 _TEXTS = ("outcome", "message")
 _ALL = (*JUDGED, *COMPONENTS)

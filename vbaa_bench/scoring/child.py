@@ -21,8 +21,8 @@ from solver.methods import METHODS
 from solver.table import Row, csv_text, row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete, copy_observations
-from vbaa_bench.score.layout import USUAL_CENTRELINE
-from vbaa_bench.score.user_modules import copy_sources
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE
+from vbaa_bench.scoring.user_modules import copy_sources
 
 # A method that takes longer than this for a frame, repeats included, has given no answer [s].
 LONGEST_FRAME_S: Final = 60.0
@@ -141,7 +141,7 @@ def _supervisor(
     """
     environment = _environment(task[1], folder)
     # -P: nothing is imported from the folder where it starts.
-    command = [sys.executable, "-P", "-m", "vbaa_bench.score.supervisor", *task]
+    command = [sys.executable, "-P", "-m", "vbaa_bench.scoring.supervisor", *task]
     readable, writable = os.pipe()
     listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
     listener.start()

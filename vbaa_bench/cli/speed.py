@@ -8,14 +8,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from vbaa_bench.cli.options import AsJson, Repeats, ScenePath, Variant
 from vbaa_bench.console import console, say, show_table
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.options import AsJson, Repeats, ScenePath, Variant
-from vbaa_bench.render.variant import choose
-from vbaa_bench.score.speed import judged
-from vbaa_bench.spec.load import load_scene
-from vbaa_bench.workers import cores
+from vbaa_bench.interrupt import importing
 
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
 
@@ -28,8 +23,8 @@ def mechanics(
     as_json: AsJson = False,
 ) -> None:
     """Beams per second on one core, and how far they err; PyElastica beside them, if installed."""
-    # Imported late: no other command needs the mechanics' compiler here.
-    from vbaa_bench.checks import speed_mechanics
+    with importing():
+        from vbaa_bench.checks import speed_mechanics
 
     with console.status("measuring on one core"):
         record = speed_mechanics.measure_apart(yardstick_seconds)
@@ -57,8 +52,10 @@ def render(
     as_json: AsJson = False,
 ) -> None:
     """Seconds per frame against the error of its image, beside plain Mitsuba's."""
-    # Imported late: doctor must run where the renderer cannot even be loaded.
-    from vbaa_bench.checks import speed_curves, speed_render
+    with importing():
+        from vbaa_bench.checks import speed_curves, speed_render
+        from vbaa_bench.render.variant import choose
+        from vbaa_bench.spec.load import load_scene
 
     # Beside the scene's dataset: a dataset's folder holds nothing else when it is begun.
     root = out or Path("runs") / f"{scene.stem}_speed"
@@ -88,8 +85,11 @@ def solve(
     as_json: AsJson = False,
 ) -> None:
     """Milliseconds of every method against its error: from an image in memory, and from points."""
-    # Imported late: no other command needs the methods' compiler here.
-    from vbaa_bench.checks import speed_solve
+    with importing():
+        from vbaa_bench.checks import speed_solve
+        from vbaa_bench.dataset.layout import Layout
+        from vbaa_bench.dataset.readers import open_truth
+        from vbaa_bench.scoring.speed import judged
 
     layout = Layout(dataset or _quickstart(variant))
     truth = open_truth(layout.truth)
@@ -138,14 +138,10 @@ def show_speeds(record: dict[str, Any]) -> None:
 
 
 def _quickstart(variant: str | None) -> Path:
-    # Imported late: doctor must run where the renderer cannot even be loaded.
-    from vbaa_bench.generate import generate
+    with importing():
+        from vbaa_bench.api.data import generate
 
     root = Path("runs") / QUICKSTART.stem
     with console.status(f"rendering {QUICKSTART}"):
-        generate(load_scene(QUICKSTART), root, choose(variant), cores(), _quiet)
+        generate(QUICKSTART, root, variant=variant)
     return root
-
-
-def _quiet(_done: int, _total: int) -> None:
-    """No progress: a status says enough."""

@@ -7,8 +7,8 @@ from typing import Any
 import polars as pl
 
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.score.metrics import checked_predictions, score_frames
-from vbaa_bench.score.summary import facts, machine
+from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.summary import facts, machine
 
 # Of all that sums up a method's answers, what stands beside its speed.
 _SHOWN = (

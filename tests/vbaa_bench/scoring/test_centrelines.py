@@ -20,10 +20,12 @@ from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.sealing import reseal
 from vbaa_bench import cli
+from vbaa_bench.api import results as api
+from vbaa_bench.cli import results as commands
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.score.child import MethodRun
-from vbaa_bench.score.layout import USUAL_CENTRELINE, Results
-from vbaa_bench.score.score import found_predictions
+from vbaa_bench.scoring.child import MethodRun
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+from vbaa_bench.scoring.score import found_predictions
 
 PAPER = "two_point@area_weighted"
 BOTH = ["--centreline", "profile_fit", "--centreline", "area_weighted"]
@@ -115,8 +117,8 @@ def test_the_profile_fit_is_the_usual_one_and_has_the_plain_name(
         asked[out.stem] = centreline
         return MethodRun(out, 1, 0, "")
 
-    monkeypatch.setattr(cli, "solve_apart", solve)
-    monkeypatch.setattr(cli, "outcomes", lambda _path: "")
+    monkeypatch.setattr(api, "run_method", solve)
+    monkeypatch.setattr(commands, "outcomes", lambda _path: "")
     answer = said("solve", tmp_path, "--method", "mine:best", *words, "--json")
     assert set(json.loads(answer)["predictions"]) == set(kept)
     assert asked == kept
@@ -130,8 +132,8 @@ def test_an_unknown_centreline_is_refused_before_anything_is_done(
     def nothing(*_: Any) -> None:
         pytest.fail("it has begun")
 
-    monkeypatch.setattr(cli, "_generate", nothing)
-    monkeypatch.setattr(cli, "_solve", nothing)
+    monkeypatch.setattr(commands, "generate_dataset", nothing)
+    monkeypatch.setattr(commands, "_solve", nothing)
     monkeypatch.setattr(sys, "argv", ["vbaa-bench", command, ".", "--centreline", "magic"])
     with pytest.raises(SystemExit) as ended:
         cli.main()

@@ -13,11 +13,11 @@ from solver.instrument.files import write_bytes, write_text
 from solver.lab.writing import write
 from solver.methods import METHODS
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.score.judged import COMPONENTS, JUDGED
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.metrics import checked_predictions, parsed, read_file, score_frames
-from vbaa_bench.score.plausible import doubtful_units, unknown_columns
-from vbaa_bench.score.summary import summarise
+from vbaa_bench.scoring.judged import COMPONENTS, JUDGED
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
+from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
+from vbaa_bench.scoring.summary import summarise
 
 
 def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:

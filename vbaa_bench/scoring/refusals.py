@@ -18,7 +18,7 @@ from solver.instrument.estimate import Outcome
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.score.stage import camera_frame_from_clamp
+from vbaa_bench.scoring.stage import camera_frame_from_clamp
 
 # The tip's shift over the error of the mean of all columns, if one column errs by COLUMN_SIGMA_PX,
 # as the paper's area-weighted average does: below five a bend is not seen, and from sixty on the

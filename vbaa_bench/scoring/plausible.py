@@ -10,7 +10,7 @@ import polars as pl
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import cut
 from solver.table import COLUMNS
-from vbaa_bench.score.judged import NUMBERS
+from vbaa_bench.scoring.judged import NUMBERS
 
 _KNOWN: Final = ("frame_id", "outcome", "message", *NUMBERS)
 # Median answer over median truth, or the inverse, from which a unit is doubted: the geometric mean

@@ -12,11 +12,11 @@ import pytest
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.score.child import solve
-from vbaa_bench.score.layout import Results
-from vbaa_bench.score.metrics import read_predictions
-from vbaa_bench.score.score import found_predictions, score, with_own
-from vbaa_bench.score.summary import median_interval
+from vbaa_bench.scoring.child import solve
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.metrics import read_predictions
+from vbaa_bench.scoring.score import found_predictions, score, with_own
+from vbaa_bench.scoring.summary import median_interval
 
 
 @pytest.fixture

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.estimate import Outcome
-from tests.vbaa_bench.score.worlds import FREE, truth
-from vbaa_bench.score.metrics import checked_predictions, read_predictions, score_frames
-from vbaa_bench.score.refusals import right_refusals
-from vbaa_bench.score.summary import facts
+from tests.vbaa_bench.scoring.worlds import FREE, truth
+from vbaa_bench.scoring.metrics import checked_predictions, read_predictions, score_frames
+from vbaa_bench.scoring.refusals import right_refusals
+from vbaa_bench.scoring.summary import facts
 
 
 def scored(true: list[dict[str, Any]], answers: list[dict[str, Any] | None]) -> pl.DataFrame:

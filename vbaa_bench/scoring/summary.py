@@ -13,8 +13,8 @@ from scipy.stats import bootstrap
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.manifest import versions
-from vbaa_bench.score.judged import COMPLIANCE, COMPONENTS, JUDGED, Judged
-from vbaa_bench.score.refusals import SURE_SNR
+from vbaa_bench.scoring.judged import COMPLIANCE, COMPONENTS, JUDGED, Judged
+from vbaa_bench.scoring.refusals import SURE_SNR
 
 CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
 _TWO_SIDED_95 = 1.96

@@ -1,0 +1,77 @@
+"""Looking before rendering: the preview of a frame, and the cost of a dataset."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from solver.instrument.errors import InputError
+from vbaa_bench import cli
+from vbaa_bench.api.forecast import Forecast
+from vbaa_bench.report.gallery import TRUTH
+
+
+def test_a_preview_shows_the_true_beam_on_the_image(small_scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "frame.png"
+    line = ["preview", str(small_scene), "--frame", "3", "--out", str(out)]
+    done = CliRunner().invoke(cli.app, [*line, "--json"])
+    assert done.exit_code == 0, done.output
+    record = json.loads(done.stdout)
+    assert record["picture"] == str(out)
+    assert record["truth"]["trial"] == 3
+    picture = cv2.imread(str(out))
+    assert picture is not None
+    assert picture.shape == (352, 1024, 3)
+    blue, green, red = np.moveaxis(picture.astype(int), -1, 0)
+    drawn = (green > blue + 60) & (green > red + 60)
+    assert TRUTH[1] - 20 < green[drawn].max() <= TRUTH[1] + 20
+    # Two lines along the beam, from the clamp at the left to the tip at the right.
+    columns = np.flatnonzero(drawn.any(axis=0))
+    assert columns[0] < 0.1 * 1024
+    assert columns[-1] > 0.85 * 1024
+    assert 1.5 * np.ptp(columns) < np.count_nonzero(drawn) < 6 * np.ptp(columns)
+
+
+def test_a_preview_that_cannot_be_written_renders_nothing(
+    small_scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vbaa_bench.api.frame.render_frame", lambda *_: pytest.fail("rendered"))
+    below_a_file = str(small_scene / "frame.png")
+    done = CliRunner().invoke(cli.app, ["preview", str(small_scene), "--out", below_a_file])
+    assert isinstance(done.exception, InputError)
+    assert "cannot be written" in str(done.exception)
+
+
+def test_a_plan_counts_the_scene_and_states_a_range(small_scene: Path) -> None:
+    done = CliRunner().invoke(cli.app, ["plan", str(small_scene), "--workers", "1", "--json"])
+    assert done.exit_code == 0, done.output
+    cost = Forecast(**json.loads(done.stdout))
+    assert (cost.frames, cost.pushes, cost.images, cost.workers) == (4, 2, 8, 1)
+    assert 0 < cost.hours_low < cost.hours < cost.hours_high < 1
+    # Each frame has an image and nine layers of 90,112 pixels, compressed.
+    assert 1e5 < 1e9 * cost.gigabytes / cost.frames < 4e6
+    assert cost.memory_gb is None or 0.3 < cost.memory_gb < 30
+
+
+def test_a_plan_is_said_in_four_lines() -> None:
+    cost = Forecast(
+        frames=270_000,
+        pushes=90_000,
+        images=14,
+        workers=8,
+        hours=12.34,
+        hours_low=8.0,
+        hours_high=0.5,
+        gigabytes=81.25,
+        memory_gb=3.7,
+    )
+    assert str(cost).splitlines() == [
+        "270,000 frames of 90,000 pushes, and 14 images of the board and the beam at rest",
+        "time:    12.3 h with 8 workers, between 8 h and 30 min if the machine stays as busy as "
+        "during the probe",
+        "disk:    81.2 GB, to about a tenth",
+        "memory:  3.7 GB in all, the most that a probing worker took, times the workers",
+    ]

@@ -1,0 +1,80 @@
+"""The command's start: what it imports, its version, and a mistyped command."""
+
+import importlib.metadata
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import solver
+from solver.centreline.extractors import EXTRACTORS
+from solver.methods import METHODS
+from vbaa_bench import cli
+from vbaa_bench.cli import options
+from vbaa_bench.scoring import child, metrics
+
+# Importing these takes tenths of a second to seconds. Typer itself brings pydantic.
+SLOW = {"altair", "cv2", "drjit", "mitsuba", "numba", "numpy", "polars", "scipy"}
+SLOW |= {"trimesh", "vl_convert", "ruamel", "OpenEXR"}
+
+# The package solver without its __init__, whose imports are its own affair.
+STARTING = """
+import json, os, signal, sys, types
+
+solver = types.ModuleType("solver")
+solver.__path__ = [sys.argv.pop(1)]
+sys.modules["solver"] = solver
+before = dict(os.environ), signal.getsignal(signal.SIGINT)
+import vbaa_bench
+dir(vbaa_bench)
+if sys.argv[1:]:
+    from vbaa_bench.cli import main
+    try:
+        main()
+    except SystemExit as ended:
+        assert not ended.code
+assert (dict(os.environ), signal.getsignal(signal.SIGINT)) == before
+print(json.dumps(sorted({name.partition(".")[0] for name in sys.modules})))
+"""
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["--help"], ["--version"], ["generate", "--help"], ["speed", "--help"]], ids=str
+)
+def test_a_start_imports_nothing_slow_and_changes_nothing(words: list[str]) -> None:
+    package = str(Path(solver.__path__[0]))
+    done = subprocess.run(
+        [sys.executable, "-c", STARTING, package, *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"COLUMNS": "80"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert not SLOW & set(json.loads(done.stdout.splitlines()[-1]))
+
+
+def test_names_in_help_texts_are_those_of_the_code() -> None:
+    assert tuple(METHODS) == options.METHODS
+    assert tuple(EXTRACTORS) == options.CENTRELINES
+    assert options.CONDITIONS == metrics.CONDITIONS
+    assert options.MEMORY_GB == child.MEMORY_GB
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    done = CliRunner().invoke(cli.app, ["--version"])
+    assert (done.exit_code, done.stdout) == (0, importlib.metadata.version("vbaa-bench") + "\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "suggested"),
+    [(["genrate", "scene.yaml"], "generate"), (["speed", "rendr", "scene.yaml"], "render")],
+)
+def test_a_mistyped_command_gets_a_suggestion(words: list[str], suggested: str) -> None:
+    done = CliRunner().invoke(cli.app, words)
+    assert done.exit_code == 2
+    assert f"Did you mean '{suggested}'?" in done.stderr

@@ -1,0 +1,107 @@
+"""Datasets: forecast and generate them, and open what is in them."""
+
+import functools
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from solver.instrument.observation import Observations, open_observations
+from vbaa_bench.api.scene import AnyScene, scene_file
+from vbaa_bench.console import console, progress_bars
+from vbaa_bench.dataset import exr
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.generation import generate as generate_dataset
+from vbaa_bench.render.variant import ADVICE, PLAIN, choose
+from vbaa_bench.workers import cores
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset in the folder `root`, opened when it is used. Raises InputError then."""
+
+    root: Path | str
+
+    @property
+    def _layout(self) -> Layout:
+        return Layout(Path(self.root))
+
+    @cached_property
+    def observations(self) -> Observations:
+        """All that a method sees: the nominal rig, and frames to iterate over."""
+        return open_observations(self._layout.observations)
+
+    @cached_property
+    def truth(self) -> Truth:
+        """The manifest, the true camera, and `frames`, a polars frame with one row a frame."""
+        return open_truth(self._layout.truth)
+
+
+AnyDataset = Dataset | Path | str
+
+
+def dataset_folder(data: AnyDataset) -> Path:
+    """Return the folder of a dataset."""
+    return Path(data.root if isinstance(data, Dataset) else data)
+
+
+@functools.cache
+def usable_variant(asked: str | None = None) -> str:
+    """Choose Mitsuba's variant once a process: each is probed in a child process, for seconds."""
+    return choose(asked)
+
+
+def worker_count(asked: int | None, variant: str) -> int:
+    """Return the number of processes that render, by default one a core."""
+    # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
+    return asked or (1 if variant == PLAIN else cores())
+
+
+def generate(
+    scene: AnyScene,
+    out: Path | str,
+    *,
+    workers: int | None = None,
+    variant: str | None = None,
+    progress: bool = False,
+) -> Dataset:
+    """Render the dataset of a scene into the folder `out`; finish an interrupted one.
+
+    `workers` is the number of processes, by default one a core, `variant` Mitsuba's, by default
+    the fastest one that works. `progress` shows bars and remarks on stderr. The files do not depend
+    on the number of workers.
+
+    Raises InputError for an impossible scene, and for a folder that cannot be written or holds
+    something else.
+    """
+    file, chosen = scene_file(scene), usable_variant(variant)
+
+    def remark(sentence: str) -> None:
+        if progress:
+            console.print(sentence, markup=False)
+
+    if chosen == PLAIN and variant is None:
+        remark(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
+    with progress_bars(shown=progress) as bars:
+        planning = bars.add_task("mechanics", total=None)
+        rendering = bars.add_task("rendering", total=None, visible=False)
+        generate_dataset(
+            file,
+            Path(out),
+            chosen,
+            worker_count(workers, chosen),
+            lambda done, total: bars.update(rendering, completed=done, total=total, visible=True),
+            lambda done, total: bars.update(planning, completed=done, total=total),
+            remark,
+        )
+    return Dataset(Path(out))
+
+
+def read_exr(path: Path | str) -> dict[str, np.ndarray]:
+    """Read the truth layers of a frame: arrays (height, width), or (height, width, 3) of vectors.
+
+    Raises InputError.
+    """
+    return exr.read_exr(Path(path))

@@ -1,0 +1,211 @@
+"""What a dataset will cost, from a short probe."""
+
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from vbaa_bench.api.data import usable_variant, worker_count
+from vbaa_bench.api.scene import AnyScene, scene_file
+from vbaa_bench.bench import Bench
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.plan import plan
+from vbaa_bench.spec.load import SceneFile
+from vbaa_bench.spec.trials import Trial, in_shards, trials
+from vbaa_bench.workers import Pool, cores
+
+# Frames that each worker renders after a first one, in which kernels are compiled. Chosen: seconds,
+# and still a first idea of how much frames differ.
+PROBES: Final = 3
+# By how much frames that are not probed, and other workers, may change the time. Chosen.
+_FACTOR: Final = 1.5
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """The cost of a dataset on this machine.
+
+    `hours_low` and `hours_high` span the fastest and the slowest probed frame, each widened by half
+    for frames that differ more, and for workers that slow each other down. They hold for a machine
+    as busy as during the probe. `memory_gb` is of all workers together; None where the system does
+    not state it.
+    """
+
+    frames: int
+    pushes: int
+    images: int
+    workers: int
+    hours: float
+    hours_low: float
+    hours_high: float
+    gigabytes: float
+    memory_gb: float | None
+
+    def record(self) -> dict[str, Any]:
+        """Return all figures by name."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        memory = "unknown" if self.memory_gb is None else f"{self.memory_gb:.2g} GB"
+        return (
+            f"{self.frames:,} frames of {self.pushes:,} pushes, and {self.images} images of the "
+            f"board and the beam at rest\n"
+            f"time:    {_duration(self.hours)} with {self.workers} workers, between "
+            f"{_duration(self.hours_low)} and {_duration(self.hours_high)} if the machine stays as "
+            f"busy as during the probe\n"
+            f"disk:    {_size(self.gigabytes)}, to about a tenth\n"
+            f"memory:  {memory} in all, the most that a probing worker took, times the workers"
+        )
+
+
+def forecast(
+    scene: AnyScene, *, workers: int | None = None, variant: str | None = None
+) -> Forecast:
+    """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
+
+    These are rendered, timed and weighed, by as many workers at once as will make the dataset. This
+    takes seconds. Pushes that are not probed may still be impossible: `generate` says so before it
+    renders.
+
+    Raises InputError where a probed push is impossible.
+    """
+    file, chosen = scene_file(scene), usable_variant(variant)
+    count = worker_count(workers, chosen)
+    made = trials(file.scene)
+    shards = len(in_shards(file.scene, made))
+    pushes = len({trial.push for trial in made})
+    first, *probes = _spread(made, 1 + PROBES * count)
+    probe = _probe(file, first, probes or [first], chosen, count)
+    images = file.scene.calibration.views + file.scene.sensor.rest_images
+
+    def hours(frame_s: float) -> float:
+        # No worker renders less than one shard.
+        frames = math.ceil(shards / count) / shards * len(made)
+        rendering = frames * frame_s + images * probe.image_s / count
+        return (probe.start_s + pushes * probe.push_s + rendering) / 3600
+
+    mean = sum(probe.frames_s) / len(probe.frames_s)
+    return Forecast(
+        frames=len(made),
+        pushes=pushes,
+        images=images,
+        workers=count,
+        hours=hours(mean),
+        hours_low=hours(min(probe.frames_s)) / _FACTOR,
+        hours_high=hours(max(probe.frames_s)) * _FACTOR,
+        gigabytes=(len(made) * probe.frame_bytes + images * probe.image_bytes) / 1e9,
+        memory_gb=None if probe.memory_bytes is None else count * probe.memory_bytes / 1e9,
+    )
+
+
+@dataclass(frozen=True)
+class _Probe:
+    """Seconds [s] and bytes: of a worker's start and first frame, of one push's mechanics, of each
+    probed frame, and of one calibration image."""
+
+    start_s: float
+    push_s: float
+    frames_s: Sequence[float]
+    image_s: float
+    frame_bytes: float
+    image_bytes: float
+    memory_bytes: int | None
+
+
+class _ProbedFrame(NamedTuple):
+    """Seconds of a frame and of its worker's first one [s], the worker's peak memory [bytes]."""
+
+    seconds: float
+    first_s: float
+    memory_bytes: int | None
+
+
+class _ProbedBench(Bench):
+    """A bench that times its frames."""
+
+    _first_s: float | None = None
+
+    def probe(
+        self, tick: Callable[[], None], number: int, trials: tuple[Trial, Trial], exposure: float
+    ) -> _ProbedFrame:
+        """Make a shard of the second trial; before, once a worker, render the first."""
+        first, trial = trials
+        begun = time.perf_counter()
+        if self._first_s is None:
+            self.frame(first, exposure)
+            self._first_s = time.perf_counter() - begun
+        begun = time.perf_counter()
+        self.shard(tick, number, [trial], exposure)
+        return _ProbedFrame(time.perf_counter() - begun, self._first_s, _peak_memory())
+
+
+def _peak_memory() -> int | None:
+    """Return the most memory that this process has had [bytes], None where it is unknown."""
+    if sys.platform == "win32":
+        return None
+    import resource  # not on Windows
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _spread(made: Sequence[Trial], most: int) -> list[Trial]:
+    """Choose trials evenly spread over a scene's pushes."""
+    by_index = sorted(made, key=lambda trial: trial.index)
+    count = min(most, len(made))
+    return [by_index[(2 * place + 1) * len(made) // (2 * count)] for place in range(count)]
+
+
+def _probe(
+    file: SceneFile, first: Trial, probes: Sequence[Trial], variant: str, workers: int
+) -> _Probe:
+    clock = time.perf_counter
+    begun = clock()
+    rig = plan(file, of=[first]).rig  # compiles what mechanics needs
+    compiled = clock()
+    plan(file, of=probes)
+    push_s = (clock() - compiled) / len({trial.push for trial in probes})
+    with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
+        layout, view = Layout(Path(folder)), "calibration/view_00.png"
+        (layout.observations / view).parent.mkdir(parents=True)
+        layout.truth.mkdir()
+        threads = max(cores() // workers, 1)
+        arguments = (file.scene, rig, file.path.parent.resolve(), layout, variant, threads)
+        with Pool(workers, _ProbedBench, arguments) as pool:
+            exposure = float(pool.call("measure_exposure"))
+            started = clock()
+            frames: list[_ProbedFrame] = pool.run(
+                [("probe", (n, (first, trial), exposure)) for n, trial in enumerate(probes)],
+                lambda _done: None,
+            )
+            pool.call("image", view, exposure)  # compiles
+            compiled = clock()
+            pool.call("image", view, exposure)
+            image_s = clock() - compiled
+        files = [path for path in layout.root.glob("*/shard_*/*") if path.is_file()]
+        frame_bytes = sum(path.stat().st_size for path in files) / len(probes)
+        image_bytes = (layout.observations / view).stat().st_size
+    memory = [one.memory_bytes for one in frames if one.memory_bytes is not None]
+    return _Probe(
+        start_s=started - begun + max(one.first_s for one in frames),
+        push_s=push_s,
+        frames_s=[one.seconds for one in frames],
+        image_s=image_s,
+        frame_bytes=frame_bytes,
+        image_bytes=image_bytes,
+        memory_bytes=max(memory, default=None),
+    )
+
+
+def _duration(hours: float) -> str:
+    if hours < 1 / 60:
+        return f"{3600 * hours:.2g} s"
+    return f"{60 * hours:.2g} min" if hours < 1 else f"{hours:.3g} h"
+
+
+def _size(gigabytes: float) -> str:
+    return f"{1e3 * gigabytes:.2g} MB" if gigabytes < 1 else f"{gigabytes:.3g} GB"

@@ -1,0 +1,93 @@
+"""One rendered frame, with its truth."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import polars as pl
+
+from solver.instrument.arrays import Grey
+from solver.instrument.errors import InputError
+from vbaa_bench.api.data import usable_variant
+from vbaa_bench.api.scene import AnyScene, scene_file
+from vbaa_bench.bench import Bench
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.plan import plan
+from vbaa_bench.report.gallery import whole
+from vbaa_bench.scoring.overlay import Overlay, overlay_of
+from vbaa_bench.spec.trials import trials
+from vbaa_bench.truth import dataset_facts
+
+# Pictures of narrower images are enlarged twice. Chosen: they still fit a screen.
+_NARROW_PX: Final = 1000
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame as `generate` writes it, and as a notebook shows it.
+
+    `image` is gray, (height, width); `readings` holds its columns of metadata.csv, `truth` its row
+    of truth.parquet, and `layers` the truth images (height, width, ...) that the scene asks for.
+    """
+
+    image: Grey
+    readings: Mapping[str, str | float | int]
+    truth: Mapping[str, Any]
+    layers: Mapping[str, np.ndarray]
+    _truth: Truth
+
+    @cached_property
+    def _overlay(self) -> Overlay:
+        return overlay_of(self._truth, self.truth, self.image, {})
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape
+        return f"Frame({width} x {height} px, {self._overlay.title})"
+
+    def png(self) -> bytes:
+        """Encode the image with the true centreline and a cross at the contact, for a screen."""
+        scale = 2 if self.image.shape[1] < _NARROW_PX else 1
+        _, data = cv2.imencode(".png", whole(self._overlay, scale))
+        return bytes(data)
+
+    def _repr_png_(self) -> bytes:
+        return self.png()
+
+
+def render_frame(scene: AnyScene, number: int = 0, *, variant: str | None = None) -> Frame:
+    """Render one frame of a scene, the same as in the scene's dataset.
+
+    `number` counts the frames in the order of the scene's pushes: it is the column `trial` of the
+    truth. Raises InputError for an impossible scene, and for a frame that the scene does not have.
+
+    >>> import vbaa_bench as vb
+    >>> camera = {"width_px": 256, "height_px": 88, "focal_length_px": 350}
+    >>> camera |= {"position_mm": [120, 22, 360], "look_at_mm": [120, 22, 0]}
+    >>> board = {"columns": 20, "rows": 5, "square_mm": 10, "center_mm": [120, 22]}
+    >>> pushes = {"contact_distance_mm": [120], "deflection_pct": [5, 10]}
+    >>> scene = vb.Scene(title="One push", seed=1, pushes=pushes, camera=camera, calibration=board)
+    >>> frame = vb.render_frame(scene, 1)
+    >>> frame
+    Frame(256 x 88 px, x_c = 119.6 mm, deflection 10 %, force 67.1 mN)
+    >>> frame.image.shape, round(frame.truth["s_c_mm"], 1), sorted(frame.layers)[:2]
+    ((88, 256), 120.1, ['arc_length', 'beam_mask'])
+    """
+    file = scene_file(scene)
+    made = trials(file.scene)
+    if not 0 <= number < len(made):
+        raise InputError(f"frame {number} does not exist, allowed is 0 to {len(made) - 1}")
+    trial = next(trial for trial in made if trial.index == number)
+    rig = plan(file, of=[trial]).rig
+    chosen = usable_variant(variant)
+    bench = Bench(file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen, threads=0)
+    exposure = bench.measure_exposure(lambda: None)
+    rendered = bench.frame(trial, exposure)
+    row = {"frame_id": trial.frame_id, **rendered.truth}
+    facts = dataset_facts(file.scene, rig, exposure, chosen)
+    truth = Truth(Path(), facts, pl.DataFrame([row], infer_schema_length=None))
+    return Frame(rendered.image, rendered.readings, row, rendered.layers, truth)

@@ -1,0 +1,128 @@
+"""Solve a dataset with methods, and score their estimates."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from solver.instrument.observation import open_observations
+from solver.methods import METHODS
+from vbaa_bench.api.data import AnyDataset, dataset_folder
+from vbaa_bench.scoring.accuracy import accuracy
+from vbaa_bench.scoring.applicable import applicable
+from vbaa_bench.scoring.child import MEMORY_GB, MethodRun
+from vbaa_bench.scoring.child import solve as run_method
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, kept_as
+from vbaa_bench.scoring.score import read_scores, with_own
+from vbaa_bench.scoring.score import score as write_scores
+
+# The name that stands for all methods of the solver.
+_ALL: Final = "all"
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The scores of a dataset, also in its folder `scores/`.
+
+    `summary` holds the figures of every method by name, and sentences in `warnings`; `runs` the
+    methods that were run for it.
+    """
+
+    root: Path
+    summary: dict[str, Any]
+    runs: Mapping[str, MethodRun]
+
+    @property
+    def frames(self) -> pl.DataFrame:
+        """Errors and outcomes, one row for each method and frame."""
+        return read_scores(Results(self.root))
+
+    def table(self, by: str | None = None) -> pl.DataFrame:
+        """Return one row a method, and with `by` one for each value of a condition.
+
+        Conditions are those of `vbaa-bench table --by`. Raises InputError for an unknown one.
+        """
+        return pl.DataFrame(
+            [
+                {name: value for name, value in row.items() if not isinstance(value, dict)}
+                for row in accuracy([self.root], by)
+            ],
+            infer_schema_length=None,
+        )
+
+    def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+
+def solve(
+    data: AnyDataset,
+    methods: Sequence[str] | str | None = None,
+    *,
+    centrelines: Sequence[str] = (USUAL_CENTRELINE,),
+    repeats: int = 3,
+    memory_gb: float = MEMORY_GB,
+    on_start: Callable[[str], None] = lambda _name: None,
+    on_output: Callable[[str], None] = lambda _line: None,
+) -> dict[str, MethodRun]:
+    """Run methods on the observations of a dataset, each in a process that never sees the truth.
+
+    `methods` are names, "all", or "package.module:function", one or several; by default those that
+    the dataset has readings for. Their estimates are written to the folder `predictions/`. Each
+    frame is solved `repeats` times, and the median time counts. `on_start` is called with the name
+    of each run before it starts, `on_output` with each line that a method prints.
+
+    Returns the runs by name: a method, or "method@centreline" for another centreline than the
+    usual one. Raises InputError.
+    """
+    results = Results(dataset_folder(data))
+    asked = [methods] if isinstance(methods, str) else methods
+    asked = asked or applicable(open_observations(results.dataset.observations))
+    chosen = dict.fromkeys(name for one in asked for name in (METHODS if one == _ALL else [one]))
+    runs = {}
+    for method, centreline in product(chosen, dict.fromkeys(centrelines)):
+        name = kept_as(method, centreline)
+        on_start(name)
+        target = results.predictions / f"{name}.csv"
+        runs[name] = run_method(
+            results.dataset,
+            method,
+            target,
+            repeats,
+            centreline,
+            memory_gb=memory_gb,
+            hear=on_output,
+        )
+        if runs[name].traceback:
+            crashed = runs[name].crashed
+            on_output(f"{name}, the first of {crashed} crashes:\n{runs[name].traceback}")
+    return runs
+
+
+def score(
+    data: AnyDataset,
+    methods: Sequence[str] | str | None = None,
+    *,
+    runs: Mapping[str, MethodRun] | None = None,
+    predictions: Sequence[Path | str] = (),
+) -> Scores:
+    """Score methods against the truth of a dataset, and write the folder `scores/`.
+
+    With `methods`, names as `solve` takes them, these are run first and scored alone; with `runs`,
+    which `solve` has returned, those are scored. Without either, everything in the folder
+    `predictions/` is. Files of your own, `predictions`, are scored beside them: CSV or Parquet
+    tables with `frame_id` and `x_c_mm` or `force_n`.
+
+    Raises InputError where nothing is solved, and for damaged files.
+    """
+    root = dataset_folder(data)
+    if methods is not None:
+        runs = {**(runs or {}), **solve(data, methods)}
+    own = [Path(path) for path in predictions]
+    tables = with_own(Results(root), own)
+    if runs is not None:
+        chosen = {*runs, *(path.stem for path in own)}
+        tables = {name: path for name, path in tables.items() if name in chosen}
+    return Scores(root, write_scores(Results(root), tables), runs or {})

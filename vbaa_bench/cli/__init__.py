@@ -1,0 +1,12 @@
+"""The command `vbaa-bench`.
+
+The modules of this package define names, options and help texts, and import little: what a command
+needs is imported when it runs, so that help and version appear at once.
+"""
+
+from vbaa_bench.interrupt import importing
+
+with importing():
+    from vbaa_bench.cli.main import app, main
+
+__all__ = ["app", "main"]

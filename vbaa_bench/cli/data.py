@@ -1,0 +1,145 @@
+"""Commands that render: preview, plan, generate, check-camera, contact-sheet."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from vbaa_bench.cli.options import AsJson, Out, Picture, ScenePath, Seed, Variant, Workers
+from vbaa_bench.console import console, progress_bars, say
+from vbaa_bench.interrupt import importing
+
+
+def preview(
+    scene: ScenePath,
+    frame: Annotated[
+        int, typer.Option(min=0, help="counted in the order of the scene's pushes")
+    ] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="PNG to write", show_default="<scene>_<frame>.png")
+    ] = None,
+    seed: Seed = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render one frame as a PNG, with the true centreline and contact drawn on it."""
+    with importing():
+        from solver.lab.writing import make_room, write
+        from vbaa_bench.api.frame import render_frame
+        from vbaa_bench.spec.load import load_scene
+
+    target = out or Path(f"{scene.stem}_{frame}.png")
+    file = load_scene(scene, seed)
+    make_room(target)
+    with console.status("rendering a frame"):
+        rendered = render_frame(file, frame, variant=variant)
+    write(target, rendered.png())
+    say({"picture": str(target), "truth": dict(rendered.truth)}, f"{target}: {rendered}", as_json)
+
+
+def plan(
+    scene: ScenePath,
+    seed: Seed = None,
+    workers: Workers = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """State frames, time, disk space and memory of a dataset before it is rendered.
+
+    A few frames are rendered, timed and weighed, and nothing is kept.
+    """
+    with importing():
+        from vbaa_bench.api.forecast import forecast
+        from vbaa_bench.spec.load import load_scene
+
+    file = load_scene(scene, seed)
+    with console.status("probing a few frames"):
+        cost = forecast(file, workers=workers, variant=variant)
+    say(cost.record(), str(cost), as_json)
+
+
+def generate(
+    scene: ScenePath,
+    out: Out = None,
+    seed: Seed = None,
+    workers: Workers = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render a scene into a dataset. Interrupted, the same command finishes it."""
+    root = generate_dataset(scene, out, seed, workers, variant)
+    frames = len(list(root.glob("observations/shard_*/*.png")))
+    say({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
+
+
+def generate_dataset(
+    scene: Path, out: Path | None, seed: int | None, workers: int | None, variant: str | None
+) -> Path:
+    """Render a scene with progress bars, and return the dataset's folder."""
+    with importing():
+        from vbaa_bench.api import data
+        from vbaa_bench.spec.load import load_scene
+
+    file, root = load_scene(scene, seed), out or Path("runs") / scene.stem
+    try:
+        data.generate(file, root, workers=workers, variant=variant, progress=True)
+    except KeyboardInterrupt:
+        console.print("interrupted; the same command goes on from what is finished")
+        raise
+    return root
+
+
+def contact_sheet(
+    scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
+    out: Picture = None,
+    lights: Annotated[
+        bool, typer.Option("--lights", help="SCENES/lighting, by materials and backgrounds")
+    ] = False,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render one frame of every scene in a folder onto one picture."""
+    with importing():
+        from solver.instrument.errors import InputError
+        from vbaa_bench.render.variant import choose
+        from vbaa_bench.report.contact_sheet import contact_sheet as write_sheet
+        from vbaa_bench.report.lighting_sheet import lighting_sheet
+
+    found = sorted(scenes.rglob("*.yaml"))
+    out = out or Path("results/lighting.png" if lights else "results/scenes.png")
+    if lights:
+        found, write_sheet = sorted((scenes / "lighting").glob("*.yaml")), lighting_sheet
+    if not found:
+        raise InputError(f"{scenes}: holds no scene, *.yaml")
+    with progress_bars() as progress:
+        task = progress.add_task("scenes", total=len(found))
+        write_sheet(found, out, choose(variant), lambda n, _: progress.update(task, completed=n))
+    say({"picture": str(out), "scenes": len(found)}, str(out), as_json)
+
+
+def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = False) -> None:
+    """Calibrate from a scene's rendered calibration images, and compare with the true camera."""
+    with importing():
+        from vbaa_bench.checks import check_camera as camera
+        from vbaa_bench.render.variant import choose
+        from vbaa_bench.spec.load import load_scene
+
+    file, chosen = load_scene(scene), choose(variant)
+    with progress_bars() as progress:
+        task = progress.add_task("calibration images", total=None)
+        tested, found = camera.check_camera(
+            file, chosen, lambda done, total: progress.update(task, completed=done, total=total)
+        )
+    record = camera.record(tested, found)
+    if as_json:
+        say(record, "", True)
+    else:
+        shown = Table("quantity", "error", "allowed", "passes")
+        for one in tested:
+            row = f"{one.error:.3g} {one.unit}", f"{one.allowed:g} {one.unit}"
+            shown.add_row(one.quantity, *row, "yes" if one.passed else "no")
+        Console().print(shown)
+    if not record["passed"]:
+        raise typer.Exit(1)

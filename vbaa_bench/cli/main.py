@@ -1,0 +1,59 @@
+"""`vbaa-bench`: all commands in the order of its help, and the exit status."""
+
+import importlib.metadata
+import sys
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from solver.instrument.errors import InputError
+from vbaa_bench.cli import data, measure, results
+from vbaa_bench.cli.speed import speed_app
+from vbaa_bench.workers import WorkerDiedError
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+app.command()(results.run)
+app.command()(data.preview)
+app.command()(data.plan)
+app.command()(data.generate)
+app.command()(results.solve)
+app.command()(results.score)
+app.command()(results.report)
+app.command()(results.table)
+app.command()(data.contact_sheet)
+app.command()(data.check_camera)
+app.command()(measure.stability)
+app.command()(measure.stress)
+app.command()(measure.doctor)
+app.add_typer(speed_app, name="speed")
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(importlib.metadata.version("vbaa-bench"))
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    _version: Annotated[
+        bool,
+        typer.Option("--version", is_eager=True, callback=_print_version, help="print the version"),
+    ] = False,
+) -> None:
+    """Render a vision-based active antenna, solve it, and compare speed with error."""
+
+
+def main() -> None:
+    """Run; a mistake in the input is a clear sentence and exit status 2, Ctrl-C is status 130."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except InputError as error:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"error: {error}", markup=False)
+        sys.exit(2)
+    except WorkerDiedError as error:
+        Console(stderr=True, highlight=False).print(f"error: {error}", markup=False)
+        sys.exit(1)

@@ -1,0 +1,151 @@
+"""Commands that judge: run, solve, score, report, table."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from vbaa_bench.cli.data import generate_dataset
+from vbaa_bench.cli.options import (
+    MEMORY_GB,
+    AsJson,
+    By,
+    Centreline,
+    DatasetPath,
+    Memory,
+    Method,
+    Out,
+    Predictions,
+    Repeats,
+    ScenePath,
+    Seed,
+    Variant,
+    Workers,
+)
+from vbaa_bench.console import console, hear, outcomes, say, show_scores
+from vbaa_bench.interrupt import importing
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
+
+if TYPE_CHECKING:
+    from vbaa_bench.scoring.child import MethodRun
+
+
+def run(
+    scene: ScenePath,
+    out: Out = None,
+    method: Method = None,
+    centreline: Centreline = None,
+    seed: Seed = None,
+    workers: Workers = None,
+    variant: Variant = None,
+    repeats: Repeats = 3,
+    memory: Memory = MEMORY_GB,
+    as_json: AsJson = False,
+) -> None:
+    """Generate, solve, score and report a scene."""
+    root = generate_dataset(scene, out, seed, workers, variant)
+    runs = _solve(root, method, centreline, repeats, memory)
+    with importing():
+        from vbaa_bench.api import results
+
+    summary = results.score(root, runs=runs).summary
+    _warn(summary)
+    page = _report(root)
+    show_scores(summary, {"report": str(page), **summary}, as_json)
+    if not as_json:
+        for name, one in runs.items():
+            if summary["methods"][name]["failure_rate"] == 1:
+                console.print(f"{name} answers no frame: {outcomes(one.table)}", markup=False)
+        Console(soft_wrap=True).print(f"report: {page}", highlight=False, markup=False)
+    _fail_where_all_crashed(runs)
+
+
+def solve(
+    dataset: DatasetPath,
+    method: Method = None,
+    centreline: Centreline = None,
+    repeats: Repeats = 3,
+    memory: Memory = MEMORY_GB,
+    as_json: AsJson = False,
+) -> None:
+    """Run methods on a dataset's observations, each in a process that never sees the truth."""
+    runs = _solve(dataset, method, centreline, repeats, memory)
+    record = {"predictions": {name: str(one.table) for name, one in runs.items()}}
+    lines = [f"{one.table}: {outcomes(one.table)}" for one in runs.values()]
+    say(record, "\n".join(lines), as_json)
+    _fail_where_all_crashed(runs)
+
+
+def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson = False) -> None:
+    """Score all solved methods, and predictions files of one's own beside them, which are kept."""
+    with importing():
+        from vbaa_bench.api import results
+
+    summary = results.score(dataset, predictions=predictions or ()).summary
+    _warn(summary)
+    show_scores(summary, summary, as_json)
+
+
+def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
+    """Write the HTML report of a scored dataset."""
+    page = _report(dataset)
+    say({"report": str(page)}, str(page), as_json)
+
+
+def table(
+    datasets: Annotated[list[Path], typer.Argument(help="folders of scored datasets")],
+    by: By = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print the scores of several datasets as one Markdown table, remarks below."""
+    with importing():
+        from vbaa_bench.scoring.accuracy import accuracy, markdown
+
+    rows = accuracy(datasets, by)
+    if as_json:
+        say({"rows": rows}, "", True)
+    else:
+        print(markdown(rows, by))
+
+
+def _solve(
+    root: Path,
+    methods: list[str] | None,
+    centrelines: list[str] | None,
+    repeats: int,
+    memory: float,
+) -> "dict[str, MethodRun]":
+    with importing():
+        from vbaa_bench.api import results
+
+    with console.status("solving") as status:
+        return results.solve(
+            root,
+            methods,
+            centrelines=centrelines or [USUAL_CENTRELINE],
+            repeats=repeats,
+            memory_gb=memory,
+            on_start=lambda name: status.update(escape(f"solving with {name}")),
+            on_output=hear,
+        )
+
+
+def _report(root: Path) -> Path:
+    with importing():
+        from vbaa_bench.report.report import report as write_report
+
+    return write_report(Results(root))
+
+
+def _warn(summary: Mapping[str, Any]) -> None:
+    for warning in summary["warnings"]:
+        hear(f"warning: {warning}")
+
+
+def _fail_where_all_crashed(runs: "Mapping[str, MethodRun]") -> None:
+    """Exit with status 1 if a method crashed on every frame."""
+    if any(one.crashed == one.frames for one in runs.values()):
+        raise typer.Exit(1)
