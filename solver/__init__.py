@@ -45,11 +45,15 @@ _MODULE_OF = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'solver' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"solver.{_MODULE_OF[name]}"), name)
+# Hidden from type checkers, which would take any name as public.
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name when it is first used."""
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module 'solver' has no attribute {name!r}")
+        return getattr(importlib.import_module(f"solver.{_MODULE_OF[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted({*globals(), *__all__})
