@@ -11,7 +11,7 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.transforms import apply
+from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
 from solver.lab.drawing import SHIFT, Colour, Picture, enlarged, mark, place
 from solver.lab.live import Answer
@@ -40,7 +40,7 @@ def draw(antenna: Antenna, given: Answer) -> Picture:
         mark(picture, line, factor)
         if line.tip is not None:
             _ring(picture, line.tip, factor, TIP)
-    pushed = _pushed(antenna, given.solved)
+    pushed = _pushed(antenna, given.solved, given.shot.readings.motor_angle)
     if pushed is not None:
         at, towards = pushed
         _arrow(picture, at, towards, factor, _arrow_px(antenna, given.solved, len(picture)))
@@ -51,7 +51,9 @@ def draw(antenna: Antenna, given: Answer) -> Picture:
     return picture
 
 
-def _pushed(antenna: Antenna, solved: Solved) -> tuple[Floats, Floats] | None:
+def _pushed(
+    antenna: Antenna, solved: Solved, motor_angle: float | None
+) -> tuple[Floats, Floats] | None:
     """Project the contact to (2,) [px] and the direction of its force to a unit vector (2,)."""
     values, rig = solved.estimate.values, antenna.rig
     if solved.line is None or not values:
@@ -70,6 +72,9 @@ def _pushed(antenna: Antenna, solved: Solved) -> tuple[Floats, Floats] | None:
         return None
     if "force_x_n" in values and "force_y_n" in values:
         force = np.array([values.get(f"force_{axis}_n", 0.0) for axis in "xyz"])
+        if frame == "world":  # the force is in Sigma_a, which the motor has turned
+            angle = values.get("motor_angle_rad", motor_angle)
+            force = turn_about_z(angle or 0.0)[:3, :3] @ force
     else:
         theta, psi = values.get("theta_c_rad", 0.0), values.get("psi_rad", 0.0)
         normal = [
