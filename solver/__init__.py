@@ -1,4 +1,4 @@
-"""Estimate where, how hard and how surely a flexible beam touches, from images of its bending.
+"""Estimate contact distance, force and their covariance from images of a bending beam.
 
 >>> import solver
 >>> rig = solver.open_rig("rig")  # doctest: +SKIP

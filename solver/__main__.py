@@ -1,4 +1,4 @@
-"""`python -m solver OBSERVATIONS --method exact_fit`: images of a rig in, estimates out."""
+"""Command line of the solver: `python -m solver OBSERVATIONS --method exact_fit`."""
 
 import importlib
 import sys
@@ -127,7 +127,7 @@ def solve(
     except KeyboardInterrupt:
         interrupted = True
     finally:
-        # As they came in, not as they were solved.
+        # In the order of the frames, not in that of the estimates.
         kept = [rows[number] for number in sorted(rows)]
         if target and kept:
             write(target, csv_text(kept).encode())
@@ -201,7 +201,7 @@ def rigidity(
     if source.live:
         raise InputError("EI is found from images: keep some with the command snap")
     antenna = set_up(opened)
-    # What hangs down at rest is a load to be fitted, not a bow to be taken off.
+    # The sag at rest is a load to be fitted, not a bow to be subtracted.
     at_rest = antenna.at_rest
     antenna = replace(antenna, at_rest=replace(at_rest, rest=at_rest.rest.without_bow()))
 
@@ -243,9 +243,9 @@ def _open(
     channel: str | None,
     controls: Controls,
 ) -> tuple[Observations, Source]:
-    """The rig with its calibration and rest images, and where frames come from.
+    """Open the rig with its calibration and rest images, and the source of frames.
 
-    `channel` takes the place of the rig's, for images at rest and frames alike.
+    `channel` replaces the rig's, for images at rest and for frames.
     """
     if rig is not None:
         opened = open_rig(rig)
@@ -268,14 +268,14 @@ def _open(
 
 
 def _channel(name: str | None) -> str | None:
-    """The option --channel. Raises InputError."""
+    """Check the option --channel. Raises InputError."""
     if name is not None and name not in CHANNELS:
         raise InputError(f"--channel is '{name}', allowed is one of {', '.join(CHANNELS)}")
     return name
 
 
 def find_method(name: str) -> Method:
-    """A method by its name in METHODS, or as package.module:function. Raises InputError."""
+    """Return a method by its name in METHODS or as package.module:function. Raises InputError."""
     if name in METHODS:
         return METHODS[name]
     module, colon, function = name.partition(":")
@@ -301,9 +301,9 @@ def find_method(name: str) -> Method:
 def main() -> None:
     """Run `solve`, unless the first word names another command.
 
-    A mistake in the input is one sentence and exit status 2.
+    An input error prints one sentence and exits with status 2.
     """
-    # What is wrong with an image is our sentence, not a line of OpenCV's.
+    # Errors of images are reported by InputError, not by OpenCV's log.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     words = sys.argv[1:]
     named = [command.callback.__name__ for command in app.registered_commands if command.callback]

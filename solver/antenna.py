@@ -1,4 +1,4 @@
-"""What is learned once per rig, and what follows from it for every frame alike."""
+"""Antenna: data learned once per rig, and derived quantities that hold for every frame."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from solver.plane import on_plane
 from solver.rest import Rest
 from solver.sag import correct_for_sag, scale_error
 
-# A motor whose camera stands in the world may have turned by any angle of this order [rad].
+# Prior sigma [rad] of the motor angle where the camera is fixed in the world.
 ANY_TILT = 0.5
 
 
@@ -26,8 +26,8 @@ ANY_TILT = 0.5
 class Antenna:
     """All that is learned once per rig: calibrated camera and the beam at rest.
 
-    `clamp_sigma` [m] and `scale_sigma` are what the calibration leaves open along the beam. `scale`
-    is that of the gray values at rest, which frames must share.
+    `clamp_sigma` [m] and `scale_sigma` (relative) are the calibration's uncertainties along the
+    beam. `scale` is the gray scale of the rest images, which frames must share.
     """
 
     rig: Rig
@@ -44,7 +44,7 @@ class Antenna:
 
     @property
     def extract(self) -> Extractor:
-        """What finds the beam in an image."""
+        """The beam extractor."""
         return self.at_rest.extract
 
     @cached_property
@@ -64,9 +64,9 @@ class Antenna:
 
     @cached_property
     def base_covariance(self) -> Floats:
-        """What is not known of the clamp's pose (3, 3), as `Measurement` has it.
+        """Covariance (3, 3) of the clamp's pose, as `Measurement` has it.
 
-        The angle of a motor whose camera stands in the world is not read: the clamp's tilt is then
+        The motor angle is not read where the camera is fixed in the world: the clamp's tilt is then
         almost unknown, and is the motor's angle.
         """
         tolerance = self.rig.tolerances
@@ -75,7 +75,7 @@ class Antenna:
         covariance[0, 0] += self.clamp_sigma**2
         covariance[1:, 1:] = self.rest.line_covariance
         covariance[:2, :2] += np.eye(2) * (tolerance.camera_shift_px * self.pixel) ** 2
-        # A nanometre and a nanoradian keep a rig that claims to be exact from being singular.
+        # A nanometre and a nanoradian keep the covariance of an exact rig regular.
         covariance += np.diag([1e-18, 1e-18, 1e-18])
         if self.in_world:
             covariance[2, 2] += ANY_TILT**2
@@ -90,11 +90,11 @@ class Antenna:
     def tip_in_beam_frame(self, pixel: Floats, covariance: Floats) -> Tip:
         """Locate a tip seen at `pixel` (2,), with `covariance` (2, 2) [px^2], on plane C.
 
-        What is seen of a cylinder's end is the rim that is nearest to the camera: on the mean over
-        the beam's width it is pi/4 of the radius above the axis.
+        The visible part of a cylinder's end is the rim that is nearest to the camera: averaged over
+        the beam's width, it is pi/4 of the radius above the axis.
         """
         camera = self.calibration.camera
-        # How the point moves with the pixel's u and v.
+        # Derivatives of the point by the pixel's u and v.
         points, by_pixel = on_plane(camera, np.array([pixel, pixel]), np.eye(2))
         viewpoint, point = (
             camera.viewpoint,
@@ -108,7 +108,7 @@ class Antenna:
 
     @cached_property
     def tip_at_rest(self) -> Tip | None:
-        """The tip at rest, in the frame of the beam at rest; None where it was not seen."""
+        """The tip at rest, in the frame of the beam at rest; None where it was not detected."""
         at_rest = self.at_rest
         if at_rest.tip is None or at_rest.tip_covariance is None or self.in_world:
             return None
@@ -116,10 +116,10 @@ class Antenna:
 
     @cached_property
     def tip_sigma(self) -> float | None:
-        """Relative sigma of the length up to the tip that is seen, known from the rest images.
+        """Relative sigma of the length up to the visible tip, from the rest images.
 
-        None where they do not show it. An error of the clamp's place along the beam counts, for
-        it is one of the length between clamp and tip.
+        None where they do not show the tip. The error of the clamp's position along the beam is
+        included: it is an error of the length between clamp and tip.
         """
         tip = self.tip_at_rest
         if tip is None:
@@ -129,14 +129,14 @@ class Antenna:
 
     @cached_property
     def lengths_sigma(self) -> float:
-        """What the rig's tolerances and the calibration leave open of all lengths, relative.
+        """Relative sigma of all lengths, from the rig's tolerances and the calibration.
 
-        A clamp off plane C, or a board that did not lie in it, is nearer to the camera or farther
-        from it than believed: all lengths err by the same share. A board tilted about its middle is
-        off by its angle times half the beam. The calibration's own error comes to that.
+        A clamp off plane C, or a board that was not in it, is nearer to the camera or farther from
+        it than assumed: all lengths have the same relative error. A board tilted about its middle
+        is off by its angle times half the beam. The calibration's own error is added.
         """
         camera, rig, tolerance = self.calibration.camera, self.rig, self.rig.tolerances
-        if camera.telecentric:  # distance does not change its scale, and tilt but to second order
+        if camera.telecentric:  # distance does not change its scale, tilt only to second order
             return math.hypot(tolerance.board_rotation**2, self.scale_sigma)
         height = float(camera.viewpoint[2])
         tilted = tolerance.board_rotation * rig.beam.length / 2
@@ -146,5 +146,5 @@ class Antenna:
 
     @property
     def in_world(self) -> bool:
-        """Whether the camera stands in the world, and does not turn with the motor."""
+        """Whether the camera is fixed in the world, and does not turn with the motor."""
         return self.rig.camera_mount == "world"

@@ -28,7 +28,7 @@ class CalibratedRig:
     def tracker(self, method: str | Method = "exact_fit", *, warm: bool = False) -> PushTracker:
         """Return a tracker with the memory of one push, by a method's name or a function.
 
-        `warm` compiles beforehand what any frame may need. Raises InputError for an unknown name.
+        `warm` compiles all code for a frame beforehand. Raises InputError for an unknown name.
         """
         if isinstance(method, str):
             if method not in METHODS:
@@ -41,7 +41,7 @@ class CalibratedRig:
         return PushTracker(self.antenna, method)
 
     def check(self) -> Checked:
-        """Return the calibration's quality, and what contradicts rig.json in the rest images."""
+        """Return the calibration's quality, and contradictions of rest images and rig.json."""
         return checked(self.antenna)
 
 

@@ -1,7 +1,7 @@
-"""The beam before contact: its look, its line and the landmarks about it, from the rest images.
+"""Beam before contact, from the rest images: its appearance, its line, the landmarks about it.
 
-Copies of one image count once. An image that shows the beam elsewhere than the others do, touched
-or swinging, is left out.
+Copies of one image count once. An image that shows the beam in another place than the others,
+because it was touched or swinging, is left out.
 """
 
 import math
@@ -22,28 +22,28 @@ from solver.instrument.units import DEGREE
 from solver.landmarks import Landmarks, learn_landmarks
 from solver.rest import Rest, disagreements, learn_rest
 
-# From images of the beam at rest to what finds it in any image.
+# Learns a beam extractor from images of the beam at rest.
 Learn = Callable[[Sequence[Grey], Guide], Extractor]
 
-# Rest images that differ by more have no common line [px]: half of the motion that is to be seen.
+# Largest difference [px] among rest images: half of the motion to be detected.
 MOST_DISAGREEMENT_PX = 0.25
-# Beside the beam, the ground in its immediate shadow is no landmark either [px].
+# Margin [px] beside the beam without landmarks, for its immediate shadow.
 BESIDE_PX = 3.0
-# The beam's path for the landmarks goes on beyond its tip by this share of its length.
+# End of the beam's path for the landmarks, beyond its tip, over its length.
 BEYOND_TIP = 1.08
-# A beam farther off the rig's x axis is not the one that the rig describes [rad]: it is sought up
-# to 0.12 rad, and a bow adds to that.
+# Largest angle [rad] between the beam and the rig's x axis: the search covers 0.12 rad, and a bow
+# adds to that.
 MOST_ASKEW = 0.17
 
 
 @dataclass(frozen=True)
 class AtRest:
-    """What the rest images teach.
+    """Results learned from the rest images.
 
     `copies` counts the images that repeat another one, `left_out` holds the indices, among the
     distinct images, of those that disagree with the others, `disagreement_px` is the largest
     difference among the images that were used. `tip` (2,) [px] is the image of the free end and
-    `tip_covariance` (2, 2) [px^2] its error; None where it is not seen.
+    `tip_covariance` (2, 2) [px^2] its covariance; None where it is not detected.
     """
 
     extract: Extractor
@@ -89,7 +89,7 @@ def learn_at_rest(
 
 
 def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:
-    """The tip's mean pixel and its covariance; the pixel grid's part is the same in all images."""
+    """Average the tip's pixel and covariance; the grid's error is the same in all images."""
     tips = [line.tip for line in lines if line.tip is not None]
     covariances = [line.tip_covariance for line in lines if line.tip_covariance is not None]
     if 2 * len(tips) <= len(lines):
@@ -100,7 +100,7 @@ def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None
 def _check_direction(
     rest: Rest, extract: Extractor, image: Grey, line: Centreline, rig: Rig
 ) -> None:
-    """Refuse a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
+    """Reject a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
     where = "board.antenna_from_board_rotation_vector_deg"
     angle = math.atan(rest.slope)
     if abs(angle) > MOST_ASKEW and rig.camera_mount == "antenna":
@@ -119,7 +119,7 @@ def _check_direction(
 
 
 def _distinct(images: Sequence[Grey]) -> list[Grey]:
-    """The images without those that equal an earlier one."""
+    """Return the images without those that equal an earlier one."""
     kept: list[Grey] = []
     for image in images:
         if not any(np.array_equal(image, one) for one in kept):
@@ -130,7 +130,7 @@ def _distinct(images: Sequence[Grey]) -> list[Grey]:
 def _learned(
     images: Sequence[Grey], guide: Guide, learn: Learn
 ) -> tuple[Extractor, list[Centreline]]:
-    """The extractor, and the centreline in every image. Raises InputError."""
+    """Learn the extractor, and extract the centreline of every image. Raises InputError."""
     try:
         extract = learn(images, guide)
     except InputError:
@@ -152,7 +152,7 @@ def _moving(largest: float) -> InputError:
 
 
 def _path(rest: Rest, calibration: Calibration, rig: Rig) -> Floats:
-    """Pixels (n, 2) of the beam at rest, from its clamp to beyond its tip."""
+    """Compute pixels (n, 2) of the beam at rest, from its clamp to beyond its tip."""
     x = np.linspace(0.0, BEYOND_TIP * rig.beam.length, 100)
     y = rest.y_at_clamp + rest.slope * x + rest.bow_at(np.minimum(x, rest.length))[0]
     points = np.column_stack([rig.base_position[0] + x, y, np.zeros_like(x)])

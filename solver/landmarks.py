@@ -1,9 +1,9 @@
-"""What does not move in the image: has the camera moved since the rest images were taken?
+"""Detection of camera motion since the rest images, by landmarks that are fixed in the image.
 
-The clamp's edge, a fixed mark and the texture of the ground keep their place in the image of a
-camera that has not been knocked. The strongest gradients of the rest images outside the beam are
-kept as landmarks, and the shift of an image against them is found by robust least squares on gray
-values (Lucas and Kanade 1981; Tukey's biweight), together with a gain of the light.
+The clamp's edge, a fixed mark and the texture of the ground keep their place in the image unless
+the camera moves. The strongest gradients of the rest images outside the beam are kept as landmarks.
+The shift of an image against them is estimated by robust least squares on gray values (Lucas and
+Kanade 1981; Tukey's biweight), together with a gain of the light.
 """
 
 import math
@@ -20,42 +20,42 @@ from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# The strongest landmarks that are kept: a thousand pixels cost 0.05 ms an image.
+# Number of landmarks kept, the strongest ones: a thousand pixels cost 0.05 ms per image.
 MOST = 1000
-# Processing leaves errors of this size [gray levels], and pixels of one block err together; chosen.
+# Least sigma [gray levels] in processed images, whose errors are shared within a block; chosen.
 PROCESSED_ERROR = 1.0
-# Gradients are those of an image blurred by this much [px], which tames their noise; chosen.
+# Blur [px] of the image before its gradients are computed, to reduce their noise; chosen.
 BLUR_PX = 0.7
-# A gradient of this many sigmas of the noise, per pixel, is an edge.
+# Threshold of a landmark's gradient, per pixel, in sigmas of the noise.
 LEAST_GRADIENT = 3.0
-# Pixels at the image's border that a shift may push out of it, and the farthest shift that is
-# sought [px].
+# Largest shift searched [px], and the margin at the image's border that such a shift may push out
+# of it.
 FARTHEST = 6
 # Shadows and reflections move edges by about this much without any motion [px]; chosen, a tenth of
-# the half pixel that is to be seen.
+# the half pixel to be detected.
 STEADINESS_PX = 0.05
-# The squared distance that a shift exceeds by chance as rarely as a normal variable three sigmas.
+# chi^2 of a shift (du, dv) as unlikely by chance as three sigmas of one normal variable.
 MOVED_CHI2 = 11.83
-# A shift is known if every direction's sigma is below this [px], so that half a pixel is seen.
+# Largest sigma [px] of a shift, in every direction, with which half a pixel is detected.
 KNOWN_PX = 0.1
-# One whose three sigmas reach beyond what is sought is not measured [px].
+# Largest sigma [px] at which a shift is measured: three sigmas are within the search range.
 MEASURED_PX = FARTHEST / 3
-# Residuals may exceed the noise by this factor, for compression and changed light; beyond it the
-# pixels are not those of the rest images. Chosen.
+# Threshold of the residuals over the noise, which allows for compression and changed light; above
+# it the pixels are not those of the rest images. Chosen.
 MOST_SCATTER = 4.0
-# This share of the landmarks must agree on the shift. Of a chequered ground that turns below the
-# camera half of them agree with any shift; measured.
+# Least share of landmarks that agree on the shift. With a chequered ground that turns below the
+# camera, half of them agree with any shift; measured.
 LEAST_SHARE = 0.75
-# The light may change by this factor; what covers the landmarks has no edges like theirs. Chosen.
+# Largest change of the light; an object that covers the landmarks lacks their edges. Chosen.
 MOST_GAIN = 2.0
 STEPS = 8
-# Where an image differs from the rest images by more than noise, by compression or light, pixels of
-# one block of this many rows and columns differ together: a macroblock of video.
+# Rows and columns of a block, a macroblock of video. Where an image differs from the rest images by
+# more than noise, through compression or light, the errors of a block are correlated.
 BLOCK = 16
 
 
 class Shift(NamedTuple):
-    """How far the image has shifted (du, dv) [px], and its covariance (uu, uv, vv) [px^2]."""
+    """Shift of the image (du, dv) [px], and its covariance (uu, uv, vv) [px^2]."""
 
     du: float
     dv: float
@@ -64,10 +64,10 @@ class Shift(NamedTuple):
     vv: float
 
     def exceeds(self, sigma_px: float) -> bool:
-        """Whether it lies beyond three sigmas, where shifts of `sigma_px` are usual."""
+        """Return whether the shift exceeds three sigmas, where shifts of `sigma_px` are usual."""
         usual = STEADINESS_PX**2 + sigma_px**2
         uu, vv = self.uu + usual, self.vv + usual
-        # Two variables by the inverse of their covariance, written out.
+        # Squared Mahalanobis distance, with the inverse of the covariance written out.
         square = vv * self.du**2 - 2 * self.uv * self.du * self.dv + uu * self.dv**2
         return square > MOVED_CHI2 * (uu * vv - self.uv**2)
 
@@ -76,8 +76,8 @@ class Shift(NamedTuple):
 class Landmarks:
     """n pixels (rows, columns) with their gray values, gradients [gray/px] and sigmas at rest.
 
-    In `processed` images all pixels of a block err together. Noise in the gradients looks like
-    `pretended` (gradient over sigma)^2 [1/px^2].
+    In `processed` images the errors of a block are correlated. Noise in the gradients adds
+    `pretended` to the expected (gradient over sigma)^2 [1/px^2].
     """
 
     rows: npt.NDArray[np.int64]
@@ -91,22 +91,22 @@ class Landmarks:
 
     @property
     def known(self) -> bool:
-        """Whether a shift of half a pixel in any direction would be noticed."""
+        """Whether a shift of half a pixel in any direction would be detected."""
         return self.shift_sigma < KNOWN_PX
 
     @cached_property
     def shift_sigma(self) -> float:
-        """Sigma [px] of a shift in the direction in which it is known least; may be infinite."""
+        """Sigma [px] of a shift in its least certain direction; may be infinite."""
         information = np.zeros((2, 2))
         for i, a in enumerate((self.along_u, self.along_v)):
             for j, b in enumerate((self.along_u, self.along_v)):
                 information[i, j] = float(np.sum(a * b / self.sigma**2))
-        # Twice the expected, for the strongest gradients are those that noise strengthens.
+        # Twice the expected value: selecting the strongest gradients favours those raised by noise.
         least = float(np.linalg.eigvalsh(information)[0]) - 2 * len(self.rows) * self.pretended
         return math.sqrt(self._erring_together / least) if least > 0 else math.inf
 
     def shift_of(self, image: Grey) -> Shift | None:
-        """Measure the shift of an image (height, width); None where the landmarks disagree."""
+        """Measure the shift of an image (height, width); return None if the landmarks disagree."""
         if self.shift_sigma > MEASURED_PX:
             return None
         du, dv, uu, uv, vv, share, scatter = _shift(
@@ -165,7 +165,7 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
 
 
 def _noise_gain() -> float:
-    """Variance of the gradient of white noise of unit variance."""
+    """Compute the variance of the gradient of blurred white noise of unit variance."""
     point = np.zeros((15, 15))
     point[7, 7] = 1.0
     return float(np.sum(np.gradient(cv2.GaussianBlur(point, (0, 0), BLUR_PX))[0] ** 2))
@@ -181,11 +181,11 @@ def _shift(
     along_v: Floats,
     sigma: Floats,
 ) -> Any:
-    """(du, dv, their covariance uu, uv, vv, share of agreeing landmarks, scatter in sigmas)."""
+    """Estimate (du, dv, covariance uu, uv, vv, share of agreeing landmarks, scatter in sigmas)."""
     found = _refined(image, rows, columns, gray, along_u, along_v, sigma, 0.0, 0.0)
     if found[5] >= LEAST_SHARE and found[6] <= MOST_SCATTER:
         return found
-    # Far off, the edges no longer overlap: the best whole pixel comes first.
+    # At large shifts the edges no longer overlap: the best whole pixel is searched first.
     best, best_u, best_v = np.inf, 0, 0
     for v in range(-FARTHEST, FARTHEST + 1):
         for u in range(-FARTHEST, FARTHEST + 1):
@@ -202,7 +202,7 @@ def _shift(
 
 @njit(cache=True, error_model="numpy")
 def _cubic(t: float, weight: Floats) -> None:
-    """Weights (4,) that interpolate at t from 0 to 1 between the middle two (Keys 1981)."""
+    """Compute weights (4,) to interpolate at t in 0 to 1 between the middle two (Keys 1981)."""
     weight[0] = ((2 - t) * t - 1) * t / 2
     weight[1] = ((3 * t - 5) * t * t + 2) / 2
     weight[2] = ((4 - 3 * t) * t + 1) * t / 2
@@ -221,7 +221,7 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
     du: float,
     dv: float,
 ) -> Any:
-    """Gauss-Newton from (du, dv): as `_shift`."""
+    """Refine (du, dv) by Gauss-Newton; return the same as `_shift`."""
     n = len(rows)
     residual, row = np.empty(n), np.empty(3)
     normal, right = np.zeros((3, 3)), np.zeros(3)

@@ -1,4 +1,4 @@
-"""Pixels -> metric points on the calibration plane C (z = 0 of Sigma_a)."""
+"""Projection of pixels to metric points on the calibration plane C (z = 0 of Sigma_a)."""
 
 from typing import Any
 
@@ -11,11 +11,11 @@ from solver.instrument.distortion import distort
 
 
 def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 2) on C [m] seen at `pixels` (n, 2), and their one-sigma vectors (n, 2) [m].
+    """Project `pixels` (n, 2) to points (n, 2) on C [m] and their one-sigma vectors (n, 2) [m].
 
-    `sigmas` (n, 2) [px] are the one-sigma vectors in the image; they are carried through the lens
-    and the projection: d(point)/d(pixel) sigma. Raises ValueError where the lens shows nothing at a
-    pixel.
+    `sigmas` (n, 2) [px] are the one-sigma vectors in the image; they are propagated through the
+    lens and the projection: d(point)/d(pixel) sigma. Raises ValueError at a pixel that the
+    distortion model does not reach.
     """
     if not camera.distortion:
         points, moved = _moved(camera.plane_from_pixels, pixels, sigmas)
@@ -36,7 +36,7 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
 
 @njit(cache=True, error_model="numpy")
 def apply_homography(h: Floats, points: Floats) -> Floats:
-    """Points (n, 2) carried by a homography (3, 3)."""
+    """Map points (n, 2) by a homography (3, 3)."""
     to = np.empty((len(points), 2))
     for i in range(len(points)):
         x, y = points[i]
@@ -48,7 +48,7 @@ def apply_homography(h: Floats, points: Floats) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _moved(h: Floats, points: Floats, vectors: Floats) -> Any:
-    """Points (n, 2) carried by a homography (3, 3), and small vectors (n, 2) at them."""
+    """Map points (n, 2), and small vectors (n, 2) at them, by a homography (3, 3)."""
     to, moved = apply_homography(h, points), np.empty((len(points), 2))
     for i in range(len(points)):
         a, b = vectors[i]
@@ -61,7 +61,7 @@ def _moved(h: Floats, points: Floats, vectors: Floats) -> Any:
 
 @njit(cache=True, error_model="numpy")
 def _undone(jacobian: Floats, vectors: Floats) -> Floats:
-    """Vectors (n, 2) that Jacobians (n, 2, 2) carry to these."""
+    """Solve for the vectors (n, 2) that Jacobians (n, 2, 2) map to `vectors`."""
     before = np.empty((len(vectors), 2))
     for i in range(len(vectors)):
         (a, b), (c, d) = jacobian[i]

@@ -1,4 +1,4 @@
-"""From the calibration plane C to the deformation plane D, eqs. (7) and (8).
+"""Un-projection from the calibration plane C to the deformation plane D, eqs. (7) and (8).
 
 With the viewpoint in homogeneous coordinates, V = (X, Y, Z, w), one form serves a pinhole (w = 1,
 the paper's) and a telecentric camera (w = 0). The ray through (x, y) on C meets the plane that
@@ -6,7 +6,7 @@ is inclined by psi at
 
     x_d = x + y sin(psi) (X - w x) / g,    y_d = Z y / g,    g = Z cos(psi) + (w y - Y) sin(psi).
 
-Both blow up where the camera looks along D, tan(psi) = Z / Y: edge-on.
+Both are singular where the camera looks along D (edge-on), tan(psi) = Z / Y.
 """
 
 import math
@@ -19,21 +19,22 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement, View
 
 # Sine of the least angle between the line of sight and D. There errors grow fifty times, and a
-# degree in psi decides which side of the beam is seen.
+# degree in psi decides which side of the beam is visible.
 LEAST_OPENING = 0.02
 
 
 def opening(viewpoint: Floats, psi: float) -> float:
-    """Sine of the angle between the deformation plane and the line from the clamp to V (4,)."""
+    """Compute the sine of the angle between D and the line from the clamp to V (4,)."""
     _, y, z, _ = viewpoint
     return float((z * math.cos(psi) - y * math.sin(psi)) / math.hypot(y, z))
 
 
 def unproject(points: Floats, viewpoint: Floats, psi: float) -> tuple[Floats, Floats, Floats]:
-    """Points on D (n, 2) [m], their derivative by the points on C (n, 2, 2), and by psi (n, 2).
+    """Un-project points from C to D.
 
-    `points` (n, 2) [m] lie on C, `viewpoint` (4,) is V. A point whose ray meets D only behind the
-    camera comes out as infinite.
+    `points` (n, 2) [m] are on C, `viewpoint` (4,) is V. Return the points on D (n, 2) [m], their
+    derivatives by the points on C (n, 2, 2), and by psi (n, 2). A point whose ray meets D only
+    behind the camera is infinite.
     """
     x, y = points.T
     vx, vy, vz, w = viewpoint
@@ -56,12 +57,12 @@ def unproject(points: Floats, viewpoint: Floats, psi: float) -> tuple[Floats, Fl
 
 
 def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | None:
-    """The same measurement with D in the place of C; None where the camera sees D edge-on.
+    """Transform a measurement from C to D; return None where the camera sees D edge-on.
 
     Its frame is that of the beam at rest, turned about x by `psi` [rad] so that D is its plane
     z = 0: points, their errors, the viewpoint, the clamp's covariance and `antenna_from_beam` are
-    carried there. A planar method then works on it as it stands. Rays that meet D only behind the
-    camera are left out. Other views and earlier frames are not carried; the tip is dropped.
+    transformed to it. A planar method then applies unchanged. Rays that meet D only behind the
+    camera are left out. Other views, earlier frames and the tip are dropped.
     """
     if psi == 0.0:
         return measurement
@@ -76,7 +77,7 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
     turn = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
     antenna_from_beam[:3, :3] = antenna_from_beam[:3, :3] @ turn
     viewpoint = np.append(turn.T @ view.viewpoint[:3], view.viewpoint[3])
-    # What the image does not tell of the clamp, it does not tell along the ray at the clamp.
+    # The clamp's uncertainty is carried from C to D along the ray at the clamp.
     vx, vy, vz, _ = view.viewpoint
     edge = vz * cosine - vy * sine
     clamp = np.diag([1.0, vz / edge, vz / edge])
@@ -92,11 +93,12 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
 
 
 def known_plane(measurement: Measurement) -> tuple[Measurement, float] | Estimate:
-    """The measurement on the plane that the rig knows the beam to bend in, and its inclination.
+    """Transform a measurement to the rig's known bending plane; return it and the inclination.
 
-    That is C itself (psi = 0) unless the rig states `known_psi` [rad], as of a flat strip
+    That plane is C (psi = 0) unless the rig states `known_psi` [rad], as for a flat strip
     (section V-A). The inclination is counted in the frame of the beam at rest, a reflection of
-    Sigma_a where the rig deflects towards -y. An Estimate says that the camera sees it edge-on.
+    Sigma_a where the rig deflects towards -y. Return an Estimate with a failure outcome where the
+    camera sees the plane edge-on, or the viewpoint is needed and not known.
     """
     if measurement.rig.known_psi and not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)

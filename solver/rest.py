@@ -1,7 +1,7 @@
-"""The beam before contact: where it is clamped, how it lies, and its bow.
+"""Beam before contact: its position at the clamp, its direction, and its bow.
 
-What the camera's calibration, the light's side and the mounting leave wrong is the same before
-contact and after it; the rest images show it, and it is taken off.
+Errors of the camera's calibration, of light from one side and of the mounting are the same before
+contact and after it; the rest images show them, and they are subtracted.
 """
 
 import math
@@ -23,17 +23,17 @@ from solver.plane import on_plane
 from solver.sag import correct_for_sag
 
 LEAST_POINTS = 10
-# A beam is bowed if straight it would leave this much more chi^2, for three coefficients.
+# A bow is accepted if its three coefficients decrease chi^2 by this much.
 BOWED_CHI2 = 30.0
-# Drawn to the middle of its row of pixels, as processed images do, a centre is at most this far
-# off [px]: a larger bow is none of the pixel grid's.
+# Largest error [px] of a centre that processing shifts to the middle of its pixel row: a larger bow
+# is not an effect of the pixel grid.
 MOST_OFF_GRID_PX = 0.5
-# Errors that follow the pixel rows are described by so many harmonics of them (chosen), where there
-# are more independent ones than coefficients: five of the bow and two a harmonic.
+# Number of harmonics that describe errors with the period of the pixel rows (chosen), where there
+# are more independent errors than coefficients: five of the bow and two per harmonic.
 HARMONICS = 2
 FREE_OF_GRID = 5 + 2 * HARMONICS
-# An image differs from the others by this much chi^2, for four coefficients: by chance once in a
-# million. And by this many pixels: compressed images differ by less without any motion; chosen.
+# An image differs from the others if it exceeds both thresholds: chi^2 for four coefficients, by
+# chance once in a million; and pixels: compressed images differ by less without motion; chosen.
 DISAGREEING_CHI2, LEAST_DISAGREEMENT_PX = 33.0, 0.05
 
 
@@ -43,8 +43,8 @@ class Rest:
 
     `bow` (3,) are the coefficients of x^2, x^3, x^4 in units of the beam's `length` [m]; they are
     zero for a beam that is straight within the noise. `covariance` (5, 5) is that of
-    (y_at_clamp, slope, bow). Where the pixel grid may look like a bow, the bow is zero, and
-    its sigma covers everything from straight to bowed.
+    (y_at_clamp, slope, bow). Where the pixel grid may imitate a bow, the bow is zero, and
+    its sigma covers the range from straight to bowed.
     """
 
     y_at_clamp: float
@@ -55,24 +55,24 @@ class Rest:
 
     @property
     def straight(self) -> bool:
-        """Whether no bow was found, and none is possible."""
+        """Whether no bow was detected, and none is possible."""
         return not self.bow.any() and not self.bow_undecided
 
     @property
     def bow_undecided(self) -> bool:
-        """Whether the beam may be bowed, or straight and its image drawn to the pixel rows."""
+        """Whether the beam may be bowed, or straight with its image shifted to the pixel rows."""
         return bool(self.covariance[2:, 2:].any()) and not self.bow.any()
 
     @property
     def line_covariance(self) -> Floats:
         """Covariance (2, 2) of the line through the whole curve's error: offset at x = 0, slope.
 
-        Slope and bow are known much better together than each by itself.
+        Slope and bow are jointly much more certain than each alone.
         """
         return np.asarray(self._line_through @ self.covariance @ self._line_through.T)
 
     def bow_at(self, x: Floats) -> tuple[Floats, Floats]:
-        """The bow (n,) [m] at distances x (n,) [m] from the clamp, and its sigma about a line."""
+        """Compute the bow (n,) [m] at x (n,) [m] from the clamp, and its sigma about a line."""
         here, line_here = self._basis(x)
         off = here - line_here @ self._line_through
         variance = np.einsum("ni,ij,nj->n", off, self.covariance, off)
@@ -86,7 +86,7 @@ class Rest:
 
     @cached_property
     def _line_through(self) -> Floats:
-        """The line (2, 5) through each of the curve's terms."""
+        """Least-squares line (2, 5) through each of the curve's terms."""
         curve, line = self._basis(np.linspace(0.0, self.length, 50))
         return np.asarray(np.linalg.pinv(line) @ curve)
 
@@ -116,13 +116,13 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     c, s = bowed.coefficients, np.append(straight.coefficients, np.zeros(3))
     covariance = np.zeros((5, 5))
     covariance[:2, :2] = straight.covariance
-    # Both are judged by the scatter about the curve, which describes the beam either way.
+    # Both fits are compared by the scatter about the curve, which fits the beam in either case.
     gain = straight.chi2 - bowed.chi2
     if len(points) > 50 and gain > BOWED_CHI2 * bowed.scatter:
         bend = float(np.abs(curve @ (c - s)).max())
         if gain > BOWED_CHI2 * bowed.repeated or bend > MOST_OFF_GRID_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
-        # From straight to fully bowed everything is as likely: about zero the variance of that.
+        # Uniform from straight to fully bowed: the second moment about zero.
         covariance += np.outer(c - s, c - s) / 3
     return Rest(float(s[0]), float(s[1]), s[2:], covariance, length)
 
@@ -130,8 +130,8 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
 def disagreements(lines: Sequence[Centreline]) -> Floats:
     """Measure how far the beam of each image (n,) lies off the median of all [px].
 
-    `lines` are the centrelines of n images of the beam at rest. An image within its errors of the
-    others has 0.
+    `lines` are the centrelines of n images of the beam at rest. An image that agrees with the
+    others within its errors has 0.
     """
     off = np.zeros(len(lines))
     readings = [dict(zip(_keys(line), _centres(line), strict=True)) for line in lines]
@@ -155,11 +155,11 @@ def _bow_powers(place: Floats) -> Floats:
 
 
 class _MeanLine(NamedTuple):
-    """The rest images' mean: points (n, 2) on C [m] and their sigma (n,) along y [m].
+    """Mean of the rest images: points (n, 2) on C [m] and their sigma (n,) along y [m].
 
     `random` is the part of the points' variance that differs from image to image, over the square
-    of sigma. `row` (n,) [px] is where the points are on the pixel grid, across the beam; `pixel`
-    the size of one [m].
+    of sigma. `row` (n,) [px] is the points' position on the pixel grid, across the beam; `pixel`
+    [m] is the size of a pixel.
     """
 
     points: Floats
@@ -170,14 +170,14 @@ class _MeanLine(NamedTuple):
 
     @property
     def rows(self) -> float:
-        """How many pixel rows the beam crosses on its way."""
+        """Number of pixel rows that the beam crosses."""
         return float(np.ptp(self.row))
 
 
 class _LinearFit(NamedTuple):
-    """Coefficients (m,), their covariance (m, m), chi^2, and what chi^2 is to be divided by.
+    """Coefficients (m,), their covariance (m, m), chi^2, and two variance inflations of chi^2.
 
-    `scatter` is that for errors like noise, `repeated` for errors that follow the pixel grid;
+    `scatter` is that for errors like noise, `repeated` that for errors that follow the pixel grid;
     infinite where the coefficients are as many as those errors, and absorb them.
     """
 
@@ -191,10 +191,10 @@ class _LinearFit(NamedTuple):
 def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     """Fit y (n,) by the columns of a design (n, m).
 
-    The covariance is widened by the residuals' variance and by how many neighbours err together.
-    Errors of compression and processing repeat from image to image and follow the pixel grid: of
-    a beam that crosses R rows the mean holds only R + 1 independent ones, and m coefficients
-    explain m of them. Where it crosses many, those with the period of a row are fitted along.
+    The covariance is inflated by the residuals' variance and their correlation length. Errors of
+    compression and processing repeat from image to image and follow the pixel grid: for a beam that
+    crosses R rows, the mean holds only R + 1 independent ones, and m coefficients explain m of
+    them. Where the beam crosses many rows, errors with the period of a row are fitted as well.
     """
     m = design.shape[1]
     if mean.rows + 1 > FREE_OF_GRID:
@@ -205,14 +205,14 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
     coefficients = inverse @ (whitened.T @ (y / mean.sigma))
     residual = (y - design @ coefficients) / mean.sigma
-    # Without what an object beside the beam disturbs, so that it does not hide a bow.
+    # Without outliers, so that an object beside the beam does not hide a bow.
     size = np.abs(residual)
     near = residual[size < 3 * 1.4826 * np.median(size) + 1e-12]
     variance = max(float(np.mean(residual**2)), 1e-12)
     near_variance = float(np.mean(near**2))
     correlation = correlation_length(residual)
     shared = _shared_by_neighbours(residual)
-    # The rows that are to spare show what they share; it counts as one row more that all may be.
+    # The spare rows measure the shared variance; one row more counts with its upper bound.
     free, any_part = max(spare, 0.0), max(_repeating(variance, n, mean), shared)
     in_rows = n * (free * shared + any_part) / (free + 1)
     repeated = n * max(_repeating(near_variance, n, mean), _shared_by_neighbours(near))
@@ -226,20 +226,20 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
 
 
 def _repeating(variance: float, n: int, mean: _MeanLine) -> float:
-    """The part of a variance of n residuals that repeats from image to image.
+    """Estimate the part of a variance of n residuals that repeats from image to image.
 
-    It counts only where chance would not show as much in one rig of a thousand.
+    It is 0 unless chance would exceed it in fewer than one rig of a thousand.
     """
     repeating = variance - mean.random
     return repeating if repeating > 3.1 * math.sqrt(2 / n) * (variance + mean.random) else 0.0
 
 
 def _shared_by_neighbours(residual: Floats) -> float:
-    """The part of the variance of residuals (n,) that neighbours have in common.
+    """Estimate the part of the variance of residuals (n,) that neighbours have in common.
 
-    That is what a mean over so many neighbours leaves, less the share of independent errors in
-    it. Errors that alternate from column to column, as those of a colour mosaic, leave nothing.
-    It counts only where chance would not show as much in one rig of a thousand.
+    It is the variance of means over LAG neighbours, minus the share of independent errors in it.
+    Errors that alternate from column to column, as those of a colour mosaic, cancel. It is 0 unless
+    chance would exceed it in fewer than one rig of a thousand.
     """
     n, white = len(residual), float(np.mean(residual**2)) / LAG
     if n < 2 * LAG:
@@ -250,21 +250,21 @@ def _shared_by_neighbours(residual: Floats) -> float:
 
 
 def _keys(line: Centreline) -> Floats:
-    """One number for every place that is read: columns count from 0 up, rows down from -1."""
+    """Number every place that is read: columns count from 0 up, rows down from -1."""
     columns = line.directions[:, 1] != 0
     return np.asarray(np.where(columns, line.points[:, 0], -1 - line.points[:, 1]))
 
 
 def _centres(line: Centreline) -> Floats:
-    """Where in its column or row each point is."""
+    """Return each point's position in its column or row."""
     return np.asarray((line.points * line.directions).sum(axis=1))
 
 
 def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLine:
     """Average the images place by place.
 
-    A centre's error on the pixel grid is the same in all of them, so four images do not know the
-    beam twice as well as one.
+    A centre's error on the pixel grid is the same in all of them, so four images are not twice as
+    accurate as one.
     """
     pixels = np.vstack([line.points for line in lines])
     if not len(pixels):
@@ -287,7 +287,7 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
         squares = np.bincount(place, off)[several] / (count[several] - 1)
         random = float(np.mean(squares / count[several]))
     points, vectors = on_plane(calibration.camera, mean, directions[first] * mean_sigma[:, None])
-    # Measured aslant, a point errs across the beam by the part that is not along it.
+    # Of an error measured obliquely to the beam, only the part across the beam counts.
     order = np.argsort(points[:, 0])
     tilt = math.atan(np.polyfit(points[:, 0], points[:, 1], 1)[0]) if len(points) > 2 else 0.0
     across = np.abs(vectors @ [-math.sin(tilt), math.cos(tilt)]) / math.cos(tilt)

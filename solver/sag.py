@@ -1,20 +1,20 @@
-"""A beam that hangs below plane C by its own weight, told from one that lies in it."""
+"""Correction for a beam that hangs below plane C by its own weight."""
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 
-# Bent aside, the beam hangs a little less than straight; by what share that is not known.
+# Relative sigma of the sag: bent aside, the beam hangs a little less than straight.
 UNKNOWN_SHARE = 0.02
 
 
 def correct_for_sag(points: Floats, viewpoint: Floats, rig: Rig) -> Floats:
-    """Points (n, 2) [m] on C where a beam that sags would be seen if it lay in C.
+    """Move points (n, 2) [m] of a sagging beam to where they would be seen if it lay in C.
 
     `points` are where the rays from `viewpoint` (4,), homogeneous, to the sagging beam meet C, in
     Sigma_a. At arc length s a cantilever hangs by sag (s^4 - 4 L s^3 + 6 L^2 s^2) / (3 L^4) under
-    its weight (Euler and Bernoulli). The chord from the clamp stands for the arc.
+    its weight (Euler and Bernoulli). The chord from the clamp approximates the arc.
     """
     if rig.sag == 0:
         return points
@@ -29,5 +29,5 @@ def correct_for_sag(points: Floats, viewpoint: Floats, rig: Rig) -> Floats:
 
 
 def scale_error(viewpoint: Floats, rig: Rig) -> float:
-    """The relative sigma of lengths that what is not known of the sag leaves."""
+    """Compute the relative sigma of lengths that results from the sag's uncertainty."""
     return float(UNKNOWN_SHARE * abs(rig.sag * viewpoint[3] / viewpoint[2]))

@@ -17,10 +17,10 @@ WORST_REPROJECTION_PX = 0.5
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
-    """Calibrate the camera, learn the beam's look and its rest pose.
+    """Calibrate the camera, and learn the beam's appearance and rest pose.
 
     `learn` makes the extractor from the images of the beam at rest. Raises InputError if the
-    images forbid it.
+    images do not allow it.
     """
     rig = observations.rig
     calibration = calibrate(observations.read_board_views(), rig)

@@ -23,9 +23,9 @@ Row = dict[str, str | float | int | None]
 
 
 def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
-    """One frame's row; what the method does not estimate is None, an empty cell.
+    """Build one frame's row; what the method does not estimate is None, an empty cell.
 
-    A number that is not finite in the column's unit is left out, too.
+    A number that is not finite in the column's unit is None, too.
     """
     cells: Row = dict.fromkeys(COLUMNS)
     cells.update(
@@ -49,7 +49,7 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
 
 
 def csv_text(rows: list[Row]) -> str:
-    """The table as CSV, floats in full precision."""
+    """Format the table as CSV, floats in full precision."""
     stream = io.StringIO()
     writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
     writer.writeheader()

@@ -16,10 +16,10 @@ from solver.plane import on_plane
 from solver.rest import Rest
 from solver.sag import correct_for_sag
 
-# A bent beam's course across its direction at the clamp, in powers of the distance; of a short
-# stretch the first two, and none of fewer points than these.
+# Powers of the distance that describe a bent beam across its direction at the clamp (the first two
+# for a short stretch), and the fewest points of such a fit.
 CURVE_POWERS, LEAST_CURVE_POINTS = (2, 3, 4, 5, 6), 8
-# The last points before the tip, which show the direction of the beam's straight end.
+# Number of last points before the tip, which give the direction of the beam's straight end.
 BESIDE_TIP = 30
 
 
@@ -63,7 +63,7 @@ def to_measurement(
 
 
 def _base_covariance(antenna: Antenna, line: Centreline) -> Floats:
-    """The clamp's covariance (3, 3); an error that all points share is one of the clamp's place."""
+    """Compute the clamp's covariance (3, 3), including the error that all points share."""
     covariance = antenna.base_covariance.copy()
     covariance[1, 1] += (line.common_sigma * antenna.pixel) ** 2
     return covariance
@@ -72,8 +72,8 @@ def _base_covariance(antenna: Antenna, line: Centreline) -> Floats:
 def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
     """Locate the tip in the frame of the beam at rest, where `points` (n, 2) [m] of the beam are.
 
-    An end that is cut, rounded or shaded looks longer or shorter than the beam is, at rest as much
-    as when bent: what the rest images show of that is taken off along the beam's end.
+    An end that is cut, rounded or shaded looks longer or shorter than the beam is, by the same
+    amount at rest and when bent: the excess in the rest images is subtracted along the beam's end.
     """
     if line.tip is None or line.tip_covariance is None:
         return None
@@ -88,11 +88,11 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
 
 
 def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:
-    """Points (n, 2) on C and their one-sigma vectors, as a straight beam would show them.
+    """Remove the bow from points (n, 2) on C, and include its error in their one-sigma vectors.
 
     A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc
     lengths and normals are those of a smooth curve through the points that leaves the clamp as the
-    beam at rest does, so that it also holds where the beam's first part is hidden.
+    beam at rest does, so that the correction also holds where the beam's first part is hidden.
     """
     if len(points) < LEAST_CURVE_POINTS:
         return points, sigmas
@@ -106,11 +106,11 @@ def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floa
     def slope(at: Floats) -> Floats:
         return np.asarray(rest.slope + (at[:, None] / rest.length) ** (powers - 1) @ weights)
 
-    # Arc length from the clamp, by which the bow is known.
+    # Arc length from the clamp, of which the bow is a function.
     fine = np.linspace(0, max(rest.length, float(x.max())), 241)
     arc = np.interp(x, fine, cumulative_trapezoid(np.hypot(1, slope(fine)), fine, initial=0.0))
     bow, bow_sigma = rest.bow_at(np.minimum(arc, rest.length))
-    # All points share the bow's error: they tell as little of it as its three coefficients do.
+    # All points share the bow's error: it has as many independent parts as coefficients.
     bow_sigma *= math.sqrt(max(len(x) / len(rest.bow), 1.0))
     normal = np.column_stack([-slope(x), np.ones_like(x)]) / np.hypot(1, slope(x))[:, None]
     size = np.maximum(np.linalg.norm(sigmas, axis=1), 1e-15)
@@ -118,10 +118,10 @@ def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floa
 
 
 def _bow_error(points: Floats, rest: Rest) -> float:
-    """What taking a bow off leaves, a relative sigma of lengths.
+    """Estimate the relative scale uncertainty left after removing the bow.
 
-    A bow also moves the bent beam along itself, by about its size times the slope there, and the
-    force's lever with it.
+    A bow also moves the bent beam along itself, by about its size times the slope there, and
+    changes the force's lever by as much.
     """
     if rest.straight or len(points) < 3:
         return 0.0

@@ -1,4 +1,4 @@
-"""Track a push: image -> centreline -> measurement -> estimate, offline, live and in the judge."""
+"""Tracking of a push: image -> centreline -> measurement -> estimate, offline or live."""
 
 import time
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from solver.methods import Method
 from solver.to_measurement import to_measurement
 
 # Chosen: a longer push is thinned to every other frame, so that memory is bounded and the whole
-# push stays in view.
+# push stays covered.
 LONGEST_PUSH = 32
 
 
@@ -27,7 +27,7 @@ LONGEST_PUSH = 32
 class Solved:
     """One frame's estimate, the centreline it came from, and the time it took [s].
 
-    `line` is None where the image could not be used; the time runs from the image in memory.
+    `line` is None where the image could not be used; the time starts with the image in memory.
     """
 
     estimate: Estimate
@@ -36,7 +36,7 @@ class Solved:
 
 
 class PushTracker:
-    """Estimate contact and force in frames as they come, with the memory of their push.
+    """Estimator of contact and force in consecutive frames, with the memory of their push.
 
     A push ends where its `push_id` changes; where frames have none, as from a live camera, it ends
     with a frame without contact.
@@ -84,7 +84,7 @@ class PushTracker:
         """Estimate from the next image of a camera and the readings taken with it.
 
         `image` (height, width) is gray, or (height, width, 3) in OpenCV's order, of 8 or 16 bits;
-        of a colour image the rig's channel is read. Any failure becomes an outcome.
+        the rig's channel of a colour image is used. Any failure becomes an outcome.
         """
         readings = Readings(
             motor_angle=None if motor_angle_deg is None else motor_angle_deg * DEGREE,
@@ -99,7 +99,7 @@ class PushTracker:
     def _remember(self, measurement: Measurement) -> None:
         if len(self._push) == LONGEST_PUSH:
             self._push = self._push[::2]
-        # Without its own past, or the chain of them would keep everything.
+        # Drop its own `earlier`, or the chain of them would keep everything in memory.
         self._push.append(replace(measurement, earlier=()))
 
 
@@ -119,12 +119,12 @@ def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
             f"the image has {image.shape[1]} x {image.shape[0]} px, "
             f"the calibration {camera.width} x {camera.height}"
         )
-    # Compiled for one layout of an image only.
+    # The compiled code accepts one memory layout of an image only.
     return antenna.extract(np.ascontiguousarray(antenna.scale(image)))
 
 
 def refusal_of_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
-    """Refuse an image (height, width) whose landmarks have moved since the rest images."""
+    """Reject an image (height, width) whose landmarks have moved since the rest images."""
     shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
     if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):
         return None
@@ -136,7 +136,7 @@ def refusal_of_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
 
 
 def run_method(method: Method, measurement: Measurement, remark: str = "") -> Estimate:
-    """Run a method on a measurement; any error or other answer is the outcome "crashed".
+    """Run a method on a measurement; any error or other result gives the outcome "crashed".
 
     A `remark` on the image is added to the message.
     """
@@ -144,6 +144,6 @@ def run_method(method: Method, measurement: Measurement, remark: str = "") -> Es
         given: object = method(measurement)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
-    if not isinstance(given, Estimate):  # a method of someone else's may return anything
+    if not isinstance(given, Estimate):  # an external method may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(given).__name__}, not an Estimate")
     return replace(given, message="; ".join(filter(None, (given.message, remark))))

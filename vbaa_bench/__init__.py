@@ -1,6 +1,6 @@
-"""The world the antenna is put into, and the judge.
+"""Synthetic benchmark of a vision-based active antenna: generate datasets, score methods.
 
-What a program needs is here; the modules below are private, and change.
+This module is the public interface; all modules below are private and may change.
 
 >>> import vbaa_bench as vb
 >>> camera = {"width_px": 256, "height_px": 88, "focal_length_px": 350}
@@ -46,7 +46,7 @@ __all__ = [
     "solve",
 ]
 
-# Imported when they are first used: renderer, compiler and tables take seconds.
+# Imported at first use: renderer, compiler and tables take seconds to import.
 _MODULES: Final = {
     "Dataset": "vbaa_bench.api.data",
     "Forecast": "vbaa_bench.api.forecast",

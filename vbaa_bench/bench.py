@@ -1,4 +1,4 @@
-"""One worker's bench, on which a dataset's images are made: render, expose, write."""
+"""Rendering of a dataset's images in one worker process: render, expose, write."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -33,14 +33,14 @@ from vbaa_bench.spec.trials import Push, Trial, random_generator, render_seed
 from vbaa_bench.studio import Pose, Studio
 from vbaa_bench.truth import truth_row
 
-# Noise of the image that the exposure is measured from, over its radiance.
+# Noise target of the image for metering the exposure, relative to its radiance.
 METERING = 0.05
-# Of so many pushes a worker remembers the states.
+# Number of pushes whose states a worker caches.
 LAST_PUSHES = 64
 
 
 class RenderedFrame(NamedTuple):
-    """All that is written of a frame: gray image, columns of metadata.csv, truth row and layers."""
+    """The data written for a frame: gray image, columns of metadata.csv, truth row and layers."""
 
     image: Grey
     readings: dict[str, str | float | int]
@@ -50,7 +50,7 @@ class RenderedFrame(NamedTuple):
 
 @dataclass
 class Bench:
-    """One worker's bench: a renderer whose scene is loaded once. Its methods are the jobs."""
+    """One worker's renderer, whose scene is loaded once. Its methods are the jobs."""
 
     scene: Scene
     rig: TrueRig
@@ -64,7 +64,7 @@ class Bench:
     def __post_init__(self) -> None:
         activate(self.variant, self.threads)
         self.studio = Studio(self.scene, self.rig, self.folder)
-        # Frames come in the order of their names; those of one push lie apart.
+        # Frames are rendered in the order of their names: those of one push are not consecutive.
         self.states = lru_cache(maxsize=LAST_PUSHES)(self._states)
 
     def _states(self, push: Push) -> tuple[Experiment, list[State]]:
@@ -73,26 +73,29 @@ class Bench:
 
     @cached_property
     def rest_world(self) -> World:
-        """The beam before contact, the motor at angle zero."""
+        """World of the beam before contact, with the motor at angle zero."""
         gravity = self.scene.gravity_m_s2
         nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
         return self.studio.rest(Experiment(self.scene, self.rig, nothing, self.folder))
 
     def pose(self, trial: Trial) -> Pose:
-        """What is to be set up for a frame."""
+        """Compute the pose of a frame."""
         experiment, states = self.states(trial.push)
         return Pose(experiment, trial, states[trial.step])
 
     def pushed_world(self, pose: Pose) -> World:
-        """The beam as a pose has it: put up once, reposed for every frame."""
+        """Return the world in a pose; it is built once, then only its vertices are moved."""
         if self._pushed is None:
             self._pushed = self.studio.bench(pose)
         self.studio.repose(self._pushed, pose)
         return self._pushed
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
-        """Exposure that puts the brightest hundredth of the resting beam where the scene says, or
-        the brightest tenth of the image, if that is brighter: a panel behind the beam."""
+        """Meter the exposure on the brightest hundredth of the resting beam.
+
+        If the brightest tenth of the image is brighter, such as a panel behind the beam, it is used
+        instead. The exposure puts this radiance at the gray value that the scene sets.
+        """
         seed = render_seed(self.scene, "exposure")
         wanted = self._wanted(lambda radiance: METERING * radiance)
         seen = picture(self.rest_world, None, wanted, seed)
@@ -103,7 +106,7 @@ class Bench:
         return metered_exposure(self.scene.sensor, peak)
 
     def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
-        """Save one calibration or rest image, such as rest/rest_00.png; the sha256 of the file."""
+        """Save one calibration or rest image, such as rest/rest_00.png; return its sha256."""
         kind, _, number = PurePath(name).stem.partition("_")
         made = {"view": self.board_image, "rest": self.rest_image}[kind](int(number), exposure)
         data = png_bytes(made)
@@ -112,14 +115,14 @@ class Bench:
         return digest(data)
 
     def board_image(self, view: int, exposure: float) -> Grey:
-        """One calibration image."""
+        """Render one calibration image."""
         seed = render_seed(self.scene, "board render", view)
         wanted = self._wanted(self.sensor(exposure).noise_sigma)
         seen = picture(self.studio.card(view), None, wanted, seed)
         return self._expose(seen, exposure, "board sensor", view)
 
     def rest_image(self, number: int, exposure: float) -> Grey:
-        """One image of the beam before contact."""
+        """Render one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
         wanted = self._wanted(self.sensor(exposure).noise_sigma)
         seen = picture(self.rest_world, None, wanted, seed)
@@ -132,7 +135,7 @@ class Bench:
         trials: Sequence[Trial],
         exposure: float,
     ) -> dict[str, str]:
-        """Make and save the frames of one shard; the sha256 of its hashes.json, by tree."""
+        """Render and save the frames of one shard; return the sha256 of its hashes.json by tree."""
         with ShardWriter(self.layout, number) as writer:
             for trial in trials:
                 writer.add(trial.frame_id, *self.frame(trial, exposure))
@@ -140,7 +143,7 @@ class Bench:
         return writer.digests
 
     def frame(self, trial: Trial, exposure: float) -> RenderedFrame:
-        """Render one frame, and collect its truth."""
+        """Render one frame and collect its truth."""
         pose = self.pose(trial)
         image, seen = self.photograph(trial, exposure)
         length_mm = self.scene.beam.length_mm
@@ -156,10 +159,10 @@ class Bench:
         return RenderedFrame(image, told, truth, kept)
 
     def photograph(self, trial: Trial, exposure: float) -> tuple[Grey, Picture]:
-        """The image of one frame, and what it was taken of."""
+        """Render one frame: its gray image, and the radiance it was exposed to."""
         wanted = self._wanted(self.sensor(exposure).noise_sigma)
         poses = exposed(self.pose(trial), self.scene, self.rig)
-        # Each is seen for a share of the time only, so it may be noisier.
+        # The frame averages over its poses, so each may be noisier.
         wanted = wanted.scaled(len(poses) ** 0.5)
         seen = []
         for number, pose in enumerate(poses):
@@ -170,10 +173,10 @@ class Bench:
         return self._expose(blurred, exposure, "sensor", trial.index), blurred
 
     def _plate(self, world: World, wanted: Wanted) -> Plate | None:
-        """What stands still before the beam is pushed, rendered once.
+        """Return the static layer, rendered once.
 
-        None where light goes from surface to surface, so that what moves changes all of them, or
-        where the renderer only makes whole images.
+        Return None if light is reflected between surfaces, so that moving surfaces affect all
+        pixels, or if the renderer only renders whole images.
         """
         if self.scene.render.bounces > 1 or is_scalar():
             return None
@@ -187,7 +190,7 @@ class Bench:
         return Wanted(noise, spec.near_beam_px, *shares)
 
     def sensor(self, exposure: float) -> Sensor | Ideal:
-        """The scene's image sensor."""
+        """Build the scene's image sensor."""
         return image_sensor(self.scene.sensor, exposure, self._fixed_pattern)
 
     @cached_property
@@ -202,7 +205,7 @@ class Bench:
 
     @cached_property
     def _vignetting(self) -> Floats:
-        """Share of the light (height, width) that the lens lets through to every pixel."""
+        """Relative illumination (height, width): share of the light that the lens transmits."""
         camera = self.rig.camera
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
         across, down = columns - (camera.width - 1) / 2, rows - (camera.height - 1) / 2

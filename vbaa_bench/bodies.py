@@ -1,4 +1,4 @@
-"""What a scene's objects are to the beam, as touched surfaces, and to the eye, as meshes."""
+"""A scene's objects as contact surfaces, for mechanics, and as meshes, for rendering."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,7 +29,7 @@ from vbaa_bench.spec.objects import (
     WallSpec,
 )
 
-# A mesh's extent in radii of the beam: less is dust, more is no object beside an antenna.
+# Allowed extent of a mesh, in beam radii. Outside this range a wrong unit is likely.
 SMALLEST, LARGEST = 0.5, 2000.0
 
 
@@ -37,8 +37,8 @@ SMALLEST, LARGEST = 0.5, 2000.0
 class Body:
     """An object of a scene for a beam of radius `beam_radius` [m].
 
-    It stands on the `ground` [m], unless it says where it ends; its mesh, if it comes from a file,
-    is named from `folder`.
+    It stands on the `ground` [m], unless its spec sets its bottom. A mesh file is looked up
+    relative to `folder`.
     """
 
     spec: ObjectSpec
@@ -57,7 +57,7 @@ class Body:
         )
 
     def surface(self) -> Surface:
-        """What the beam touches, in the object's frame. Raises InputError for a bad mesh file."""
+        """Build the contact surface in the object's frame. Raises InputError if a mesh is bad."""
         match self.spec:
             case CylinderSpec() | PegSpec():
                 return upright(self.spec.radius_mm * MILLIMETRE)
@@ -75,9 +75,10 @@ class Body:
                 return upright()
 
     def misses(self, touched: Floats, tangent: Floats) -> str | None:
-        """Why a beam cannot touch the object at a point (3,) [m] of its frame, along a tangent.
+        """Explain why a beam cannot touch the object at a point (3,) [m] with a given tangent.
 
-        Mechanics knows an endless edge, cylinder or wall; None where the object has that place.
+        Both are in the object's frame. Mechanics models an infinite edge, cylinder or wall. Return
+        None if the beam can touch the finite object there.
         """
         mm, spec, x, z = MILLIMETRE, self.spec, float(touched[0]), float(touched[2])
         low, high, half, flank = -np.inf, np.inf, np.inf, np.pi / 2
@@ -112,8 +113,10 @@ class Body:
         return None
 
     def mesh(self, give: float, slope: float = 0.0) -> trimesh.Trimesh:
-        """What the camera sees, in the object's frame [m], after giving way by `give` [m] to a
-        beam of the given slope against the object's x axis."""
+        """Build the mesh for rendering, in the object's frame [m].
+
+        The object is deformed by `give` [m] by a beam of the given slope against its x axis.
+        """
         mm, spec = MILLIMETRE, self.spec
         match spec:
             case BlockSpec():
@@ -159,7 +162,10 @@ class Body:
 
 @lru_cache(maxsize=4)
 def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
-    """A mesh put where it first touches a beam along x: at the origin of its frame."""
+    """Read a mesh and move its first point of contact with a beam along x to its frame's origin.
+
+    Raises InputError if its size is implausible.
+    """
     mesh = touching(read_mesh(path, unit), beam_radius)
     extent = float(mesh.extents.max())
     if not SMALLEST * beam_radius < extent < LARGEST * beam_radius:
@@ -173,7 +179,7 @@ def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
     touched = Solid(mesh).touched_by(beam)
     assert isinstance(touched, Line | Ball)
     at = touched.point
-    if isinstance(touched, Line):  # the place on the edge that is nearest to the beam
+    if isinstance(touched, Line):  # the point on the edge that is nearest to the beam
         across = touched.direction[1:]
         size = float(across @ across)
         share = float((beam[0, 1:] - at[1:]) @ across) / size if size > 0 else 0.0
@@ -183,11 +189,11 @@ def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
 
 
 def place(at: Floats, tangent: Floats, tilt: float, reach: float) -> Floats:
-    """World_from_object (4, 4) of an object that touches the beam at rest.
+    """Compute world_from_object (4, 4) of an object that touches the beam at rest.
 
-    The beam's centreline passes `at` (3,) [m] along `tangent` (3,); the object's edge, its z axis,
-    leans by `tilt` [rad] from upright, and its outward normal stands across both; the beam's
-    surface lies `reach` [m] from the centreline.
+    The beam's centreline passes through `at` (3,) [m] along `tangent` (3,). The object's edge, its
+    z axis, is tilted by `tilt` [rad] from upright; its outward normal is perpendicular to both. The
+    beam's surface is `reach` [m] from the centreline.
     """
     edge = np.array([0.0, -np.sin(tilt), np.cos(tilt)])
     outward = np.cross(edge, tangent)

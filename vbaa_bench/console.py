@@ -1,4 +1,4 @@
-"""What a command says: progress and remarks on stderr, results on stdout, as text or JSON."""
+"""Output of commands: progress and remarks on stderr, results on stdout, as text or JSON."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -22,7 +22,7 @@ console = Console(stderr=True, highlight=False)
 
 
 def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
-    """Print a record as one JSON object, or the sentence that says it."""
+    """Print a record as one JSON object, or the sentence that states it."""
     if as_json:
         print(json.dumps(record))
     else:
@@ -30,12 +30,12 @@ def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
 
 
 def hear(line: str) -> None:
-    """Show what a method prints: as it is, beside a spinner."""
+    """Print a line of a method's output unchanged, beside a spinner."""
     console.print(line, markup=False, emoji=False, soft_wrap=True)
 
 
 def progress_bars(*, shown: bool = True) -> Progress:
-    """Return bars with the time that has passed and that is left."""
+    """Return progress bars with elapsed and remaining time."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -48,12 +48,12 @@ def progress_bars(*, shown: bool = True) -> Progress:
 
 
 def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table whose first column names what the others measure, whole at any width."""
+    """Print a table whose first column holds names, never cut to the width of the terminal."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     lines = list(rows)
     widths = []
     for index, head in enumerate(heads):
-        # Numbers and words of heads are shown whole, and of names as much as leaves room for them.
+        # Numbers and the words of heads are never wrapped; names are wrapped at 26 characters.
         widest = max(map(len, [*(line[index] for line in lines), *head.split()]))
         widths.append(widest if index else max(min(widest, 26), len(head)))
         table.add_column(
@@ -64,15 +64,15 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
         )
     for line in lines:
         table.add_row(*map(Text, line))
-    # Rich would cut what a narrow terminal, or a pipe of 80 columns, has no room for. The box takes
-    # a column on either side, and padding and a divider one each beside every column.
+    # Rich would cut a table wider than the terminal, or than 80 columns in a pipe. The box takes
+    # one column on either side; padding and a divider take one each beside every table column.
     needed = sum(widths) + 2 * len(widths) + 2
     shown = Console()
     Console(width=max(shown.width, needed)).print(table)
 
 
 def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
-    """The small table of scores, or the record as JSON."""
+    """Print the small table of scores, or the record as JSON."""
     if as_json:
         say(record, "", True)
         return
@@ -93,7 +93,7 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
 
 
 def outcomes(table: Path) -> str:
-    """How often a predictions file says what, and the first reason for each failure."""
+    """Count the outcomes in a predictions file, with the first message of each failure."""
     import polars as pl  # imported late: only methods' commands need tables
 
     from solver.instrument.estimate import Outcome

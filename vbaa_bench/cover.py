@@ -1,4 +1,4 @@
-"""What hides a stretch of the beam: the numbers, and the bodies between it and the camera."""
+"""Occlusion of a stretch of the beam: its limits, and the occluders in front of the camera."""
 
 import numpy as np
 import trimesh
@@ -12,21 +12,22 @@ from vbaa_bench.mechanics.state import State
 from vbaa_bench.spec.objects import OcclusionSpec
 from vbaa_bench.spec.trials import Cover
 
-# Bars leave as much visible as they hide, where there is room for that.
+# Ratio of the extent of all bars to the width that they hide: half is visible, if there is room.
 SPARSEST = 2.0
-# Leaves of half the stretch's length or less, but wide enough to be seen.
+# Maximum size of a leaf, relative to the hidden region's extent across the beam.
 LARGEST_LEAF = 0.5
-# A stretch about the contact has it anywhere within the middle four fifths, or it would tell it.
+# A stretch about the contact has it at a random place in its middle 80 %: a fixed place would
+# reveal the contact.
 OFF_MIDDLE = 0.4
 
 
 def hidden_stretch(
     cover: Cover | None, state: State, length: float, random: np.random.Generator
 ) -> tuple[float, float] | None:
-    """The stretch [m] of Sigma_a's x axis that is hidden (eq. 32); None where nothing is.
+    """Choose the stretch [m] of Sigma_a's x axis to hide (eq. 32); None if nothing is hidden.
 
-    It is measured on the nominal `length` [m] of the beam, so that it tells nothing of how the
-    beam is bent.
+    It is relative to the nominal `length` [m] of the beam, so that it reveals nothing about the
+    deflection.
     """
     if cover is None or cover.availability >= 1:
         return None
@@ -47,10 +48,10 @@ def occluder(
     top: float,
     random: np.random.Generator,
 ) -> trimesh.Trimesh:
-    """The mesh [m], in the clamp's frame, that hides a stretch of the beam from the camera.
+    """Build the mesh [m], in the clamp's frame, that hides a stretch of the beam from the camera.
 
-    It lies above the whole beam and the object, whose `top` is given [m], across the lines of
-    sight to that stretch.
+    It is above the whole beam and above the `top` [m] of the object, across the lines of sight to
+    that stretch.
     """
     line, (first, last) = state.centreline, stretch
     length, hidden = float(line[-1, 0]), last - first
@@ -64,7 +65,7 @@ def occluder(
     seen = _towards(camera, camera_from_clamp, line[inside, 1:], height)
     margin = 0.1 * length
     (x_from, y_from), (x_to, y_to) = seen.min(axis=0), seen.max(axis=0)
-    # The stretch is one of x, and ends between two rows of the centreline.
+    # The stretch is an interval of x; its ends are between two rows of the centreline.
     x_from -= max(line[inside, 1].min() - first, 0.0)
     x_to += max(last - line[inside, 1].max(), 0.0)
     y_from, y_to = y_from - margin, y_to + margin
@@ -78,7 +79,7 @@ def occluder(
 
 
 def _towards(camera: Camera, camera_from_clamp: Floats, points: Floats, height: float) -> Floats:
-    """Where (n, 2) [m] the lines of sight to points (n, 3) pass at a height above plane C."""
+    """Intersect (n, 2) [m] the lines of sight to points (n, 3) with a height above plane C."""
     clamp_from_camera = invert(camera_from_clamp)
     if camera.telecentric:
         sight = np.broadcast_to(-clamp_from_camera[:3, 2], points.shape)

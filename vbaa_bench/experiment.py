@@ -1,4 +1,4 @@
-"""One push of a scene as mechanics sees it: the rod, the motor, what stands in the way."""
+"""Mechanics of one push of a scene: the rod, the motor and the obstacles."""
 
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -29,7 +29,7 @@ SPATIAL = "exact, in space"
 
 @dataclass(frozen=True)
 class Experiment:
-    """A scene's push with its true rig. The files that the scene names lie in `folder`."""
+    """A push of a scene with its true rig. `folder` contains the files that the scene names."""
 
     scene: Scene
     rig: TrueRig
@@ -38,7 +38,7 @@ class Experiment:
 
     @cached_property
     def rod(self) -> Rod:
-        """The beam, with whatever the scene asks for."""
+        """The beam with the scene's section, taper, weight, bow and extensibility."""
         spec, beam = self.scene.beam, self.rig.beam
         strip = spec.section == "strip"
         area = (4.0 if strip else np.pi) * beam.radius**2 * spec.aspect
@@ -57,14 +57,14 @@ class Experiment:
 
     @cached_property
     def motor(self) -> Motor:
-        """The shaft; the clamp may stand off its axis."""
+        """The motor shaft; the clamp may be offset from its axis."""
         x, y, z = (-v * MILLIMETRE for v in self.scene.adaptor_mm)
         return Motor(point=(x, y, z))
 
     @cached_property
     def body(self) -> Body:
-        """What is pushed."""
-        # A beam that sags takes the object's frame with it, not the ground.
+        """The touched object."""
+        # If the beam sags, the object's frame moves with it; the ground does not.
         place, _ = self._resting_at(self.push.contact_distance or 0.0)
         ground = self.ground - float(place[2])
         return Body(self.scene.object, self.rig.beam.radius, ground, self.folder)
@@ -81,28 +81,28 @@ class Experiment:
 
     @property
     def youngs_modulus(self) -> float:
-        """The true one [Pa], which goes with the beam's true rigidity."""
+        """The true Young's modulus [Pa], in proportion to the beam's true flexural rigidity."""
         nominal = nominal_rig(self.scene).beam.flexural_rigidity
         true = self.rig.beam.flexural_rigidity
         return self.scene.beam.youngs_modulus_gpa * 1e9 * true / nominal
 
     @cached_property
     def obstacles(self) -> list[Obstacle]:
-        """The object at its place, and the second peg if there is one."""
+        """The object in its position, and the second peg if there is one."""
         obstacles = [self._obstacle()]
         peg = self.scene.second_peg
         if peg is not None:
             at, tangent = self._resting_at(peg.distance_mm * MILLIMETRE)
             gap = (peg.gap_mm * MILLIMETRE) * np.array([0.0, 1.0, 0.0])
             reach = self.rod.reach(peg.distance_mm * MILLIMETRE, np.pi)
-            # Seen from its own side of the beam, the beam runs the other way.
+            # The peg is on the other side of the beam, so the tangent is reversed.
             there = place(at + gap, -tangent, 0.0, reach)
             obstacles.append(Obstacle(upright(peg.radius_mm * MILLIMETRE), there))
         return obstacles
 
     @property
     def model(self) -> str:
-        """Which mechanics answers for this push."""
+        """Name of the mechanical model that solves this push."""
         if self.scene.mechanics == "linear":
             return LINEAR
         scene, first = self.scene, self.obstacles[0]
@@ -112,14 +112,14 @@ class Experiment:
         return PLANAR if self.rod.plain and straight and bare else SPATIAL
 
     def states(self) -> list[State]:
-        """The equilibria of the push, one a step.
+        """Solve the equilibria of the push, one per step.
 
-        Raises EquilibriumError, and InputError for an object that cannot be, or not give way so
-        far.
+        Raises EquilibriumError, and InputError for an object that is impossible or cannot deform
+        that far.
         """
         states = self._states()
         gives = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
-        if isinstance(self.scene.object, PlungerSpec | PadSpec):  # not of every size, nor so far
+        if isinstance(self.scene.object, PlungerSpec | PadSpec):  # check size and give
             self.body.mesh(max(gives, default=0.0))
         if not isinstance(self.scene.object, NothingSpec):
             self._clear_of_hub()
@@ -134,11 +134,11 @@ class Experiment:
         return states
 
     def _clear_of_hub(self) -> None:
-        """Raise EquilibriumError if the object, which turns about the motor's axis, meets it."""
+        """Raise EquilibriumError if the object overlaps the hub about the motor's axis."""
         first, hub = self.obstacles[0], self.scene.hub.radius_mm * MILLIMETRE
         axis = apply(invert(first.world_from_object), np.array([self.motor.point]))[0]
         clear, _ = first.surface.distance(axis)
-        # Behind its edge an object is as wide as it is, and distance says nothing.
+        # The distance to a sharp edge does not account for the object's width behind it.
         edge = isinstance(first.surface, Line) and first.surface.radius == 0
         if (abs(clear) if edge else clear) < hub:
             raise EquilibriumError(
@@ -176,7 +176,7 @@ class Experiment:
 
     @cached_property
     def steps(self) -> list[Step]:
-        """The goals of the push, with the object's drift meanwhile."""
+        """The goals of the push, with the object's drift at each."""
         x, y, z = (v * MILLIMETRE for v in getattr(self.scene.object, "drift_mm", (0, 0, 0)))
         return [
             Step(goal.pushing_angle, goal.deflection, (i * x, i * y, i * z))
@@ -184,7 +184,7 @@ class Experiment:
         ]
 
     def clamp_from_object(self, state: State, step: int, index: int = 0) -> Floats:
-        """Where the clamp sees an obstacle (4, 4), given way as it has."""
+        """Compute clamp_from_object (4, 4) of an obstacle, displaced as the beam has pushed it."""
         obstacle = self.obstacles[index]
         world = self.motor.clamp_from_world(state.pushing_angle, self.steps[step].drift)
         pose = world @ obstacle.world_from_object
@@ -192,7 +192,7 @@ class Experiment:
             if contact.obstacle != index:
                 continue
             if self.scene.mechanics == "linear":
-                # Where linear theory puts the contact, which no rigid turn does.
+                # Use the contact of linear theory, which a rigid rotation does not reproduce.
                 across = contact.normal - (contact.normal @ contact.tangent) * contact.tangent
                 across *= self.rig.beam.radius / np.linalg.norm(across)
                 pose[:3, 3] = contact.point - across
@@ -201,7 +201,7 @@ class Experiment:
         return pose
 
     def touched_mesh(self, state: State, step: int) -> trimesh.Trimesh:
-        """The object as the beam has pressed it, in the clamp's frame [m]."""
+        """Build the object's mesh as deformed by the beam, in the clamp's frame [m]."""
         pose = self.clamp_from_object(state, step)
         give, slope = 0.0, 0.0
         if state.contacts:
@@ -213,11 +213,14 @@ class Experiment:
         return mesh
 
     def clamp_from_world(self, motor_angle: float) -> Floats:
-        """Where the clamp sees the world (4, 4) when the motor stands at an angle [rad]."""
+        """Compute clamp_from_world (4, 4) at a motor angle [rad]."""
         return self.motor.clamp_from_world(-motor_angle, (0.0, 0.0, 0.0))
 
     def camera_frame_from_clamp(self, motor_angle: float) -> Floats:
-        """Into the frame (4, 4) in which the camera stands still: the clamp's, or the world's."""
+        """Compute camera_frame_from_clamp (4, 4) at a motor angle [rad].
+
+        The camera is fixed in this frame: the clamp's or the world's, depending on its mount.
+        """
         if self.scene.camera.mount == "antenna":
             return np.eye(4)
         return invert(self.clamp_from_world(motor_angle))
@@ -241,7 +244,7 @@ class Experiment:
         )
 
     def _resting_at(self, s: float) -> tuple[Floats, Floats]:
-        """Point and tangent (3,) of the beam at rest at arc length `s` [m]."""
+        """Interpolate point and tangent (3,) of the beam at rest at arc length `s` [m]."""
         line = self.rest.centreline
         at = np.array([np.interp(s, line[:, 0], line[:, i]) for i in (1, 2, 3)])
         i = int(np.clip(np.searchsorted(line[:, 0], s), 1, len(line) - 1))

@@ -1,4 +1,4 @@
-"""A dataset, from scene to files: spec -> mechanics -> geometry -> render -> sensor -> dataset."""
+"""Generation of a dataset: spec -> mechanics -> geometry -> render -> sensor -> dataset."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
@@ -39,21 +39,21 @@ def generate(
     planning: Progress = _nothing,
     remark: Callable[[str], None] = _nothing,
 ) -> Layout:
-    """Make the dataset of a scene at `root`; finish an interrupted one, mend a damaged one.
+    """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
 
-    Every file that is there is compared with its hash; only what is missing or damaged is made,
-    and what does not belong into observations/ and truth/ is removed. `planning(done, total)` is
-    called as pushes are solved, `progress(done, total)` as images are made, `remark(sentence)` for
-    every damage. Raises InputError where the scene is impossible, and where `root` is not
-    writable, is being written by another process, or holds something else, such as data of
-    another scene or made by other code.
+    Every existing file is compared with its hash. Only missing or damaged files are generated, and
+    files that do not belong to observations/ and truth/ are removed. `planning(done, total)` is
+    called as pushes are solved, `progress(done, total)` as images are rendered, `remark(sentence)`
+    for every damaged or removed file. Raises InputError if the scene is impossible, and if `root`
+    is not writable, is being written by another process, or holds something else, such as data of
+    another scene or from another version of the code.
     """
     layout = Layout(root)
     try:
         identity = identity_of(file, variant)
         check_identity(layout, identity)
         with _claimed(layout):
-            # Again: another process may have begun here before the lock was ours.
+            # Check again: another process may have started here before we held the lock.
             if not check_identity(layout, identity):
                 plan(file, planning)
             _complete(file, layout, identity, (variant, workers), progress, remark)
@@ -64,7 +64,7 @@ def generate(
 
 @contextlib.contextmanager
 def _claimed(layout: Layout) -> Iterator[None]:
-    """Hold the folder's lock. A folder that was made for it goes again if it stays empty."""
+    """Hold the folder's lock. A folder created for it is removed if it stays empty."""
     new = not layout.root.exists()
     layout.root.mkdir(parents=True, exist_ok=True)
     try:
@@ -84,7 +84,7 @@ def _complete(
     progress: Progress,
     remark: Callable[[str], None],
 ) -> None:
-    """Make what is missing or damaged in a claimed folder, and seal it."""
+    """Generate missing or damaged files in a locked folder, and seal the dataset."""
     scene = file.scene
     shards, rig = in_shards(scene, trials(scene)), true_rig(scene)
     contents = Contents(
@@ -115,12 +115,12 @@ def _complete(
 def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
     for path in list(surplus(layout, contents)):
         path.unlink()
-        if not path.name.endswith(".part"):  # what an interrupted write has left
+        if not path.name.endswith(".part"):  # left by an interrupted write
             remark(f"{path}: was not generated; it is removed")
 
 
 def _rig(layout: Layout, text: str) -> str:
-    """Write rig.json unless it is there as it should be; its sha256."""
+    """Write rig.json unless it exists with the right content; return its sha256."""
     path, data = layout.observations / "rig.json", text.encode()
     if not (path.is_file() and path.read_bytes() == data):
         write_bytes(path, data)
@@ -132,7 +132,7 @@ def _shard_name(number: int) -> str:
 
 
 def _is_whole(layout: Layout, contents: Contents, whole: Mapping[str, Mapping[str, str]]) -> bool:
-    """Whether nothing has to be rendered. The exposure is in the manifest, and is measured too."""
+    """Return whether nothing has to be rendered or metered: the manifest holds the exposure."""
     shards = {_shard_name(number) for number in range(len(contents.shards))}
     made = {*contents.images, *shards} <= whole["observations"].keys()
     return made and {layout.manifest.name, *shards} <= whole["truth"].keys()
@@ -146,13 +146,13 @@ def _make(
     whole: dict[str, dict[str, str]],
     progress: Progress,
 ) -> float:
-    """Make all images and shards that are not whole, and add their hashes to `whole`.
+    """Generate all images and shards that are not intact, and add their hashes to `whole`.
 
-    `bench` is what a Bench is built from, but for its threads. The exposure it was made with.
+    `bench` holds the arguments of Bench without its threads. Return the exposure.
     """
     observations = whole["observations"]
     threads = max(cores() // workers, 1)
-    # One more than there are images: the exposure is measured from one that is not kept.
+    # One more than the number of images: the exposure is metered on an image that is not kept.
     total = sum(map(len, shards)) + len(contents.images) + 1
     with Pool(workers, Bench, (*bench, threads)) as pool:
         exposure = float(pool.call("measure_exposure"))

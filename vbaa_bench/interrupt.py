@@ -1,7 +1,7 @@
-"""End the process at Ctrl-C while it imports: exit status 130 and no traceback.
+"""End the process at Ctrl-C during imports: exit status 130 and no traceback.
 
-An exception could be taken for a failed import by the module that is being imported, and nothing
-has to be saved yet. For command lines only: in a notebook this would end the kernel.
+A module being imported could mistake an exception for a failed import, and nothing has to be saved
+yet. For command lines only: in a notebook this would end the kernel.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ def _exit(_signal: int, _frame: FrameType | None) -> None:
 def importing() -> Iterator[None]:
     """End the process at Ctrl-C within this block, then let Ctrl-C raise KeyboardInterrupt again.
 
-    Nothing is changed where Ctrl-C is ignored or has another handler already.
+    Nothing is changed if Ctrl-C is ignored or has another handler already.
     """
     usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not usual or threading.current_thread() is not threading.main_thread():

@@ -1,4 +1,4 @@
-"""What moves while the shutter is open: the poses that one frame shows."""
+"""Motion blur: the poses that one frame averages while the shutter is open."""
 
 import math
 from dataclasses import replace
@@ -14,14 +14,15 @@ from vbaa_bench.spec.scene import Scene
 from vbaa_bench.spec.trials import Goal
 from vbaa_bench.studio import Pose
 
-# The tip moves by no more from one pose to the next.
+# Maximum movement of the tip [px] from one pose to the next.
 STEP_PX = 0.25
 
 
 def exposed(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
-    """The poses of a frame, an odd number; the one that was asked for is in the middle.
+    """Compute the poses of a frame, an odd number; the requested pose is in the middle.
 
-    The motor turns evenly, and the shutter opens for all pixels at once.
+    The motor turns at constant speed, and the shutter is global. Raises InputError if a pose has no
+    equilibrium.
     """
     turn = scene.motor_speed_deg_s * DEGREE * scene.sensor.exposure_s
     if turn == 0:

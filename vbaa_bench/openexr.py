@@ -1,4 +1,4 @@
-"""OpenEXR files, read whole."""
+"""Reader of OpenEXR files."""
 
 import io
 from pathlib import Path
@@ -11,7 +11,7 @@ from solver.instrument.hashes import read_bytes
 
 
 def channels(path: Path) -> dict[str, np.ndarray]:
-    """Read every channel (height, width) of a file of one part. Raises InputError if it is none."""
+    """Read every channel (height, width) of a one-part file. Raises InputError if unreadable."""
     data = io.BytesIO(read_bytes(path))
     try:
         file = OpenEXR.File(data, separate_channels=True)

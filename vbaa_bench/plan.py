@@ -1,4 +1,4 @@
-"""Scene -> what will be made: every trial with its equilibrium, and nothing impossible."""
+"""Planning of a dataset: solve every push of a scene, and reject impossible ones."""
 
 import itertools
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -22,7 +22,7 @@ from vbaa_bench.spec.load import Key, SceneFile
 from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.spec.trials import Push, Trial, in_shards, trials
 
-# Thinner, and pixels' centres miss the beam for long stretches.
+# Minimum width [px] of the beam. Below it, pixel centres miss the beam over long stretches.
 THINNEST_PX = 0.25
 # The axes, and the diagonals between them.
 _DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=float)
@@ -34,8 +34,8 @@ Progress = Callable[[int, int], None]
 class Plan:
     """The true rig, the trials in shards, and the worst residual of all their equilibria.
 
-    The equilibria themselves are not kept: a training set has millions. Who needs one solves
-    for it again, which gives the same.
+    The equilibria are not kept, because a training set has millions. Solving again gives the same
+    result.
     """
 
     rig: TrueRig
@@ -44,12 +44,12 @@ class Plan:
 
     @property
     def frames(self) -> int:
-        """How many there are in all shards."""
+        """Number of frames in all shards."""
         return sum(len(shard) for shard in self.shards)
 
     @property
     def trials(self) -> Iterator[Trial]:
-        """All trials, shard after shard."""
+        """All trials, shard by shard."""
         return itertools.chain.from_iterable(self.shards)
 
 
@@ -59,9 +59,9 @@ def plan(
     *,
     of: Sequence[Trial] | None = None,
 ) -> Plan:
-    """Solve every push of a scene. Raises InputError listing all that cannot physically be.
+    """Solve every push of a scene. Raises InputError that lists all physical impossibilities.
 
-    With `of` only the pushes of these trials are solved and planned.
+    With `of`, only the pushes of these trials are solved and planned.
     """
     scene = file.scene
     try:
@@ -91,7 +91,7 @@ def plan(
 
 
 def _environment_is_readable(file: SceneFile) -> None:
-    """Raise InputError if a light's file is none."""
+    """Raise InputError if a light's file is no environment map."""
     for number, light in enumerate(file.scene.lights):
         if light.kind == "environment" and light.file is not None:
             try:
@@ -102,7 +102,7 @@ def _environment_is_readable(file: SceneFile) -> None:
 
 
 class _Seen:
-    """What matters of the states that passed by: the worst strain, the outermost points."""
+    """Extremes over all states: the largest stress and residual, and the outermost points."""
 
     def __init__(self, file: SceneFile, rig: TrueRig) -> None:
         self._file, self._rig = file, rig
@@ -112,7 +112,7 @@ class _Seen:
         self.residual = 0.0
 
     def add(self, experiment: Experiment, states: list[State], onsets: Collection[float]) -> None:
-        """Look at the states of one push, which meets its object at some motor angles [rad]."""
+        """Add the states of one push, with its motor angles [rad] at first contact, `onsets`."""
         wanted = experiment.push
         for goal, state in zip(wanted.goals, states, strict=True):
             self.residual = max(self.residual, state.residual)
@@ -124,13 +124,13 @@ class _Seen:
                 stage = experiment.camera_frame_from_clamp(onset - state.pushing_angle)
                 points = apply(stage, state.centreline[:, 1:]) + self._rig.base_position
                 points = np.vstack([self._points, points])
-                # The outermost along every axis and diagonal stand for all.
+                # Keep only the outermost points along every axis and diagonal.
                 reach = points @ _DIRECTIONS.T
                 outermost = np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))
                 self._points = points[outermost]
 
     def mistakes(self) -> list[str]:
-        """What the beam does not bear, and what the camera does not see."""
+        """List complaints about stress, ground, view and lamps."""
         return (
             self._overstressed() + self._below_ground() + self._out_of_view() + self._behind_lamps()
         )
@@ -178,7 +178,7 @@ class _Seen:
         ]
 
     def _behind_lamps(self) -> list[str]:
-        """Name the lamps that hide the beam, or the board in view 0, from the camera."""
+        """List the lamps that hide the beam, or the board in view 0, from the camera."""
         file, rig, pose = self._file, self._rig, self._rig.camera.camera_from_antenna
         board = apply(rig.antenna_from_board, nominal_rig(file.scene).board.corners())
         share = np.linspace(0, 1, 65)[:, None]
@@ -200,7 +200,7 @@ class _Seen:
 
 
 def _key(file: SceneFile, wanted: Push) -> tuple[Key, ...]:
-    """Where the file asks for a push."""
+    """Find the key of the scene file that defines a push."""
     pushes = file.scene.pushes
     if pushes is None:
         return ("sampling", "contact_distance_mm")
@@ -266,7 +266,7 @@ def _too_fine(file: SceneFile, rig: TrueRig) -> list[str]:
 
 def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:
     board = nominal_rig(file.scene).board
-    # With the half of the outer squares that the corners' detection needs around them.
+    # Include half of the outer squares, which corner detection needs.
     corners = board.corners() * (1 + 1 / (min(board.columns, board.rows) - 1))
     if _in_view(rig.camera, apply(rig.antenna_from_board, corners)):
         return []
@@ -274,7 +274,7 @@ def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:
 
 
 def _in_view(camera: Camera, points: Floats) -> bool:
-    """Whether points (n, 3) [m] in Sigma_a lie before the camera and in its image."""
+    """Test whether points (n, 3) [m] in Sigma_a are in front of the camera and in its image."""
     if apply(camera.camera_from_antenna, points)[:, 2].min() <= 0:
         return False
     u, v = camera.project(points).T

@@ -1,4 +1,4 @@
-"""What the sensors read in a frame: the columns of metadata.csv beside the image's name."""
+"""Sensor readings of a frame: the columns of metadata.csv beside the image's name."""
 
 import numpy as np
 
@@ -11,11 +11,11 @@ from vbaa_bench.spec.trials import Trial, random_generator
 def readings(
     scene: Scene, trial: Trial, state: State, hidden: tuple[float, float] | None
 ) -> dict[str, str | float | int]:
-    """Columns and cells of a frame, the same columns in every frame of a scene.
+    """Collect the readings of a frame by column; all frames of a scene have the same columns.
 
-    A cell is empty where nothing is read: the motor's angle with a camera that stands in the
-    world, the removed stretch where nothing is removed. Which stretch something hides in the
-    image, `hidden` [m], is not told.
+    A cell is empty if there is no reading: the motor angle if the camera is fixed in the world, the
+    removed stretch if nothing is removed. If `hidden` [m] is covered by an occluder in the image,
+    it is not revealed.
     """
     told: dict[str, str | float | int] = {
         "motor_angle_deg": "" if scene.camera.mount == "world" else _encoder(scene, trial, state),
@@ -29,7 +29,7 @@ def readings(
         told["removed_to_mm"] = "" if last is None else last / MILLIMETRE
     if scene.moment_sensor is not None:
         noise = random_generator(scene, "moment sensor", trial.index)
-        # What the beam exerts on the sensor, so that m_y = x_c f_z (27), right-handed: -x_c f_z.
+        # Moment of the beam on the sensor, so that m_y = x_c f_z (27); right-handed, -x_c f_z.
         moment = -state.base_moment[1] / MILLIMETRE
         told["moment_y_n_mm"] = float(noise.normal(moment, scene.moment_sensor.sigma_n_mm))
     if scene.force_sensor is not None:
@@ -45,7 +45,7 @@ def readings(
 
 
 def _encoder(scene: Scene, trial: Trial, state: State) -> float:
-    """The encoder's reading [deg]: off by its noise, and a whole number of its steps."""
+    """Simulate the encoder's reading [deg], with noise and quantised to its steps."""
     noise = random_generator(scene, "encoder", trial.index)
     tolerance = scene.tolerances
     true = trial.motor_angle(state.pushing_angle) / DEGREE

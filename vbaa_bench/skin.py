@@ -1,4 +1,4 @@
-"""The beam's skin: a mesh of its surface, as fine as the camera could tell."""
+"""Meshes of the beam's surface, as fine as the camera resolves."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,19 +14,19 @@ from vbaa_bench.mechanics.state import State
 from vbaa_bench.spec.rigs import TrueRig
 from vbaa_bench.spec.scene import Scene
 
-# Scenes that allow stress above yield are meshed for so many times the curvature at yield.
+# Scenes that allow stress above yield are meshed for this multiple of the curvature at yield.
 _ABOVE_YIELD = 4.0
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Meshes of one scene's beam; all have the same topology."""
+    """Mesher of one scene's beam; all meshes have the same topology."""
 
     scene: Scene
     rig: TrueRig
 
     def mesh(self, state: State) -> tuple[trimesh.Trimesh, Floats]:
-        """The skin in the clamp's frame [m], and the arc length [m] of its vertices."""
+        """Build the mesh in the clamp's frame [m], and the arc length [m] of its vertices."""
         spec, beam = self.scene.beam, self.rig.beam
         line, director = state.centreline, state.director
         s = rings(line[:, 0], line[:, 1:], self._rings)
@@ -57,7 +57,7 @@ class Skin:
 
     @property
     def _tolerance(self) -> float:
-        """What the camera cannot tell at the beam's middle [m]."""
+        """Mesh tolerance at the beam's middle [m], from the scene's tolerance in pixels."""
         middle = np.array([[self.rig.beam.length / 2, 0.0, 0.0]])
         pixel = 1 / float(self.rig.camera.pixels_per_metre(middle)[0])
         return self.scene.render.mesh_tolerance_px * pixel

@@ -1,4 +1,4 @@
-"""The set: a scene's meshes, lamp and camera put up as worlds that can be rendered."""
+"""Assembly of a scene's meshes, lights and camera into worlds that can be rendered."""
 
 import math
 from collections.abc import Iterator
@@ -39,9 +39,9 @@ WHITE, BLACK = 0.7, 0.04
 
 @dataclass(frozen=True)
 class Pose:
-    """One frame to be set up: a step of a push, in the state that it has reached.
+    """One frame to be rendered: a step of a push, and its state.
 
-    A cover stands where it does for the state `covered`, if that is another.
+    A cover is placed for the state `covered`, if that is given.
     """
 
     experiment: Experiment
@@ -56,12 +56,12 @@ class Pose:
 
     @property
     def camera_frame_from_clamp(self) -> Floats:
-        """Into the frame (4, 4) in which the camera stands still."""
+        """Transform (4, 4) from the clamp's frame to the frame in which the camera is fixed."""
         return self.experiment.camera_frame_from_clamp(self.motor_angle)
 
     @property
     def hidden(self) -> tuple[float, float] | None:
-        """The stretch [m] of the beam that is covered, or to be left out."""
+        """The stretch [m] of the beam that is covered or removed."""
         scene = self.experiment.scene
         random = random_generator(scene, "cover", self.trial.index)
         length = scene.beam.length_mm * MILLIMETRE
@@ -70,18 +70,18 @@ class Pose:
 
 @dataclass(frozen=True)
 class Studio:
-    """Builds worlds of one scene's true rig, in the frame in which the camera stands still."""
+    """Assembler of worlds of one scene's true rig, in the frame in which the camera is fixed."""
 
     scene: Scene
     rig: TrueRig
     folder: Path
 
     def rest(self, experiment: Experiment) -> World:
-        """The beam at rest with no object near."""
+        """Build the world of the beam at rest, without an object."""
         return self._world(dict(self._standing(experiment, experiment.rest, 0.0)))
 
     def bench(self, pose: Pose) -> World:
-        """The beam pushed against its object."""
+        """Build the world of the beam pushed against its object."""
         surfaces = self._surfaces(pose)
         # The beam comes first: its index in the truth layers is 1.
         surfaces = {"beam": surfaces.pop("beam"), **surfaces}
@@ -92,36 +92,35 @@ class Studio:
         return {**dict(self.things(pose)), **dict(standing)}
 
     def repose(self, world: World, pose: Pose) -> None:
-        """Bend the beam of a pushed bench anew and put everything where it belongs."""
+        """Move the vertices of a world, made by `bench`, to another pose."""
         surfaces = self._surfaces(pose)
         moving = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(moving, surfaces["beam"].arc_length)
 
     def centreline(self, pose: Pose) -> Floats:
-        """Arc length and place (n, 4) [m] of the beam in the frame in which the camera stands
-        still."""
+        """Compute the beam's arc length and position (n, 4) [m] in the fixed camera's frame."""
         line = pose.state.centreline
         return np.column_stack(
             [line[:, 0], apply(self._stage(pose.experiment, pose.motor_angle), line[:, 1:])]
         )
 
     def card(self, view: int) -> World:
-        """The calibration board alone: in plane C in view 0, tilted in the others."""
+        """Build the world of the calibration board: in plane C in view 0, tilted in the others."""
         antenna_from_board = self.rig.antenna_from_board @ self._tilt(view)
         white, black = board(nominal_rig(self.scene).board)
         for cells in (white, black):
             cells.vertices = apply(antenna_from_board, np.asarray(cells.vertices))
         surfaces = {"white": Surface(white, WHITE), "black": Surface(black, BLACK)}
-        # A luminous panel would lie in the board's place.
+        # A luminous panel would be at the board's position.
         return self._world(surfaces, lights(self.scene, self.folder, panels=False))
 
     def _tilt(self, view: int) -> Floats:
-        """Pose of a view's board against that of view 0: tilted about its own x and y axes."""
+        """Draw a view's board pose relative to view 0: tilted about its own x and y axes."""
         if view == 0:
             return np.eye(4)
         random = random_generator(self.scene, "board view", view)
         most = self.scene.calibration.tilt_deg * DEGREE
-        # Tilts spread evenly round the compass and away from flat, as a careful person holds it.
+        # Tilt directions are spread evenly, and no tilt is near zero, as in careful calibration.
         share = (view + random.uniform(-0.2, 0.2)) / (self.scene.calibration.views - 1)
         compass = 2 * np.pi * share
         lean = most * random.uniform(0.7, 1.0)
@@ -133,7 +132,7 @@ class Studio:
     def _standing(
         self, experiment: Experiment, state: State, motor_angle: float
     ) -> Iterator[tuple[str, Surface]]:
-        """The antenna and what lies under it."""
+        """Yield the surfaces of the antenna and of the background."""
         scene, spec = self.scene, self.scene.beam
         stage = self._stage(experiment, motor_angle)
         steel, arc_length = self._skin.mesh(state)
@@ -150,7 +149,7 @@ class Studio:
         yield from self._background(experiment, motor_angle)
 
     def things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
-        """What the beam is pushed against, and what hides it."""
+        """Yield the surfaces that the beam is pushed against, and the occluder."""
         experiment, state, scene = pose.experiment, pose.state, self.scene
         stage, top = self._stage(experiment, pose.motor_angle), 0.0
         if not isinstance(scene.object, NothingSpec):
@@ -179,12 +178,12 @@ class Studio:
             covered = pose.covered or state
             some = (0.0, 0.1 * self.rig.beam.length)
             mesh = occluder(hiding, stretch or some, covered, camera, seen_from, top, random)
-            if stretch is None:  # shrunk to a point in the hub's foot it hides and shades nothing
+            if stretch is None:  # shrunk to a point at the hub's foot, hides and shades nothing
                 mesh.vertices[:] = (0.0, 0.0, experiment.ground)
             yield "occluder", _painted(_set(mesh, stage), hiding)
 
     def _stage(self, experiment: Experiment, motor_angle: float) -> Floats:
-        """From the clamp's frame to that of the camera (4, 4)."""
+        """Compute the transform (4, 4) from the clamp's frame to that of the fixed camera."""
         stage = experiment.camera_frame_from_clamp(motor_angle).copy()
         stage[:3, 3] += self.rig.base_position
         return stage
@@ -192,10 +191,10 @@ class Studio:
     def _background(
         self, experiment: Experiment, motor_angle: float
     ) -> Iterator[tuple[str, Surface]]:
-        """The ground, as it lies when the motor stands at an angle [rad]."""
+        """Yield the surfaces of the ground at a motor angle [rad]."""
         spec, mount = self.scene.background, self.scene.camera.mount
         if spec.pattern == "plain" or spec.lies_in == mount:
-            # A plain one looks the same however it turns.
+            # A plain ground looks the same at every angle.
             yield from self._ground(np.eye(4))
         elif mount == "antenna":
             yield from self._ground(experiment.clamp_from_world(motor_angle))
@@ -203,7 +202,7 @@ class Studio:
             yield from self._ground(self._stage(experiment, motor_angle))
 
     def _ground(self, stage: Floats) -> Iterator[tuple[str, Surface]]:
-        """Far enough to the sides that the camera never sees its rim."""
+        """Yield the surfaces of a ground so large that the camera never sees its border."""
         spec, length = self.scene.background, self.rig.beam.length
         middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
         if spec.pattern != "squares":
@@ -225,7 +224,7 @@ class Studio:
 
     @cached_property
     def _texture(self) -> Texture | None:
-        """Of the background, about the beam's middle."""
+        """Texture of the background, centred on the beam's middle."""
         spec, length, mm = self.scene.background, self.rig.beam.length, MILLIMETRE
         places = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
         match spec.pattern:
@@ -263,13 +262,13 @@ class Studio:
 
     @property
     def _distance_mm(self) -> float:
-        """From the lens to where it looks."""
+        """Distance from the lens to the point it looks at."""
         camera = self.scene.camera
         return math.dist(camera.position_mm, camera.look_at_mm)
 
     @property
     def _still(self) -> set[str]:
-        """What never moves against the camera. A plain ground may turn: it looks the same."""
+        """Names of surfaces that do not move against the camera; a plain ground always counts."""
         still = {"hub", "adaptor"} if self.scene.camera.mount == "antenna" else set()
         background = self.scene.background
         if background.lies_in == self.scene.camera.mount or background.pattern == "plain":
@@ -278,7 +277,7 @@ class Studio:
 
     @property
     def _slides(self) -> set[str]:
-        """A chequered ground that turns under the camera."""
+        """Names of the surfaces of a chequered ground that turns under the camera."""
         return _GROUND - self._still if self.scene.background.pattern == "squares" else set()
 
     def _unit(self) -> RenderUnit:
@@ -287,11 +286,11 @@ class Studio:
 
 
 def _set(mesh: trimesh.Trimesh, stage: Floats) -> trimesh.Trimesh:
-    """A mesh put in its place on the stage; its vertices keep their order."""
+    """Transform a mesh in place; its vertices keep their order."""
     mesh.vertices = apply(stage, np.asarray(mesh.vertices))
     return mesh
 
 
 def _painted(mesh: trimesh.Trimesh, spec: PaintedPart) -> Surface:
-    """A mesh with the paint that its section of the scene says."""
+    """Combine a mesh with the paint of its section of the scene."""
     return Surface(mesh, spec.reflectance, spec.paint, roughness=spec.roughness)

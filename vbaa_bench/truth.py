@@ -1,4 +1,4 @@
-"""What the truth says of a frame, and of the rig: lengths in mm, angles in degrees."""
+"""The truth of a frame and of the rig: lengths in mm, angles in degrees."""
 
 import math
 from typing import Any
@@ -18,12 +18,13 @@ from vbaa_bench.spec.trials import Trial
 def truth_row(
     experiment: Experiment, trial: Trial, state: State, hidden: tuple[float, float] | None
 ) -> dict[str, Any]:
-    """The truth of one frame, as a row of `truth.parquet`.
+    """Collect the truth of one frame, as a row of `truth.parquet`.
 
-    `hidden` [m] is the stretch of Sigma_a's x axis that is covered or removed, if any is; bars and
-    leaves cover only parts of it. What a frame without contact does not have is null. Centreline
-    and tip are in the clamp's frame, `contact_antenna_mm` counts from where the clamp should
-    stand, and `contact_world_mm` is in Sigma_o, which is Sigma_a where the motor's angle is zero.
+    `hidden` [m] is the stretch of Sigma_a's x axis that is covered or removed, if any; bars and
+    leaves cover only parts of it. Quantities that a frame without contact does not have are null.
+    Centreline and tip are in the clamp's frame. `contact_antenna_mm` is relative to the nominal
+    position of the clamp. `contact_world_mm` is in Sigma_o, which equals Sigma_a at motor angle
+    zero.
     """
     scene, mm = experiment.scene, MILLIMETRE
     phi = trial.motor_angle(state.pushing_angle)
@@ -66,7 +67,7 @@ def truth_row(
 
 
 def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]:
-    """The first contact's columns; all null where nothing is touched."""
+    """Collect the columns of the first contact; all are null if nothing is touched."""
     mm = MILLIMETRE
     scalars = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_psi_deg", "force_n")
     vectors = ("force_antenna_n", "contact_deformation_mm", "contact_antenna_mm")
@@ -80,7 +81,7 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
     psi = _psi(experiment, contact)
     in_plane = np.array([0.0, np.cos(psi), np.sin(psi)])
     across = np.array([0.0, -np.sin(psi), np.cos(psi)])
-    # Eq. (1). The motor turns the clamp about its axis, wherever that truly stands.
+    # Eq. (1). The motor turns the clamp about the true position of its axis.
     axis = np.array(experiment.motor.point)
     turn = turn_about_z(phi)[:3, :3]
     world = [_dot(row, contact.point - axis) for row in turn] + axis + base
@@ -107,7 +108,7 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
 
 
 def _dot(a: Floats, b: Floats) -> float:
-    """Dot product, rounded once: BLAS rounds it as the processor's type has it."""
+    """Compute a dot product with one rounding: that of BLAS depends on the processor."""
     return math.fsum(a * b)
 
 
@@ -116,7 +117,7 @@ def _norm(a: Floats) -> float:
 
 
 def _psi(experiment: Experiment, contact: Contact) -> float:
-    """Inclination [rad] of the deformation plane D, in which the contact has left its rest."""
+    """Compute the inclination [rad] of plane D, in which the contact has moved from its rest."""
     line = experiment.rest.centreline
     rest = np.array([np.interp(contact.s, line[:, 0], line[:, i]) for i in (2, 3)])
     y, z = contact.point[1:] - rest
@@ -124,7 +125,7 @@ def _psi(experiment: Experiment, contact: Contact) -> float:
 
 
 def _second_contact(experiment: Experiment, state: State) -> dict[str, Any]:
-    """The columns of a second contact, null where there is none."""
+    """Collect the columns of a second contact; all are null if there is none."""
     second = next((one for one in state.contacts if one.obstacle == 1), None)
     if second is None:
         names = ("second_s_c_mm", "second_force_antenna_n", "second_contact_antenna_mm")
@@ -139,7 +140,7 @@ def _second_contact(experiment: Experiment, state: State) -> dict[str, Any]:
 
 
 def _stiffness_ratio(experiment: Experiment, state: State) -> float | None:
-    """The object's stiffness over the beam's, 3 EI / x_c^3; None for a rigid one."""
+    """Divide the object's stiffness by the beam's, 3 EI / x_c^3; None if rigid or no contact."""
     if experiment.push.compliance == 0 or not state.contacts:
         return None
     rigidity = experiment.rig.beam.flexural_rigidity
@@ -152,7 +153,7 @@ def _scaled(value: float | None, factor: float) -> float | None:
 
 
 def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> dict[str, Any]:
-    """The truth of a whole dataset, for its manifest."""
+    """Collect the truth of a whole dataset, for its manifest."""
     camera, mm = rig.camera, MILLIMETRE
     return {
         "scene": scene.model_dump(mode="json"),

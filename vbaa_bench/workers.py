@@ -1,4 +1,4 @@
-"""Worker processes, each with one object that is built once and whose methods are the jobs."""
+"""Pool of worker processes, each with one object built once, whose methods are the jobs."""
 
 import contextlib
 import multiprocessing
@@ -28,7 +28,7 @@ class WorkerDiedError(Exception):
 
 
 class WorkerStartError(WorkerDiedError):
-    """A worker process could not build its object; `reason` is why."""
+    """A worker process could not build its object, for `reason`."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -39,7 +39,7 @@ class WorkerStartError(WorkerDiedError):
 
 
 class _InterruptedError(Exception):
-    """The parent has been interrupted, so that what a worker makes is no longer wanted."""
+    """The parent has been interrupted, so a worker's result is no longer needed."""
 
 
 def cores() -> int:
@@ -57,16 +57,16 @@ class Pool:
     Keep `arguments` to a few kilobytes: they are written to a starting process through a pipe,
     and if it dies before it has read them, a longer write never ends.
 
-    Every method gets first a function to call when one more piece is done. Processes are
-    spawned, not forked: a renderer's threads do not survive a fork. They end with their parent,
-    however it ends.
+    The first argument of every method is a function to call after each finished piece. Processes
+    are spawned, not forked: a renderer's threads do not survive a fork. They end when their parent
+    ends, for whatever reason.
     """
 
     def __init__(self, count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
         context = multiprocessing.get_context("spawn")
-        # Simple: a piece is in the pipe before its job's result is, so none is counted too late.
+        # SimpleQueue writes a piece before its job's result, so no piece is counted too late.
         self._pieces, self._stop = context.SimpleQueue(), context.Event()
-        # Pickled here, so that an import that fails in a worker can be reported.
+        # Pickled here, so that a failed import in a worker can be reported.
         made = pickle.dumps((build, arguments))
         self._executor = ProcessPoolExecutor(
             count, context, _settle, (made, self._pieces, self._stop)
@@ -81,14 +81,14 @@ class Pool:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # After an error or an interrupt nothing new is begun, and what runs ends with its piece.
+        # After an error or an interrupt no job starts, and a running job ends after its piece.
         if kind is not None:
             self._stop.set()
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._pieces.close()
 
     def call(self, method: str, *arguments: Any) -> Any:
-        """Run one job and await its result.
+        """Run one job and return its result.
 
         Raises what the method raises, WorkerStartError or WorkerDiedError.
         """
@@ -100,7 +100,7 @@ class Pool:
     def run(
         self, jobs: Sequence[tuple[str, tuple[Any, ...]]], done: Callable[[int], None]
     ) -> list[Any]:
-        """Run all jobs; their results. `done` gets the number of finished pieces.
+        """Run all jobs and return their results. `done` gets the number of finished pieces.
 
         Raises as `call` does.
         """
@@ -132,9 +132,9 @@ class Pool:
 
 @contextlib.contextmanager
 def _interrupt_held_back() -> Iterator[None]:
-    """Deliver Ctrl-C afterwards, to this process alone: those that are started inherit the block.
+    """Block Ctrl-C, and deliver it afterwards to this process only.
 
-    Otherwise it would end them with a traceback each, while they import.
+    Child processes inherit the block. Otherwise each would end with a traceback during its imports.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -148,10 +148,10 @@ def _interrupt_held_back() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _main_module_hidden() -> Iterator[None]:
-    """Keep processes that are started from running the user's script again.
+    """Prevent child processes from running the user's script again.
 
-    Jobs need nothing of it. A script without `if __name__ == "__main__"` would start workers in
-    each worker.
+    Jobs do not need it. A script without `if __name__ == "__main__"` would start workers in each
+    worker.
     """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = types.ModuleType("__main__")
@@ -164,17 +164,17 @@ def _main_module_hidden() -> Iterator[None]:
 def _settle(made: bytes, pieces: Any, stop: Any) -> None:
     """Prepare a worker. An error in building its object is raised by its first job."""
     global _resident, _pieces, _stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _resident, _pieces, _stop = _built(made), pieces, stop
 
 
 def _built(made: bytes) -> Any:
-    """The worker's object, or the error that it cannot be built for."""
+    """Build the worker's object, or return the error that prevents it."""
     try:
         build, arguments = pickle.loads(made)
         return build(*arguments)
-    except Exception as error:  # noqa: BLE001  # whatever it is, it is the reason
+    except Exception as error:  # noqa: BLE001  # any exception is the reason
         return WorkerStartError(f"{type(error).__name__}: {error}")
 
 

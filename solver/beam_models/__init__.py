@@ -1,1 +1,1 @@
-"""The antenna's own beam physics: closed forms that relate a shape to contact and force."""
+"""Beam physics of the solver: closed forms that relate a shape to contact and force."""

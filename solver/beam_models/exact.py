@@ -1,15 +1,15 @@
-"""The exact beam: large deflection, inextensible, frictionless point contact, closed form.
+"""Exact beam: large deflection, inextensible, frictionless point contact, closed form.
 
 The contact force is normal to the beam and the beam is straight beyond the contact, so in
 the frame of the contact's tangent every shape is one rectangular elastica scaled by
 lambda = sqrt(EI / F) (Bernoulli; Love 1927, section 263). With u the distance back from the contact
-along its tangent, the beam lies at
+along its tangent, the distance of the beam from the tangent is
 
     P(u) = lambda G(u / lambda),  G(xi) = xi^3 / 6  2F1(1/2, 3/4; 7/4; xi^4 / 4),  P'(u) = tan(phi),
 
 phi being the angle to that tangent, sin(phi) = q u^2 / 2, and q = F / EI = 1 / lambda^2.
 
-The shape is told by (q, lever): q [1/m^2] and the lever arm of the force about the clamp [m].
+The shape has two parameters: q [1/m^2] and lever, the lever arm of the force about the clamp [m].
 Both stay regular as the force vanishes, where lambda and the contact angle do not:
 
     sin(theta_c) = q lever^2 / 2        base moment = F lever
@@ -17,9 +17,10 @@ Both stay regular as the force vanishes, where lambda and the contact angle do n
     y_c = lever sin(theta_c) - P(lever) cos(theta_c)
     s_c = lever 2F1(1/2, 1/4; 5/4; (q lever^2 / 2)^2)
 
-Both hypergeometric functions of sin^2(phi) are analytic in 1 - cos(phi), their nearest singularity
-being at 2, so a Chebyshev interpolant of low degree gives them to double precision. This is the
-compiled road; `frictional` has the same beam in elliptic integrals, for any direction of the force.
+Both hypergeometric functions of sin^2(phi) are analytic in 1 - cos(phi), with the nearest
+singularity at 2, so a Chebyshev interpolant of low degree gives them to double precision. This
+module is compiled; `frictional` has the same beam in elliptic integrals, for any direction of the
+force.
 """
 
 from typing import Any, Final
@@ -30,19 +31,20 @@ from scipy.special import hyp2f1
 
 from solver.instrument.compiled import njit
 
-# Angles to the contact's tangent of which the shorter series serves: cos(phi) > 0.9, 25.8 degrees.
+# The shorter series is valid up to this angle from the contact's tangent: cos(phi) > 0.9, 25.8 deg.
 GENTLE: Final = 0.1
 STEEP: Final = 1.0
 GENTLE_SINE: Final = 0.4358
-# No beam has turned farther at its contact, nor is a point behind the clamp followed farther.
+# Largest sine of the turn at the contact; beyond it points behind the clamp are not followed.
 MOST_SINE: Final = 0.995
 
 
 def _series(a: float, widest: float, degree: int) -> tuple[float, ...]:
-    """2F1(1/2, a; a + 1; sin^2 phi) as a polynomial in t = 2 (1 - cos phi) / `widest` - 1.
+    """Expand 2F1(1/2, a; a + 1; sin^2 phi) as a polynomial in t = 2 (1 - cos phi) / `widest` - 1.
 
-    From the constant upwards, for 0 <= 1 - cos(phi) <= `widest`. In t, whose singularities lie
-    outside the unit circle, powers are as well conditioned as Chebyshev's polynomials.
+    Coefficients start with the constant; the range is 0 <= 1 - cos(phi) <= `widest`. In t, whose
+    singularities are outside the unit circle, powers are as well conditioned as Chebyshev's
+    polynomials.
     """
 
     nodes = chebyshev.chebpts1(degree + 1)
@@ -54,7 +56,7 @@ def _series(a: float, widest: float, degree: int) -> tuple[float, ...]:
     return tuple(float(c) for c in coefficients)
 
 
-# Coefficients fall by 1/5.8 (steep) and 1/78 (gentle) from one to the next.
+# Coefficients decrease by 1/5.8 (steep) and 1/78 (gentle) from one to the next.
 BEND_STEEP: Final = _series(0.75, STEEP, 20)
 BEND_GENTLE: Final = _series(0.75, GENTLE, 8)
 _STRETCH: Final = _series(0.25, STEEP, 20)
@@ -62,9 +64,9 @@ _STRETCH: Final = _series(0.25, STEEP, 20)
 
 @njit(inline="always")
 def horner(t: float, series: tuple[float, ...]) -> float:
-    """The polynomial with coefficients `series`, from the constant upwards, at t.
+    """Evaluate the polynomial with coefficients `series`, from the constant upwards, at t.
 
-    Even and odd powers apart: two short loops are unrolled, and run side by side.
+    Even and odd powers are separate: two short loops are unrolled and run in parallel.
     """
     square = t * t
     even, odd = 0.0, 0.0
@@ -77,7 +79,7 @@ def horner(t: float, series: tuple[float, ...]) -> float:
 
 @njit(cache=True, error_model="numpy")
 def bend_at(u: float, q: float) -> tuple[float, float, float]:
-    """P(u), dP/du and dP/dq at a distance u >= 0 with q u^2 / 2 < 1."""
+    """Compute P(u), dP/du and dP/dq at a distance u >= 0 with q u^2 / 2 < 1."""
     sine = q * u * u / 2
     cosine = np.sqrt(1 - sine * sine)
     shape = horner(1 - 2 * cosine, BEND_STEEP)
@@ -86,7 +88,7 @@ def bend_at(u: float, q: float) -> tuple[float, float, float]:
 
 @njit(cache=True, error_model="numpy")
 def contact_at(q: float, lever: float) -> Any:
-    """(theta_c, x_c, y_c, s_c), each as (value, d/dq, d/dlever)."""
+    """Compute (theta_c, x_c, y_c, s_c), each as (value, d/dq, d/dlever)."""
     sine = q * lever * lever / 2
     cosine = np.sqrt(1 - sine * sine)
     theta_q, theta_l = lever * lever / 2 / cosine, q * lever / cosine

@@ -1,9 +1,10 @@
-"""The exact beam under a force that leans off its normal, as friction makes it: closed form.
+"""Exact beam under a force inclined against its normal by friction: closed form.
 
-`grip` is the force's component along the beam over that across it, positive towards the tip; the
-force leans by -atan(grip). With u the distance back from the force's line, along an axis across the
-force, the curvature is Q u, Q = F / EI, as without friction. The angle psi of the beam to that axis
-and the distance P from it, and the arc length S, are (Love 1927, section 263)
+`grip`, the friction ratio, is the force's component along the beam over that across it, positive
+towards the tip; the force is inclined by -atan(grip). With u the distance back from the force's
+line, along an axis across the force, the curvature is Q u, Q = F / EI, as without friction. The
+angle psi of the beam to that axis and the distance P from it, and the arc length S, are (Love 1927,
+section 263)
 
     sin(psi) = a + Q u^2 / 2,  a = -grip / sqrt(1 + grip^2),  P' = tan(psi),  S' = 1 / cos(psi),
 
@@ -13,9 +14,9 @@ and in Carlson's symmetric elliptic integrals, which stay regular as the force v
     S = u / c R_F(1 - t / (1 - a), 1 + t / (1 + a), 1),
     P = a S + u t / (3 c) R_D(1 - t / (1 - a), 1 + t / (1 + a), 1).
 
-A shape is told by (q, lever, grip): q = c Q is the force across the beam over EI [1/m^2], which a
-grip changes least, and lever the lever arm of the force about the clamp [m]. Without friction this
-is the beam of `exact`.
+A shape has the parameters (q, lever, grip): q = c Q is the force across the beam over EI [1/m^2],
+which a grip changes least, and lever is the lever arm of the force about the clamp [m]. Without
+friction this is the beam of `exact`.
 """
 
 from dataclasses import dataclass
@@ -28,16 +29,16 @@ from solver.beam_models.exact import MOST_SINE
 from solver.instrument.arrays import Floats
 
 Real = Floats | float
-# Below this turn the gradients by q are their series: closed, they are differences over q.
+# Below this turn the gradients by q use series: the closed forms are differences over q.
 _GENTLE: Final = 1e-5
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Contacts of shapes, each with its gradient (3, ...) by (q, lever, grip).
+    """Contacts of shapes, each quantity with its gradient (3, ...) by (q, lever, grip).
 
-    `load` is F / EI [1/m^2]; theta_c, the tangent's angle, and `lean`, that from the normal to the
-    force, back to the clamp [rad]; x_c, y_c, s_c [m].
+    `load` is F / EI [1/m^2]; `theta_c` is the tangent's angle [rad], `lean` the angle from the
+    normal to the force, back to the clamp [rad]; `x_c`, `y_c`, `s_c` are in [m].
     """
 
     load: Floats
@@ -67,13 +68,13 @@ class _Curve:
 
 
 def exists(q: Real, lever: Real, grip: Real) -> bool:
-    """Whether beams can have these shapes: pushed, and turned by less than a right angle."""
+    """Test whether beams can have these shapes: pushed, and turned by less than a right angle."""
     turned = _sine(lever, q, grip)
     return bool(np.all(np.greater_equal(q, 0) & np.greater(lever, 0) & (turned < MOST_SINE)))
 
 
 def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Contact:
-    """Where and at what angle shapes are touched, on a beam of this radius [m].
+    """Compute position and angle of the contacts of shapes, on a beam of this radius [m].
 
     Friction acts on the beam's surface: the force's line crosses the centreline by radius times
     grip beyond the contact.
@@ -112,10 +113,10 @@ def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Cont
 def misfit(
     x: Floats, y: Floats, q: float, lever: float, grip: float = 0.0
 ) -> tuple[Floats, Floats, Floats]:
-    """Signed misfit (n,) [m] of points, its gradients (n, 2) by (x, y) and (n, 3) by the shape.
+    """Compute signed misfits (n,) [m] of points, gradients (n, 2) by (x, y), (n, 3) by the shape.
 
-    The misfit is measured along the force, without root finding. A point that lies farther behind
-    the clamp than the curve reaches is measured from the curve's end.
+    The misfit is measured along the force, without root finding. A point farther behind the clamp
+    than the curve's end is measured from that end.
     """
     sine, cosine, d_across = _axis(q, lever, grip)
     base = _curve(lever, q, grip)
@@ -137,19 +138,19 @@ def misfit(
 
 
 def farthest(q: Real, grip: Real) -> Floats:
-    """How far back from the force's line [m] a beam has turned by almost a right angle."""
+    """Compute the distance back from the force's line [m] of a turn by almost a right angle."""
     root = np.hypot(1, grip)
     return np.asarray(np.sqrt(2 * (MOST_SINE + grip / root) / np.maximum(q * root, 1e-300)))
 
 
 def _sine(u: Real, q: Real, grip: Real) -> Floats:
-    """sin(psi) at distances u >= 0 [m] back from the force's line; all broadcast."""
+    """Compute sin(psi) at distances u >= 0 [m] back from the force's line; all broadcast."""
     root = np.hypot(1, grip)
     return np.asarray(q * root * np.square(u) / 2 - grip / root)
 
 
 def _axis(q: Real, lever: Real, grip: Real) -> tuple[Floats, Floats, Floats]:
-    """Sine and cosine of the angle of the axis across the force, and its gradient (3, ...)."""
+    """Compute sine, cosine and gradient (3, ...) of the angle of the axis across the force."""
     root = np.hypot(1, grip)
     sine = _sine(lever, q, grip)
     cosine = np.sqrt(1 - sine**2)
@@ -160,7 +161,7 @@ def _axis(q: Real, lever: Real, grip: Real) -> tuple[Floats, Floats, Floats]:
 
 
 def _curve(u: Real, q: Real, grip: Real) -> _Curve:
-    """The curve at distances u >= 0 [m] back from the force's line; all broadcast."""
+    """Compute the curve at distances u >= 0 [m] back from the force's line; all broadcast."""
     root = np.hypot(1, grip)
     c, a, load = 1 / root, -grip / root, q * root
     turn = np.asarray(load * np.square(u) / 2)

@@ -1,6 +1,6 @@
 """Linear beam theory, the paper's eqs. (9) and (10), in Sigma_d.
 
-With load = f / (6 EI) [1/m^2] a beam pushed at x_c lies at y = load u(x; x_c):
+With load = f / (6 EI) [1/m^2] the deflection of a beam pushed at x_c is y = load u(x; x_c):
 
     curved part (9)     u = (3 x_c - x) x^2       up to the contact
     straight part (10)  u = (3 x - x_c) x_c^2     beyond it
@@ -15,26 +15,26 @@ from solver.instrument.compiled import njit
 
 
 def unit_deflection(x: Floats | float, x_c: Floats | float) -> Floats:
-    """u = 6 EI y / f [m^3] at distance x of a beam pushed at x_c [m]; both broadcast."""
+    """Compute u = 6 EI y / f [m^3] at distance x of a beam pushed at x_c [m]; both broadcast."""
     x, x_c = np.asarray(x, dtype=float), np.asarray(x_c, dtype=float)
     return np.where(x <= x_c, (3 * x_c - x) * x**2, (3 * x - x_c) * x_c**2)
 
 
 def unit_slope(x: Floats | float, x_c: Floats | float) -> Floats:
-    """du/dx [m^2]."""
+    """Compute du/dx [m^2]."""
     x, x_c = np.asarray(x, dtype=float), np.asarray(x_c, dtype=float)
     return np.where(x <= x_c, (6 * x_c - 3 * x) * x, 3 * x_c**2)
 
 
 def unit_deflection_by_contact(x: Floats | float, x_c: Floats | float) -> Floats:
-    """du/dx_c [m^2]."""
+    """Compute du/dx_c [m^2]."""
     x, x_c = np.asarray(x, dtype=float), np.asarray(x_c, dtype=float)
     return np.where(x <= x_c, 3 * x**2, (6 * x - 3 * x_c) * x_c)
 
 
 @njit(cache=True)
 def ratio(x1: float, x2: float, x_c: float) -> float:
-    """rho = y2 / y1 of two points 0 < x1 < x2 [m]: grows strictly from x2/x1 to (x2/x1)^2."""
+    """Compute rho = y2 / y1 of points 0 < x1 < x2 [m]; it rises strictly, x2/x1 to (x2/x1)^2."""
     one = (3 * x_c - x1) * x1**2 if x1 <= x_c else (3 * x1 - x_c) * x_c**2
     two = (3 * x_c - x2) * x2**2 if x2 <= x_c else (3 * x2 - x_c) * x_c**2
     return two / one
@@ -42,7 +42,7 @@ def ratio(x1: float, x2: float, x_c: float) -> float:
 
 @njit(cache=True)
 def ratio_slope(x1: float, x2: float, x_c: float) -> float:
-    """d rho / d x_c [1/m], positive."""
+    """Compute d rho / d x_c [1/m], which is positive."""
     if x2 <= x_c:
         return 3 * (x2 - x1) / (3 * x_c - x1) ** 2 * (x2 / x1) ** 2
     if x1 >= x_c:
@@ -54,21 +54,21 @@ def ratio_slope(x1: float, x2: float, x_c: float) -> float:
 
 @njit(cache=True)
 def contact_of_pair(x1: float, y1: float, x2: float, y2: float, guess: float) -> float:
-    """x_c [m] of two points 0 < x1 < x2, 0 < y1: the solution of rho(x_c) = y2 / y1.
+    """Solve rho(x_c) = y2 / y1 for the contact x_c [m] of two points 0 < x1 < x2, 0 < y1.
 
-    0 at or below rho = x2/x1, where the contact runs to the clamp, and infinity at or above its
-    square, where it runs away from it: of such points linear theory knows no contact. Between,
-    the three cases of section V-A are three stretches of rho:
+    Returns 0 at or below rho = x2/x1, where the contact tends to the clamp, and infinity at or
+    above its square, where it tends to infinity: for such points linear theory has no contact. In
+    between, the three cases of section V-A are three intervals of rho:
 
         both on the curved part (15)    (x1 + (x2 - x1) q1 / (q1 - q2)) / 3 with q = y / x^2
         both on the straight part (19)  3 (x1 - y1 / m) with m = (y2 - y1) / (x2 - x1)
         one on each (20)                the root of a cubic in [x1, x2]
 
-    The first two are (15) and (19) without their cancellation. For the cubic, Newton's steps from
-    `guess` (or from the middle) are kept inside a bracket that shrinks around the root.
+    The first two are (15) and (19), rewritten without cancellation. For the cubic, Newton's steps
+    from `guess` (or from the middle) are kept inside a bracket that shrinks around the root.
     """
     rho, r = y2 / y1, x2 / x1
-    # To rounding: points on a straight line through the clamp have no contact of 1e-17 m.
+    # Allow for rounding: points on a straight line through the clamp have no contact at 1e-17 m.
     if rho <= r * (1 + 1e-14):
         return 0.0
     if rho >= r * r * (1 - 1e-14):
@@ -77,7 +77,7 @@ def contact_of_pair(x1: float, y1: float, x2: float, y2: float, guess: float) ->
         return 3 * (x1 - y1 * (x2 - x1) / (y2 - y1))
     if (3 * x2 - x1) * x1**2 * rho >= 2 * x2**3:
         q1, q2 = y1 / x1**2, y2 / x2**2
-        if q1 <= q2:  # infinite but for the last digit
+        if q1 <= q2:  # infinite except for rounding
             return np.inf
         return (x1 + (x2 - x1) * q1 / (q1 - q2)) / 3
     low, high = x1, x2

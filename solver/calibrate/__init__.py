@@ -1,8 +1,8 @@
-"""Board views -> camera: intrinsics, distortion, and the pose of the calibration plane C.
+"""Calibrate a camera from board views: intrinsics, distortion, and the pose of plane C.
 
 View 0 shows the board lying in plane C at the pose that the rig states. The other views tilt the
-board, which is what makes a pinhole's focal length observable; with view 0 alone, plane C is
-known and the viewpoint is not. A telecentric camera has no focal length and is found from view 0.
+board, which makes a pinhole's focal length observable; with view 0 alone, plane C is known and the
+viewpoint is not. A telecentric camera has no focal length and is calibrated from view 0.
 """
 
 from collections.abc import Iterable, Iterator
@@ -23,17 +23,20 @@ from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 
-# Of a target that may be seen in part; they must not lie in fewer than three rows or columns.
+# Fewest points of a target that may be partly visible, in at least three rows and columns.
 LEAST_POINTS = 12
-# Places of the beam at rest, of which the camera must show this share, and one in the image.
-# Chosen: with less than half of a beam no method answers.
+# Number of places of the beam at rest, and the least share of them that the camera shows; at least
+# one must be in the image. Chosen: with less than half of a beam no method gives an estimate.
 _PLACES, _LEAST_SHOWN = 20, 0.5
 
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """OpenCV adds up the normal equations in the order in which its threads finish; one thread
-    gives the same bits every time."""
+    """Limit OpenCV to one thread.
+
+    OpenCV adds up the normal equations in the order in which its threads finish; one thread gives
+    the same bits every time.
+    """
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -46,11 +49,11 @@ def _one_thread() -> Iterator[None]:
 def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
     """Calibrate the camera from gray images (height, width) of the rig's board, of 8 or 16 bits.
 
-    Views are asked for one after the other, and only their points are kept: a generator that reads
-    them needs the memory of one. Raises InputError if the views differ in size, view 0 does not
-    show the board (a chessboard as a whole, another target in good part), of several views of a
-    pinhole fewer than three do, they determine no camera, or the camera found does not show the
-    beam.
+    Views are read one after the other, and only their points are kept: a generator of views needs
+    the memory of one. Raises InputError if the views differ in size, if view 0 does not show the
+    board (a chessboard as a whole, another target in good part), if fewer than three of several
+    views of a pinhole do, if they determine no camera, or if the calibrated camera does not show
+    the beam.
     """
     shapes: list[tuple[int, ...]] = []
     seen: list[BoardDetection | None] = []
@@ -94,7 +97,7 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
 
 
 def detect_board(view: Grey, board: Board) -> BoardDetection | None:
-    """Points of the board in a view (height, width), None if too few are seen.
+    """Detect the board's points in a view (height, width); return None if too few are visible.
 
     They are detected in 8 bits and refined in all bits that the view has.
     """

@@ -1,4 +1,4 @@
-"""What one view shows of a target."""
+"""Detection of a target in one view."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a calibration answers."""
+"""Result of a camera calibration."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from solver.instrument.camera import Camera
 
 @dataclass(frozen=True)
 class Calibration:
-    """The camera as found, and the root mean square reprojection error of the points [px].
+    """Calibrated camera, and root mean square reprojection error of the points [px].
 
     `covariance` (n, n) is that of (focal length, cx, cy [px], the distortion's coefficients,
     rotation (3,) [rad], shift (3,) [m]). The last six are the pose of the board in view 0, which

@@ -1,4 +1,4 @@
-"""Crossings of a network of lines: found as dark blobs, then numbered outward from one of them."""
+"""Crossings of a network of lines: detected as dark blobs, numbered outward from one of them."""
 
 from collections import deque
 from typing import Final
@@ -9,10 +9,10 @@ from scipy.spatial import KDTree
 
 from solver.instrument.arrays import Floats
 
-# A crossing may lie off its expected place by this share of the distance to its neighbour.
+# Largest distance of a crossing from its expected place, over the distance to its neighbour.
 _ASTRAY: Final = 0.25
 _STARTS: Final = 5
-# Of the typical crossing's response; line ends and dirt respond less.
+# Threshold over the typical crossing's response; line ends and dirt respond less.
 _LEAST_RESPONSE: Final = 0.3
 
 Node = tuple[int, int]
@@ -20,10 +20,10 @@ Lattice = dict[Node, Floats]
 
 
 def crossings(darkness: Floats, scale: float, expected: int) -> Floats:
-    """Candidates (n, 2) [px] for crossings of dark lines, `scale` [px] their width.
+    """Detect candidates (n, 2) [px] for crossings of dark lines of width `scale` [px].
 
-    Where lines cross, the darkness blurred to `scale` bends down in every direction; along a
-    line it does not. The product of both curvatures peaks there (the determinant of Hessian).
+    Where lines cross, the darkness blurred to `scale` has negative curvature in every direction;
+    along a line it does not. The product of both curvatures (determinant of Hessian) peaks there.
     """
     blurred = cv2.GaussianBlur(darkness, (0, 0), max(scale, 1.2))
     dv, du = np.gradient(blurred)
@@ -31,7 +31,7 @@ def crossings(darkness: Floats, scale: float, expected: int) -> Floats:
     duu = np.gradient(du, axis=1)
     response = np.where(duu + dvv < 0, duu * dvv - dvu**2, 0)
     reach = 2 * max(round(scale), 1) + 1
-    # What crosses on the image's rim is not seen whole.
+    # Crossings on the image's rim are only partly visible.
     for rim in (response[:reach], response[-reach:], response[:, :reach], response[:, -reach:]):
         rim[:] = 0
     highest = cv2.dilate(response, np.ones((reach, reach), np.uint8))
@@ -44,10 +44,10 @@ def crossings(darkness: Floats, scale: float, expected: int) -> Floats:
 
 
 def lattice(candidates: Floats) -> Lattice:
-    """The largest set of candidates (n, 2) [px] that continues one square cell: pixel by node.
+    """Find the largest set of candidates (n, 2) [px] that continues one cell: pixel by node.
 
-    A node is (column, row), counted from where the search began, columns to the right and rows
-    downward in the image; the network is turned by less than 45 degrees.
+    A cell is square. A node is (column, row), counted from the start of the search, columns to the
+    right and rows downward in the image; the network is turned by less than 45 degrees.
     """
     if len(candidates) < 4:
         return {}

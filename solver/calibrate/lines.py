@@ -1,4 +1,4 @@
-"""The paper's target: a network of thin dark lines. Its crossings, told by the two thick lines."""
+"""Detection of the paper's target: a network of dark lines, identified by its two thick lines."""
 
 from collections import defaultdict
 from typing import Final
@@ -13,24 +13,24 @@ from solver.calibrate.strokes import Stroke, crossing, stroke
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import LineNetwork
 
-# The image is blurred so far that a cubic spline through its pixels is true between them.
+# Blur [px] with which a cubic spline through the image's pixels is accurate between them.
 BLUR_PX: Final = 1.0
-# How much of the image's width the network may fill: the distance between lines that is tried.
+# Trial shares of the image's width that the network fills; they give the trial line distances.
 _FILLS: Final = (1.0, 0.7, 0.5, 0.35)
 _FEWEST: Final = 3
-# A thick line against its neighbours; it is printed twice as wide.
+# Threshold of a thick line's width over its neighbours'; it is printed twice as wide.
 _THICK: Final = 1.5
-# A crossing of the curves against that of the blurred image: a share of the lines' distance.
+# Largest distance of a crossing of the curves from its detection, over the lines' distance.
 _ASTRAY: Final = 0.15
 
 
 def line_network(view: Grey, board: LineNetwork) -> BoardDetection | None:
-    """Crossings of a view, which is (height, width); None if they cannot be found and told."""
+    """Detect the crossings in a view (height, width); return None if they are not identified."""
     tried = [_lattice(view, board, fill * view.shape[1] / board.columns) for fill in _FILLS]
     best = max(tried, key=len)
     if len(best) < _FEWEST**2:
         return None
-    # Once more, at the distance that was found.
+    # Repeat with the estimated line distance.
     spacing = _spacing(best)
     best = _lattice(view, board, spacing)
     darkness = cv2.GaussianBlur(_darkness(view, spacing), (0, 0), BLUR_PX)
@@ -50,7 +50,7 @@ def line_network(view: Grey, board: LineNetwork) -> BoardDetection | None:
             continue
         pixel = crossing(rows[down].curve, columns[across].curve, near)
         rim = min(*pixel, *(np.array([width, height]) - 1 - pixel))
-        # On the image's rim, and where it is not where it was found, it is not to be trusted.
+        # Reject a crossing on the image's rim, or far from its detection.
         if rim > widest and np.linalg.norm(pixel - near) < _ASTRAY * spacing:
             seen[row * board.columns + column] = pixel
     if not seen:
@@ -60,27 +60,28 @@ def line_network(view: Grey, board: LineNetwork) -> BoardDetection | None:
 
 
 def _darkness(view: Grey, spacing: float) -> Floats:
-    """1 minus the image over the card behind it (height, width): 0 on the card, about 1 in ink.
+    """Compute 1 minus image over card (height, width): 0 on the card, about 1 in ink.
 
-    The card is what is left when all that is thinner than half the lines' distance is closed.
+    The card's brightness is the morphological closing of the image, which removes everything dark
+    that is thinner than half the lines' distance.
     """
     size = max(round(spacing / 2), 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     smooth = cv2.GaussianBlur(view.astype(np.float32), (0, 0), BLUR_PX)
     card = cv2.GaussianBlur(cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, kernel), (0, 0), size / 2)
-    # Beside the card, and where its edge would look like a line, there is no ink.
+    # No ink is assumed beside the card, and where its edge would look like a line.
     lit = cv2.erode((card > 0.2 * card.max()).astype(np.uint8), kernel) > 0
     return np.where(lit, 1 - view / np.maximum(card, 1e-9), 0.0).astype(np.float64)
 
 
 def _lattice(view: Grey, board: LineNetwork, spacing: float) -> Lattice:
-    """Crossings of lines about `spacing` [px] apart, good to a pixel."""
+    """Detect crossings of lines about `spacing` [px] apart, to about a pixel."""
     thin = spacing * board.line_width / board.square
     return lattice(crossings(_darkness(view, spacing), thin, board.columns * board.rows))
 
 
 def _spacing(found: Lattice) -> float:
-    """The typical distance [px] from a node to the next in its row or column."""
+    """Compute the median distance [px] from a node to the next in its row or column."""
     neighbours = [
         (node, (node[0] + right, node[1] + 1 - right)) for node in found for right in (0, 1)
     ]
@@ -89,7 +90,7 @@ def _spacing(found: Lattice) -> float:
 
 
 def _strokes(spline: Floats, found: Lattice, axis: int, widest: float) -> dict[int, Stroke]:
-    """The rows (axis 1) or columns (axis 0) of a lattice, by their number."""
+    """Trace the rows (axis 1) or columns (axis 0) of a lattice; return them by their number."""
     lines: dict[int, list[Node]] = defaultdict(list)
     for node in sorted(found):
         lines[node[axis]].append(node)
@@ -105,7 +106,7 @@ def _strokes(spline: Floats, found: Lattice, axis: int, widest: float) -> dict[i
 
 
 def _thick(strokes: dict[int, Stroke]) -> int | None:
-    """The number of the one line that is clearly wider than its neighbours; None without one."""
+    """Return the number of the only line clearly wider than its neighbours; None without one."""
     ratio = {}
     for number, line in strokes.items():
         beside = [strokes[n].width for n in (number - 1, number + 1) if n in strokes]

@@ -1,7 +1,7 @@
-"""A pinhole with its lens's distortion from several views of a target: Zhang (2000), then a bundle.
+"""Pinhole calibration with distortion from several views: Zhang (2000), then bundle adjustment.
 
-OpenCV's own result is only the start: it stops where its steps grow small, up to half a per cent
-off in focal length (its issue 22031), and it knows no covariance of intrinsics and pose together.
+OpenCV's own result is only the start: it stops where its steps become small, up to half a per cent
+off in focal length (its issue 22031), and it gives no joint covariance of intrinsics and pose.
 """
 
 from collections.abc import Sequence
@@ -22,18 +22,19 @@ from solver.instrument.transforms import invert, rigid
 
 LEAST_VIEWS: Final = 3
 _TIGHT: Final = 1e-14
-# Coefficients are believed to be of the order of one: that many weigh as much as a corner's error.
-# Without it a rational lens's k1 and k4 may run off together, all but cancelling each other.
+# Prior of the coefficients, which are of the order of one: a coefficient of 1 weighs as much as a
+# corner's error of this size. Without it a rational lens's k1 and k4 may diverge together, nearly
+# cancelling each other.
 _BELIEF_PX: Final = 0.02
-# Of the median error; of noise alone, one point in a hundred thousand lies so far off.
+# Outlier threshold over the median error; noise alone exceeds it in one point of 100 000.
 _STRAY: Final = 4.0
 
 
 def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -> Calibration:
-    """Camera with square pixels from several views of the rig's board, view 0 first.
+    """Calibrate a camera with square pixels from several views of the rig's board, view 0 first.
 
-    Every point counts alike; the least squares run in float64 to 14 digits. Raises InputError if
-    there are fewer than three views.
+    Every point has the same weight; the least squares run in float64 to 14 digits. Raises
+    InputError if there are fewer than three views.
     """
     if len(seen) < LEAST_VIEWS:
         raise InputError(
@@ -64,7 +65,7 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
 def _adjusted(
     rig: Rig, seen: Sequence[BoardDetection], width: int, height: int
 ) -> tuple["Bundle", Any]:
-    """The bundle of all views, and the least squares' answer."""
+    """Run the bundle adjustment; return the bundle and the least-squares result."""
     bundle = Bundle(rig.board, seen, rig.distortion_coefficients)
     found: Any = least_squares(
         bundle.residuals,
@@ -80,7 +81,7 @@ def _adjusted(
 
 
 def _without_strays(seen: Sequence[BoardDetection], residuals: Floats) -> list[BoardDetection]:
-    """The views without points that lie off by more than STRAY times what is usual."""
+    """Remove points whose error exceeds _STRAY times the median error."""
     total = sum(map(len, seen))
     off = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
     # At least a hundredth of a pixel: points without noise err by rounding alone.
@@ -93,7 +94,7 @@ def _without_strays(seen: Sequence[BoardDetection], residuals: Floats) -> list[B
 
 
 class Bundle:
-    """Residuals of all views' points by focal length, principal point, distortion, and poses."""
+    """Residuals of all views' points, by focal length, principal point, distortion and poses."""
 
     def __init__(self, board: Board, seen: Sequence[BoardDetection], coefficients: int) -> None:
         corners = board.corners()
@@ -101,8 +102,8 @@ class Bundle:
         self.points = [corners[one.numbers] for one in seen]
 
     def start(self, width: int, height: int) -> Floats:
-        """OpenCV's answer for a lens free of distortion, or with k1 and k2 alone."""
-        # Free coefficients of a higher order would trade against the focal length.
+        """Compute OpenCV's estimate for a lens without distortion, or with k1 and k2 only."""
+        # Free coefficients of a higher order would be correlated with the focal length.
         flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
         if self.lens == 3:
             flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2
@@ -120,7 +121,7 @@ class Bundle:
         return np.concatenate([known[: self.lens], *poses])
 
     def posed(self, lens: Floats) -> Floats:
-        """Rotation vector and shift (6,) of view 0 under a lens (focal length, cx, cy)."""
+        """Estimate rotation vector and shift (6,) of view 0 for a lens (focal length, cx, cy)."""
         focal, cx, cy = lens
         matrix = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
         _, rotation, shift = cv2.solvePnP(
@@ -129,20 +130,19 @@ class Bundle:
         return np.vstack([rotation, shift]).ravel().astype(np.float64)
 
     def pose(self, values: Floats, view: int) -> tuple[Floats, Floats]:
-        """Rotation vector (3,) [rad] and shift (3,) [m] of a view's camera_from_board."""
+        """Return rotation vector (3,) [rad] and shift (3,) [m] of a view's camera_from_board."""
         place = self.lens + 6 * view
         return values[place : place + 3], values[place + 3 : place + 6]
 
     def residuals(self, values: Floats) -> Floats:
-        """How far the points are projected from where they are seen, u and v in turn [px]; then
-        what is believed of the coefficients."""
+        """Compute the reprojection errors [px], u and v in turn, then the coefficients' prior."""
         projected = [self._projected(values, view)[0] for view in range(len(self.seen))]
         seen = np.vstack([one.pixels for one in self.seen])
         believed = _BELIEF_PX * values[3 : self.lens]
         return np.concatenate([(np.vstack(projected) - seen).ravel(), believed])
 
     def jacobian(self, values: Floats) -> Floats:
-        """d(residuals)/d(values)."""
+        """Compute d(residuals)/d(values)."""
         data, coefficients = 2 * sum(map(len, self.seen)), self.lens - 3
         total = np.zeros((data + coefficients, len(values)))
         total[data:, 3 : self.lens] = _BELIEF_PX * np.eye(coefficients)
@@ -166,10 +166,10 @@ class Bundle:
         return np.asarray(pixels, np.float64).reshape(-1, 2), np.asarray(slopes, np.float64)
 
     def covariance(self, found: Any) -> Floats:
-        """Of the lens and the pose of view 0, as Calibration says it.
+        """Compute the covariance of the lens and the pose of view 0, as in `Calibration`.
 
-        The inverse of the normal matrix, scaled by the residuals' variance, and by how many
-        neighbours on the board err together.
+        It is the inverse of the normal matrix, scaled by the residuals' variance and by the number
+        of neighbours on the board with a common error.
         """
         data = found.fun[: 2 * sum(map(len, self.seen))]
         variance = (data @ data) / (len(data) - len(found.x)) * self._together(data)
@@ -180,9 +180,10 @@ class Bundle:
         return np.asarray(carry @ inverse @ carry.T * variance)
 
     def _together(self, residuals: Floats) -> float:
-        """How many points err alike: the integrated autocorrelation along rows and columns.
+        """Estimate how many points share an error: autocorrelation along rows and columns.
 
-        Crossings on one line err as that line does, across it. The worse of u and v counts.
+        The autocorrelation is integrated. Crossings on one line share the line's error across it.
+        The larger value of u and v counts.
         """
         shape = (len(self.seen), self.board.rows * self.board.columns, 2)
         errors = np.full(shape, np.nan)
@@ -197,9 +198,9 @@ class Bundle:
 
 
 def _integrated(errors: Floats) -> float:
-    """1 + twice the autocorrelation along the last axis, up to where it falls to zero.
+    """Compute 1 + twice the autocorrelation along the last axis, up to where it falls to zero.
 
-    NaN stands where nothing is seen.
+    NaN marks points that are not detected.
     """
     variance, total = np.nanmean(errors**2), 1.0
     for lag in range(1, errors.shape[-1]):
@@ -213,7 +214,7 @@ def _integrated(errors: Floats) -> float:
 
 
 def _turned(rotation: Floats) -> Floats:
-    """From a change of a rotation vector (3,) [rad] to the small turn after it, (3, 3)."""
+    """Compute the map (3, 3) from a rotation vector's (3,) [rad] change to the small turn."""
     matrix, slopes = cv2.Rodrigues(rotation)
     turns = [slope.reshape(3, 3) @ matrix.T for slope in slopes]
     return np.array([[turn[2, 1], turn[0, 2], turn[1, 0]] for turn in turns]).T

@@ -1,8 +1,8 @@
-"""Plane C from one view of the board that lies in it: the homography, as the paper calibrates.
+"""Calibration of plane C from one view of the board in it: the homography, as in the paper.
 
-One view of a plane tells how pixels lie on that plane, and hardly anything of where the camera
-stands: focal length and height trade against each other. What is measured in plane C does not
-care; what needs the viewpoint must not rely on it.
+One view of a plane determines the map from pixels to that plane, but hardly the camera's position:
+focal length and height are strongly correlated. Measurements in plane C are not affected; methods
+that need the viewpoint must not rely on it.
 """
 
 from typing import Any, Final
@@ -18,16 +18,16 @@ from solver.instrument.camera import Camera
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert, rigid
 
-# What is believed of a lens about which nothing is known, one sigma over the image's width: its
-# focal length about the width, its axis about the middle. It weighs as much as an error of:
+# Prior of an unknown lens, one sigma over the image's width: its focal length about the width, its
+# axis about the middle. One sigma weighs as much as an error of _BELIEF_PX.
 FOCAL_SHARE, AXIS_SHARE = 0.5, 0.05
 _BELIEF_PX: Final = 0.02
 
 
 def plane_alone(lying: BoardDetection, width: int, height: int, rig: Rig) -> Calibration:
-    """A camera with square pixels that shows the board of view 0 where it is seen.
+    """Calibrate a camera with square pixels that reproduces the board of view 0.
 
-    Its mapping of plane C is that of the best homography; its viewpoint is not known.
+    Its map of plane C is that of the best homography; its viewpoint is not known.
     """
     bundle = Bundle(rig.board, [lying], 0)
     believed = np.array([width, (width - 1) / 2, (height - 1) / 2])

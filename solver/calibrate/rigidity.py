@@ -1,4 +1,4 @@
-"""The flexural rigidity EI from a known weight that hangs on the beam.
+"""Estimation of the flexural rigidity EI from a known weight that hangs on the beam.
 
 A weight is a dead load: it keeps its direction while the beam turns under it, so it is not the
 frictionless contact of the methods. For a beam clamped level,
@@ -6,8 +6,8 @@ frictionless contact of the methods. For a beam clamped level,
     EI theta'' = -(W [s < s_w] + w (L - s)) cos(theta),   theta(0) = 0,   theta'(L) = 0,
 
 with W at arc length s_w and the beam's own weight w a metre (Bisshopp and Drucker 1945 for W at
-the end). Only W / EI and w / EI shape the beam. The images at rest and under the weight are
-fitted together: they share the clamp's pose and w / EI, and W / EI is what differs.
+the end). The beam's shape depends on W / EI and w / EI only. The images at rest and under the
+weight are fitted together: they share the clamp's pose and w / EI, and differ in W / EI.
 """
 
 import math
@@ -26,21 +26,21 @@ from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 
 LEAST_POINTS = 20
-# Steeper, a place along the beam is no longer told by its x, and the weight slides.
+# Largest slope: on a steeper beam, x no longer determines the place, and the weight slides.
 STEEPEST = math.radians(60)
-# A weight that bends the beam less than this many sigma tells nothing.
+# Least load over its sigma: a smaller one does not determine EI.
 LEAST_SNR = 20.0
-# A weight that hangs, or a clamp that points, so many sigma off what was said was not said rightly.
+# Largest deviation of the weight's place, and of the clamp's level, from those stated, in sigmas.
 FARTHEST_OFF = 4.0
-# Points that scatter about the fitted beam by so many of their sigma are not of a hung weight.
+# Largest scatter of the points about the fitted beam, in sigmas, for a beam under a hung weight.
 WORST_MISFIT = 3.0
-# A point that is off by more of its sigmas counts for less.
+# Points with a residual above this many sigmas have less weight.
 _ROBUST = 3.0
-# A weight is held on the beam while the fit moves it: shares of the length.
+# Bounds of the weight's place in the fit, which keep it on the beam: shares of the length.
 _INNERMOST, _OUTERMOST = 1e-3, 0.9999
-# What stands for the distances [sigma] of a beam that no such load can bend.
+# Residuals [sigma] where the beam has no shape under such a load.
 _NO_SHAPE = 1e6
-# A load W L^2 / EI below which nothing is bent that a camera sees: a millionth of the length.
+# Least load W L^2 / EI: it deflects the beam by a millionth of the length, which is invisible.
 _LEAST_LOAD = 3e-6
 _HALVINGS = 20
 _NODES = np.linspace(0.0, 1.0, 60)
@@ -64,9 +64,9 @@ class HungWeight:
 class Rigidity:
     """EI and its sigma [N m^2].
 
-    `at` and `at_sigma` [m]: where the weight hangs after the fit; `sag` [m]: how far the tip hangs
-    down by the beam's own weight; `misfit`: the points' scatter about the fitted beam in units of
-    their sigma, in that image where it is larger.
+    `at` and `at_sigma` [m]: the fitted place of the weight; `sag` [m]: sag of the tip by the beam's
+    own weight; `misfit`: the points' scatter about the fitted beam in units of their sigma, the
+    larger of at rest and under the weight.
     """
 
     value: float
@@ -80,10 +80,10 @@ class Rigidity:
 def flexural_rigidity(
     rest: Sequence[Measurement], loaded: Sequence[Measurement], weight: HungWeight
 ) -> Rigidity:
-    """EI from the beam at rest and under a weight, both in the frame of the beam at rest.
+    """Estimate EI from the beam at rest and under a weight, in the frame of the beam at rest.
 
     The weight pulls in the calibration plane, across the beam at rest. Raises InputError where
-    the images do not tell EI, or show something else than that weight at that place.
+    the images do not determine EI, or contradict that weight at that place.
     """
     rig = loaded[0].rig
     length = rig.beam.length
@@ -96,11 +96,11 @@ def flexural_rigidity(
         )
     groups = [_pooled(rest, "at rest"), _pooled(loaded, "under the weight")]
     base = loaded[0].base_covariance
-    # Known beforehand: clamp along the beam, place of the weight, level, scale.
+    # Sigmas of the priors: clamp along the beam, place of the weight, level, scale.
     known = np.array([math.sqrt(base[0, 0]), weight.at_sigma, weight.level_sigma])
     known = np.maximum(np.append(known, loaded[0].scale_sigma), 1e-9)
     start = _linear_start(groups, weight.at, length)
-    # Every load is in units of the one that the images show, whatever EI the rig states.
+    # Loads are in units of the linear estimate, which does not depend on the rig's EI.
     unit = abs(start[0])
     start[:2] /= [unit, unit / length]
     start[2] /= length
@@ -110,7 +110,7 @@ def flexural_rigidity(
         along, shift, level, scale = p[4:] * known
         parts = []
         for (points, sigmas), hung, wide in zip(groups, (0.0, load), widening, strict=True):
-            # A large load while the fit is on its way: no shape, so a step that is refused.
+            # No shape under a large trial load: the fit rejects the step.
             at = weight.at + shift
             curve = hung_beam(hung, own, at if hung else 0.5 * length, level, length)
             if curve is None:
@@ -121,13 +121,13 @@ def flexural_rigidity(
             parts.append(_distances(curve, at_clamp, sigmas @ turn) / wide)
         return np.concatenate([*parts, p[4:]])
 
-    # Of all that is fitted, only the weight's place has an end: the beam's.
+    # Of all parameters, only the weight's place is bounded: by the beam's ends.
     low, high = np.full(8, -np.inf), np.full(8, np.inf)
     low[5], high[5] = (np.array([_INNERMOST, _OUTERMOST]) * length - weight.at) / known[1]
     start[5] = np.clip(0.0, low[5], high[5])
     sizes = [len(points) for points, _ in groups]
     widening = np.ones(2)
-    # The first pass tells how far the points' errors exceed their sigmas, and how long they last.
+    # The first pass estimates how far errors exceed their sigmas, and their correlation length.
     for _ in range(2):
         fit = least_squares(
             residuals,
@@ -176,9 +176,9 @@ def flexural_rigidity(
 
 
 def _loss(points: int, z: Floats) -> Floats:
-    """Soft L1 of the first `points` squared residuals, and what is known beforehand as it is.
+    """Compute soft L1 of the first `points` squared residuals, and plain squares of the priors.
 
-    A robust prior would let go of what was stated as soon as the images disagree with it.
+    A robust prior would lose its weight as soon as the images disagree with it.
     """
     root = np.sqrt(1 + z)
     robust = np.array([2 * (root - 1), 1 / root, -0.5 / root**3])
@@ -187,8 +187,11 @@ def _loss(points: int, z: Floats) -> Floats:
 
 
 def _refuse_another(off: Floats, sigmas: Floats, misfit: float) -> None:
-    """Raise InputError where the weight's place or the clamp's level is `off` (2,) by too many
-    `sigmas` (2,), [m] and [rad], or the points lie off the fitted shape."""
+    """Reject a weight, level or shape that contradicts the images. Raises InputError.
+
+    `off` (2,) are the deviations of the weight's place and of the clamp's level, in units of
+    `sigmas` (2,), [m] and [rad]; `misfit` is the points' scatter about the fitted shape.
+    """
     place, level = off * sigmas
     if misfit > WORST_MISFIT:
         raise InputError(
@@ -210,15 +213,15 @@ def _refuse_another(off: Floats, sigmas: Floats, misfit: float) -> None:
     )
 
 
-# Half of what a fit varies moves the beam without bending it.
+# Cached, for half of the fit's parameters move the beam without bending it.
 @lru_cache(maxsize=64)
 def hung_beam(
     load: float, own: float, at: float, level: float, length: float
 ) -> CubicHermiteSpline | None:
-    """y(x) [m] of a clamped beam under `load` = W / EI [1/m^2] at arc length `at` [m].
+    """Compute y(x) [m] of a clamped beam under `load` = W / EI [1/m^2] at arc length `at` [m].
 
     `own` = w / EI [1/m^3] is its own weight's. The clamp points down by `level` [rad]. Accurate
-    to 1e-7 of the length; None where the beam turns too steeply or no shape is found.
+    to 1e-7 of the length. Return None where the beam turns too steeply or no shape is found.
     """
     spans = np.array([at, length - at])[:, None]
 
@@ -244,7 +247,7 @@ def hung_beam(
 
 
 def _pooled(measurements: Sequence[Measurement], when: str) -> tuple[Floats, Floats]:
-    """All points of several images and their sigma vectors, in order along the beam."""
+    """Pool the points of several images and their sigma vectors, in order along the beam."""
     points = np.vstack([one.points for one in measurements])
     sigmas = np.vstack([one.sigma_vectors for one in measurements])
     if len(points) < LEAST_POINTS:
@@ -256,10 +259,11 @@ def _pooled(measurements: Sequence[Measurement], when: str) -> tuple[Floats, Flo
 
 
 def _linear_start(groups: Sequence[tuple[Floats, Floats]], at: float, length: float) -> Floats:
-    """The fit's start (8,): load and own weight [1/m^2, 1/m^3], offset [m] and tilt [rad] at rest.
+    """Estimate the fit's start (8,) by linear theory, eqs. (9) and (10).
 
-    Linear theory, eqs. (9) and (10) with a clamp that is offset and tilted, at once for the beam at
-    rest and under the weight. The loads are halved until the beam has a shape.
+    Its first values are load and own weight [1/m^2, 1/m^3], offset [m] and tilt [rad] at rest. They
+    are fitted jointly to the beam at rest and under the weight, with a clamp that is offset and
+    tilted. The loads are halved until the beam has a shape.
     """
     design, y = [], []
     for (points, _), loaded in zip(groups, (False, True), strict=True):
@@ -280,7 +284,7 @@ def _linear_start(groups: Sequence[tuple[Floats, Floats]], at: float, length: fl
 
 
 def _distances(curve: CubicHermiteSpline, points: Floats, sigmas: Floats) -> Floats:
-    """Distances (n,) of points from the curve along its normal, over their sigmas."""
+    """Compute distances (n,) of points from the curve along its normal, over their sigmas."""
     slope = curve(points[:, 0], 1)
     normal = np.column_stack([-slope, np.ones_like(slope)])
     off = points[:, 1] - curve(points[:, 0])

@@ -1,4 +1,4 @@
-"""Chequered targets: corners are found as OpenCV does, then moved to the saddle points."""
+"""Detection of chequered targets: corners by OpenCV, refined to the saddle points."""
 
 from typing import Final
 
@@ -11,13 +11,13 @@ from solver.instrument.board import Charuco, Chessboard
 from solver.instrument.images import eight_bit
 
 BLUR_PX: Final = 1.5
-# Shares of the distance between corners that are searched for the saddle: a marker's rim lies
-# two tenths away.
+# Search distance for the saddle, over the distance between corners: a marker's rim is two tenths
+# away.
 _CLEAR, _CLEAR_OF_MARKERS = 0.25, 0.2
 
 
 def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
-    """Inner corners of a view, which is (height, width); None if not all are seen."""
+    """Detect inner corners in a view (height, width); return None if not all are visible."""
     pattern = (board.columns, board.rows)
     found, corners = cv2.findChessboardCornersSB(
         eight_bit(view), pattern, flags=cv2.CALIB_CB_ACCURACY
@@ -36,11 +36,11 @@ def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
 
 
 def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
-    """Corners beside markers that can be read; None if there are none."""
+    """Detect corners beside readable markers; return None if there are none."""
     name = f"DICT_{board.dictionary.upper()}"
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     printed = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), 1.0, 0.6, dictionary)
-    # Twice as large, bits of two pixels are read too.
+    # At twice the size, marker bits of two pixels are readable.
     large = cv2.resize(eight_bit(view), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
     corners, numbers, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(large)
     if numbers is None or len(numbers) == 0:
@@ -54,12 +54,13 @@ def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
 def _refined(
     view: Grey, seen: BoardDetection, board: Chessboard | Charuco, clear: float
 ) -> BoardDetection | None:
-    """Corners moved to the saddle points; those that move too far, or out of view, left out.
+    """Refine corners to the saddle points; remove those that move too far or out of view.
 
-    The detector's own corners are off by a common 0.01 px, those between markers by more where
-    the lens bends lines (OpenCV's issue 23873). Saddle points of the raw image follow the pixel
-    grid by 0.06 px, because its edges are sharper than the interpolation between pixels; blurred
-    by BLUR_PX and with twice the pixels, they lie within 0.01 px, without a common shift.
+    The detector's own corners have a common error of 0.01 px, those between markers a larger one
+    where the lens bends lines (OpenCV's issue 23873). Saddle points of the raw image follow the
+    pixel grid by 0.06 px, because its edges are sharper than the interpolation between pixels;
+    blurred by BLUR_PX and at twice the resolution, their errors are within 0.01 px, without a
+    common shift.
     """
     spacing = _spacing(seen, board)
     if not np.isfinite(spacing):
@@ -79,7 +80,7 @@ def _refined(
 
 
 def _spacing(seen: BoardDetection, board: Chessboard | Charuco) -> float:
-    """The least distance [px] between neighbours in a row or column; infinite without any."""
+    """Compute the least distance [px] of neighbours in a row or column; infinite without any."""
     pixels = np.full((board.rows * board.columns, 2), np.nan)
     pixels[seen.numbers] = seen.pixels
     grid = pixels.reshape(board.rows, board.columns, 2)

@@ -1,4 +1,4 @@
-"""A printed line followed across the image: sub-pixel centres, a smooth curve, its width."""
+"""Tracing of a printed line across the image: sub-pixel centres, a smooth curve, its width."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from scipy.ndimage import map_coordinates
 
 from solver.instrument.arrays import Floats
 
-# A lens bends lines little and smoothly: the fifth degree leaves below a thousandth of a pixel.
+# A lens bends lines little and smoothly: degree five leaves errors below a thousandth of a pixel.
 _DEGREE: Final = 5
-# Centres are taken clear of the crossing lines, and beyond the last of them before the line ends:
-# shares of the way between two crossings.
+# Centres are measured clear of the crossing lines, and beyond the last crossing before the line
+# ends: shares of the distance between two crossings.
 _CLEAR, _BEYOND = 0.22, 0.42
-# Of the darkness blurred, so many pixels beside the line are still of it.
+# The blur spreads a line's darkness by this many pixels on either side.
 _SKIRT_PX: Final = 4.0
 _STEP_PX: Final = 0.5
-# Nearer to each other, lines run into one another.
+# Least half width of a window: lines nearer to each other overlap.
 _LEAST_REACH_PX: Final = 3.0
 _ROUNDS: Final = 3
 _HUBER: Final = 1.5
@@ -29,7 +29,7 @@ _HUBER: Final = 1.5
 class Curve:
     """origin + t half + offset(t) normal, t about -1..1; all of shape (2,) [px].
 
-    The offset is a sum of Legendre's polynomials.
+    The offset is a sum of Legendre polynomials.
     """
 
     origin: Floats
@@ -42,12 +42,12 @@ class Curve:
         return np.asarray(np.array([-self.half[1], self.half[0]]) / np.linalg.norm(self.half))
 
     def place(self, points: Floats) -> tuple[Floats, Floats]:
-        """t (n,) and the offset (n,) [px] of points (n, 2)."""
+        """Compute t (n,) and the offset (n,) [px] of points (n, 2)."""
         apart = points - self.origin
         return apart @ self.half / (self.half @ self.half), apart @ self.normal
 
     def at(self, t: Floats) -> tuple[Floats, Floats]:
-        """Points (n, 2) [px] and their derivatives (n, 2) by t."""
+        """Compute points (n, 2) [px] and their derivatives (n, 2) by t."""
         offset = legendre.legval(t, self.offset)[:, None]
         slope = legendre.legval(t, legendre.legder(self.offset))[:, None]
         points = self.origin + t[:, None] * self.half + offset * self.normal
@@ -56,17 +56,18 @@ class Curve:
 
 @dataclass(frozen=True)
 class Stroke:
-    """A line's middle, and its width [px]: the integral across it of how dark it is."""
+    """A line's centre curve, and its width [px]: the integral of the darkness across it."""
 
     curve: Curve
     width: float
 
 
 def stroke(spline: Floats, numbers: Sequence[int], nodes: Floats, widest: float) -> Stroke | None:
-    """The line through its crossings `nodes` (n, 2) [px], the `numbers`-th ones, in order.
+    """Trace the line through its crossings `nodes` (n, 2) [px], the `numbers`-th ones, in order.
 
     `spline` (height, width) are cubic spline coefficients of the blurred darkness, 0 on the card
-    and 1 in ink. No line is wider than `widest` [px]. None if too little of it is seen.
+    and 1 in ink. No line is wider than `widest` [px]. Return None if too little of it is
+    visible.
     """
     middle, half = (nodes[0] + nodes[-1]) / 2, (nodes[-1] - nodes[0]) / 2
     curve = Curve(middle, half, np.zeros(1))
@@ -80,8 +81,8 @@ def stroke(spline: Floats, numbers: Sequence[int], nodes: Floats, widest: float)
         return None
     across = np.linspace(-reach, reach, 2 * round(reach / _STEP_PX) + 1)
     degree, width = min(_DEGREE, len(nodes) - 1), 0.0
-    # Each round centres the windows on the line as fitted: what the card adds to its darkness
-    # then pulls to neither side.
+    # Each round centres the windows on the fitted line, so that the card's contribution to the
+    # darkness biases the centre to neither side.
     for _ in range(_ROUNDS):
         points, tangents = curve.at(along)
         normals = np.column_stack([-tangents[:, 1], tangents[:, 0]])
@@ -105,10 +106,10 @@ def stroke(spline: Floats, numbers: Sequence[int], nodes: Floats, widest: float)
 
 
 def _shifts(profiles: Floats, across: Floats) -> tuple[Floats, Floats]:
-    """How far lines (n,) [px] lie from the middle of their profiles (n, m), and their area [px].
+    """Estimate shifts (n,) [px] of lines from the middle of their profiles (n, m), and areas [px].
 
-    Every profile is the common one, made symmetric, moved and scaled, on a card that may be
-    brighter on one side: a centroid would be drawn towards the darker.
+    Every profile is modelled as the common one, made symmetric, moved and scaled, on a card that
+    may be brighter on one side, which would bias a centroid towards the darker side.
     """
     common = profiles.mean(axis=0)
     common = (common + common[::-1]) / 2
@@ -120,7 +121,7 @@ def _shifts(profiles: Floats, across: Floats) -> tuple[Floats, Floats]:
 
 
 def crossing(one: Curve, other: Curve, near: Floats) -> Floats:
-    """Where two curves meet (2,) [px], from a place (2,) nearby, by Newton's method."""
+    """Compute the intersection (2,) [px] of two curves by Newton's method from `near` (2,)."""
     t = np.array([one.place(near[None])[0][0], other.place(near[None])[0][0]])
     for _ in range(_ROUNDS + 2):
         (here,), (along_one,) = one.at(t[:1])
@@ -130,12 +131,12 @@ def crossing(one: Curve, other: Curve, near: Floats) -> Floats:
 
 
 def _clear_of_crossings(t: Floats, numbers: Sequence[int], half: float) -> tuple[Floats, float]:
-    """Places along a line, a pixel apart, that no crossing darkens; the least spacing [px]."""
+    """Return places along a line, a pixel apart, clear of crossings; the least spacing [px]."""
     pieces, least = [], np.inf
     for (left, right), (a, b) in zip(pairwise(t), pairwise(numbers), strict=True):
         gap = float(right - left) / (b - a)
         least = min(least, gap * half)
-        if b - a == 1:  # where one was missed between them, who knows what is there
+        if b - a == 1:  # skip a gap with a missed crossing
             pieces.append((left + _CLEAR * gap, right - _CLEAR * gap))
         if left == t[0]:
             pieces.append((left - _BEYOND * gap, left - _CLEAR * gap))
@@ -146,7 +147,7 @@ def _clear_of_crossings(t: Floats, numbers: Sequence[int], half: float) -> tuple
 
 
 def _robust(t: Floats, offset: Floats, degree: int) -> Floats:
-    """Legendre coefficients fitted with Huber's weights: dirt counts little."""
+    """Fit Legendre coefficients with Huber's weights, which limit the influence of dirt."""
     weight = np.ones_like(t)
     for _ in range(_ROUNDS):
         fitted = np.asarray(legendre.legfit(t, offset, degree, w=np.sqrt(weight)), np.float64)

@@ -1,4 +1,4 @@
-"""A telecentric camera from one view of a target: it has no focal length."""
+"""Calibration of a telecentric camera, which has no focal length, from one view of a target."""
 
 import math
 
@@ -12,15 +12,15 @@ from solver.instrument.transforms import invert
 
 
 def telecentric(seen: BoardDetection, width: int, height: int, rig: Rig) -> Calibration:
-    """Camera from what is seen of the board lying in plane C.
+    """Calibrate the camera from the detection of the board in plane C.
 
     The least-squares affine map from board to pixels has six numbers, just those of a scaled
     orthographic view with square pixels: magnification, rotation and a shift in the image.
-    A tilted plane looks shortened, whichever way it is tilted: of the two cameras that see the
-    same we take the one that leans over the image's lower edge, so that what rises off the
-    plane moves up in the image. Nor does one see how far off the camera is, or where its axis
-    meets the image: it stands off by the width of its field, and its axis meets the middle.
-    None of these three choices matters for points on C.
+    A tilted plane looks shortened, whichever way it is tilted: of the two cameras with the same
+    image, the one that leans over the image's lower edge is chosen, so that points above the
+    plane move up in the image. The camera's distance, and the pixel on its axis, are not
+    observable either: the distance is set to the width of the field, the pixel to the image's
+    middle. None of these three choices affects points on C.
     """
     board = rig.board.corners()[seen.numbers]
     design = np.column_stack([board[:, :2], np.ones(len(board))])

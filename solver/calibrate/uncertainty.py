@@ -1,4 +1,4 @@
-"""How well a calibration places the beam: what its covariance means on plane C."""
+"""Uncertainty of the beam on plane C, propagated from the calibration's covariance."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,11 +14,11 @@ from solver.plane import on_plane
 
 
 class CalibrationUncertainty(NamedTuple):
-    """One-sigma errors that a calibration leaves on plane C.
+    """One-sigma errors of a calibration on plane C.
 
     Along the beam: `clamp` of a place at the clamp [m], `scale` of lengths, relative. Across it:
-    `across` of a place at the clamp [m], `turn` of directions [rad]; the rest images take these
-    off.
+    `across` of a place at the clamp [m], `turn` of directions [rad]; the rest images
+    remove these two.
     """
 
     clamp: float
@@ -28,7 +28,7 @@ class CalibrationUncertainty(NamedTuple):
 
 
 def calibration_uncertainty(calibration: Calibration, rig: Rig) -> CalibrationUncertainty:
-    """Carry a calibration's covariance to the beam on plane C; zero where it states none."""
+    """Propagate a calibration's covariance to the beam on plane C; zero where it has none."""
     if calibration.covariance is None:
         return CalibrationUncertainty(0.0, 0.0, 0.0, 0.0)
     camera = calibration.camera
@@ -37,11 +37,11 @@ def calibration_uncertainty(calibration: Calibration, rig: Rig) -> CalibrationUn
     shown = camera.shows(places)
     x, places = x[shown], places[shown]
     pixels = camera.project(places)
-    # The line through the errors along the beam: what it says at the clamp, and its slope.
+    # The line through the errors along the beam: its value at the clamp, and its slope.
     line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))
     sigma = np.sqrt(np.diag(calibration.covariance))
     slopes = np.empty((4, len(sigma)))
-    # Steps so small that they are linear; together parameters are known better than each alone.
+    # Steps are small enough to be linear: parameters are jointly more certain than each alone.
     for i, step in enumerate(1e-3 * sigma):
         moved = np.zeros_like(sigma)
         moved[i] = step
@@ -53,7 +53,7 @@ def calibration_uncertainty(calibration: Calibration, rig: Rig) -> CalibrationUn
 
 
 def _moved(camera: Camera, change: Floats, rig: Rig) -> Camera:
-    """The camera with its parameters changed, in the order of Calibration.covariance."""
+    """Return the camera with changed parameters, in the order of Calibration.covariance."""
     lens = len(camera.distortion)
     camera_from_board = camera.camera_from_antenna @ rig.antenna_from_board
     turn, shift = change[3 + lens : 6 + lens], change[6 + lens :]

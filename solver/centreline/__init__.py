@@ -1,4 +1,4 @@
-"""Image -> sub-pixel centreline, with a sigma for every point."""
+"""Extract a sub-pixel centreline from an image, with a sigma for every point."""
 
 from solver.instrument.centreline import Centreline as Centreline
 from solver.instrument.centreline import Extractor as Extractor

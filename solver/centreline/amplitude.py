@@ -1,4 +1,4 @@
-"""How bright the beam is where its centre is known, or where it may have ended."""
+"""Beam brightness in columns where the centre is known, or beyond the beam's end."""
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +21,9 @@ def fit_amplitudes(
     half: int,
     full_scale: int,
 ) -> tuple[Floats, Floats, Floats]:
-    """Amplitude, its variance, and background at stations `which` (m,) with known `centre` (m,).
+    """Fit amplitude and background at stations `which` (m,) with known `centre` (m,).
 
-    NaN where the image ends.
+    Return amplitude, its variance and background, each (m,); NaN where the image ends.
     """
     found = _fit_amplitudes(
         image,
@@ -43,7 +43,7 @@ def fit_amplitudes(
 
 @njit(cache=True, error_model="numpy")
 def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
-    """The weighted straight line (value at the middle, slope) through values."""
+    """Fit a weighted straight line to values; return its value at the middle and its slope."""
     w0 = w1 = w2 = v0 = v1 = 0.0
     for k in range(len(values)):
         x = k - half
@@ -77,8 +77,8 @@ def _fit_amplitudes(
         first = int(np.rint(centre[i])) - half
         if not read_column(image, along[i], upright[i], first, gray):
             continue
-        # All pixels weigh the same: by their own noise the dark side of a column that the beam's
-        # end cuts in two would weigh more than the bright one, and the end come out too near.
+        # Equal weights: with weights by noise, the dark side of a column that the beam's end cuts
+        # in two would weigh more than the bright one, and the estimated end would be too near.
         for k in range(size):
             weight[k] = 0.0 if gray[k] >= full_scale else 1.0
         tabulated(value, min(climb[i], 1.0), sense[i], first - centre[i], p)

@@ -1,4 +1,4 @@
-"""How the beam looks at rest: bright or dark, how wide, how shaded; learned from rest images."""
+"""Appearance of the beam at rest: polarity, width and shading, learned from the rest images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,28 +19,29 @@ from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import turn_about_z
 
-# How far a mounted beam may lie askew [rad].
+# Largest angle [rad] of a mounted beam off the rig's x axis.
 ASKEW = 0.12
-# A flat strip looks wider than it is thick: times the rig's diameter.
+# Trial widths, times the rig's diameter: a flat strip looks wider than it is thick.
 WIDTHS = (1, 2, 4, 8)
 LEAST_STATIONS = 20
-# Where the section's search begins: diameter over the rig's, spread, roundness, skew. A sharpened
-# beam looks narrower than it is, one out of focus wider.
+# Start values of the section's search: diameter over the rig's, spread, roundness, skew. A
+# sharpened beam looks narrower than it is, a defocused one wider.
 STARTS = ((1.0, 0.3, 1.0, 0.0), (1.0, 0.8, 0.5, 0.0))
 PROCESSED_STARTS = tuple((times, *rest) for times in (0.7, 1.4) for _, *rest in STARTS)
-# A section that describes an unprocessed beam leaves a chi^2 per degree of freedom near 1; chosen.
+# Images are processed above this chi^2 per degree of freedom; chosen: a section that describes an
+# unprocessed beam leaves about 1.
 PROCESSED = 2.0
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """What the rest images teach of the beam.
+    """Appearance of the beam, learned from the rest images.
 
-    `polarity` is 1 for a beam brighter than its ground and -1 for a darker one; `amplitude` [gray
-    px] along `length` [px] of the path; `misfit` is the typical chi^2 per degree of freedom of a
-    profile fit, at least 1; `sigma_px` is the part of a centre's error that does not come from
-    the sensor's noise; `ground` is the background's median gray value. `half` pixels on either
-    side are fitted.
+    `polarity` is 1 for a beam brighter than its background and -1 for a darker one; `amplitude`
+    [gray px] is given along `length` [px] of the path; `misfit` is the typical chi^2 per degree of
+    freedom of a profile fit, at least 1; `sigma_px` is the part of a centre's error that does not
+    come from the sensor's noise; `ground` is the background's median gray value. `half` pixels on
+    either side are fitted.
     """
 
     polarity: int
@@ -57,7 +58,7 @@ class Appearance:
 
 
 def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
-    """The beam's appearance, and the guide turned to where the beam truly lies at rest.
+    """Learn the beam's appearance, and turn the guide to the beam's direction at rest.
 
     Raises InputError where no beam is found along the rig's x axis.
     """
@@ -88,7 +89,7 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
 
 @dataclass(frozen=True)
 class _Rested:
-    """The rest images, and where the beam crosses their columns."""
+    """Rest images, and the stations where the beam crosses their columns."""
 
     images: Sequence[Grey]
     places: Stations
@@ -98,11 +99,11 @@ class _Rested:
     full_scale: int
 
     def appearance(self) -> Appearance:
-        """The section under which the fitted centres lie on a smooth line and leave least."""
+        """Estimate the section that gives the smoothest centres and the smallest residuals."""
         p = self._best(STARTS, 1.0)
         usual = self._misfit(p)
         if usual > PROCESSED:
-            # The noise between processed images says little: misfits are judged by what is left.
+            # The noise between processed images is no reference: misfits are scaled by `usual`.
             p = self._best((*STARTS, *PROCESSED_STARTS), usual)
         section = self._section(p)
         if section is None:
@@ -123,7 +124,7 @@ class _Rested:
             noise=self.noise,
             section=section,
             profile=profile(section),
-            # One column's noise is no feature of the beam.
+            # The median filter removes the noise of single columns.
             amplitude=median_filter(amplitude[kept], 21, mode="nearest"),
             length=self.places.length[kept],
             misfit=max(1.0, float(np.median([f.chi2[kept] / f.dof[kept] for f in fits]))),
@@ -134,7 +135,7 @@ class _Rested:
         )
 
     def _best(self, starts: Sequence[tuple[float, ...]], usual: float) -> Floats:
-        """Parameters (4,) of least cost near the best start, with misfits in units of `usual`."""
+        """Find the parameters (4,) of least cost; misfits are in units of `usual`."""
 
         def cost(p: Floats) -> float:
             section = self._section(p)
@@ -146,8 +147,8 @@ class _Rested:
                 return 1e12
             off = centre - self._smooth(centre, kept)
             sigma = np.median([f.sigma[kept] for f in fits], axis=0) / np.sqrt(len(fits))
-            # The Cauchy loss: an object at a few columns does not decide, and a start that is
-            # far off in all of them keeps a gradient.
+            # The Cauchy loss limits the influence of an object at a few columns, and keeps a
+            # gradient for a start that is far off in all of them.
             rough = np.log1p((off[kept] / sigma) ** 2 / usual / 25).sum() * 25
             left = sum(np.log1p(f.chi2[kept] / f.dof[kept] / usual / 9).sum() * 36 for f in fits)
             return float(rough + left)
@@ -163,7 +164,7 @@ class _Rested:
         return np.asarray(found.x)
 
     def _misfit(self, p: Floats) -> float:
-        """Median chi^2 per degree of freedom that a section leaves; at least 1."""
+        """Compute the median chi^2 per degree of freedom of a section's fits; at least 1."""
         section = self._section(p)
         fits = [] if section is None else self._fits(section)
         left = [f.chi2 / f.dof for f in fits if np.isfinite(f.sigma).any()]
@@ -191,12 +192,12 @@ class _Rested:
         typical = np.median([np.median(f.amplitude[kept]) for f in fits]) if kept.any() else 0.0
         for f in fits:
             kept &= np.abs(f.amplitude - typical) < 0.6 * abs(typical)
-        # Off the path, along its normal: one curve, whether columns or rows are read.
+        # Offsets from the path along its normal form one curve for columns and rows.
         off_path = [self.places.sense * (f.centre - self.places.start) for f in fits]
         return np.mean(off_path, axis=0), kept
 
     def _smooth(self, centre: Floats, kept: Mask) -> Floats:
-        """A quartic along the beam: bow, sag and the lens's distortion have no finer detail."""
+        """Fit a quartic along the beam: bow, sag and lens distortion have no finer detail."""
         unknown = np.where(kept, 1e-6, np.inf)
         curve = smooth_curve(self.places.length, centre, unknown, degree=4)
         return centre if curve is None else curve

@@ -1,10 +1,10 @@
-"""The area-weighted average of the paper's Fig. 15: the beam's centre in every image column.
+"""Area-weighted average of the paper's Fig. 15: the beam's centre in every image column.
 
 In a column, the pixels brighter than a threshold belong to the beam, and their mean row,
-weighted by how much of each the beam covers, is its centre. Cover is read off the gray
-value: (gray - background) / (beam - background). Cutting the faint flanks off makes the
-centre follow the pixel grid a little (an S-curve of period one pixel). That error is part of
-the method; its size is seen from what the flanks would have added, and goes into each sigma.
+weighted by how much of each the beam covers, is its centre. Cover follows from the gray
+value: (gray - background) / (beam - background). Discarding the faint flanks biases the centre
+with the period of one pixel (S-curve). That error is part of the method; its size is estimated
+from the flanks' contribution, and is included in each sigma.
 """
 
 import cv2
@@ -13,21 +13,21 @@ import numpy as np
 from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
 
-# Of the contrast between beam and background: low enough to keep the flanks of a line two
-# pixels wide, high enough to leave a dark object beside it out.
+# Threshold over the contrast between beam and background: low enough to keep the flanks of a
+# line two pixels wide, high enough to exclude a dark object beside it.
 THRESHOLD = 0.25
-# A column shows the beam if its brightest pixel stands out by this share of the whole image's
-# contrast and by this many sigmas of its background.
+# A column shows the beam if its brightest pixel exceeds its background by this share of the whole
+# image's contrast and by this many sigmas of the background.
 LEAST_CONTRAST = 0.5
 LEAST_SIGNIFICANCE = 8.0
-# A wider band is something else; a window of this and four rows more holds it and its flanks.
+# Largest width of the beam; a window of four rows more holds the band and its flanks.
 WIDEST_PX = 12
 
 
 def area_weighted(image: Grey) -> Centreline:
-    """The centreline of the bright beam that runs from left to right in `image` (height, width).
+    """Extract the centreline of a bright beam from left to right in `image` (height, width).
 
-    Columns in which no beam stands out are absent. Empty if there is none at all.
+    Columns in which no beam is detected are absent. The result is empty if there is none.
     """
     background, noise = _background(image)
     contrast = image.max(axis=0) - background
@@ -37,7 +37,7 @@ def area_weighted(image: Grey) -> Centreline:
     nothing = down_columns(np.empty((0, 2)), np.empty(0))
     if not seen.any():
         return nothing
-    # Columns without a beam: nothing is above their brightest pixel.
+    # Columns without a beam: the threshold is their brightest pixel, which none exceeds.
     least = np.where(seen, background + THRESHOLD * contrast, background + contrast)
     about, band = _longest_band(image > least.astype(image.dtype))
     height = np.count_nonzero(band, axis=0)
@@ -53,7 +53,7 @@ def area_weighted(image: Grey) -> Centreline:
     flanks = cv2.dilate(inside.astype(np.uint8), np.ones((3, 1), np.uint8)) > 0
     whole, _ = _mean_row(rows, np.where(flanks, cover, 0.0))
     s_curve = _typical(whole - centre)
-    # d centre / d gray = (row - centre) / area; the variance of gray grows as that of shots does.
+    # d centre / d gray = (row - centre) / area; the variance of gray grows like shot noise.
     shots = np.maximum(gray, 1.0) / np.maximum(background[columns], 1.0)
     lever = np.where(inside, rows - centre, 0.0) / area
     variance = (lever**2 * shots).sum(axis=0) * noise[columns] ** 2
@@ -62,8 +62,8 @@ def area_weighted(image: Grey) -> Centreline:
 
 
 def _background(image: Grey) -> tuple[Floats, Floats]:
-    """Median and standard deviation of each column, by quartiles: the beam does not count."""
-    # Every fourth row tells as well as all of them, and sooner.
+    """Estimate median and standard deviation of each column, by quartiles: robust to the beam."""
+    # Every fourth row is as accurate as all of them, and faster.
     some = image[::4]
     last = len(some) - 1
     middle = [last // 2, (last + 1) // 2]
@@ -73,9 +73,9 @@ def _background(image: Grey) -> tuple[Floats, Floats]:
 
 
 def _longest_band(above: np.ndarray) -> tuple[slice, np.ndarray]:
-    """The connected region that spans the most columns: the beam, not a glint beside it.
+    """Find the connected region that spans the most columns: the beam, not a glint beside it.
 
-    The image's rows about it, and which of their pixels belong to it.
+    Return the image rows about it, and the mask of its pixels in them.
     """
     count, labels, found, _ = cv2.connectedComponentsWithStats(above.astype(np.uint8))
     if count <= 1:
@@ -87,14 +87,14 @@ def _longest_band(above: np.ndarray) -> tuple[slice, np.ndarray]:
 
 
 def _window(first: np.ndarray, height: int) -> np.ndarray:
-    """Rows (n, columns) of a window that starts two pixels above a band's first row."""
+    """Return rows (n, columns) of windows that start two pixels above a band's first row."""
     size = min(WIDEST_PX + 4, height)
     top = np.clip(first - 2, 0, height - size)
     return np.asarray(top + np.arange(size)[:, None])
 
 
 def _typical(shift: Floats) -> float:
-    """Root mean square of shifts (n,); the largest twentieth, cut, may be an object's."""
+    """Compute the RMS of shifts (n,); clip the largest twentieth, which may be outliers."""
     size = np.abs(shift)
     return float(np.sqrt(np.mean(np.minimum(size, np.quantile(size, 0.95)) ** 2)))
 

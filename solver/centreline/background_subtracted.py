@@ -1,10 +1,10 @@
-"""The background-subtracted centroid: the mean row of what stands out over the local ground.
+"""Background-subtracted centroid: the mean row of the signal above the local background.
 
-The beam is found as for the profile fit; in every column that shows it, the straight line through
-the ground on its two sides is taken off, and the centroid of what is left within a window is its
-centre. No threshold, so no S-curve, and no profile to be known; every pixel of the window adds its
-noise in proportion to its distance from the centre, where the profile fit knows that the flanks
-tell nothing.
+The beam is detected as for the profile fit. In every column that shows it, the straight line
+through the background on its two sides is subtracted; the centroid of the remainder within a window
+is the centre. The method has no threshold, hence no S-curve, and needs no profile. Every pixel of
+the window adds its noise in proportion to its distance from the centre, whereas the profile fit
+gives no weight to the flanks, which hold no information.
 """
 
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ from solver.instrument.arrays import Floats, Grey
 
 @dataclass(frozen=True)
 class Centroid:
-    """Measures the beam in images: the centroid in every column in which `beam` measures it."""
+    """Beam extractor by the centroid, in every column in which `beam` measures the beam."""
 
     beam: BeamExtractor
 
     def __call__(self, image: Grey) -> Centreline:
-        """The centreline in an image (height, width); empty where there is no beam.
+        """Extract the centreline of an image (height, width); empty where there is no beam.
 
-        Columns with a pixel at full scale are rejected: what it hides of the beam is unknown.
+        Columns with a pixel at full scale are rejected: its true brightness is unknown.
         """
         found, look = self.beam(image), self.beam.appearance
         upright = found.directions[:, 1] != 0
@@ -58,7 +58,7 @@ def learn_centroid(images: Sequence[Grey], guide: Guide) -> Centroid:
 
 
 def _windows(image: Grey, points: Floats, upright: npt.NDArray[np.bool_], half: int) -> Floats:
-    """Gray values (n, 2 half + 1) about points (n, 2), down their columns or along their rows."""
+    """Return gray values (n, 2 half + 1) about points (n, 2), along their columns or rows."""
     u, v = np.rint(points).astype(np.int64).T
     reach = np.arange(-half, half + 1)
     rows = v[:, None] + np.where(upright[:, None], reach, 0)
@@ -67,11 +67,11 @@ def _windows(image: Grey, points: Floats, upright: npt.NDArray[np.bool_], half: 
 
 
 def _centroids(window: Floats, half: int, variance: Floats) -> tuple[Floats, Floats]:
-    """Centroids (n,) from the windows' middles and their variances, of pixels' `variance`."""
+    """Compute centroids (n,) from the windows' middles, and variances from pixels' `variance`."""
     x = np.arange(-half, half + 1, dtype=np.float64)
     outside = np.abs(x) > half - MARGIN
     line = np.column_stack([np.ones_like(x), x])
-    # Takes a window to what stands out over the straight line through its outer pixels.
+    # Matrix that subtracts from a window the straight line through its outer pixels.
     clear = np.eye(len(x))
     clear[:, outside] -= line @ np.linalg.pinv(line[outside])
     clear[outside] = 0.0
@@ -79,6 +79,6 @@ def _centroids(window: Floats, half: int, variance: Floats) -> tuple[Floats, Flo
     area = over.sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         centre = over @ x / area
-        # d centre / d gray, through the ground as well.
+        # d centre / d gray, including the effect through the background.
         lever = ((x - centre[:, None]) / area[:, None]) @ clear
     return np.asarray(centre), np.asarray((lever**2 * variance).sum(axis=1))

@@ -1,4 +1,4 @@
-"""Where in a pixel column something thin stands out on both sides: candidates for the beam."""
+"""Detection of candidates for the beam: thin objects that contrast with both sides."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,11 +7,11 @@ from solver.centreline.noise import ROUNDING, Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# The strongest places of a column that are kept.
+# Number of candidates kept per column, the strongest ones.
 MOST = 6
-# A place must stand out by this many sigmas of the noise.
+# Threshold of a candidate's contrast, in sigmas of the noise.
 LEAST_SIGNIFICANCE = 5.0
-# Pixels on either side that tell the surroundings, and between them and the core.
+# Pixels on either side that measure the surroundings, and between them and the core.
 SIDE, GAP = 2, 1
 
 
@@ -23,7 +23,7 @@ def candidates(
     polarity: int,
     noise: Noise,
 ) -> Floats:
-    """Rows (m, 4): line, place [px], by how much it stands out [gray], and its sigma.
+    """Detect candidates; return rows (m, 4): line, place [px], contrast [gray] and its sigma.
 
     `lines` are pixel columns, or rows where not `upright`. The mean of `core` pixels must exceed
     the higher of the means on its two sides (fall short of the lower, where `polarity` is -1), so
@@ -45,7 +45,7 @@ def _scan(
 ) -> Floats:
     response, level, most = _responses(_summed(image, lines, upright, polarity), core)
     reach = core // 2 + GAP + SIDE
-    # In units of `response`: whatever the noise, less than this is not significant.
+    # Threshold at the least possible noise, in units of `response`.
     scale = 1.0 / (core * SIDE)
     least = LEAST_SIGNIFICANCE * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
     out, found = np.empty((len(lines), MOST, 4)), np.zeros(len(lines), np.int64)
@@ -78,9 +78,9 @@ def _scan(
 def _summed(
     image: Grey, lines: npt.NDArray[np.int64], upright: bool, polarity: int
 ) -> npt.NDArray[np.int32]:
-    """Gray values along every line, summed up from its beginning (size + 1, lines).
+    """Compute cumulative sums (size + 1, lines) of the gray values along every line.
 
-    Place by place, all lines side by side: so the image is read as it lies in memory.
+    The outer loop runs over places, so that the image is read in memory order.
     """
     size = image.shape[0] if upright else image.shape[1]
     summed = np.zeros((size + 1, len(lines)), np.int32)
@@ -96,9 +96,9 @@ def _summed(
 def _responses(
     summed: npt.NDArray[np.int32], core: int
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """By how much each place stands out, times core x SIDE, and its surroundings, times SIDE.
+    """Compute each place's contrast times core x SIDE, and its surroundings times SIDE.
 
-    The last is the most by which any of a row stands out.
+    The third array is the largest contrast of each row.
     """
     response = np.zeros((len(summed) - 1, summed.shape[1]), np.int32)
     level, most = np.zeros_like(response), np.zeros(len(response), np.int32)
@@ -120,7 +120,7 @@ def _responses(
 
 @njit(cache=True, error_model="numpy")
 def _slot(strengths: Floats, found: int, strength: float) -> int:
-    """Where of the MOST places a candidate is kept: a free one, or the weakest if weaker."""
+    """Choose a candidate's slot: a free one, or the weakest's if weaker; else MOST (no slot)."""
     if found < MOST:
         return found
     weakest = int(np.argmin(strengths))

@@ -1,4 +1,4 @@
-"""One pixel column, or row: its gray values, and the profile that the table gives for them."""
+"""Gray values of one pixel column or row, and the tabulated profile at its pixels."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from solver.instrument.compiled import njit
 
 @njit(cache=True, error_model="numpy")
 def read_column(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bool:
-    """Fill `gray` from pixel `first` of a column (a row); False where the image ends."""
+    """Fill `gray` from pixel `first` of a column (a row); return False where the image ends."""
     height, width = image.shape
     limit, other = (height, width) if upright else (width, height)
     if first < 0 or first + len(gray) > limit or line < 0 or line >= other:
@@ -21,11 +21,11 @@ def read_column(image: Grey, line: int, upright: bool, first: int, gray: Floats)
 
 @njit(cache=True, error_model="numpy")
 def tabulated(table: Floats, climb: float, sense: float, offset: float, out: Floats) -> None:
-    """The table at a climb and at pixels offset, offset + 1, ... from the centre."""
+    """Interpolate the table at a climb and at pixels offset, offset + 1, ... from the centre."""
     row = climb * (table.shape[0] - 1)
     low = min(int(row), table.shape[0] - 2)
     part, last = row - low, table.shape[1] - 1
-    # A pixel is a whole number of the table's steps: all lie between its entries alike.
+    # A pixel is a whole number of table steps: all have the same fraction between entries.
     t = sense * offset / STEP + table.shape[1] // 2
     j = int(np.floor(t))
     f = t - j

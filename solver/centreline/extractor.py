@@ -1,7 +1,7 @@
-"""The beam in an image: found, measured column by column, and judged.
+"""Extraction of the beam from an image: detection, profile fit column by column, outlier flags.
 
-find -> stations -> profile fit -> what does not look like the beam is flagged -> tip. What the
-beam looks like was learned from the images of it at rest.
+find -> stations -> profile fit -> flags of columns that do not look like the beam -> tip. The
+beam's appearance is learned from the images of it at rest.
 """
 
 from collections.abc import Sequence
@@ -21,24 +21,25 @@ from solver.centreline.tip import find_tip
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# A tip must lie so far along the beam, over its length.
+# Allowed distance of the tip along the beam, over its length.
 SHORTEST, LONGEST = 0.75, 1.3
-# An image differs from the rest images if its beam or ground is brighter by this factor, the ground
-# by this share of full scale, too: twice a usual drift of lamps. Chosen.
+# An image differs from the rest images if its beam or background is brighter or darker by this
+# factor; the background must also differ by this share of full scale. Chosen: twice a usual drift
+# of lamps.
 OTHER, LEAST_STEP = 1.4, 0.02
-# The beam turned about its clamp by another camera's mount [rad].
+# Largest turn [rad] of the beam about its clamp where the camera does not turn with it.
 ANY_TILT = 0.6
 
 
 @dataclass(frozen=True)
 class BeamExtractor:
-    """Measures the beam in images: a profile fit at every column that crosses it."""
+    """Beam extractor by a profile fit at every column that crosses the beam."""
 
     appearance: Appearance
     guide: Guide
 
     def __call__(self, image: Grey) -> Centreline:
-        """The centreline in an image (height, width); empty where there is no beam."""
+        """Extract the centreline of an image (height, width); empty where there is no beam."""
         look, guide = self.appearance, self.guide
         tilt = ANY_TILT if guide.free_tilt else 0.0
         path = find(image, guide, look.polarity, look.noise, tilt, bends=True)
@@ -47,7 +48,7 @@ class BeamExtractor:
         return self.measure(image, path)
 
     def measure(self, image: Grey, path: Path) -> Centreline:
-        """The centreline along a path."""
+        """Measure the centreline along a path."""
         look = self.appearance
         places = stations(self.guide.pixels(path.places), image.shape)
         if len(places) < FEWEST:
@@ -60,14 +61,14 @@ class BeamExtractor:
         )
         whole = self.guide.length / self.guide.pixel
         tip = find_tip(image, places, flags, fits, look)
-        # Bent towards the camera or away from it, a beam looks longer or shorter, but not so much.
+        # A beam bent towards or away from the camera looks longer or shorter within these limits.
         if tip is not None and not SHORTEST < tip.length / whole < LONGEST:
             tip = None
-        # The last columns of a beam are not whole ones.
+        # The beam covers its last columns only in part.
         on_beam = places.length < (whole if tip is None else tip.length - 1.5)
         sigma = np.hypot(fits.sigma * np.sqrt(np.maximum(misfit, 1.0)), look.sigma_px)
-        # Off the path, along its normal: a beam that is read by columns first and then by rows
-        # is one curve so.
+        # Offsets from the path along its normal: a beam that is read by columns first and then
+        # by rows remains one curve.
         off_path = places.sense * (fits.centre - places.start)
         smooth = follow(places.length, off_path, sigma, share, on_beam, flags)
         if not len(smooth):
@@ -95,7 +96,7 @@ class BeamExtractor:
         )
 
     def _remark(self, beam: float, ground: float) -> str:
-        """Say how much brighter or darker than at rest beam and ground are; "" if not much."""
+        """Describe the change of brightness of beam and background since rest; "" if small."""
         look = self.appearance
         ratio = max(ground, 1.0) / max(look.ground, 1.0)
         step = abs(ground - look.ground) > LEAST_STEP * look.full_scale
@@ -111,11 +112,11 @@ class BeamExtractor:
 def _summary(
     centre: Floats, sigma: Floats, noise: Floats, share: Floats, ground: Floats
 ) -> tuple[float, float, float]:
-    """Sigma [px] of the points' mean error, and the median brightness of beam and ground.
+    """Compute the sigma [px] of the points' mean error, and the medians of `share` and `ground`.
 
-    The error is what the sensor's noise does not explain. Such errors, those of compression
-    above all, follow the pixel grid: of a beam that crosses R pixel rows only R + 1 of them are
-    independent.
+    The error is the part that the sensor's noise does not explain. Such errors, mainly those of
+    compression, follow the pixel grid: for a beam that crosses R pixel rows, only R + 1 of them
+    are independent.
     """
     if len(centre) == 0:
         return 0.0, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The ways of measuring the beam in an image, by name."""
+"""Beam extractors, by name."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -13,9 +13,10 @@ from solver.instrument.errors import InputError
 
 
 def learn_area_weighted(images: Sequence[Grey], guide: Guide) -> Extractor:
-    """The paper's extraction, which learns nothing from images of the beam at rest.
+    """Return the paper's extractor, which learns nothing from images of the beam at rest.
 
-    It knows a bright beam that runs from left to right. Raises InputError where it sees none.
+    It detects only a bright beam that runs from left to right. Raises InputError where there is
+    none.
     """
     if not guide.scans_columns or not all(len(area_weighted(image).points) for image in images):
         raise InputError(

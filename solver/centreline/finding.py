@@ -1,10 +1,10 @@
-"""Which of the thin things in an image is the beam: sample consensus over bent beams.
+"""Detection of the beam among the thin objects in an image: sample consensus over bent beams.
 
-Every scan line crosses a few thin things. A beam clamped at a known place is straight, or bends as
-y = tilt x + load u(x; x_c) with the unit deflection u of eqs. (9) and (10); the shape on which most
-scan lines agree is the beam (MSAC: Torr and Zisserman 2000, over contact distances and candidates
-in place of random draws). Linear theory is off by a pixel where the beam bends far: the path
-that is followed is the shape plus a smooth curve through the candidates beside it.
+Every scan line crosses a few thin objects. A beam clamped at a known place is straight, or bends as
+y = tilt x + load u(x; x_c) with the unit deflection u of eqs. (9) and (10). The beam is the shape
+on which most scan lines agree (MSAC: Torr and Zisserman 2000, over contact distances and candidates
+instead of random draws). Linear theory is off by a pixel where the beam bends far: the path is the
+shape plus a smooth curve through the candidates beside it.
 """
 
 from dataclasses import dataclass
@@ -20,25 +20,25 @@ from solver.dot_products import FAST
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# Scan lines over the beam's length, and contact distances that are tried, as shares of it.
+# Number of scan lines over the beam's length, and trial contact distances over that length.
 LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)
-# Places of a path, up to so far over the beam's length.
+# Number of places of a path, and the last one over the beam's length.
 PLACES, FARTHEST = 96, 1.06
-# Candidates that are tried as points of the beam.
+# Number of candidates tried as points of the beam.
 ANCHORS = 60
-# A candidate belongs to a shape up to this distance, in pixels and in the beam's radii.
+# A candidate supports a shape up to this distance: the larger of pixels and beam radii.
 NEAR_PX, NEAR_RADII = 3.0, 2.0
-# The beam is seen where this many scan lines agree, of those that cross it.
+# Fewest agreeing scan lines for which the beam is detected.
 LEAST_LINES = 6
-# Stands for the contact distance of a beam that does not bend [m].
+# Contact distance [m] that represents a beam that does not bend.
 STRAIGHT = 1e9
 
 
 @dataclass(frozen=True)
 class Path:
-    """Where the beam runs, to about a pixel: places (n, 2) [m] of the beam's frame, evenly along x.
+    """Path of the beam, to about a pixel: places (n, 2) [m] of the beam's frame, evenly along x.
 
-    `contrast` [gray] is how far it stands out, `support` the share of scan lines that saw it.
+    `contrast` [gray] is its median contrast, `support` the share of scan lines that agree on it.
     """
 
     places: Floats
@@ -49,9 +49,9 @@ class Path:
 def find(
     image: Grey, guide: Guide, polarity: int, noise: Noise, most_tilt: float, bends: bool
 ) -> Path | None:
-    """The beam's path in an image (height, width), None where there is none.
+    """Find the beam's path in an image (height, width); return None where there is none.
 
-    `most_tilt` [rad] is how far the beam may be turned about its clamp, beside what `bends` it.
+    `most_tilt` [rad] is the largest turn of the beam about its clamp; `bends` also allows bending.
     """
     lines = _scan_lines(guide, image.shape)
     core = max(2, round(2 * guide.radius_px))
@@ -67,7 +67,7 @@ def find(
 
 
 def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
-    """Pixel columns (rows of a beam that stands upright) that cross the beam's length."""
+    """Return the pixel columns (rows for an upright beam) that cross the beam's length."""
     axis = 0 if guide.scans_columns else 1
     near, far = guide.ends[:, axis]
     low, high = min(near, far), max(near, far)
@@ -90,18 +90,19 @@ def _followed(
     near: float,
     most_tilt: float,
 ) -> tuple[Floats, float, int]:
-    """The path's places, its contrast, and how many scan lines agree on it; 0 without a path.
+    """Follow the beam; return the path's places, its contrast, and the number of agreeing lines.
 
-    `places` (m, 2) are those of the candidates, which come line after line.
+    That number is 0 without a path. `places` (m, 2) are those of the candidates, in the order of
+    the scan lines.
     """
     path = np.empty((PLACES, 2))
     inside = _within(places, length)
     if np.count_nonzero(inside) < LEAST_LINES:
         return path, 0.0, 0
     x, y, line, strength = places[inside, 0], places[inside, 1], line[inside], strength[inside]
-    # Anchors far out tell most; the strongest come first.
+    # Anchors far from the clamp constrain the shape most; the strongest come first.
     order = np.argsort(-strength * x)[:ANCHORS]
-    # A thing much brighter than most is no better a candidate.
+    # The weight of an object much brighter than most is limited.
     weight = np.minimum(strength, np.median(strength))
     load, tilt, x_c, score = _consensus(x, y, line, weight, order, distances, near, most_tilt)
     if score <= 0:
@@ -122,7 +123,7 @@ def _followed(
 
 @njit(cache=True, error_model="numpy")
 def _within(places: Floats, length: float) -> npt.NDArray[np.bool_]:
-    """Which places (n, 2) a beam of this length can reach."""
+    """Return the mask (n,) of the places (n, 2) that a beam of this length can reach."""
     x, y = places[:, 0], places[:, 1]
     return (x > 0.02 * length) & (x < 1.02 * length) & (np.abs(y) < 0.8 * length)
 
@@ -137,7 +138,7 @@ def _shape(x: Floats, load: float, tilt: float, x_c: float) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _unit(x: float, x_c: float) -> float:
-    """The unit deflection of eqs. (9) and (10); none of a beam that does not bend."""
+    """Compute the unit deflection of eqs. (9) and (10); 0 for a beam that does not bend."""
     if x_c >= STRAIGHT:
         return 0.0
     return (3 * x_c - x) * x * x if x <= x_c else (3 * x - x_c) * x_c * x_c
@@ -154,7 +155,7 @@ def _consensus(
     near: float,
     most_tilt: float,
 ) -> tuple[float, float, float, float]:
-    """(load, tilt, x_c, score) of the shape on which most lines agree."""
+    """Find the shape on which most lines agree; return (load, tilt, x_c, score)."""
     best_load = best_tilt = best = 0.0
     best_distance = distances[0]
     unit, gain = np.empty(len(x)), np.empty(len(x))
@@ -162,7 +163,7 @@ def _consensus(
         for k in range(len(x)):
             unit[k] = _unit(x[k], x_c)
         for i in range(len(anchors)):
-            # A pair of one candidate with itself is the straight beam through it.
+            # A pair of a candidate with itself gives the straight beam through it.
             partners = len(anchors) if most_tilt > 0 and x_c < STRAIGHT else i + 1
             for j in range(i, partners):
                 load, tilt = _through(x, y, unit, anchors[i], anchors[j], x_c, most_tilt)
@@ -180,9 +181,9 @@ def _consensus(
 def _through(
     x: Floats, y: Floats, unit: Floats, a: int, b: int, x_c: float, most_tilt: float
 ) -> tuple[float, float]:
-    """Load and tilt of the beam through two candidates; without tilt, through the first.
+    """Compute load and tilt of the beam through two candidates; without tilt, through the first.
 
-    A tilt beyond all bounds where they do not tell.
+    The tilt is infinite where the candidates do not determine it.
     """
     if most_tilt <= 0:
         return y[a] / unit[a], 0.0
@@ -205,7 +206,7 @@ def _gains(
     tilt: float,
     gain: Floats,
 ) -> float:
-    """What each candidate says for a shape, into `gain`; their sum."""
+    """Write the score of each candidate for a shape into `gain`; return their sum."""
     total = 0.0
     for k in range(x.size):
         r = (y[k] - load * unit[k] - tilt * x[k]) / near
@@ -216,7 +217,7 @@ def _gains(
 
 @njit(cache=True, error_model="numpy")
 def _best_of_lines(gain: Floats, line: Floats) -> float:
-    """Sum over scan lines, which come one after another, of the best candidate of each."""
+    """Sum the best gain of each scan line; candidates are in the order of the lines."""
     total = best = 0.0
     for k in range(len(gain)):
         if k > 0 and line[k] != line[k - 1]:

@@ -1,4 +1,4 @@
-"""What along a path does not look like the beam at rest: flagged column by column, compiled."""
+"""Flags of the columns along a path that do not look like the beam at rest; compiled."""
 
 from typing import Any, Final
 
@@ -10,20 +10,20 @@ from solver.instrument.centreline import Flag
 from solver.instrument.compiled import njit
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
-# Times the amplitude at rest within which a column's amplitude may lie.
+# Allowed range of a column's amplitude, over the amplitude at rest.
 DIMMEST, BRIGHTEST = 0.4, 2.2
-# chi^2 per degree of freedom, over what is typical at rest, that a column may leave: of seven
-# degrees of freedom one in 300 leaves more.
+# Threshold of a column's chi^2 per degree of freedom, over the typical value at rest: with seven
+# degrees of freedom one column in 300 exceeds it.
 WORST_MISFIT = 3.0
 NEIGHBOURHOOD = 61
-# An amplitude of fewer of its sigmas is none.
+# Threshold of an amplitude, in its sigmas.
 LEAST_SIGNIFICANCE = 5.0
-# A brightness off its smooth course by this share, over the median of so many columns, is odd.
+# Threshold of the brightness off its smooth course, relative, and columns of its running median.
 ODD, ABOUT = 0.012, 21
-# Where two columns running are foreign, so many on either side are not trusted either: a shadow's
-# or a leaf's edge begins in them.
+# Where two consecutive columns are foreign, this many on either side are rejected too: the edge of
+# a shadow or a leaf begins in them.
 SPOILT: Final = 3
-# A centre may lie this many of its sigmas, and this far [px], off the smooth curve of all.
+# Thresholds of a centre's distance from the smooth curve, in sigmas and [px]; outliers exceed both.
 FARTHEST_SIGMAS, FARTHEST_PX = 6.0, 0.15
 
 
@@ -36,20 +36,20 @@ def flags_of(
     amplitude_sigma: Floats,
     saturated: Any,
 ) -> Any:
-    """Flags (n,) of columns, each by itself and its neighbours; 0 of those that look like the beam.
+    """Flag columns (n,) by their own fit and their neighbours; 0 if they look like the beam.
 
     `share` is a column's brightness over that at rest, `misfit` its chi^2 per degree of freedom
     over what is typical at rest; the others are as in `Fits`.
     """
-    # A beam that comes nearer to the camera looks wider than at rest, all along: what is
-    # foreign differs from the columns about it.
+    # A beam that comes nearer to the camera looks wider than at rest in all columns: a foreign
+    # object differs from the columns about it.
     usual = running_median(np.minimum(misfit, 30.0), NEIGHBOURHOOD)
-    # On a rough ground every column leaves more, and is known that much less.
+    # A textured background raises the misfit of every column.
     plausible = misfit[(share > DIMMEST) & (share < BRIGHTEST)]
     rough = max(np.median(plausible), 1.0) if len(plausible) > 0 else 1.0
     flags = np.zeros(len(share), np.uint8)
     for i in range(len(share)):
-        # In a rough ground a beam must stand out all the more.
+        # On a textured background the amplitude must exceed a larger threshold.
         doubt = amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
         faint = share[i] < DIMMEST or abs(amplitude[i]) < LEAST_SIGNIFICANCE * doubt
         if faint or not np.isfinite(sigma[i]):
@@ -65,10 +65,10 @@ def flags_of(
 def follow(
     length: Floats, off_path: Floats, sigma: Floats, share: Floats, on_beam: Mask, flags: Any
 ) -> Floats:
-    """Fit the smooth course (n,) of centres `off_path` and flag the points off it as foreign.
+    """Fit the smooth course (n,) of centres `off_path`, and flag outliers from it as foreign.
 
     `sigma` (n,) is enlarged in place where the points scatter by more than it states, as they do
-    in compressed or processed images. The course has length 0 where too few points are left.
+    in compressed or processed images. The course has length 0 if too few points are left.
     """
     odd = _oddly_lit(length, share, flags, on_beam)
     flags[(flags == 0) & (odd | ~on_beam)] = FOREIGN
@@ -89,11 +89,11 @@ def follow(
 
 @njit(cache=True, error_model="numpy")
 def _understatement(residual: Floats) -> float:
-    """Ratio of the local scatter of residuals (n,), in sigmas, to 1; at least 1.
+    """Compute the local scatter of residuals (n,), which are in sigmas; at least 1.
 
-    It counts only where white noise would not show as much in one image of a thousand. Of n
-    independent values the median of |x| has a relative standard deviation of 1.17 / sqrt(n); the
-    local scatter's differences share values, which makes it 1.63 / sqrt(n).
+    It is 1 unless white noise would exceed it in fewer than one image of a thousand. The median of
+    |x| of n independent values has a relative standard deviation of 1.17 / sqrt(n); the local
+    scatter's differences share values, which makes it 1.63 / sqrt(n).
     """
     scatter = local_scatter(residual)
     return scatter if scatter > 1 + 3.1 * 1.63 / np.sqrt(max(len(residual), 1)) else 1.0
@@ -101,9 +101,9 @@ def _understatement(residual: Floats) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _oddly_lit(length: Floats, share: Floats, flags: Any, on_beam: Mask) -> Mask:
-    """Where something keeps light from the beam, or adds to it: brighter or darker than about.
+    """Detect columns (n,) where an object shades or lights the beam, by their brightness.
 
-    What is close to the beam takes light from one of its flanks, and moves its centre.
+    An object close to the beam takes light from one of its flanks, and shifts its centre.
     """
     odd = np.zeros(len(share), np.bool_)
     place, course = length[on_beam], running_median(share[on_beam], ABOUT)
@@ -111,6 +111,6 @@ def _oddly_lit(length: Floats, share: Floats, flags: Any, on_beam: Mask) -> Mask
     usual = curve(place, course, np.where(known, ODD / 3, np.inf), place, 2, 2.5)
     if len(usual) > 0:
         off = np.abs(course / usual - 1)
-        # Under a spotted light every place is odd, and none.
+        # Under spotted light the threshold rises with the typical deviation.
         odd[on_beam] = off > max(ODD, 4.5 * np.median(off[known]))
     return odd

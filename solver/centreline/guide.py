@@ -1,4 +1,4 @@
-"""Between image and beam: where a place of the beam's plane is seen, and the other way."""
+"""Conversion between places in the beam's plane and pixels of the image."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,9 +15,9 @@ from solver.plane import apply_homography
 class Guide:
     """The camera, and the frame of the beam at rest in plane C (`antenna_from_beam`, (4, 4)).
 
-    `length` [m] of the beam and `radius` [m] of its section. `free_tilt` says that the motor may
-    have turned the beam by any angle against the camera. `full_scale` is a saturated pixel's gray
-    value, None where it is the largest of the image's type.
+    `length` [m] of the beam and `radius` [m] of its section. `free_tilt` is True where the motor
+    may have turned the beam by any angle relative to the camera. `full_scale` is a saturated
+    pixel's gray value, None where it is the largest of the image's type.
     """
 
     camera: Camera
@@ -28,7 +28,7 @@ class Guide:
     full_scale: int | None = None
 
     def pixels(self, places: Floats) -> Floats:
-        """Pixels (n, 2) of places (n, 2) [m] of the beam's frame in plane C."""
+        """Project places (n, 2) [m] of the beam's frame in plane C to pixels (n, 2)."""
         if not self.camera.distortion:
             return apply_homography(self._image_from_beam, places)
         points = np.column_stack([places, np.zeros(len(places))])
@@ -37,21 +37,21 @@ class Guide:
     def places(self, pixels: Floats) -> Floats:
         """Find the places (n, 2) [m] of the beam's frame that are seen at pixels (n, 2).
 
-        NaN where the lens shows nothing: no beam is there, and the others count as ever.
+        Pixels that the distortion model does not reach give NaN; the others are not affected.
         """
         if self.camera.distortion:
             pixels = self.camera.undistorted_pixels(pixels)
         return apply_homography(self._beam_from_image, pixels)
 
     def turned_about(self) -> "Guide":
-        """The guide of a beam clamped at this one's tip, whose tip is where this one is clamped."""
+        """Return the guide of a beam whose clamp and tip are exchanged."""
         half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
         half_turn[0, 3] = self.length
         return replace(self, antenna_from_beam=self.antenna_from_beam @ half_turn)
 
     @cached_property
     def _image_from_beam(self) -> Floats:
-        """The homography (3, 3) from places to pixels, without the lens's distortion."""
+        """Homography (3, 3) from places to pixels, without the lens's distortion."""
         antenna_from_beam = self.antenna_from_beam[np.ix_([0, 1, 3], [0, 1, 3])]
         plane = self.camera.normalised_from_plane
         return np.asarray(self.camera.matrix @ plane @ antenna_from_beam)
@@ -73,11 +73,11 @@ class Guide:
 
     @cached_property
     def ends(self) -> Floats:
-        """Pixels (2, 2) of the beam at rest just beyond its clamp, and of its tip."""
+        """Pixels (2, 2) of the beam at rest: just beyond its clamp, and at its tip."""
         return self.pixels(np.array([[0.02 * self.length, 0.0], [self.length, 0.0]]))
 
     @cached_property
     def scans_columns(self) -> bool:
-        """Whether the beam at rest runs rather along the image's rows, and columns cross it."""
+        """Whether the beam at rest runs mainly along the image rows, so that columns cross it."""
         along, down = np.abs(self.ends[1] - self.ends[0])
         return bool(along >= down)

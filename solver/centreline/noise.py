@@ -1,4 +1,4 @@
-"""How much a pixel's gray value scatters: read noise and shot noise, from images of one thing."""
+"""Noise of a pixel's gray value, read noise and shot noise, from images of one scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from solver.instrument.arrays import Floats, Grey
 
 # Rounding to whole gray values alone has this variance.
 ROUNDING = 1 / 12
-# Images with less noise than a camera needs to round well [gray levels] were compressed or
-# denoised; chosen.
+# Images with a smaller noise sigma [gray levels] count as compressed or denoised; chosen: a camera
+# needs more noise to round well.
 LEAST_SIGMA = 0.5
-# Gray values by their mean in so many bins, each of at least so many pixels.
+# Number of bins of the mean gray value, and fewest pixels in each.
 BINS, LEAST_IN_BIN = 24, 40
-# Mean of the lower three quarters of the smaller of both squared deviations, of white noise of unit
-# variance, by simulation.
+# Mean of the lower three quarters of the smaller of both squared deviations, for white noise of
+# unit variance, by simulation.
 SMALLER_OF_TWO = 0.2149
 
 
@@ -29,20 +29,20 @@ class Noise:
     per_gray: float
 
     def variance(self, gray: Floats | float) -> Floats:
-        """Variance of gray values, of the same shape."""
+        """Compute the variance of gray values, of the same shape."""
         return np.maximum(self.dark + self.per_gray * np.asarray(gray, np.float64), ROUNDING)
 
     def processed(self, image: Grey) -> bool:
-        """Whether images like this (height, width) were compressed or denoised."""
+        """Return whether images like this one (height, width) were compressed or denoised."""
         return bool(np.median(self.variance(image.astype(np.float64))) < LEAST_SIGMA**2)
 
 
 def noise_of(images: Sequence[Grey]) -> Noise:
-    """Measure the noise in images (height, width) of one and the same thing; one is enough.
+    """Estimate the noise from images (height, width) of one scene; one is enough.
 
-    Of several, a pixel's scatter from image to image is noise, once each image's overall
-    brightness, which flickers, is divided out. Of one, it is the smaller of a pixel's deviations
-    from its neighbours in its row and in its column, so that edges are not taken for noise.
+    With several images, the noise is a pixel's scatter from image to image, after division by each
+    image's overall brightness, which flickers. With one, it is the smaller of a pixel's deviations
+    from its neighbours in its row and in its column, so that edges do not count as noise.
     """
     if len(images) > 1:
         mean, variance = _over_images(images)
@@ -54,7 +54,7 @@ def noise_of(images: Sequence[Grey]) -> Noise:
         variance = np.minimum(in_row**2, in_column**2)
     order = np.argsort(mean, axis=None)
     gray, scatter = mean.ravel()[order], variance.ravel()[order]
-    # Bins of equal width: the few bright pixels of a thin beam make the line's far end.
+    # Bins of equal width: the few bright pixels of a thin beam determine the line's far end.
     edges = np.linspace(gray[0], gray[-1] + 1e-9, BINS + 1)
     places = np.searchsorted(gray, edges)
     levels, found, weights = [], [], []
@@ -65,11 +65,11 @@ def noise_of(images: Sequence[Grey]) -> Noise:
             weights.append(last - first)
     if not found:
         return Noise(ROUNDING, 0.0)
-    # The variance of a variance grows with its square: weights by n over the square. Variance does
-    # not fall with the gray value, and is not negative at the darkest; below that, at a gray value
-    # under the camera's black level, the line may be.
+    # The variance of a variance grows with its square: the weights are n over the square. The
+    # line's slope, and its value at the darkest gray value, are at least 0; below the darkest gray
+    # value, under the camera's black level, the line may be negative.
     weight = np.sqrt(np.array(weights)) / np.maximum(found, ROUNDING)
-    # Of one image, what is left of the edges steepens the line: there it starts at gray value 0.
+    # With one image, remaining edges steepen the line: it then starts at gray value 0.
     black = gray[0] if len(images) > 1 else 0.0
     design = np.column_stack([np.ones(len(levels)), np.array(levels) - black])
     (darkest, per_gray), _ = nnls(design * weight[:, None], np.array(found) * weight)
@@ -77,9 +77,10 @@ def noise_of(images: Sequence[Grey]) -> Noise:
 
 
 def _over_images(images: Sequence[Grey]) -> tuple[Floats, Floats]:
-    """Mean (height, width) of several images, and their variance about it but for brightness.
+    """Compute mean and variance (height, width) of several images, less changes of brightness.
 
-    Image by image: a dozen of twelve megapixels would take a gigabyte as one array of floats.
+    Images are read one by one: as one array of floats, twelve of 12 megapixels would take a
+    gigabyte.
     """
     n = len(images)
     mean = np.zeros(images[0].shape)
@@ -99,5 +100,5 @@ def _over_images(images: Sequence[Grey]) -> tuple[Floats, Floats]:
 def _typical(scatter: Floats, images: int) -> float:
     if images > 1:
         return float(scatter.mean())
-    # The lower three quarters: both neighbourhoods of a corner are edges.
+    # The lower three quarters only: at a corner both deviations contain an edge.
     return float(np.sort(scatter)[: 3 * len(scatter) // 4].mean() / SMALLER_OF_TWO)

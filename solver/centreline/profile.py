@@ -1,10 +1,10 @@
-"""What a row of pixels across the beam shows: disc section x point spread x pixel.
+"""Gray profile of a pixel column across the beam: disc section x point spread x pixel.
 
-Across the beam, at x = distance from the axis over the radius, a matt cylinder lit from the front
-shines as the chord of its disc, sqrt(1 - x^2), one lit from everywhere almost evenly, one with
-gloss more narrowly: powers of the chord. Light from one side tilts that. The lens spreads it by a
-Gaussian, the pixel takes its mean. A beam that crosses the pixel columns aslant is wider along
-them, and each column takes in its way up or down.
+Let x be the distance from the axis over the radius. The brightness of a matt cylinder lit from the
+front is proportional to the chord of its disc, sqrt(1 - x^2). Lit from everywhere, it is almost
+even; with gloss, it is narrower: both are powers of the chord. Light from one side tilts the
+profile. The lens blurs it by a Gaussian, the pixel averages it. A beam that crosses the pixel
+columns obliquely is wider along them, and each column averages its rise or fall.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
 
-# The table's step along a column [px], and its slopes: from along the rows to the diagonal.
+# The table's step along a column [px], and its number of slopes, from the rows to the diagonal.
 STEP = 1 / 64
 SLOPES = 17
 
@@ -37,8 +37,8 @@ class Section:
 class Profile:
     """Table of the profile: `value` and `slope` [1/px] (SLOPES, n) along a pixel column.
 
-    Row i is of a beam that climbs i / (SLOPES - 1) px a column; the middle of a row is the axis;
-    its sum times STEP is one over the cosine of the climb, so that amplitudes compare.
+    Row i is for a beam that climbs i / (SLOPES - 1) px per column; the middle of a row is the axis;
+    its sum times STEP is one over the cosine of the climb, so that amplitudes are comparable.
     """
 
     value: Floats
@@ -47,13 +47,13 @@ class Profile:
 
 
 def profile(section: Section) -> Profile:
-    """The table of a section's profiles."""
+    """Tabulate a section's profiles."""
     reach = 1.5 * section.radius + 5 * section.spread * 1.5 + 1.5
     half = int(np.ceil(reach / STEP))
     t = np.arange(-half, half + 1, dtype=np.float64) * STEP
     values = np.empty((SLOPES, len(t)))
     slopes = np.empty_like(values)
-    # Aslant, the section is the same one, only wider: it is computed once, more finely.
+    # An oblique section is the same one, only wider: it is computed once, on a finer grid.
     fine = np.arange(-4 * half, 4 * half + 1, dtype=np.float64) * (STEP / 4)
     level = _spread(fine, section)
     for index, climb in enumerate(np.linspace(0, 1, SLOPES)):
@@ -69,8 +69,8 @@ def profile(section: Section) -> Profile:
 
 
 def _spread(t: Floats, section: Section) -> Floats:
-    """Section x point spread across the beam, of unit area, at t [px]."""
-    # Midpoints of strips of equal width across the section, each smeared in closed form.
+    """Compute section x point spread across the beam, of unit area, at t [px]."""
+    # Midpoints of strips of equal width across the section, each blurred in closed form.
     n = 32
     edges = np.linspace(-1, 1, n + 1)
     x = (edges[1:] + edges[:-1]) / 2
@@ -81,7 +81,7 @@ def _spread(t: Floats, section: Section) -> Floats:
 
 
 def _mean_over(t: Floats, values: Floats, width: float) -> Floats:
-    """Mean of tabulated values over a window of `width` [px] about every t."""
+    """Average tabulated values over a window of `width` [px] about every t."""
     integral = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)]) * STEP
     upper, lower = np.interp(t + width / 2, t, integral), np.interp(t - width / 2, t, integral)
     return np.asarray((upper - lower) / width)

@@ -1,8 +1,8 @@
-"""Profile fit: in every pixel column, where the beam's known profile fits best.
+"""Profile fit: position of the beam's known profile in every pixel column.
 
 A column (or a row, where the beam is steep) shows amplitude x profile(v - centre) + background
-+ slope (v - middle). The four are found by Gauss-Newton, weighted with the sensor's noise, as
-maximum likelihood asks; the centre's variance is that of the linearised fit.
++ slope (v - middle). The four parameters are estimated by Gauss-Newton, weighted with the sensor's
+noise (maximum likelihood); the centre's variance is that of the linearised fit.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from solver.instrument.compiled import njit
 STEPS = 5
 CLOSE_ENOUGH_PX = 1e-4
 LEAST_PIXELS = 6
-# Rows on either side, beyond the profile's own reach, that tell the background.
+# Rows on either side, beyond the profile's own reach, that determine the background.
 MARGIN = 2
 
 
@@ -30,7 +30,7 @@ class Fits:
     """Profile fits at n stations; a station that could not be fitted has sigma = inf.
 
     `centre`, its `sigma` [px], `amplitude` and its sigma [gray px], `background` [gray], `chi2` on
-    `dof` degrees of freedom, `saturated`: pixels left out because they are at full scale.
+    `dof` degrees of freedom, `saturated`: number of pixels excluded because they are at full scale.
     """
 
     centre: Floats
@@ -46,7 +46,7 @@ class Fits:
 def fit_profiles(
     image: Grey, places: Stations, profile: Profile, noise: Noise, half: int, full_scale: int
 ) -> Fits:
-    """Fit at every station, from its start.
+    """Fit the profile at every station, from its start.
 
     `half` pixels on either side are fitted; pixels of `full_scale` or more are left out.
     """
@@ -76,8 +76,8 @@ def fit_profiles(
     )
 
 
-# Rows of what a column of pixels is compared with: the ground (1, x), the profile, its derivative
-# by the centre, and the gray values themselves.
+# Rows of a pixel column's linear model: the background (1, x), the profile, its derivative by the
+# centre, and the gray values themselves.
 GROUND, TILT, SHAPE, MOVE, GRAY = range(5)
 
 
@@ -96,7 +96,7 @@ def _fit(
     half: int,
     full_scale: int,
 ) -> Floats:
-    """The columns of `Fits` (8, n)."""
+    """Fit all stations; return the fields of `Fits` (8, n)."""
     n, size = len(along), 2 * half + 1
     out, row = np.zeros((8, n)), np.empty(8)
     rows, weight, gram = np.empty((5, size)), np.empty(size), np.empty((5, 5))
@@ -134,10 +134,10 @@ def _fit_column(
     gram: Floats,
     found: Floats,
 ) -> None:
-    """Gauss-Newton from `start` into `found`, which stays as it is where that fails.
+    """Run Gauss-Newton from `start` and write into `found`, which is unchanged on failure.
 
-    Ground, amplitude and gray values are linear in one another: clearing rows of the Gram matrix
-    (`_clear`) one after another is their least squares, for every centre anew.
+    For a fixed centre, the model is linear in background and amplitude: eliminating rows of the
+    Gram matrix (`_clear`) one after another solves their least squares.
     """
     c = start
     for step in range(STEPS + 1):
@@ -167,7 +167,7 @@ def _fit_column(
         if abs(c - start) > half - 2:
             return
         if step < 2:
-            # Weights by what the model expects, not by what noise made of it.
+            # Weights from the model's gray values, not from the noisy ones.
             expected = rows[SHAPE]
             for k in range(len(expected)):
                 expected[k] = max(a * expected[k] + b + s * (k - half), 0.0)
@@ -180,7 +180,7 @@ def _fit_column(
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
-    """Weighted products of (1, x, profile, derivative, gray), each with each (5, 5)."""
+    """Compute the weighted Gram matrix (5, 5) of (1, x, profile, derivative, gray)."""
     p, d, g = rows[SHAPE], rows[MOVE], rows[GRAY]
     w0 = w1 = w2 = p0 = p1 = pp = d0 = d1 = dp = dd = 0.0
     g0 = g1 = gp = gd = gg = 0.0
@@ -200,7 +200,7 @@ def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _clear(gram: Floats, row: int) -> None:
-    """Take out of all later rows what the `row` can imitate of them (lower triangle)."""
+    """Eliminate the `row` from all later rows of the Gram matrix (lower triangle)."""
     for a in range(row + 1, 5):
         share = gram[a, row] / gram[row, row]
         for b in range(row + 1, a + 1):
@@ -211,7 +211,7 @@ def _clear(gram: Floats, row: int) -> None:
 def _weigh(
     gray: Floats, expected: Floats, full_scale: int, dark: float, per_gray: float, weight: Floats
 ) -> int:
-    """Weights by the noise of expected gray values, none at full scale; how many have one."""
+    """Set weights by the noise of expected values, 0 at full scale; return how many are not 0."""
     used = 0
     for k in range(len(gray)):
         bright = gray[k] >= full_scale

@@ -1,4 +1,4 @@
-"""Smooth courses along the beam, which outliers do not pull: a curve, and a running median."""
+"""Robust smooth courses along the beam: a curve and a running median."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from solver.instrument.compiled import njit
 FEWEST = 8
 ROUNDS = 12
 DEGREE = 7
-# Tukey's biweight cuts off at this many times the points' own scatter.
+# Tukey's biweight is 0 beyond this many times the points' own scatter.
 CUT = 6.0
 # Points this far apart err independently in compressed images, whose blocks have 8 or 16 pixels.
 LAG = 16
@@ -18,10 +18,10 @@ LAG = 16
 def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: int = DEGREE) -> Floats | None:
     """Fit a smooth curve at x (n,) to y (n,) where sigma (n,) is finite.
 
-    A polynomial of at most `degree`, less where points are few or span little of x, by iteratively
-    reweighted least squares (Beaton and Tukey 1974). Beyond the outermost known points it stays
-    level. Points farther off than CUT times their typical scatter have no say. None with too few
-    points.
+    The curve is a polynomial of at most `degree`, lower where points are few or span little of x,
+    fitted by iteratively reweighted least squares (Beaton and Tukey 1974). Beyond the outermost
+    known points it is constant. Points farther off than CUT times their typical scatter have zero
+    weight. Return None with too few points.
     """
     found: Floats = curve(x, y, sigma, x, degree, CUT)
     return found if len(found) else None
@@ -29,7 +29,7 @@ def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: int = DEGREE) -> F
 
 @njit(cache=True, error_model="numpy")
 def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: int, cut: float) -> Floats:
-    """As `smooth_curve`; of length 0 where there is none."""
+    """Fit as `smooth_curve`, and evaluate at `at`; return an empty array where that fails."""
     none = np.empty(0)
     known = np.flatnonzero(np.isfinite(sigma))
     if len(known) < FEWEST:
@@ -50,7 +50,7 @@ def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: int, cut: flo
 
 @njit(cache=True, error_model="numpy")
 def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
-    """Coefficients of a basis (terms, n); NaN where the points do not determine them."""
+    """Fit coefficients of a basis (terms, n); NaN where the points do not determine them."""
     terms, n = basis.shape
     weight, weighted = np.ones(n), np.empty(n)
     usual = np.median(sigma)
@@ -67,7 +67,7 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
             normal[j, j] *= 1 + 1e-12
         coefficients = np.linalg.solve(normal, right)
         off = np.abs(y - coefficients @ basis)
-        # It takes much longer to find the median than to count that it is below the usual.
+        # Testing by a count that the median is below `usual` is much faster than computing it.
         scale = usual
         if 2 * np.count_nonzero(1.4826 * off <= usual) <= n:
             scale = max(1.4826 * np.median(off), usual)
@@ -82,7 +82,7 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def _weighted(weight: Floats, row: Floats, y: Floats, weighted: Floats) -> float:
-    """A weighted row into `weighted`, and its product with y."""
+    """Write a weighted row into `weighted`; return its product with y."""
     total = 0.0
     for i in range(row.size):
         weighted[i] = weight[i] * row[i]
@@ -92,7 +92,7 @@ def _weighted(weight: Floats, row: Floats, y: Floats, weighted: Floats) -> float
 
 @njit(cache=True, error_model="numpy")
 def _chebyshev(place: Floats, terms: int) -> Floats:
-    """Chebyshev's polynomials (terms, n) at places of -1 to 1."""
+    """Evaluate Chebyshev polynomials (terms, n) at places from -1 to 1."""
     basis = np.ones((terms, len(place)))
     if terms > 1:
         basis[1] = place
@@ -103,11 +103,10 @@ def _chebyshev(place: Floats, terms: int) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def local_scatter(residual: Floats) -> float:
-    """Standard deviation of residuals (n,) against their neighbours; 0 of fewer than eight.
+    """Estimate the standard deviation of residuals (n,) against neighbours; 0 for n below 8.
 
     Each value is compared with the mean of those LAG places before and after it, so that errors
-    which vary slowly along the beam, such as a wrong model's, do not count. The median makes
-    it robust.
+    that vary slowly along the beam, such as model errors, do not count. The median makes it robust.
     """
     n = len(residual)
     lag = min(LAG, n // 4)
@@ -119,7 +118,7 @@ def local_scatter(residual: Floats) -> float:
 
 @njit(cache=True, error_model="numpy")
 def running_median(values: Floats, width: int) -> Floats:
-    """The median (n,) of the odd number `width` of values (n,) about each; the ends go on level."""
+    """Compute the median (n,) of `width` (odd) values about each; end values are repeated."""
     n, half = len(values), width // 2
     medians = np.empty(n)
     window = np.empty(2 * half + 1)
@@ -136,7 +135,7 @@ def running_median(values: Floats, width: int) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _exchange(window: Floats, old: float, new: float) -> None:
-    """One value of a sorted window by another; it stays sorted."""
+    """Replace a value of a sorted window by another, and keep it sorted."""
     k = 0
     while window[k] < old:
         k += 1

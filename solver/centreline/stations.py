@@ -1,4 +1,4 @@
-"""Pixel columns, or rows where the beam is steep, along a path: where the beam is measured."""
+"""Stations: the pixel columns, or rows where the beam is steep, that measure it along a path."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +15,9 @@ class Stations:
     """n places along the beam, from the clamp to beyond the tip.
 
     `along` (n,) is the pixel column that is read, or the row where not `upright` (n,); `start`
-    (n,) [px] is where in it the path crosses; `climb` (n,) is the path's slope there, in size at
+    (n,) [px] is the path's position in it; `climb` (n,) is the path's slope there, in size at
     most 1. `sense` (n,) is -1 where the column runs against the beam's own normal, else 1.
-    `length` (n,) [px] is how far along the path a station is.
+    `length` (n,) [px] is the distance of a station along the path.
     """
 
     along: npt.NDArray[np.int64]
@@ -31,7 +31,7 @@ class Stations:
         return len(self.along)
 
     def pixels(self, centre: Floats) -> Floats:
-        """Pixels (n, 2), as (u, v), of centres (n,) in their columns or rows."""
+        """Return the pixels (n, 2), as (u, v), of centres (n,) in their columns or rows."""
         return _pixels(self.along, self.upright, centre)
 
     @property
@@ -42,7 +42,7 @@ class Stations:
 
 
 def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
-    """Stations along a path of pixels (m, 2), within an image of `shape`."""
+    """Compute the stations along a path of pixels (m, 2), within an image of `shape`."""
     return Stations(*_stations(path, shape[0], shape[1]))
 
 
@@ -61,10 +61,10 @@ def _stations(path: Floats, height: int, width: int) -> Any:
     for k in range(1, len(path)):
         step = path[k] - path[k - 1]
         travelled[k] = travelled[k - 1] + np.hypot(step[0], step[1])
-    # A line for every pixel of the way, and for every corner one more.
+    # Upper bound: a station for every pixel of the path, and one more for every corner.
     out = np.empty((6, int(travelled[-1]) + 2 * len(path)))
     count = first = 0
-    # Stretches of one kind; a path is smooth, so it has few.
+    # Segments with columns only or rows only; a path is smooth, so it has few.
     while first < len(path) - 1:
         upright = _flat(path, first)
         last = first + 1
@@ -89,7 +89,7 @@ def _stations(path: Floats, height: int, width: int) -> Any:
 
 @njit(cache=True, error_model="numpy")
 def _flat(path: Floats, k: int) -> bool:
-    """Whether the path runs rather along the image's rows from its node k to the next."""
+    """Return whether the path runs mainly along the image rows from node k to the next."""
     return bool(abs(path[k + 1, 0] - path[k, 0]) >= abs(path[k + 1, 1] - path[k, 1]))
 
 
@@ -103,7 +103,7 @@ def _walk(
     out: Floats,
     count: int,
 ) -> int:
-    """The stations of a stretch that runs one way, into the columns of `out` from `count` on."""
+    """Write a segment's stations into the columns of `out` from `count` on; return the count."""
     forward = np.sign(along[-1] - along[0])
     last = len(along) - 1
     slope = np.empty(last)
@@ -121,7 +121,7 @@ def _walk(
         while k < last - 1 and forward * (at - along[k + 1]) > 0:
             k += 1
         share = (at - along[k]) / (along[k + 1] - along[k])
-        # Slopes are those of the middles between nodes.
+        # Slopes are those at the midpoints between nodes.
         near = min(max(k if share < 0.5 else k + 1, 1), last - 1)
         climb = slope[0]
         if last > 1:

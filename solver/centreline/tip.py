@@ -1,4 +1,4 @@
-"""The beam's free end in the image: where its brightness along the path falls to nothing."""
+"""Detection of the beam's free end: where its brightness along the path falls to zero."""
 
 import math
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# Stations before the end that tell the beam's brightness, and beyond it that tell there is none.
+# Number of stations that measure the beam's brightness, and of those beyond its end, which test it.
 BEFORE, BEYOND = 12, 4
-# Columns at the beam's end, whole ones no more, may look like no beam: from the last good one on,
-# so many are sought for the first dark one. Lens and pixel spread the end a column beyond that.
+# Columns that the beam's end covers in part may be flagged: the first dark column is searched
+# within this many after the last good one. Lens and pixel spread the end SPREAD columns further.
 FADING, SPREAD = 4, 1
 # A column is dark below this share of the beam's brightness.
 DARK = 0.25
-# The ground may differ by so many times its own scatter, and by rounding.
+# Threshold of the background's change at the end, in its own scatter; rounding is added.
 STEP_SIGMAS = 5.0
-# chi^2 per degree of freedom that a column leaves by chance.
+# Largest chi^2 per degree of freedom of a column by chance.
 WORST_MISFIT = 3.0
 
 
 @dataclass(frozen=True)
 class FoundTip:
-    """The tip's pixel (2,), its covariance (2, 2) [px^2], and where it is along the path [px]."""
+    """The tip's pixel (2,), its covariance (2, 2) [px^2], and its distance along the path [px]."""
 
     pixel: Floats
     covariance: Floats
@@ -42,27 +42,28 @@ def find_tip(
     fits: Fits,
     look: Appearance,
 ) -> FoundTip | None:
-    """The free end, None where it is hidden, out of the image or not told from something else.
+    """Locate the free end; return None where it is hidden, outside the image or ambiguous.
 
-    The last good stations tell the brightness; what shines from there on, over that, is by how
-    many stations the beam is longer (the area under a step). Before and after, the ground
-    must be one ground: at the edge of a thing that hides the beam it is not.
+    The last good stations measure the brightness. The sum of light from there on, over that
+    brightness, is the number of stations that the beam still covers (the area under a step). The
+    background must be the same before and after: at the edge of an object that hides the beam it
+    is not.
     """
     good = np.flatnonzero(flags == 0)
     if len(good) < BEFORE:
         return None
     last = int(good[-1])
-    # Two stations are kept away from the end, which may take part in their brightness.
+    # Two stations are kept away from the end, which may affect their brightness.
     told = good[good <= last - 2][-BEFORE:]
     if len(told) < BEFORE // 2 or last - told[0] > 3 * BEFORE:
         return None
-    # The end of a thick beam that climbs takes part in many columns.
+    # The end of a thick, oblique beam extends over many columns.
     fading = FADING + int(look.section.radius)
     first, end = int(told[-1]) + 1, last + fading + SPREAD + BEYOND + 1
     if end > len(places) or (places.upright[first:end] != places.upright[last]).any():
         return None
     window = np.arange(first, end)
-    # Beyond the last centre the beam goes on straight.
+    # The beam is extrapolated as a straight line beyond the last centre.
     recent = good[-2 * BEFORE :]
     climb, level = _straight(places.along[recent], fits.centre[recent])
     amplitude, variance, ground = fit_amplitudes(
@@ -94,7 +95,7 @@ def find_tip(
     across = climb * along + level
     upright = bool(places.upright[last])
     pixel = np.array([along, across]) if upright else np.array([across, along])
-    # Along the beam it was measured; across, the points beside it say all that is known.
+    # Measured along the beam; across it one pixel: the points beside it hold all information.
     tangent = np.array([1.0, climb]) if upright else np.array([climb, 1.0])
     normal = np.array([-tangent[1], tangent[0]]) / math.hypot(1.0, climb)
     covariance = np.outer(tangent, tangent) * (covered_variance + 0.02**2)
@@ -105,7 +106,7 @@ def find_tip(
 
 @njit(cache=True, error_model="numpy")
 def _straight(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
-    """Slope and level at x = 0 of the straight line through points."""
+    """Fit a straight line to points; return its slope and its level at x = 0."""
     x_mean, y_mean = x.mean(), y.mean()
     off = x - x_mean
     slope = (off * (y - y_mean)).sum() / (off * off).sum()
@@ -124,10 +125,11 @@ def _covered(
     told_sigma: Floats,
     told_ground: Floats,
 ) -> tuple[float, float]:
-    """How many columns of a window (n,) the beam covers, and the variance; infinite where untold.
+    """Estimate how many columns of a window (n,) the beam covers, and the variance.
 
-    `share` is the brightness of the columns over the beam's, `told` that of the columns before;
-    the first `whole` columns are up to the last good one.
+    The variance is infinite where the end is ambiguous. `share` is the brightness of the columns
+    over the beam's, `told` that of the columns before; the first `whole` columns are up to the last
+    good one.
     """
     untold = 0.0, np.inf
     dark = whole
@@ -143,14 +145,14 @@ def _covered(
     if step > STEP_SIGMAS * told_ground.std() + 0.5:
         return untold
     covered, total = share[:end].sum(), variance[:end].sum()
-    # Noise among the brightnesses averages out; where a shadow or a light makes them differ by
-    # more, that of the end differs from their mean as much.
+    # Noise of the brightnesses averages out. Where a shadow or a light makes them differ by more,
+    # the brightness at the end differs from their mean by as much.
     scatter = told.var()
     uneven = max(scatter - (told_sigma * told_sigma).mean(), 0.0)
     total += covered * covered * (scatter / len(told) + uneven)
-    # What touches the beam near its end adds to all columns alike, or takes from them.
+    # An object that touches the beam near its end biases all columns in the same direction.
     excess = np.maximum(misfit[:whole] - WORST_MISFIT, 0.0)
     total += np.sqrt(variance[:whole] * excess).sum() ** 2
-    # What the ground beyond the end imitates of the beam, it also does about the end.
+    # Background that looks like the beam beyond the end does so at the end, too.
     total += (end - whole) ** 2 * (beyond * beyond).mean()
     return covered, total

@@ -1,1 +1,1 @@
-"""Least squares with the exact beam: of one frame, compiled; of a push; what is said of a fit."""
+"""Least squares with the exact beam: one frame (compiled), one push, and the outcome of a fit."""

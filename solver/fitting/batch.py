@@ -1,4 +1,4 @@
-"""Many frames at once: points to (q, lever) with covariance, without Python between frames."""
+"""Fit many frames in compiled code: from points to (q, lever) with covariance."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -33,9 +33,9 @@ class Batch:
     """Fits of m frames.
 
     `parameters` (m, 5) are q [1/m^2], lever [m] of the exact beam and dx [m], dy [m], tilt [rad]
-    of the clamp, `covariances` (m, 5, 5) theirs; `chi2` (m,) on `kept` (m,) points that were not
-    rejected as outliers; `converged` (m,) says whether there is an answer: where there is none,
-    parameters and covariances are zero.
+    of the clamp, `covariances` (m, 5, 5) their covariances. `chi2` (m,) is the misfit of the
+    points that were not rejected as outliers, `kept` (m,) their number. `converged` (m,) is True
+    where the fit converged; elsewhere parameters and covariances are zero.
     """
 
     parameters: Floats
@@ -55,12 +55,12 @@ def exact_fit_batch(
     viewpoint: Floats | None = None,
     psi: float = 0.0,
 ) -> Batch:
-    """Least squares with the exact beam in each of m frames, as `exact_fit` does it in one.
+    """Fit the exact beam to each of m frames by least squares, as `exact_fit` does to one.
 
-    `points` and `sigma_vectors` (n, 2) [m] hold all frames one after another, frame i from
+    `points` and `sigma_vectors` (n, 2) [m] contain all frames one after another, frame i from
     `offsets[i]` to `offsets[i + 1]`, in the frame of the beam at rest; `base_covariance` (3, 3)
-    [m, m, rad] is the clamp's. `viewpoint` (4,) matters only where `psi` [rad] is not zero.
-    Raises ValueError where shapes do not fit or a value is not finite.
+    [m, m, rad] is that of the clamp's pose. `viewpoint` (4,) is used only if `psi` [rad] is not
+    zero. Raises ValueError if array shapes are inconsistent or a value is not finite.
     """
     points, sigma_vectors = (
         np.ascontiguousarray(values, dtype=np.float64) for values in (points, sigma_vectors)
@@ -96,7 +96,7 @@ def exact_fit_batch(
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def _columns(vectors: Floats, unit: float, x: Floats, y: Floats) -> float:
-    """Vectors (n, 2) in some unit, in two columns; their sum is finite if all of them are."""
+    """Write vectors (n, 2) over `unit` to x and y; return their sum, finite if all values are."""
     total, scale = 0.0, 1 / unit
     for i in range(len(vectors)):
         along, across = vectors[i, 0] * scale, vectors[i, 1] * scale

@@ -1,6 +1,6 @@
-"""What is known beside the points: tip, moment sensor, and the priors of clamp, length and EI.
+"""Constraints beside the points: tip, moment sensor, and the priors of clamp, length and EI.
 
-Each adds to the normal equations of a fit, in the parameters and units of `residuals`.
+Each is added to the normal equations of a fit, in the parameters and units of `residuals`.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ from solver.fitting.residuals import (
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-# Columns of a tip: its image on C, the rows of the matrix that whitens its error, its view.
+# Columns of a tip: its image on C, the rows of the matrix that whitens its error, its view index.
 TIP_COLUMNS = 7
 
 
@@ -39,7 +39,7 @@ def add_constraints(
     normal: Floats,
     gradient: Floats,
 ) -> float:
-    """Adds to J^T J (8, 8) and J^T r (8,); returns the sum of squared residuals."""
+    """Add all constraints to J^T J (8, 8) and J^T r (8,); return their sum of squared residuals."""
     chi2 = 0.0
     for white in base_whitening:
         value = white[0] * p[DX] + white[1] * p[DY] + white[2] * p[TILT]
@@ -49,7 +49,7 @@ def add_constraints(
             for k in range(3):
                 normal[DX + j, DX + k] += white[j] * white[k]
     if known[MOMENT_SIGMA] > 0:
-        # The clamp's exact moment F lever, of which the part about y is -x_c f_z of eq. (27).
+        # The exact moment at the clamp is F lever; its component about y is -x_c f_z of eq. (27).
         unit = -known[MOMENT_UNIT] / known[MOMENT_SIGMA]
         sine, stiff = np.sin(p[PSI]), 1 + p[RIGIDITY]
         row = np.zeros(PARAMETERS)
@@ -72,7 +72,7 @@ def add_constraints(
 
 @njit(cache=True, error_model="numpy")
 def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Floats) -> float:
-    """The image of the end of a beam of known length, against where it is seen."""
+    """Add the predicted less the measured image of the tip of a known length; return chi2."""
     theta, x_c, y_c, s_c = contact_at(p[Q], p[LEVER])
     sine, cosine = np.sin(theta[0]), np.cos(theta[0])
     beyond = 1 + p[STRETCH] - s_c[0]
@@ -82,7 +82,7 @@ def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Flo
         by_x[j] = x_c[1 + j] - s_c[1 + j] * cosine - beyond * sine * theta[1 + j]
         by_y[j] = y_c[1 + j] - s_c[1 + j] * sine + beyond * cosine * theta[1 + j]
     by_x[STRETCH], by_y[STRETCH] = cosine, sine
-    # In the clamp's axes, then on plane C, with what the tip's height does to its image.
+    # Transform to the clamp's axes, then to plane C; the tip's height shifts its image.
     cos_psi, sin_psi = np.cos(p[PSI]), np.sin(p[PSI])
     side, height = y * cos_psi, y * sin_psi
     by_side, by_height = by_y * cos_psi, by_y * sin_psi

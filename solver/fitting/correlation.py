@@ -1,4 +1,4 @@
-"""How many neighbouring points err together."""
+"""Correlation length of the errors of neighbouring points."""
 
 import numpy as np
 
@@ -8,20 +8,20 @@ from solver.instrument.compiled import njit
 
 
 def correlation_length(residual: Floats) -> float:
-    """Integrated autocorrelation of residuals (n,) in order along the beam; at least 1.
+    """Compute the integrated autocorrelation of residuals (n,), ordered along the beam; at least 1.
 
-    The centre's error follows the pixel grid, and a nearly row-aligned line crosses it slowly, so
-    neighbouring columns err alike: n columns then tell only as much as n over this number. A
-    covariance computed for independent errors is too small by this factor. A periodic error is
-    made good again half a period later, so the sum runs on past the first zero, tapered
-    (Bartlett 1950) to end six times as far out.
+    The error of the centreline follows the pixel grid, and a nearly row-aligned line crosses the
+    grid slowly, so neighbouring columns have similar errors: n columns have the information of n
+    over this number independent columns. A covariance computed for independent errors is too small
+    by this factor. A periodic error cancels half a period later, so the sum continues beyond the
+    first zero, with a taper (Bartlett 1950) that ends at six times its lag.
     """
     return float(integrated_correlation(np.ascontiguousarray(residual, dtype=np.float64)))
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def integrated_correlation(residual: Floats) -> float:
-    """As `correlation_length`, compiled."""
+    """Compute `correlation_length` in compiled code."""
     n = residual.size
     total = 0.0
     for i in range(n):
@@ -34,7 +34,7 @@ def integrated_correlation(residual: Floats) -> float:
     while first_zero < n and dot(centred[first_zero:], centred) >= 0:
         first_zero += 1
     reach = min(6 * first_zero, max(n // 2, 1))
-    # The tapered sum of lagged products is that of the squares of sums over `reach` neighbours.
+    # The tapered sum of lagged products equals the sum of squared sums over `reach` neighbours.
     up_to = np.zeros(n + 2 * reach)
     total = 0.0
     for i in range(n + reach):

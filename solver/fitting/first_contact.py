@@ -1,16 +1,16 @@
-"""Has the beam touched anything? Detection of first contact, from one frame.
+"""Detect first contact from one frame.
 
-The question is whether the beam is bent, not whether it lies where it lay at rest. For each of a
-grid of contact distances the amplitude of the linear beam is estimated by generalised least
-squares (Aitken 1935) together with the clamp's offset and tilt, which have the prior that the
-measurement states. A clamp known to micrometres leaves the whole deflection to the bend; one whose
-tilt is not known at all, as before a camera that stands in the world, leaves only the curvature,
-and a straight line at any angle is no contact.
+The test is whether the beam is bent, not whether it has left its rest position. For each contact
+distance of a grid, the amplitude of the linear beam is estimated by generalised least squares
+(Aitken 1935) together with the clamp's offset and tilt, which have the measurement's prior. If the
+clamp's pose is known to micrometres, the whole deflection counts as bend. If its tilt is unknown,
+as with a camera fixed in the world, only the curvature counts, and a straight line at any angle is
+no contact.
 
-The noise is taken as the points' sigmas, widened by the number of neighbours that err together
-and by the misfit where that is larger than the sigmas allow. The largest of the grid's amplitudes
-over its sigma is the significance. Under no contact it is the largest of a few nearly independent
-normal variables, so that five sigmas are passed about once in a million frames.
+The points' variances are multiplied by the correlation length of the residuals and by the misfit
+where that is larger than the sigmas allow. The significance is the largest ratio on the grid of
+the amplitude to its sigma. Without contact it is the maximum of a few nearly independent normal
+variables, so that it exceeds five sigmas about once in a million frames.
 """
 
 import math
@@ -25,9 +25,9 @@ from solver.instrument.compiled import njit
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
-# A bend is believed from this many of its own sigmas on.
+# Least significance of a bend, in sigmas; noise exceeds it about once in a million frames.
 LEAST_SIGNIFICANCE = 5.0
-# Contact distances that are tried, evenly up to the tip.
+# Number of contact distances on the grid, evenly spaced up to the tip.
 DISTANCES = 50
 LEAST_POINTS = 4
 STEPS = 3
@@ -35,11 +35,11 @@ STEPS = 3
 
 @dataclass(frozen=True)
 class Bend:
-    """The nearest linear beam: x_c [m], f / (6 EI) [1/m^2], and the latter over its sigma.
+    """Nearest linear beam: x_c [m], amplitude f / (6 EI) [1/m^2], and the latter over its sigma.
 
-    `offset` [m] and `tilt` [rad] are the clamp's, as far as their prior and the points tell. The
-    points' variances are to be multiplied by `widening`: the number of neighbours that err
-    together, times the misfit where that is larger than the sigmas allow.
+    `offset` [m] and `tilt` [rad] are the clamp's, estimated from their prior and the points. The
+    points' variances must be multiplied by the variance inflation `widening`: the correlation
+    length, times the misfit where that is larger than the sigmas allow.
     """
 
     x_c: float
@@ -56,9 +56,9 @@ class Bend:
 
 
 def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> Bend:
-    """The bend of largest significance, of either sign; none at all of fewer than four points.
+    """Estimate the bend of largest significance, of either sign; zero below four points.
 
-    Of the measurement's points (n,) those that are not `kept` have no say.
+    Points (n,) of the measurement that are not `kept` are ignored.
     """
     length = measurement.rig.beam.length
     points, sigma_vectors = measurement.points, measurement.sigma_vectors
@@ -70,7 +70,7 @@ def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> B
 
 
 def no_contact(bend: Bend) -> Estimate | None:
-    """The answer where there is no bend, or one to the side without object; None where there is."""
+    """Return an Estimate if there is no bend, or one to the side without object; else None."""
     if abs(bend.significance) < LEAST_SIGNIFICANCE:
         return Estimate(Outcome.NO_CONTACT, f"a bend of {abs(bend.significance):.1f} sigmas")
     if bend.significance < 0:
@@ -82,9 +82,9 @@ def no_contact(bend: Bend) -> Estimate | None:
 def _nearest(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, float, float, float, float, float]:
-    """What `Bend` holds."""
+    """Compute the fields of `Bend`."""
     turn, x, y, sigma, base = _in_own_direction(points, sigma_vectors, base_covariance, length)
-    if (x[1:] < x[:-1]).any():  # neighbours that err together must stand together
+    if (x[1:] < x[:-1]).any():  # correlated neighbours must be adjacent
         order = np.argsort(x)
         x, y, sigma = x[order], y[order], sigma[order]
     moments = _moments(x, y, sigma)
@@ -108,11 +108,12 @@ def _nearest(
 def _in_own_direction(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Points in lengths of the beam, in a frame turned into the beam's mean direction.
+    """Express the points in beam lengths, in a frame rotated towards the beam's mean direction.
 
-    It is turned as far as the clamp's tilt is open: fully where ten sigmas of it reach as far, not
-    at all where the tilt is known; the rest is left to the linear fit. Gives the angle, x, y,
-    the sigmas across, and the covariance (2, 2) of the clamp's offset and tilt.
+    The rotation depends on the uncertainty of the clamp's tilt: it is nearly full where ten sigmas
+    of the tilt far exceed the beam's direction, zero where the tilt is known; the linear fit
+    estimates the rest. Returns the angle, x, y, the sigmas across, and the covariance (2, 2) of
+    the clamp's offset and tilt.
     """
     n = len(points)
     sx = sy = sxx = sxy = 0.0
@@ -135,7 +136,7 @@ def _in_own_direction(
         y[i] = cosine * py - sine * px
         along, across = sigma_vectors[i, 0], sigma_vectors[i, 1]
         size = math.hypot(along, across) / length
-        # An error along the beam cannot be seen; a nanometre on a metre keeps weights finite.
+        # An error along the beam is not observable; 1 nm per metre keeps weights finite.
         sigma[i] = max(abs(cosine * across - sine * along) / length, 1e-3 * size, 1e-9)
     offset = (
         sine * sine * base_covariance[0, 0]
@@ -151,10 +152,10 @@ def _in_own_direction(
 
 @njit(cache=True)
 def _moments(x: Floats, y: Floats, sigma: Floats) -> Floats:
-    """Weighted sums of x^0 ... x^6, y x^0 ... y x^3 over the points up to each contact distance.
+    """Sum weighted x^0 ... x^6, y x^0 ... y x^3 over the points up to each contact distance.
 
-    The last row holds all points. The deflection is a polynomial of the distance on either side
-    of the contact, so these sums are all that a fit needs.
+    The last row is the sum over all points. The deflection is a polynomial of the distance on
+    either side of the contact, so a fit needs only these sums.
     """
     moments = np.zeros((DISTANCES + 1, 11))
     for i in range(len(x)):
@@ -174,8 +175,9 @@ def _moments(x: Floats, y: Floats, sigma: Floats) -> Floats:
 def _largest(
     moments: Floats, prior: Floats, tilt: float, widening: float
 ) -> tuple[int, float, float, float, float]:
-    """Index of the contact distance, amplitude, significance, offset and tilt of the best bend.
+    """Find the most significant bend on the grid of contact distances.
 
+    Returns the index of its contact distance, its amplitude, significance, offset and tilt.
     `prior` (2, 2) is the inverse covariance of offset and tilt about (0, `tilt`).
     """
     everything = moments[DISTANCES] / widening
@@ -195,11 +197,11 @@ def _largest(
         u1 = 3 * c * near[2] - near[3] + (3 * far[1] - c * far[0]) * c**2
         ux = 3 * c * near[3] - near[4] + (3 * far[2] - c * far[1]) * c**2
         uy = 3 * c * near[9] - near[10] + (3 * far[8] - c * far[7]) * c**2
-        # The clamp's offset and tilt are taken out of the bend (Schur's complement).
+        # Eliminate the clamp's offset and tilt (Schur complement).
         w1 = (n22 * u1 - n12 * ux) / determinant
         w2 = (n11 * ux - n12 * u1) / determinant
         information = uu - w1 * u1 - w2 * ux
-        if information <= 1e-12 * uu:  # this bend cannot be told from a turned clamp
+        if information <= 1e-12 * uu:  # this bend is indistinguishable from a tilted clamp
             continue
         score = uy - w1 * r1 - w2 * r2
         if abs(score) > abs(significance) * math.sqrt(information):
@@ -220,10 +222,10 @@ def _refined(
     prior: Floats,
     resting_tilt: float,
 ) -> tuple[tuple[float, float, float, float], Floats]:
-    """(x_c, amplitude, offset, tilt) between the grid's distances, and the residuals in sigmas.
+    """Refine (x_c, amplitude, offset, tilt) between grid distances; return them and the residuals.
 
-    A few Gauss-Newton steps: what is left of the points is then their noise, not the grid's
-    coarseness.
+    A few Gauss-Newton steps remove the error of the coarse grid, so that the residuals, in sigmas,
+    contain only the points' noise.
     """
     k, amplitude, _, offset, tilt = best
     x_c = (k + 1) / DISTANCES
@@ -240,7 +242,7 @@ def _refined(
                 u, by_x_c = (3 * x[i] - x_c) * x_c**2, (6 * x[i] - 3 * x_c) * x_c
             residual[i] = (y[i] - amplitude * u - offset - tilt * x[i]) * weight[i]
             rows[0, i], rows[1, i] = u * weight[i], amplitude * by_x_c * weight[i]
-        # Where there is no bend to speak of, a step in x_c may lead anywhere: it must pay.
+        # Without a clear bend a step in x_c is arbitrary: accept it only if it reduces the sum.
         squares = dot(residual, residual)
         turned = tilt - resting_tilt
         squares += prior[0, 0] * offset**2 + 2 * prior[0, 1] * offset * turned
@@ -257,12 +259,12 @@ def _refined(
             right[2 + p] -= prior[p, 0] * offset + prior[p, 1] * turned
         for p in range(4):
             normal[p, p] *= 1 + 1e-12
-        if normal[0, 0] <= 0 or normal[1, 1] <= 0:  # no deflection at all: nothing to refine
+        if normal[0, 0] <= 0 or normal[1, 1] <= 0:  # no deflection to refine
             break
-        # Columns are scaled to one, so that units do not decide how well this is solved.
+        # Columns are scaled to one, so that units do not affect the conditioning.
         scale = np.sqrt(np.diag(normal))
         moved = np.linalg.solve(normal / np.outer(scale, scale), right / scale) / scale
-        # Never by more than half the way to the clamp, never far beyond the tip.
+        # Limit the step: at most half the way to the clamp, x_c at most 1.5 beam lengths.
         nearest = min(max(x_c + moved[1], x_c / 2), 1.5)
         part = (nearest - x_c) / moved[1] if moved[1] != 0 else 1.0
         amplitude += part * moved[0]

@@ -1,4 +1,4 @@
-"""What a fitted beam is called: an estimate with its values, or an outcome that says why not."""
+"""Convert a fit to an estimate with its values, or to a failure outcome."""
 
 from dataclasses import replace
 from typing import Any
@@ -15,27 +15,27 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 LEAST_POINTS = 8
-# Where no more than this share of the beam is visible, from the clamp on, no minimum may be found.
+# If less than this share of the beam is visible from the clamp on, chi2 may have no minimum.
 SHORT_STRETCH = 0.25
-# More than this share of the points cannot be outliers: then the model is wrong.
+# If more than this share of the points is rejected, the model is wrong.
 MOST_REJECTED = 0.45
-# Nor can so many that stand together, in runs of five and more: an occluder's edge hides less.
+# The same for rejected points in runs of five and more: an occluder's edge affects fewer.
 MOST_COHERENT = 1 / 3
-# What stands beside such runs must fit well: a beam with two contacts does not.
+# Above this share in runs, the other points must fit well: a beam with two contacts does not.
 COHERENT = 0.1
 MOST_CHI2_BESIDE_RUNS = 1.4
-# Residuals twice as large as stated are no longer those of an exact beam at one contact.
+# Residuals twice as large as stated are not those of an exact beam with one contact.
 MOST_CHI2_PER_DOF = 4.0
 
 
 def refusal_of(
     measurement: Measurement, problem: Problem, fit: FrameFit | None, either_side: bool = False
 ) -> Estimate | None:
-    """The answer where no contact can be told from a frame; None where the fit stands.
+    """Return the failure outcome if no contact can be estimated from a frame; else None.
 
-    Points that the fit rejects do not count when the beam is judged straight or bent. On
-    `either_side` of the beam at rest it may be seen bent where its plane is steeper than the rays
-    to the camera.
+    Points that the fit rejects are ignored when the beam is tested for a bend. With `either_side`
+    the beam may appear bent to either side of its rest position, as where its plane is steeper
+    than the rays to the camera.
     """
     if problem.points < LEAST_POINTS:
         return Estimate(
@@ -62,7 +62,7 @@ def refusal_of(
 
 
 def _stopped(problem: Problem, message: str = "") -> Estimate:
-    """The answer where the fit has found no minimum; a short stretch need not have one."""
+    """Return the outcome of a fit without a minimum; a short stretch need not have one."""
     reach = float(np.hypot(*problem.arrays[0][:2]).max())
     if reach < SHORT_STRETCH:
         return Estimate(
@@ -80,10 +80,10 @@ def estimate_from_fit(
     psi_fitted: bool = False,
     spread: Any = None,
 ) -> Estimate:
-    """The estimate of a converged fit.
+    """Convert a converged fit to an estimate.
 
-    `spread` (8,), in the fit's parameters, is by how much they might be elsewhere, as one sigma:
-    another minimum that fits almost as well.
+    `spread` (8,) is an additional sigma of the fit's parameters, due to another minimum that fits
+    almost as well.
     """
     arrays = problem.arrays
     moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
@@ -121,15 +121,15 @@ def estimate_from_fit(
 
 
 def _in_runs(off: Any) -> float:
-    """Share of points in the middle of five that are all off."""
+    """Compute the share of points in the middle of five neighbours that are all rejected."""
     middle = off[2:-2] & off[1:-3] & off[3:-1] & off[:-4] & off[4:]
     return int(np.count_nonzero(middle)) / max(len(off), 1)
 
 
 def _kept(measurement: Measurement, fit: FrameFit | None) -> Mask | None:
-    """Which points (n,) of the first view a fit keeps; None where it is not to decide on them."""
+    """Return the mask (n,) of the first view's points that a fit keeps; None to use all points."""
     if fit is None or fit.status == STOPPED:
         return None
     kept = fit.kept[: len(measurement.points)]
-    # Where so many are rejected it is not the points that are wrong.
+    # If more points are rejected, the model is wrong, not the points.
     return None if kept.all() or kept.mean() < 1 - MOST_REJECTED else kept

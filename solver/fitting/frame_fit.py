@@ -1,10 +1,10 @@
-"""One frame's fit of the exact beam, compiled: start, least squares, and what to do with outliers.
+"""Fit the exact beam to one frame in compiled code: start, least squares, outlier rejection.
 
 A `problem` is (points, bounds, views, tips, known, base_whitening) in units of the beam's length,
-as `residuals` and `constraints` say. Plain least squares comes first and is the answer where its
-residuals look like noise, so that a clean frame pays nothing for robustness. Otherwise Tukey's
+as defined in `residuals` and `constraints`. Plain least squares comes first; its result is kept if
+the residuals look like noise, so that robustness costs nothing in a clean frame. Otherwise Tukey's
 weights with the stated sigmas are used, from two starts: the plain fit, and the best of many
-exact beams through a few points each (MSAC; Torr and Zisserman 2000), which sees through outliers
+exact beams through a few points each (MSAC; Torr and Zisserman 2000), which is robust to outliers
 that agree with one another.
 """
 
@@ -28,22 +28,22 @@ from solver.fitting.starts import consensus
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-# Of white noise the largest of 500 residuals exceeds this in one frame of 3500; six sigmas of
-# chi2 show a run of outliers that least squares has bent towards.
+# The largest of 500 residuals of white noise exceeds this in one frame of 3500; six sigmas of
+# chi2 (see `settle`) detect a run of outliers that has biased the least-squares fit.
 SUSPICIOUS: Final = 5.0
-# Sigmas that are too small by a factor between these are understated, and no sign of outliers.
+# A residual scale between these means that the sigmas are understated, not that there are outliers.
 LEAST_SCALE: Final = 1.1
 MOST_SCALE: Final = 2.0
-# Most iterations before the last cut, and of an answer. A numpy scalar is compiled once, a
+# Maximum iterations at each wider cut, and of the final fit. A numpy scalar is compiled once, a
 # literal for every value.
 _WIDER, _ANSWER = np.int64(10), np.int64(40)
-# Rows of `summary`.
+# Entries of `summary`.
 STATUS, CHI2, KEPT, ITERATIONS, WIDENING = range(5)
 
 
 @njit(cache=True, error_model="numpy")
 def _robustly(p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats) -> Any:
-    """Tukey's minimum near p, from a wider cut down to `cut`: (status, cost, iterations)."""
+    """Minimise Tukey's loss from p, with cuts down to `cut`; return (status, cost, iterations)."""
     total = 0
     for widened in (4.0, 2.0):
         _, _, iterations = minimise(p, problem, free, widened * cut, _WIDER, work, covariance)
@@ -56,7 +56,7 @@ def _robustly(p: Floats, problem: Any, free: Any, cut: float, work: Any, covaria
 def _better(
     p: Floats, other: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
 ) -> Any:
-    """The better of Tukey's minima near p and near `other` into p: (status, iterations)."""
+    """Write the better of Tukey's minima near p and `other` to p; return (status, iterations)."""
     here = p.copy()
     first, first_cost, count = _robustly(here, problem, free, cut, work, covariance)
     status, cost, iterations = _robustly(other, problem, free, cut, work, covariance)
@@ -77,11 +77,11 @@ def settle(
     kept: Any,
     summary: Floats,
 ) -> None:
-    """From the start p to the answer, robust where need be.
+    """Fit from the start p, robustly if the residuals require it.
 
-    Into `covariance` (8, 8), `kept` (n,), which points have a weight, and `summary` (5,): status,
-    chi2 of the kept points and the constraints, their number, iterations, and by what factor the
-    covariance, not yet multiplied, is too small.
+    Writes `covariance` (8, 8), `kept` (n,), which points have a weight, and `summary` (5,): status,
+    chi2 of the kept points and the constraints, number of kept points, iterations, and the variance
+    inflation, by which the covariance is not yet multiplied.
     """
     points, bounds, views, _, _, _ = problem
     residual = work[0][: bounds[-1] - bounds[0]]
@@ -92,7 +92,7 @@ def settle(
         far += abs(residual[i]) > SUSPICIOUS
     dof = max(len(residual) - 2, 1)
     if far > 0 or chi2 > dof * (1 + 6 * np.sqrt(2 / dof)) or status == STOPPED:
-        # With the stated sigmas, and with larger ones only if most of what is kept asks for it.
+        # Use the stated sigmas; larger ones only if most of the kept residuals require it.
         cut = CUT
         other = p.copy()
         if consensus(problem, free, tilt_variance, p[PSI], cut, work, other):
@@ -114,7 +114,7 @@ def settle(
 def _keep(
     p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats, kept: Any
 ) -> float:
-    """Which points have a weight at p, the covariance they give at Tukey's efficiency, chi2."""
+    """Mark the points with a weight at p, compute the covariance by Tukey's efficiency and chi2."""
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     linearise(p, problem, free, cut, work, normal, gradient)
     _, _, views, tips, known, base_whitening = problem
@@ -133,11 +133,11 @@ def _keep(
 
 @njit(cache=True, error_model="numpy")
 def _widening(residual: Floats, chi2: float) -> float:
-    """By what the covariance for independent errors of the stated sigmas is too small; from 1.
+    """Compute the variance inflation, at least 1, of the covariance for independent errors.
 
-    chi2 per degree of freedom times how many neighbours err together is what the residuals say of
-    it. Each counts only where white noise would not show as much in one frame of a thousand, and
-    smaller residuals never narrow the answer.
+    It is chi2 per degree of freedom times the correlation length of the residuals. Each factor is
+    used only where white noise reaches it in less than one frame of a thousand, and residuals
+    smaller than stated never reduce the covariance.
     """
     dof = max(len(residual) - 2, 1)
     widening = chi2 / dof

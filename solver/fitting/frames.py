@@ -1,15 +1,16 @@
-"""A contact in all frames of reference: from Sigma_d through the clamp into Sigma_a and Sigma_o.
+"""Transform a contact from Sigma_d through the clamp into Sigma_a and Sigma_o.
 
-The contact (x_c, y_c) and the force of the deformation frame, which leans off the beam's normal
-only by friction, are turned by the inclination psi about the beam at rest, by the clamp's tilt in
-plane C, and carried to where the clamp stands: eq. (5). The motor's axis passes through the clamp
-(assumption 4), wherever that stands in Sigma_a, so that eqs. (1) and (4) turn about the clamp. A
-camera that stands in the world sees Sigma_o; there the clamp's tilt is the motor's angle, by which
-Sigma_a has turned.
+The contact (x_c, y_c) and the force are given in the deformation frame; only friction inclines the
+force against the beam's normal. Both are rotated by the inclination psi about the beam at rest and
+by the clamp's tilt in plane C, and translated to the clamp's position: eq. (5). The motor's axis
+passes through the clamp (assumption 4), at any clamp position in Sigma_a, so that eqs. (1) and (4)
+rotate about the clamp. A camera fixed in the world observes Sigma_o; there the clamp's tilt is the
+motor angle, by which Sigma_a has turned.
 
-Sigma_a itself is known only as well as the board lay in it when the camera was calibrated: shifted
-by the rig's tolerance of its translation, turned about the board's middle by that of its rotation,
-and the clamp stands over plane C as its own place is known.
+Sigma_a is known only as accurately as the board's pose in it during camera calibration. Its error
+is a shift by the rig's tolerance of the board's translation, and a rotation about the board's
+middle by that of the board's rotation. The clamp's height over plane C has the tolerance of the
+clamp's position.
 """
 
 import math
@@ -30,22 +31,22 @@ NAMES: Final = (
     "force_x_n", "force_y_n", "force_z_n", "displacement_y_m", "displacement_z_m",
     "motor_angle_rad",
 )  # fmt: skip
-# What is said of the third dimension; in a plane that is merely assumed nothing is known of it.
+# Values of the third dimension; they are unknown where the plane is only assumed.
 _SPATIAL: Final = frozenset({"psi_rad", "force_z_n", "displacement_z_m"})
 _WORLD: Final = frozenset({"contact_world_x_m", "contact_world_y_m", "contact_world_z_m"})
 # Linear theory neglects the force along the beam, and that the beam foreshortens.
 _LARGE: Final = frozenset({"s_c_m", "theta_c_rad", "force_x_n"})
 Vector = tuple[float, float, float]
-# What a contact is told by, in this order: lengths [m], force [N], angles [rad]. LEAN is how far
-# the force leans off the beam's normal, back to the clamp.
+# Entries of a contact vector, in this order: lengths [m], force [N], angles [rad]. LEAN is the
+# angle of the force from the beam's normal, back to the clamp.
 X_C, Y_C, S_C, FORCE, THETA, PSI, DX, DY, TILT, ANGLE, LEAN = range(11)
 CONTACT: Final = 11
-# Behind them the error of Sigma_a: a shift (3,) and a turn (3,) about the board's middle.
+# They are followed by the error of Sigma_a: shift (3,), rotation (3,) about the board's middle.
 _PLACED: Final = 6
 
 
 def stands_in_world(measurement: Measurement) -> bool:
-    """Whether the clamp's tilt is the motor's angle, for the camera does not turn with it."""
+    """Test whether the clamp's tilt is the motor angle, as for a camera fixed in the world."""
     return measurement.motor_angle is None and measurement.rig.camera_mount == "world"
 
 
@@ -58,14 +59,14 @@ def in_all_frames(
     linear: bool = False,
     plane: float = 0.0,
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Values (m,) by name, their Jacobian (m, 11) by the contact, and what Sigma_a adds (m, m).
+    """Compute values (m,) by name, Jacobian (m, 11) by contact, covariance (m, m) due to Sigma_a.
 
     `contact` (11,) is (x_c, y_c, s_c, force, theta_c, psi, dx, dy, tilt, motor angle, lean) in the
-    frame of the beam at rest; `measurement` may have been carried onto a plane that is inclined by
-    `plane` [rad] already. The last matrix is the covariance that an error of Sigma_a gives the
-    values. What is not estimated is absent: the third dimension where psi was neither fitted nor
-    stated by the rig, Sigma_o where neither the encoder nor a fitted clamp tells the motor's angle,
-    and with `linear` what linear theory neglects.
+    frame of the beam at rest; `measurement` may already be un-projected onto a plane inclined by
+    `plane` [rad]. The last matrix is the covariance of the values due to the error of Sigma_a.
+    Values that are not estimated are absent: the third dimension if psi was neither fitted nor
+    stated by the rig, Sigma_o if neither the encoder nor a fitted clamp gives the motor angle,
+    and with `linear` the values that linear theory neglects.
     """
     rig, standing = measurement.rig, stands_in_world(measurement)
     values, by_contact, by_place = _with_jacobian(
@@ -100,7 +101,7 @@ def in_all_frames(
 def _told(
     spatial: bool, world: bool, motor: bool, linear: bool
 ) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
-    """Which of NAMES are told, and these."""
+    """Return the indices of the estimated NAMES, and these names."""
     absent = _LARGE if linear else frozenset()
     absent |= frozenset() if spatial else _SPATIAL
     absent |= frozenset() if world else _WORLD
@@ -111,7 +112,7 @@ def _told(
 
 @njit(inline="always")
 def _turned(angle: float, vector: Vector) -> Vector:
-    """Turned about z."""
+    """Rotate a vector about z."""
     c, s = math.cos(angle), math.sin(angle)
     return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]
 
@@ -127,7 +128,7 @@ def _cross(turn: Floats, vector: Vector) -> Vector:
 
 @njit(inline="always")
 def _carried(axes: Floats, turn: Floats, vector: Vector) -> Vector:
-    """Out of the beam's frame, in the axes of a Sigma_a that errs by a small turn."""
+    """Rotate from the beam's frame to the axes of Sigma_a, with the small rotation error `turn`."""
     x = axes[0, 0] * vector[0] + axes[0, 1] * vector[1] + axes[0, 2] * vector[2]
     y = axes[1, 0] * vector[0] + axes[1, 1] * vector[1] + axes[1, 2] * vector[2]
     z = axes[2, 0] * vector[0] + axes[2, 1] * vector[1] + axes[2, 2] * vector[2]
@@ -145,13 +146,13 @@ def _values(
     standing: bool,
     out: Floats,
 ) -> None:
-    """The values of NAMES into `out`."""
+    """Write the values of NAMES to `out`."""
     x, y, force, theta, psi, tilt = v[X_C], v[Y_C], v[FORCE], v[THETA], v[PSI], v[TILT]
     direction = theta + v[LEAN]
     across, along = force * math.cos(direction), -force * math.sin(direction)
     cosine, sine = math.cos(psi), math.sin(psi)
     shift, turn = v[CONTACT : CONTACT + 3], v[CONTACT + 3 :]
-    # From the clamp, in Sigma_a as the board has it.
+    # Vectors from the clamp, in Sigma_a as given by the board.
     arm = _carried(antenna_from_beam, turn, _turned(tilt, (x, y * cosine, y * sine)))
     push = _carried(antenna_from_beam, turn, _turned(tilt, (along, across * cosine, across * sine)))
     moved = _carried(antenna_from_beam, turn, _turned(tilt, (0.0, y * cosine, y * sine)))
@@ -159,7 +160,7 @@ def _values(
     origin, middle = antenna_from_beam[:3, 3], antenna_from_board[:3, 3]
     lever = _cross(turn, (origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]))
     angle = v[ANGLE]
-    if standing:  # what is seen is the world's, and Sigma_a has turned
+    if standing:  # the camera observes Sigma_o; Sigma_a has turned
         angle = handed * tilt
         arm, push, moved = _turned(-angle, arm), _turned(-angle, push), _turned(-angle, moved)
     there = _turned(angle, arm)
@@ -181,9 +182,9 @@ def _with_jacobian(
     plane: float,
     standing: bool,
 ) -> Any:
-    """Values (n,), and their Jacobians by the contact (n, 11) and by the error of Sigma_a (n, 6).
+    """Compute values (n,) and Jacobians by contact (n, 11) and by the error of Sigma_a (n, 6).
 
-    By central differences, which lose 1e-10 of them.
+    The Jacobians are central differences, with a relative error of 1e-10.
     """
     inputs, steps = np.zeros(CONTACT + _PLACED), np.ones(CONTACT + _PLACED)
     inputs[:CONTACT] = contact

@@ -12,9 +12,9 @@ Linearised = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class Fit:
-    """Minimum found: parameters (p,), covariance (p, p) = (J^T J)^-1, chi^2, iterations.
+    """Minimum: parameters (p,), covariance (p, p) = (J^T J)^-1, chi^2, iterations.
 
-    `rank_deficient` says that the data leave a direction of the parameters open; the
+    `rank_deficient` is True if the data do not determine a direction of the parameters; the
     covariance is then meaningless.
     """
 
@@ -35,9 +35,9 @@ def gauss_newton(
 ) -> Fit:
     """Minimise the sum of squared residuals from `start`.
 
-    `residuals(p)` gives (residuals (m,), Jacobian (m, p)), or None outside the model's domain;
-    `start` lies inside. A step is done when it is shorter than `step_tolerance` sigmas: the
-    noise, not the arithmetic, says when to stop. Raises ValueError if `start` is outside.
+    `residuals(p)` returns (residuals (m,), Jacobian (m, p)), or None outside the model's domain;
+    `start` must be inside. The iteration stops at a step shorter than `step_tolerance` sigmas: the
+    noise, not the rounding, sets the tolerance. Raises ValueError if `start` is outside.
     """
     here = residuals(start)
     if here is None:
@@ -54,7 +54,7 @@ def gauss_newton(
         length = float(np.linalg.norm(jacobian @ step))
         moved = _halved_until_downhill(residuals, parameters, step, residual)
         if moved is None:
-            converged = length < 1.0  # no descent left: rounding, if the step was short anyway
+            converged = length < 1.0  # no descent: only rounding, if the step was short
             break
         parameters, here = moved
         converged = length < step_tolerance
@@ -79,7 +79,7 @@ def _halved_until_downhill(
 
 
 def _inverse_normal(jacobian: Floats) -> tuple[Floats, bool]:
-    """(J^T J)^-1 with columns scaled to one, so that units do not decide the rank."""
+    """Compute (J^T J)^-1, columns scaled to one so that units do not affect the rank test."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)

@@ -1,10 +1,10 @@
-"""The normal equations of a beam that bends in plane C, in one pass and without the Jacobian.
+"""Normal equations of a beam that bends in plane C, in one pass and without the Jacobian.
 
-A curve in a plane is told by four numbers: its q, and where its contact's tangent lies across
-itself, along itself, and turned. By these the misfit has the slopes 1, P', and two more of
-`residuals.off_the_curve`. The five parameters of a fit only move the four numbers, so sums of
-products of four slopes and the residual hold all that the points tell, and the chain rule does
-the rest.
+A curve in a plane has four parameters: its q, and the shift of its contact's tangent across
+itself, along itself, and its rotation. The slopes of the misfit by these are 1, P', and two more of
+`residuals.off_the_curve`. The five parameters of a fit only change these four numbers, so sums of
+products of the four slopes and the residual contain all information of the points, and the chain
+rule gives the normal equations.
 """
 
 from typing import Any
@@ -36,9 +36,9 @@ from solver.instrument.compiled import njit
 def plane_equations(
     p: Floats, points: Floats, bounds: Any, residual: Floats, normal: Floats, gradient: Floats
 ) -> float:
-    """J^T J (8, 8), J^T r (8,) and r (n,) of the points of all views; the sum of their squares.
+    """Compute J^T J (8, 8), J^T r (8,), r (n,) of all views' points; return the sum of squares.
 
-    As `point_residuals` has them where psi is zero and held: its row and column stay zero.
+    They equal those of `point_residuals` for psi zero and held: its row and column stay zero.
     """
     q, lever = p[Q], p[LEVER]
     base, base_tangent, base_by_q = bend_at(lever, q)
@@ -58,7 +58,7 @@ def plane_equations(
         chi2, by_residual, products = _sums(
             p, base, c, s, mx, my, sx, sy, BEND_STEEP, STEEP, residual
         )
-    # How each parameter moves the curve across, along, turns it, and changes its q.
+    # Derivatives of the curve's shift across, shift along, rotation and q by each parameter.
     chain = (
         (base_by_q, 0.0, theta_q, 1.0),
         (base_tangent, -1.0, theta_lever, 0.0),
@@ -97,9 +97,9 @@ def _sums(
     widest: float,
     residual: Floats,
 ) -> Any:
-    """Of r^2 (), of r times the four slopes (4,), and of the slopes' products (4, 4).
+    """Sum r^2 (), r times the four slopes (4,), and the slopes' products (4, 4).
 
-    Each is a number of its own, so that all stay in registers.
+    Each sum is a separate scalar, so that all stay in registers.
     """
     q, lever, dx, dy = p[Q], p[LEVER], p[DX], p[DY]
     farthest = curve_end(q, widest)
@@ -111,7 +111,7 @@ def _sums(
             along, across, q, lever, farthest, widest, series
         )
         sigma_along, sigma_across = cosine * sx[i] + sine * sy[i], cosine * sy[i] - sine * sx[i]
-        # The slope by `across`, 1, in sigmas; then the others, and the residual.
+        # The slope by `across` (1) over sigma; then the other slopes, and the residual.
         one = weight_of(by_along * sigma_along + sigma_across)
         two, three, four = by_along * one, by_turn * one, by_q * one
         r = (base + value) * one

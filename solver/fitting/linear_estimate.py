@@ -1,7 +1,7 @@
-"""From contact distance and load of linear theory to all that such a method answers.
+"""Convert contact distance and load of linear theory to an estimate.
 
 The force acts across the undeformed beam in the deformation plane, f = 6 EI load; its component
-along the beam is neglected as in (11), so that f stands for the whole force. The displacement at
+along the beam is neglected as in (11), so that f is the whole force. The displacement at
 the contact is y_c = 2 load x_c^3, eqs. (28) and (29).
 """
 
@@ -25,7 +25,7 @@ ERRORS = 8
 
 @dataclass(frozen=True)
 class LinearContact:
-    """x_c [m] and load = f / (6 EI) [1/m^2] on D, and the clamp (dx, dy, tilt) where it was fitted.
+    """Contact on D: x_c [m], load = f / (6 EI) [1/m^2], clamp (dx, dy, tilt) where it was fitted.
 
     `psi` [rad] is None where the method does not estimate it. `covariance` (8, 8) is that of the
     errors in the order given above.
@@ -39,9 +39,9 @@ class LinearContact:
 
 
 def bent(measurement: Measurement, least_points: int) -> tuple[Measurement, Bend] | Estimate:
-    """The measurement on the plane that the rig knows, and how the beam is bent there.
+    """Return the measurement on the known plane of the rig, and the beam's bend there.
 
-    An Estimate says why that is not told, or that nothing is touched.
+    Returns an Estimate with the failure outcome if they are unknown or there is no contact.
     """
     count = len(measurement.points)
     if count < least_points:
@@ -57,22 +57,22 @@ def bent(measurement: Measurement, least_points: int) -> tuple[Measurement, Bend
 
 
 def errors_of_planar_fit(measurement: Measurement, points_part: Floats, by_base: Floats) -> Floats:
-    """Covariance (8, 8) of an estimate that takes the clamp, the scale and EI as they are stated.
+    """Compute the covariance (8, 8) of an estimate that assumes the stated clamp, scale and EI.
 
-    `points_part` (2, 2) is the covariance of (x_c, load) by the points' noise, `by_base` (2, 3)
+    `points_part` (2, 2) is the covariance of (x_c, load) due to the points' noise, `by_base` (2, 3)
     their derivative by the clamp's true pose.
     """
     covariance = stated_errors(measurement)
     base = measurement.base_covariance
     covariance[:2, :2] = by_base @ base @ by_base.T + points_part
-    # Believed at rest, a clamp at (dx, dy, tilt) errs by just that, to the other side.
+    # The clamp is assumed at rest: at a true (dx, dy, tilt), its error is -(dx, dy, tilt).
     covariance[:2, BASE] = -by_base @ base
     covariance[BASE, :2] = covariance[:2, BASE].T
     return covariance
 
 
 def stated_errors(measurement: Measurement) -> Floats:
-    """Covariance (8, 8) of what the rig and the measurement state: clamp, scale, EI."""
+    """Compute the covariance (8, 8) stated by rig and measurement: clamp, scale, EI."""
     covariance = np.zeros((ERRORS, ERRORS))
     covariance[BASE, BASE] = measurement.base_covariance
     covariance[SCALE, SCALE] = measurement.scale_sigma**2
@@ -91,9 +91,9 @@ def estimate_from_linear_fit(
     dof: int | None = None,
     iterations: int | None = None,
 ) -> Estimate:
-    """The estimate of a contact found on `planar`, the measurement carried onto D.
+    """Convert a contact on `planar`, the measurement un-projected onto D, to an estimate.
 
-    Or the outcome that says why the beam cannot have it.
+    Returns a failure outcome with its reason if the beam cannot have this contact.
     """
     rig, x_c, load = planar.rig, contact.x_c, contact.load
     force, y_c = 6 * rig.beam.flexural_rigidity * load, 2 * load * x_c**3
@@ -132,7 +132,7 @@ def estimate_from_linear_fit(
 
 
 def _inclination(planar: Measurement, contact: LinearContact) -> float:
-    """That of D against C [rad], in the frame of the beam at rest."""
+    """Return the inclination of D against C [rad], in the frame of the beam at rest."""
     if contact.psi is not None:
         return contact.psi
     return planar.handedness * (planar.rig.known_psi or 0.0)

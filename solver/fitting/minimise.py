@@ -21,12 +21,12 @@ from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
 CONVERGED, STOPPED, DEFICIENT = range(3)
-# The last step is that after which none longer than so many sigmas would follow: one shorter than
-# that, or a short one where Gauss-Newton's quadratic convergence, as the step before shows it,
-# leaves no more.
+# Stop after a step shorter than this many sigmas, or after a short one (_SHORT) if Gauss-Newton's
+# quadratic convergence, estimated from the step before, predicts that the next step is shorter
+# than this.
 STEP_SIGMAS: Final = 1e-3
 _SHORT: Final = 0.3
-# Normal equations whose scaled pivots fall below this leave a direction open.
+# With a scaled pivot below this the normal equations do not determine a direction.
 LEAST_PIVOT: Final = 1e-12
 # Longest steps in q and lever (relative), psi and tilt [rad].
 _REACH: Final = ((Q, 0.7), (LEVER, 0.5), (PSI, 0.4), (TILT, 0.3))
@@ -38,7 +38,7 @@ def _times(a: Floats, weight: Floats, out: Floats) -> None:
         out[i] = a[i] * weight[i]
 
 
-# Handing so many arrays on costs more than a few points do, hence in line.
+# Passing all these arrays costs more time than a few points, hence forceinline.
 @njit(cache=True, error_model="numpy", forceinline=True)
 def linearise(
     p: Floats,
@@ -49,10 +49,10 @@ def linearise(
     normal: Floats,
     gradient: Floats,
 ) -> float:
-    """J^T W J (8, 8) and J^T W r (8,) at p, and the sum of squares, robust where `cut` is finite.
+    """Compute J^T W J (8, 8), J^T W r (8,), sum of squares at p, robust where `cut` is finite.
 
     `work` is residual (n,), Jacobian (6, n), weight (n,) and scratch (n,) of the points, or longer;
-    of it a plain fit in plane C takes only the residual.
+    a plain fit in plane C uses only the residual.
     """
     points, bounds, views, tips, known, base_whitening = problem
     residual, jacobian, weight, _ = work
@@ -72,7 +72,7 @@ def linearise(
 def assemble(
     n: Any, free: Any, weighted: bool, work: Any, normal: Floats, gradient: Floats
 ) -> None:
-    """The normal equations of n points in `work`."""
+    """Assemble the normal equations of n points from `work`."""
     residual, jacobian, weight, scratch = work
     residual, weight, scratch = residual[:n], weight[:n], scratch[:n]
     normal[:] = 0.0
@@ -92,16 +92,16 @@ def assemble(
 
 @njit(cache=True, error_model="numpy")
 def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
-    """(J^T J)^-1 of the free parameters into `covariance` (8, 8), by Gauss-Jordan elimination.
+    """Write (J^T J)^-1 of the free parameters to `covariance` (8, 8) by Gauss-Jordan elimination.
 
-    False where a direction is left open. A positive definite matrix needs no exchange of rows.
+    Returns False if a direction is undetermined. A positive definite matrix needs no row exchange.
     """
     covariance[:] = 0.0
     for a in free:
         for b in free:
             covariance[a, b] = normal[a, b]
     for k in free:
-        # What is left of a direction's information where those before it are unknown too.
+        # Information about this parameter if those before it are unknown too.
         pivot = covariance[k, k]
         if not pivot > LEAST_PIVOT * normal[k, k]:
             return False
@@ -119,10 +119,11 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def _moved(p: Floats, step: Floats, share: float, views: Floats, to: Floats) -> None:
-    """A share of the step from p.
+    """Write p plus a share of the step to `to`.
 
-    An image shows q cos(psi) - q (y_v / z_v) sin(psi) well and psi badly: where psi moves, that
-    product takes its step and q follows, so that the curved valley of chi2 is walked along.
+    An image determines q cos(psi) - q (y_v / z_v) sin(psi) well and psi badly. If psi changes, the
+    step is applied to that product and q follows from it, so that the iterates follow the curved
+    valley of chi2.
     """
     for a in range(PARAMETERS):
         to[a] = p[a] + share * step[a]
@@ -146,10 +147,10 @@ def minimise(
     work: Any,
     covariance: Floats,
 ) -> Any:
-    """From p, which is moved to the minimum: (status, chi2, iterations).
+    """Minimise from p, which is moved to the minimum; return (status, chi2, iterations).
 
-    The residual in `work` (see `linearise`) is left as it is within a third of a sigma of the
-    minimum, and `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be possible.
+    The residual in `work` (see `linearise`) is evaluated within a third of a sigma of the minimum,
+    and `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be `possible`.
     """
     points, bounds, views, _, _, _ = problem
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
@@ -184,7 +185,7 @@ def minimise(
             _moved(p, step, share, views, trial)
             if possible(trial, points, bounds, views):
                 there = linearise(trial, problem, free, cut, work, normal, gradient)
-                # Sigmas follow the shape, so that a short step may gain nothing and still be right.
+                # Sigmas depend on the shape, so a short step may be right without reducing chi2.
                 if there <= chi2 * (1 + 1e-9) or (length2 < 1 and share == 1.0):
                     moved = True
                     break

@@ -1,4 +1,4 @@
-"""A measurement as the arrays that the compiled fit takes, and the fit of one frame."""
+"""Convert a measurement to the arrays of the compiled fit, and fit one frame."""
 
 import math
 from dataclasses import dataclass
@@ -37,16 +37,16 @@ from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement, View
 
-# A millionth: no length and no rigidity is known better.
+# Least relative sigma of a length and of a rigidity.
 _LEAST_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What the compiled fit takes: `arrays` as `frame_fit` says, in units of the beam's length.
+    """Input of the compiled fit: `arrays` as in `frame_fit`, in units of the beam's length.
 
-    `order` (n,) is where the measurement's points, those of all views, stand in it; `shape_free`
-    and `all_free` are the free parameters with psi held and with psi free. The
+    `order` (n,) is, for each point of `arrays`, its index among the measurement's points of all
+    views; `shape_free` and `all_free` are the free parameters with psi held and with psi free. The
     clamp turns about itself, where the motor's axis passes.
     """
 
@@ -58,17 +58,17 @@ class Problem:
 
     @property
     def points(self) -> int:
-        """How many points there are, in all views."""
+        """Number of points in all views."""
         return len(self.order)
 
 
 @dataclass(frozen=True)
 class FrameFit:
-    """A fit in units of the beam's length: `p` (8,) and `covariance` (8, 8) as in `residuals`.
+    """Fit in units of the beam's length: `p` (8,) and `covariance` (8, 8) as in `residuals`.
 
-    `status` is that of `minimise`; `chi2` that of the `kept` points (n,) and of the constraints;
-    `covariance` is widened by `widening` for residuals larger than stated and for neighbours that
-    err together.
+    `status` is that of `minimise`; `chi2` is that of the `kept` points (n,) and the constraints;
+    `covariance` is multiplied by `variance_inflation`, for residuals larger than stated and for
+    correlated neighbours.
     """
 
     p: Floats
@@ -81,9 +81,9 @@ class FrameFit:
 
 
 def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
-    """The arrays of a measurement, on request without the tips that its views show.
+    """Convert a measurement to arrays, optionally without the tips visible in its views.
 
-    Raises ValueError if a viewpoint lies in plane C.
+    Raises ValueError if a viewpoint is in plane C.
     """
     rig, length = measurement.rig, measurement.rig.beam.length
     views = (measurement.view, *measurement.other_views)
@@ -109,7 +109,7 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         shape_free.append(RIGIDITY)
         rotation = measurement.antenna_from_beam[:3, :3]
         rigidity = rig.beam.flexural_rigidity
-        # A moment is a pseudovector: the reflection of a beam that bends to -y turns it about.
+        # A moment is a pseudovector: the reflection of a beam that bends to -y reverses it.
         known[MOMENT_UNIT] = rigidity / length * measurement.handedness * rotation[1, 1]
         known[MOMENT], known[MOMENT_SIGMA] = measurement.moment_y, rig.sensors.moment_y
         known[RIGIDITY_SIGMA] = max(
@@ -134,7 +134,7 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
 
 
 def start_of(problem: Problem, psi: float) -> Floats | None:
-    """Parameters (8,) near the minimum at this psi, by a coarse choice of points; None if none."""
+    """Estimate parameters (8,) near the minimum at this psi from a few points; None if it fails."""
     p = np.zeros(PARAMETERS)
     if not begin(problem.arrays, problem.shape_free, problem.tilt_variance, psi, p):
         return None
@@ -142,7 +142,7 @@ def start_of(problem: Problem, psi: float) -> Floats | None:
 
 
 def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
-    """The fit from a start, robust where its residuals ask for it."""
+    """Fit from a start, robustly if the residuals require it."""
     p = start.copy()
     covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(5)
     kept = np.ones(problem.points, dtype=np.bool_)
@@ -163,7 +163,7 @@ def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
 
 
 def without(problem: Problem, kept: Any) -> Problem:
-    """The problem with only the `kept` (n,) of the measurement's points."""
+    """Return the problem with only the `kept` (n,) of the measurement's points."""
     rows, bounds, *others = problem.arrays
     here = kept[problem.order]
     counts = [int(here[a:b].sum()) for a, b in pairwise(bounds)]
@@ -176,9 +176,9 @@ def without(problem: Problem, kept: Any) -> Problem:
 
 
 def view_row(viewpoint: Floats, length: float) -> Floats:
-    """A homogeneous viewpoint (4,) [m] as (x, y, w) with z = 1, lengths in units of `length`.
+    """Convert a homogeneous viewpoint (4,) [m] to (x, y, w), z = 1, lengths in units of `length`.
 
-    Raises ValueError if it lies in plane C.
+    Raises ValueError if it is in plane C.
     """
     x, y, z, w = viewpoint
     if z == 0:
@@ -188,7 +188,7 @@ def view_row(viewpoint: Floats, length: float) -> Floats:
 
 @njit(cache=True)
 def base_whitening(covariance: Floats, length: float) -> Floats:
-    """The matrix (3, 3) that makes the clamp's error white, with lengths in units of `length`."""
+    """Compute the matrix (3, 3) that whitens the clamp's error, lengths in units of `length`."""
     unit = np.array([1 / length, 1 / length, 1.0])
     return np.linalg.inv(np.linalg.cholesky(covariance * np.outer(unit, unit)))
 

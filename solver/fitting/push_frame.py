@@ -1,4 +1,4 @@
-"""What one frame tells of a beam that an object may drag along, condensed to a few rows."""
+"""Condense one frame of a push, with or without friction, to a few rows of residuals."""
 
 import math
 from dataclasses import dataclass
@@ -25,14 +25,16 @@ from solver.fitting.residuals import (
 )
 from solver.instrument.arrays import Floats
 
-# Where the frame's parameters stand among those of a fit without friction.
+# Indices of the frame's parameters among those of a fit without friction.
 _OWN: Final = [Q, LEVER, DX, DY, TILT]
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A bent frame: its motor angle [rad], its points, and `widening`, by how much the points'
-    variances exceed what they state. `begins`: the beam was free before."""
+    """Bent frame: motor angle [rad], points, and variance inflation `widening` of the points.
+
+    `begins` is True if the beam was free before.
+    """
 
     motor_angle: float
     problem: Problem
@@ -42,10 +44,11 @@ class Frame:
     def points(
         self, shape: Floats, base: Floats, length: float, grip: float | None
     ) -> Floats | None:
-        """Up to seven rows: Jacobian by (q, lever), base and grip, residual; in sigmas.
+        """Compute up to seven rows: Jacobian by (q, lever), base and grip, residual; in sigmas.
 
-        They have the sum of squares and the gradient of all points (QR), so that a joint problem
-        stays as small as the number of frames. None where the shape does not exist.
+        They have the sum of squares and the gradient of all points (QR), so that the size of a
+        joint problem depends only on the number of frames. Returns None if the shape does not
+        exist.
         """
         unit = np.array([length**2, 1 / length, 1 / length, 1 / length, 1.0, 1.0, 1.0])
         given = np.array([*shape, *base]) * unit[:5]
@@ -56,7 +59,7 @@ class Frame:
         return np.asarray(condensed * unit / math.sqrt(self.widening), dtype=np.float64)
 
     def _frictionless(self, given: Floats) -> Floats | None:
-        """Rows (7, n): gradients by (q, lever, dx, dy, tilt), none by grip, residuals."""
+        """Compute rows (7, n): gradients by (q, lever, dx, dy, tilt), zero by grip, residuals."""
         points, bounds, views, *_ = self.problem.arrays
         p = np.zeros(PARAMETERS)
         p[_OWN] = given
@@ -67,7 +70,7 @@ class Frame:
         return rows[[*_OWN, -2, -1]]
 
     def _dragged(self, given: Floats, grip: float) -> Floats | None:
-        """As `_frictionless`, of a beam with friction: by its grip too."""
+        """Compute the rows of `_frictionless` with friction, including the gradient by grip."""
         q, lever, dx, dy, tilt = given
         if not frictional.exists(q, lever, grip):
             return None
@@ -78,14 +81,14 @@ class Frame:
         def weighed(at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
             value, by_point, by_shape = frictional.misfit(at[0], at[1], q, lever, grip)
             sigma = (sigmas * by_point.T).sum(axis=0)
-            # With its sign, as in `residuals`.
+            # The weight has the sign of sigma, as in `residuals`.
             weight = 1 / np.where(np.abs(sigma) > LEAST_SIGMA, sigma, LEAST_SIGMA)
             return value * weight, by_point.T, by_shape.T, weight
 
         seen = turn @ [points[X] - dx, points[Y] - dy]
         residual, *_ = weighed(seen)
-        # Gradients where the points would be without their errors, which would draw the grip to
-        # one side, as they draw psi in `residuals`.
+        # Evaluate gradients at the points without their errors, which would bias the grip, as they
+        # would bias psi in `residuals`.
         x, y = foot = seen - residual * sigmas
         _, by_point, by_shape, weight = weighed(foot)
         by_tilt = by_point[0] * y - by_point[1] * x

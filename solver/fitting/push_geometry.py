@@ -1,16 +1,16 @@
-"""What a push has to do with the shapes it makes: the object's point in the world.
+"""Relate beam shapes to the push that makes them, by the object's position in the world.
 
-The object touches the beam at rest at the distance x0 from the clamp, in a direction that the
-motor passes at the onset angle. From there the motor turns the clamp by the pushing angle delta,
-about an axis through the clamp (the paper's Assumption 4). The world is described from the beam at
-first contact: x along it, y towards the side from which the object pushes. The object is round,
-with `reach` [m] from its axis to the beam's centreline: the beam's radius plus its own, that of a
-sharp edge being zero. Its axis stands at (x0, -reach), and yields along -y, the normal of the beam
-at first contact, by its compliance [m/N] times the force's component along y.
+The object touches the beam at rest at the distance x0 from the clamp, when the motor is at the
+onset angle. From there the motor turns the clamp by the pushing angle delta, about an axis through
+the clamp (the paper's Assumption 4). The world frame is given by the beam at first contact: x is
+along it, y is the direction in which the object pushes the beam. The object is round, with `reach`
+[m] from its axis to the beam's centreline: the beam's radius plus its own, which is zero for a
+sharp edge. Its axis is at (x0, -reach), and yields along -y, the normal of the beam at first
+contact, by its compliance [m/N] times the force's component along y.
 
-Seen from the clamp the axis lies at (x_c, y_c) - reach n, n = (-sin theta_c, cos theta_c), and the
-force points along m = (-sin beta, cos beta), which is n but for the lean of friction. Turning by
--delta carries both into the world, which gives two equations for a shape:
+Relative to the clamp the axis is at (x_c, y_c) - reach n, n = (-sin theta_c, cos theta_c), and the
+force has the direction m = (-sin beta, cos beta), which is n if there is no friction. Rotating both
+by -delta into the world gives two equations for a shape:
 
     y:  -along sin delta + across cos delta = -reach, solved for delta in closed form,
         with (along, across) = (x_c, y_c) - reach n + compliance F m
@@ -30,11 +30,10 @@ from solver.instrument.beam import Beam
 
 @dataclass(frozen=True)
 class Touch:
-    """What shapes (n,) say of the push, each with its gradient (5, n).
+    """Pushes that make shapes (n,), each quantity with its gradient (5, n).
 
-    `pushing_angle` [rad] by which the clamp must have turned since first contact, and `distance`
-    [m], where along the beam at first contact the object then stands. Gradients are by (q, lever,
-    grip, compliance, reach).
+    `pushing_angle` [rad] is the clamp's rotation since first contact, `distance` [m] the object's
+    position along the beam at first contact. Gradients are by (q, lever, grip, compliance, reach).
     """
 
     pushing_angle: Floats
@@ -46,9 +45,9 @@ class Touch:
 def touch(
     q: Floats, lever: Floats, grip: Floats, compliance: float, reach: float, beam: Beam
 ) -> Touch | None:
-    """The pushes that make the exact beam's shapes (q, lever, grip), each (n,).
+    """Compute the pushes that make the exact beam's shapes (q, lever, grip), each (n,).
 
-    None where a shape does not exist, or no pushing angle up to a right angle makes it.
+    Returns None if a shape does not exist, or no pushing angle below a right angle makes it.
     """
     if not frictional.exists(q, lever, grip):
         return None

@@ -1,13 +1,13 @@
-"""All frames of a push in one least-squares problem.
+"""Least-squares problem of all frames of a push.
 
 The unknowns are, in this order, q of every frame, the clamp's pose (dx, dy, tilt), which all frames
 share, and the four of the push: the contact distance at rest x0 [m], the onset's motor angle [rad],
-the object's compliance [m/N] and its reach [m]. Every shape must put the object at x0, which gives
-its lever. The points of a frame measure its shape and the clamp; the encoder measures its pushing
-angle, which the shape tells too.
+the object's compliance [m/N] and its reach [m]. Every shape must have the object at x0, which
+determines its lever. The points of a frame measure its shape and the clamp; the encoder measures
+its pushing angle, which also follows from the shape.
 
-With friction there are besides the unknowns of the grips, Coulomb's coefficient the first of them,
-as `sliding` says.
+With friction the unknowns of the grips follow, Coulomb's coefficient first, as defined in
+`sliding`.
 """
 
 from dataclasses import dataclass
@@ -25,22 +25,22 @@ from solver.instrument.rig import Rig
 
 BASE: Final = 3
 PUSH: Final = 4
-# Levers are found to this share of the beam's length, by no more than so many steps.
+# Tolerance of levers as a share of the beam's length, and maximum number of Newton's steps.
 _EXACT: Final = 1e-10
 _MOST_STEPS: Final = 20
-# An encoder that claims to be exact errs by less than any shape tells [rad].
+# Least encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
 _LEAST_ENCODER: Final = 1e-6
-# An object that a push meets is rounded by up to about this share of the beam's length.
+# Prior sigma of an object's radius, as a share of the beam's length: about the largest expected.
 _ROUNDING: Final = 0.05
-# Coefficients of dry friction are about as large as this, and so is any grip.
+# Prior sigma of Coulomb's coefficient and of each grip: a typical coefficient of dry friction.
 DRY: Final = 0.4
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """What the parameters (p,) of a push make of its n frames.
+    """Levers and pushing angles of a push's n frames, as functions of its parameters (p,).
 
-    `levers` (n,) [m] and `pushing_angles` (n,) [rad], with their gradients (n, p).
+    `levers` (n,) [m] and `pushing_angles` (n,) [rad] have the gradients (n, p).
     """
 
     levers: Floats
@@ -51,10 +51,9 @@ class Shapes:
 
 @dataclass(frozen=True)
 class Push:
-    """Two or more frames of one push of a rig, whose clamp is known to `base_covariance` (3, 3).
+    """Two or more frames of one push of a rig, with the clamp's prior `base_covariance` (3, 3).
 
-    `grip_matrix` (n, m) makes the frames' grips from their m unknowns, of which there are none
-    without friction.
+    `grip_matrix` (n, m) maps m unknowns to the frames' grips; m is zero without friction.
     """
 
     frames: tuple[Frame, ...]
@@ -64,26 +63,26 @@ class Push:
 
     @property
     def motor_angles(self) -> Floats:
-        """The encoder's readings (n,) [rad]."""
+        """Encoder readings (n,) [rad]."""
         return np.array([frame.motor_angle for frame in self.frames])
 
     @property
     def encoder_sigma(self) -> float:
-        """One sigma of the motor angle [rad]."""
+        """Sigma of the motor angle [rad]."""
         return max(self.rig.tolerances.encoder, _LEAST_ENCODER)
 
     @property
     def size(self) -> int:
-        """How many parameters stand before the unknowns of the grips."""
+        """Number of parameters before the unknowns of the grips."""
         return len(self.frames) + BASE + PUSH
 
     @property
     def friction(self) -> bool:
-        """Whether the object may drag the beam along."""
+        """Whether the push is modelled with friction."""
         return bool(self.grip_matrix.shape[1])
 
     def shapes(self, parameters: Floats) -> Shapes | None:
-        """Levers such that the object stands at x0, by Newton's steps; None if there are none."""
+        """Solve for the levers with the object at x0, by Newton's steps; None if none exist."""
         count, length = len(self.frames), self.rig.beam.length
         q, grip = parameters[:count], self.grip_matrix @ parameters[self.size :]
         x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
@@ -101,7 +100,7 @@ class Push:
             levers = np.clip(levers - step, 0.1 * levers, most)
         else:
             return None
-        # By q, (compliance, reach) and grips while the levers follow, so that the distance stays.
+        # Derivatives by q, (compliance, reach) and grips at constant distance: the levers follow.
         by_lever = at.d_distance[1]
         d_levers = self._by_all(-at.d_distance / by_lever)
         d_levers[:, self.size - PUSH] = 1 / by_lever
@@ -110,7 +109,7 @@ class Push:
         return Shapes(levers, at.pushing_angle, d_levers, d_angles)
 
     def _by_all(self, by_touch: Floats) -> Floats:
-        """A touch's gradient (5, n), but for that by the levers, by all parameters (n, p)."""
+        """Map a touch's gradient (5, n), except that by the levers, to all parameters (n, p)."""
         made = np.zeros((len(self.frames), self.size + self.grip_matrix.shape[1]))
         np.fill_diagonal(made, by_touch[0])
         made[:, self.size - 2 : self.size] = by_touch[3:].T
@@ -118,12 +117,12 @@ class Push:
         return made
 
     def residuals(self, parameters: Floats) -> Linearised | None:
-        """Residuals and Jacobian in sigmas; None where a shape or its push does not exist."""
+        """Compute residuals and Jacobian in sigmas; None if a shape or its push does not exist."""
         shapes = self.shapes(parameters)
         seen = None if shapes is None else self._seen(parameters, shapes.levers)
         if shapes is None or seen is None:
             return None
-        # Levers are functions of all parameters, what else the points measure is a parameter.
+        # Levers are functions of all parameters; the other unknowns of the points are parameters.
         count, known = len(self.frames), len(self.frames) + BASE
         by_all = np.zeros((seen[1].shape[1], len(parameters)))
         by_all[:known, :known] = np.eye(known)
@@ -133,10 +132,10 @@ class Push:
         return np.append(seen[0], residual), np.vstack([seen[1] @ by_all, jacobian])
 
     def _seen(self, parameters: Floats, levers: Floats) -> Linearised | None:
-        """What the images tell: a few rows for each frame's points, and the clamp's prior.
+        """Compute the residuals of the images: a few rows per frame, and the clamp's prior.
 
-        The Jacobian is by q (n), the clamp, the levers (n) and the grips' unknowns. None where a
-        shape does not exist.
+        The Jacobian is by q (n), the clamp, the levers (n) and the grips' unknowns. Returns None if
+        a shape does not exist.
         """
         count, unknown = len(self.frames), self.grip_matrix.shape[1]
         clamp = slice(count, count + BASE)
@@ -159,7 +158,7 @@ class Push:
         return np.concatenate(residuals), np.vstack([*jacobians, prior])
 
     def _of_push(self, parameters: Floats, shapes: Shapes) -> Linearised:
-        """What the push adds: pushing angles (n), and how round and how dry objects are."""
+        """Compute the push's residuals: pushing angles (n), priors of object radius and grips."""
         count, unknown, side = (
             len(self.frames),
             self.grip_matrix.shape[1],
@@ -179,12 +178,11 @@ class Push:
         return residual / sigma, jacobian / sigma[:, None]
 
     def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
-        """What the push costs: chi^2 and degrees of freedom of its own equations (Rao 1948).
+        """Compute chi^2 and degrees of freedom of the push's own equations (Rao 1948).
 
-        By how much chi^2 would fall if each frame had a shape of its own, to first order about
-        the joint fit's `parameters`. A single object at rest at one place, on a linear spring,
-        makes it chi^2-distributed; one that moves or slips makes it large, however noisy the
-        points.
+        This chi^2 is the decrease if each frame had a shape of its own, to first order about the
+        joint fit's `parameters`. For a single object at rest at one place, on a linear spring, it
+        is chi^2-distributed; for one that moves or slips it is large, however noisy the points.
         """
         shapes, here = self.shapes(parameters), self.residuals(parameters)
         assert shapes is not None

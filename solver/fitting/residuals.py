@@ -1,14 +1,14 @@
-"""What one frame tells of a beam, each residual divided by its sigma, with the exact Jacobian.
+"""Residuals of one frame, each divided by its sigma, with the exact Jacobian.
 
 All lengths are in units of the beam's length L. Parameters, in this order:
 
     q, lever       the exact beam's shape
     psi            inclination of the deformation plane D against the calibration plane C
-    dx, dy, tilt   where the clamp stands on C, and its tangent's turn
+    dx, dy, tilt   the clamp's position on C, and the rotation of its tangent
     stretch        L is (1 + stretch) times its nominal value
     rigidity       EI is (1 + rigidity) times its nominal value
 
-A point m of a view lies on the ray P = m + t (V_xyz - V_w m); with V_z = 1 the ray meets D at
+A point m of a view is on the ray P = m + t (V_xyz - V_w m); with V_z = 1 the ray meets D at
 
     y = m_y / (cos(psi) - W_y sin(psi)),    x = m_x + W_x y sin(psi),    W = V_xy - V_w m,
 
@@ -35,14 +35,14 @@ from solver.instrument.compiled import njit
 
 Q, LEVER, PSI, DX, DY, TILT, STRETCH, RIGIDITY = range(8)
 PARAMETERS: Final = 8
-# Rows of `points`: where the ray meets C, and the one-sigma vector there.
+# Rows of `points`: intersection of the ray with C, and the one-sigma vector there.
 X, Y, SIGMA_X, SIGMA_Y = range(4)
 # Entries of `known`.
 MOMENT, MOMENT_SIGMA, MOMENT_UNIT, STRETCH_SIGMA, RIGIDITY_SIGMA = range(5)
 KNOWN: Final = 5
-# No rays graze D more closely.
+# Least cos(psi) - W_y sin(psi): rays may not graze D more closely.
 LEAST_GRAZING: Final = 0.02
-# A point is not known better than to a billionth of L.
+# Least sigma of a point, in units of L.
 LEAST_SIGMA: Final = 1e-9
 
 
@@ -53,7 +53,7 @@ def possible(
     bounds: Any,
     views: Floats,
 ) -> bool:
-    """Whether the shape exists, and every ray meets D on the side that the camera sees."""
+    """Test whether the shape exists and every ray meets D on the side visible to the camera."""
     if not (p[Q] >= 0 and p[LEVER] > 0 and p[Q] * p[LEVER] ** 2 / 2 < MOST_SINE):
         return False
     if abs(p[PSI]) >= np.pi / 2:
@@ -83,9 +83,9 @@ def off_the_curve(
     widest: float,
     series: tuple[float, ...],
 ) -> tuple[float, float, float, float]:
-    """How far a point lies off the curve, and the slopes of that: its misfit, less P(lever).
+    """Compute a point's misfit to the curve, less P(lever), and the slopes of that.
 
-    The point's place from the clamp is told along and across the contact's tangent. The slopes are
+    The point's position from the clamp is along and across the contact's tangent. The slopes are
     by `along`, by the tangent's angle, and by q; by `across` it is 1. A point farther than
     `farthest` from the contact is measured from the curve's end. `series` gives P where
     1 - cos(phi) <= `widest`, as in `exact`.
@@ -102,13 +102,13 @@ def off_the_curve(
 
 @njit(inline="always")
 def curve_end(q: float, widest: float) -> float:
-    """How far from the contact a point may lie: no beam turns farther, nor does the series."""
+    """Compute the largest distance from the contact at which the beam and its series are valid."""
     return float(np.sqrt(2 * min(MOST_SINE, np.sqrt(widest * (2 - widest))) / max(q, 1e-300)))
 
 
 @njit(inline="always")
 def weight_of(sigma: float) -> float:
-    """With its sign: the residual is by how many of its sigma vectors a point is off."""
+    """Compute 1 / sigma with its sign: the residual is in units of the point's sigma vector."""
     return 1 / (sigma if abs(sigma) > LEAST_SIGMA else LEAST_SIGMA)
 
 
@@ -153,7 +153,7 @@ def _points_of_view(
             along, across, q, lever, farthest, widest, series
         )
         by_x, by_y = tangent * cosine - sine, cosine + tangent * sine
-        # By y where x follows along the ray, and by the ray's direction.
+        # Derivatives by y, x following along the ray, and by the ray's direction.
         by_y += by_x * sin_psi * ray_x
         by_ray_x, by_ray_y = by_x * sin_psi * y, by_y * k * y * sin_psi
         by_k = by_y * k
@@ -176,7 +176,7 @@ def _points_of_view(
 
 @njit(cache=True, error_model="numpy")
 def is_gentle(p: Floats) -> bool:
-    """Whether the shorter series serves, even for a point somewhat behind the clamp."""
+    """Test whether the shorter series suffices, even for a point somewhat behind the clamp."""
     behind = 1.3 * p[LEVER] + 0.05
     return bool(p[Q] * behind * behind / 2 < GENTLE_SINE)
 
@@ -222,13 +222,13 @@ def point_residuals(
     residual: Floats,
     jacobian: Floats,
 ) -> None:
-    """Into `residual` (n,) and `jacobian` (6, n): the points of all views, one after another.
+    """Compute `residual` (n,) and `jacobian` (6, n) of the points of all views, in order.
 
-    View i has the columns of `points` (4, ...) from `bounds[i]` to `bounds[i + 1]`, and is
-    (x, y, w) of its viewpoint, z being 1. `spatial` says that psi is sought: then the Jacobian is
-    taken where each point's ray would be without its error. Un-projection enlarges a point's
-    error by a factor that depends on psi, and a Jacobian that holds the error would correlate
-    with it and draw psi to one side.
+    View i has the columns of `points` (4, ...) from `bounds[i]` to `bounds[i + 1]`; `views[i]` is
+    (x, y, w) of its viewpoint, with z = 1. With `spatial`, psi is fitted: then the Jacobian is
+    evaluated where each point's ray would be without its error. Un-projection enlarges a point's
+    error by a factor that depends on psi; a Jacobian that contains the error would correlate with
+    it and bias psi.
     """
     _points(p, points, bounds, views, residual, jacobian)
     if not spatial:

@@ -6,7 +6,7 @@ from solver.dot_products import FAST
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-# From here on a residual has no weight; of white noise the answer loses 5 % of its efficiency.
+# Residuals from here on have no weight; the efficiency for white noise is 95 %.
 CUT: Final = 4.685
 VARIANCE_FACTOR: Final = 1 / 0.95
 # Median of |x| for a standard normal variable.
@@ -15,7 +15,7 @@ MEDIAN: Final = 0.6745
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def tukey(residual: Floats, cut: float, weight: Floats) -> float:
-    """Weights (n,) into `weight`; the robust sum of squares, r^2 where r is small."""
+    """Write weights (n,) to `weight`; return the robust sum of squares, r^2 where r is small."""
     total = 0.0
     for i in range(residual.size):
         kept = max(1 - (residual[i] / cut) ** 2, 0.0)
@@ -26,10 +26,10 @@ def tukey(residual: Floats, cut: float, weight: Floats) -> float:
 
 @njit(cache=True, error_model="numpy")
 def scale(residual: Floats, most: float) -> float:
-    """By how much the stated sigmas are too small for half of the points; from 1 to `most`.
+    """Estimate the factor by which the stated sigmas are too small, from 1 to `most`.
 
-    The median of |residual| over its expectation, to a twentieth, of those that are no outliers
-    if the stated sigmas are right.
+    It is the median of |residual| over its expectation, in steps of 0.05, of the residuals that
+    are no outliers at the stated sigmas.
     """
     count = 0
     for r in residual:

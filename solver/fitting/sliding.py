@@ -1,11 +1,11 @@
-"""Which way a contact with friction slides, from the motor's way alone.
+"""Determine the sliding direction of a contact with friction from the motor's motion alone.
 
-While the motor pushes on, the beam slides past the object towards the clamp, for a bent beam is
+While the motor pushes on, the beam slides past the object towards the clamp, because a bent beam is
 longer than the distance it spans: the object drags it towards the tip. Only at first, while the
-beam turns on its thickness more than it bends, it slides the other way. When the motor turns back
-the contact is held at first; then it slides back. A beam held at a point is so stiff that this
-takes little: with coefficients up to 0.8, objects rigid, soft and round, and pushes up to 25
-degrees it never took more than 7 % of the way from first contact to where the motor turned.
+beam turns on its thickness more than it bends, does it slide the other way. When the motor turns
+back, the contact is held at first (it sticks); then it slides back. A beam held at a point is so
+stiff that the held phase is short: with coefficients up to 0.8, rigid, soft and round objects, and
+pushes up to 25 degrees it never exceeded 7 % of the way from first contact to the motor's reversal.
 """
 
 from collections.abc import Sequence
@@ -15,23 +15,23 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 
-# A contact may be held for this share of the way from first contact to the turn.
+# A contact may be held for this share of the way from first contact to the motor's reversal.
 HELD: Final = 0.1
-# A motor that is behind its farthest by more sigmas of its encoder has turned back.
+# A motor behind its farthest angle by more encoder sigmas than this has turned back.
 _BACK: Final = 3.0
-# In beam radii over contact distance: at smaller pushing angles the beam may slide either way.
+# Pushing angle in units of beam radius over contact distance; below it either way is possible.
 _FIRST: Final = 3.0
 
 
 def grip_matrix(
     pushing_angles: Floats, begins: Sequence[bool], sigma: float, slenderness: float
 ) -> Floats:
-    """The matrix (n, m) that makes the grips of n frames, in their order, from m unknowns.
+    """Build the matrix (n, m) that maps m unknowns to the grips of n frames, in their order.
 
-    The first unknown is Coulomb's coefficient: of a contact that slides the grip is this, towards
-    the tip or back. The others are the grips of contacts that may be held, each its own.
-    `pushing_angles` (n,) [rad] are from first contact, known to `sigma`; `begins` (n,) says where
-    the beam was free before; `slenderness` is the beam's radius over the contact distance.
+    The first unknown is Coulomb's coefficient: the grip of a sliding contact is plus this (towards
+    the tip) or minus this (back). The others are the grips of contacts that may be held, one each.
+    `pushing_angles` (n,) [rad] are from first contact, known to `sigma`; `begins` (n,) is True
+    where the beam was free before; `slenderness` is the beam's radius over the contact distance.
     """
     starts = [i for i, first in enumerate(begins) if first or i == 0]
     parts = np.split(np.asarray(pushing_angles), starts[1:])
@@ -45,9 +45,9 @@ def grip_matrix(
 
 
 def _signs(angles: Floats, sigma: float) -> Floats:
-    """Of the way on (1) and back (-1), zero where the contact may be held (n,).
+    """Compute the sliding signs (n,): 1 on the way on, -1 back, 0 if the contact may be held.
 
-    A motor that never passes the first frame's angle may have turned before.
+    If the motor never passes the first frame's angle, it may have turned back before.
     """
     signs = np.zeros(len(angles))
     direction, turned, farthest = 1.0, 0.0, 0.0

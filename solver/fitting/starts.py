@@ -1,4 +1,4 @@
-"""Where a frame's fit begins: from a few points, or, among outliers, from many draws of fewer.
+"""Starts of a frame's fit: from a few points, or, among outliers, from many draws of fewer.
 
 A `problem` and its units are those of `frame_fit`.
 """
@@ -28,14 +28,14 @@ from solver.instrument.compiled import njit
 _COARSE: Final = 32
 _DISTANCES: Final = 20
 _TRIALS: Final = 150
-# Most iterations of a start and of a draw. A numpy scalar is compiled once, a literal for every
+# Maximum iterations of a start and of a draw. A numpy scalar is compiled once, a literal for every
 # value.
 _START, _DRAW = np.int64(3), np.int64(8)
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 def _moments(few: Floats, x_c: float) -> Any:
-    """Weighted sums of the unit deflection's square, times x and times y, over few points."""
+    """Sum the weighted unit deflection's square, times x and times y, over few points."""
     ss = sx = sy = 0.0
     for j in range(few.shape[1]):
         x = few[0, j]
@@ -49,16 +49,17 @@ def _moments(few: Floats, x_c: float) -> Any:
 
 @njit(cache=True, error_model="numpy")
 def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
-    """The nearest linear beam through the `chosen` points into p: (q, lever) and tilt.
+    """Fit the nearest linear beam to the `chosen` points; write (q, lever) and tilt to p.
 
-    Eqs. (9), (10) over a grid of contact distances, with amplitude and tilt by linear least
-    squares; a second time in axes turned by the tilt that was found, if that was much.
+    Eqs. (9), (10) are fitted over a grid of contact distances, with amplitude and tilt by linear
+    least squares. This is repeated, at most twice, in axes rotated by the estimated tilt if that
+    is 0.02 rad or more.
     """
     turn, few = 0.0, np.empty((3, len(chosen)))
     for _ in range(3):
         c, s = np.cos(turn), np.sin(turn)
         best, lever, amplitude, tilt = np.inf, 0.5, 0.0, 0.0
-        # The tilt's prior is about zero in the unturned axes.
+        # The tilt's prior is centred on zero in the axes that are not rotated.
         xx = 1 / tilt_variance
         xy, yy = -turn / tilt_variance, turn * turn / tilt_variance
         for j in range(len(chosen)):
@@ -69,7 +70,7 @@ def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
             few[0, j], few[1, j], few[2, j] = x, weight, weight * y
             xx, xy, yy = xx + weight * x * x, xy + weight * x * y, yy + weight * y * y
         for k in range(_DISTANCES):
-            # Closer together near the clamp, where a contact bends a shorter stretch.
+            # The grid is denser near the clamp, where a contact bends a shorter stretch.
             x_c = ((k + 0.7) / (_DISTANCES - 0.3)) ** 2
             ss, sx, sy = _moments(few, x_c)
             determinant = ss * xx - sx * sx
@@ -92,7 +93,7 @@ def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def subset(problem: Any, chosen: Any) -> Any:
-    """The problem with only the chosen points of its first view, and without further views."""
+    """Return the problem with only the chosen points of its first view, without further views."""
     points, _, views, tips, known, base_whitening = problem
     few = np.empty((4, len(chosen)))
     for j in range(len(chosen)):
@@ -105,15 +106,15 @@ def subset(problem: Any, chosen: Any) -> Any:
 
 @njit(cache=True, error_model="numpy")
 def workspace(n: int) -> Any:
-    """Residual, Jacobian, weight and scratch of n points."""
+    """Allocate residual, Jacobian, weight and scratch of n points."""
     return np.empty(n), np.empty((6, n)), np.ones(n), np.empty(n)
 
 
 @njit(cache=True, error_model="numpy")
 def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) -> bool:
-    """A start from every so many points, refined by least squares on them. False if there is none.
+    """Compute a start from equally spaced points and refine it by least squares on them.
 
-    `free` lacks psi; `p` gets it.
+    `free` does not contain psi, which is written to `p`. Returns False if there is no start.
     """
     points, bounds, views, _, _, _ = problem
     stride = max((bounds[1] - bounds[0]) // _COARSE, 1)
@@ -137,9 +138,9 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
 def consensus(
     problem: Any, free: Any, tilt_variance: float, psi: float, cut: float, work: Any, p: Floats
 ) -> bool:
-    """MSAC: the best exact beam through a few points of the first view into p.
+    """Find the best exact beam through a few points of the first view (MSAC); write it to p.
 
-    The draws are the same every time. False if no draw gives a beam.
+    The draws are the same in every call. Returns False if no draw gives a beam.
     """
     points, bounds, views, _, _, _ = problem
     residual, jacobian = work[0][: bounds[-1] - bounds[0]], work[1]
@@ -152,7 +153,7 @@ def consensus(
     best, state = np.inf, 12345
     for _ in range(_TRIALS):
         for j in range(size):
-            # One from each part of the beam, so that they lie apart.
+            # Draw one from each part of the beam, so that they are far apart.
             state = (1103515245 * state + 12345) % 2147483648
             share = (j + state / 2147483648) / size
             chosen[j] = bounds[0] + min(int(share * n), n - 1)

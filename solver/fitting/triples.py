@@ -1,4 +1,4 @@
-"""Votes of all triples of points on the plane in which a beam bends: the mean of g_3D.
+"""Votes of all triples of points on the inclination of the deformation plane: the mean of g_3D.
 
 A triple's pairs (1, 2) and (1, 3) each give a contact by linear theory, w = x_c / (x_c + L); their
 difference, averaged over all triples, is a weighted sum over pairs.
@@ -20,9 +20,9 @@ LEAST_SEPARATION = 1 / 12  # of the beam's length, of neighbours in a triple
 
 @dataclass(frozen=True)
 class Nodes:
-    """Points (k, 2) [m] on C, one a stretch, and their error's derivative (k, n) by the points'.
+    """Points (k, 2) [m] on C, one per stretch, and the derivative (k, n) of their error.
 
-    That is by each measured point's error in its own sigmas, at its place in the measurement.
+    The derivative is by each measured point's error in its own sigmas, in the measurement's order.
     """
 
     points: Floats
@@ -30,7 +30,7 @@ class Nodes:
 
 
 def stretch_nodes(measurement: Measurement) -> Nodes:
-    """The middle of a parabola through each of 24 stretches of equally many columns."""
+    """Fit a parabola to each of 24 stretches of equally many columns; return their middles."""
     ahead = np.flatnonzero(measurement.points[:, 0] > 0)
     rows = ahead[np.argsort(measurement.points[ahead, 0], kind="stable")]
     points, by_error = (
@@ -41,7 +41,7 @@ def stretch_nodes(measurement: Measurement) -> Nodes:
         x, y = measurement.points[part].T
         middle = x.mean()
         t = (x - middle) / (np.ptp(x) or 1.0)
-        # Repeated columns leave fewer than three places: the parabola of least norm is taken.
+        # Repeated columns may leave fewer than three positions: use the parabola of least norm.
         pseudo = np.linalg.pinv(np.vander(t, 3, increasing=True))
         points[k] = middle, pseudo[0] @ y
         slope = pseudo[1] @ y / (np.ptp(x) or 1.0)
@@ -52,9 +52,9 @@ def stretch_nodes(measurement: Measurement) -> Nodes:
 
 @dataclass(frozen=True)
 class Votes:
-    """The mean g as a weighted sum over pairs (k, k), and its derivative by the nodes' y (k,).
+    """Mean g as a weighted sum over pairs (k, k), and its derivative by the nodes' y (k,).
 
-    `turned` (k,) [m] is how much the nodes rise against the beam as psi grows.
+    `turned` (k,) [m] is the derivative by psi of the nodes' height over the beam.
     """
 
     weights: Floats
@@ -71,7 +71,7 @@ class Votes:
         length: float,
         weights: Floats | None = None,
     ) -> "Votes":
-        """On a linear beam in the plane psi; `weights` are made for it where none are given."""
+        """Compute the votes on a linear beam in the plane psi, with `weights` if given."""
         on_d, by_point, by_psi = unproject(nodes.points, viewpoint, psi)
         x = np.maximum(on_d[:, 0], 1e-6 * length)
         y, slope = load * unit_deflection(x, x_c), load * unit_slope(x, x_c)
@@ -101,10 +101,10 @@ def by_sources(
     weights: Floats,
     lifted: float | None = None,
 ) -> tuple[Floats, float]:
-    """dg / d(points' errors, clamp's dx, dy, tilt, psi) in the plane psi (n + 4,).
+    """Compute dg / d(points' errors, clamp's dx, dy, tilt, psi) in the plane psi (n + 4,).
 
-    `load` is that of the plane in which the last node lies `lifted` [m] high, of this one where
-    that is None; the height here comes second.
+    `load` is that of the plane in which the height of the last node is `lifted` [m], or of this
+    plane if that is None. The second result is the height in this plane.
     """
     on_d, by_point, _ = unproject(nodes.points, viewpoint, psi)
     height = float(on_d[-1, 1])
@@ -120,7 +120,7 @@ def by_sources(
 
 @njit(cache=True, error_model="numpy")
 def weighted_sum(x: Floats, y: Floats, weights: Floats, length: float) -> float:
-    """Sum over pairs of weight times w = x_c / (x_c + L); NaN where a point is not lifted."""
+    """Sum weight times w = x_c / (x_c + L) over pairs; NaN if a point is not lifted."""
     total = 0.0
     for i in range(len(x)):
         for j in range(i + 1, len(x)):
@@ -134,7 +134,7 @@ def weighted_sum(x: Floats, y: Floats, weights: Floats, length: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _by_pair(x: Floats, y: Floats, x_c: float, length: float) -> tuple[Floats, Floats]:
-    """dw/dy of a pair's first and second point, (k, k) each, where y lies on a linear beam."""
+    """Compute dw/dy of a pair's first and second point, (k, k) each, for y on a linear beam."""
     k = len(x)
     by_first, by_second = np.zeros((k, k)), np.zeros((k, k))
     for i in range(k):
@@ -153,7 +153,7 @@ def _weights(
     by_pair: tuple[Floats, Floats],
     separation: float,
 ) -> Floats:
-    """The weight of every pair (k, k) in the mean of w12 - w13 over all triples."""
+    """Compute the weight of every pair (k, k) in the mean of w12 - w13 over all triples."""
     by_first, by_second = by_pair
     k = len(x)
     weights, total = np.zeros((k, k)), 0.0

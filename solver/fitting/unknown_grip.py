@@ -1,8 +1,8 @@
-"""What an uncertain grip does to an answer, and to that of one frame by itself.
+"""Add the uncertainty due to unknown friction to an estimate, also to that of a single frame.
 
-A single image hardly tells a force that leans off the beam's normal from another one elsewhere.
-What it says without friction stands; what a grip as usual for dry things would change of it, to
-first order, is added to its covariance.
+A single image hardly distinguishes a force inclined against the beam's normal from a normal force
+at another place. The estimate without friction is kept; its change by a grip typical of dry
+friction, to first order, is added to its covariance.
 """
 
 import numpy as np
@@ -19,16 +19,17 @@ from solver.plane_d import known_plane
 
 
 def curved_by_grip(force: float, grip: float, sigma: float) -> float:
-    """The variance [N^2] of a force's size that its slope by the grip does not tell.
+    """Compute the variance [N^2] of a force's magnitude that its slope by the grip leaves out.
 
-    The size is that of the part across the beam times sqrt(1 + grip^2), which is flat at no grip:
-    the mean square of the second-order term, of a grip normally distributed.
+    The magnitude is the component across the beam times sqrt(1 + grip^2), whose slope is zero at
+    zero grip. The result is the mean square of the second-order term, for a normally distributed
+    grip.
     """
     return 3 * (force * sigma**2 / (1 + grip**2) ** 2 / 2) ** 2
 
 
 def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
-    """The answer `alone` of `exact_fit`, as uncertain as friction makes it."""
+    """Add the uncertainty due to unknown friction to the estimate `alone` of `exact_fit`."""
     found = known_plane(measurement)
     if isinstance(found, Estimate):
         return found
@@ -47,7 +48,7 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     known = np.linalg.inv(np.linalg.cholesky(planar.base_covariance))
     by_p = np.vstack([rows[:, :5], np.hstack([np.zeros((3, 2)), known])])
     by_grip = np.append(rows[:, 5], np.zeros(3))
-    scale = np.maximum(np.linalg.norm(by_p, axis=0), 1e-300)  # units do not decide what is told
+    scale = np.maximum(np.linalg.norm(by_p, axis=0), 1e-300)  # units do not affect the rank
     moved = np.linalg.lstsq(by_p / scale, -by_grip)[0] / scale
     column = {name: i for i, name in enumerate(SHAPE)}
     shape = np.zeros(len(SHAPE))

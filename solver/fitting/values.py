@@ -1,4 +1,4 @@
-"""From the exact beam's shape to what is asked of it: contact, force, displacement, covariance."""
+"""Convert the exact beam's shape to contact, force and displacement, with covariance."""
 
 from typing import Final
 
@@ -13,8 +13,8 @@ from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
 
-# By what the quantities have gradients. `rigidity` and `scale` are the relative errors of EI and of
-# all lengths, `grip` is that of friction on the beam.
+# Variables of the gradients. `rigidity` and `scale` are the relative errors of EI and of all
+# lengths, `grip` is the friction ratio (see `frictional`).
 SHAPE: Final = ("q", "lever", "psi", "dx", "dy", "tilt", "motor_angle", "rigidity", "scale", "grip")
 _ANGLE, _EI, _SCALE, _GRIP = (
     SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale", "grip")
@@ -31,11 +31,11 @@ def shape_quantities(
     clamp_fitted: bool = False,
     grip_fitted: bool = False,
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Values (m,) of an exact beam, their Jacobian (m, 10) by `SHAPE`, what Sigma_a adds (m, m).
+    """Compute an exact beam's values (m,), Jacobian (m, 10) by `SHAPE`, covariance by Sigma_a.
 
-    `shape` (10,) is in the order of `SHAPE`, its error of lengths zero; a motor angle that is not
-    known is of no account, nor is the grip unless it was fitted: a contact without friction has
-    none. The other arguments and the last matrix are those of `in_all_frames`.
+    `shape` (10,) is in the order of `SHAPE`, with a zero error of lengths. An unknown motor angle
+    has no effect, nor has the grip unless it was fitted: a contact without friction has none. The
+    other arguments and the last matrix (m, m) are those of `in_all_frames`.
     """
     q, lever, beam = float(shape[0]), float(shape[1]), measurement.rig.beam
     if grip_fitted:
@@ -56,7 +56,7 @@ def shape_quantities(
 
 @njit(cache=True, error_model="numpy")
 def _frictionless(q: float, lever: float) -> Floats:
-    """Rows as `_TOUCHED`, the load F / EI first: value and gradient by (q, lever, grip)."""
+    """Compute rows as `_TOUCHED`, load F / EI first: value and gradient by (q, lever, grip)."""
     touched = np.zeros((len(_TOUCHED), 4))
     touched[0, 0], touched[0, 1] = q, 1.0
     for i, told in enumerate(contact_at(q, lever)):
@@ -66,7 +66,7 @@ def _frictionless(q: float, lever: float) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _contact(touched: Floats, shape: Floats, flexural_rigidity: float) -> tuple[Floats, Floats]:
-    """The contact (11,) as `frames` tells it, and its Jacobian (11, 10) by `SHAPE`."""
+    """Compute the contact (11,) as defined in `frames` and its Jacobian (11, 10) by `SHAPE`."""
     contact = np.zeros(frames.CONTACT)
     by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
     for i, row in enumerate(_TOUCHED):
@@ -80,7 +80,7 @@ def _contact(touched: Floats, shape: Floats, flexural_rigidity: float) -> tuple[
         by_shape[row, _SCALE] = contact[row]
     by_shape[frames.FORCE, _EI] = contact[frames.FORCE] / (1 + shape[_EI])
     by_shape[frames.FORCE, _SCALE] = -2 * contact[frames.FORCE]
-    # Inclination, clamp and motor are told as they are.
+    # Inclination, clamp and motor angle are copied.
     for k in range(frames.LEAN - frames.PSI):
         contact[frames.PSI + k] = shape[2 + k]
         by_shape[frames.PSI + k, 2 + k] = 1.0
@@ -90,19 +90,19 @@ def _contact(touched: Floats, shape: Floats, flexural_rigidity: float) -> tuple[
 def values_of(
     measurement: Measurement, fit: FrameFit, psi_fitted: bool
 ) -> tuple[dict[str, float], Floats]:
-    """The values that `fit` tells, by name, and their joint covariance.
+    """Compute the values of a fit, by name, and their joint covariance.
 
-    It holds the fit's own covariance, the rig's tolerances, the error of all lengths and the
-    encoder's. `psi_fitted`: the fit has told psi.
+    The covariance contains the fit's own, the rig's tolerances, the error of all lengths and the
+    encoder's. `psi_fitted` is True if the values of the third dimension are estimated.
     """
     rig, length = measurement.rig, measurement.rig.beam.length
-    # The fit's parameters are those of `SHAPE`, but for the stretch, which stands in the place of
-    # the motor's angle.
+    # The fit's parameters are in the order of `SHAPE`, except that the stretch has the index of
+    # the motor angle.
     unit = np.array([length**-2, length, 1.0, length, length, 1.0, 0.0, 1.0])
     shape, covariance = np.zeros(len(SHAPE)), np.zeros((len(SHAPE), len(SHAPE)))
     shape[:PARAMETERS] = fit.p * unit
     covariance[:PARAMETERS, :PARAMETERS] = fit.covariance * np.outer(unit, unit)
-    if covariance[_EI, _EI] == 0:  # where the fit had no need of EI
+    if covariance[_EI, _EI] == 0:  # where the fit did not use EI
         tolerance = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
         covariance[_EI, _EI] = tolerance**2
     covariance[_SCALE, _SCALE] = measurement.scale_sigma**2

@@ -1,4 +1,4 @@
-"""What an estimated contact amounts to: a contact, an interval, one at the tip, or none at all."""
+"""Classify an estimated contact: a contact, an interval, one at the tip, or none."""
 
 import math
 from collections.abc import Mapping
@@ -8,11 +8,12 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.rig import Rig
 
-# A place known worse than this share of the beam's length is only an interval.
+# If the sigma of x_c exceeds this share of the beam's length, the contact is only an interval.
 WEAK_SIGMA: Final = 1 / 7
-# Farther beyond the tip than so many sigmas nothing can touch the beam.
+# A contact beyond the tip by more than this many sigmas is impossible.
 BEYOND: Final = 3.0
-# Of a short stretch the noise alone makes shapes touched so near the clamp, and no sigma says so.
+# Least x_c in sigmas: with a short visible stretch noise alone gives contacts nearer to the
+# clamp, which their sigma does not show.
 LEAST_SIGNIFICANCE: Final = 4.0
 
 
@@ -26,10 +27,10 @@ def judged(
     dof: int | None = None,
     iterations: int | None = None,
 ) -> Estimate:
-    """The estimate of a contact that the rig's beam can have; else an outcome that says why not.
+    """Return the estimate of a contact, or a failure outcome if the rig's beam cannot have it.
 
-    The contact arc length, or where a method does not tell it the contact distance, is held
-    against the beam's length and its tolerance.
+    The contact arc length, or the contact distance if a method does not estimate it, is compared
+    with the beam's length and its tolerance.
     """
 
     def sigma(name: str) -> float:
@@ -53,7 +54,7 @@ def judged(
 def verdict(
     rig: Rig, x_c: float, x_sigma: float, s_c: float, s_sigma: float
 ) -> tuple[Outcome, str]:
-    """The outcome of a contact at distance x_c [m] and arc length s_c [m], and why it is none."""
+    """Return the outcome of a contact at distance x_c [m], arc length s_c [m], and the reason."""
     length = rig.beam.length
     s_sigma = math.hypot(s_sigma, rig.tolerances.beam_length)
     if s_c > length + BEYOND * s_sigma:

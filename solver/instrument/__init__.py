@@ -1,1 +1,1 @@
-"""The words of the antenna: what every other room speaks in. No physics, no methods."""
+"""Basic types of the project, used by all other packages. No physics, no methods."""

@@ -1,4 +1,4 @@
-"""Arrays are checked once, at the door, and cannot be written to afterwards."""
+"""Array types, and a check that returns a read-only copy of an array."""
 
 from typing import Any
 
@@ -9,14 +9,14 @@ from solver.instrument.compiled import njit
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-# Of 8 bits, or of up to 16.
+# Gray images of 8 bits, or of up to 16 bits.
 Grey = npt.NDArray[np.uint8 | np.uint16]
 
 
 def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floats:
-    """A finite, read-only float64 copy of `values`; None in `shape` allows any length.
+    """Return a read-only float64 copy of `values`; None in `shape` allows any length.
 
-    Raises ValueError where shape or finiteness fail.
+    Raises ValueError if the shape differs or a value is not finite.
     """
     array = np.array(values, dtype=np.float64)
     if len(array.shape) != len(shape) or any(
@@ -32,5 +32,5 @@ def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floa
 
 @njit(cache=True)
 def _finite(values: Floats) -> bool:
-    """Whether all of values (n,) are; compiled, for calls of numpy take longer than a few do."""
+    """Return whether all values (n,) are finite; compiled: NumPy is slower on short arrays."""
     return bool(np.isfinite(values).all())

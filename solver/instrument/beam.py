@@ -1,4 +1,4 @@
-"""The flexible beam as its datasheet knows it."""
+"""Dimensions and flexural rigidity of the beam."""
 
 import math
 from dataclasses import dataclass
@@ -28,5 +28,5 @@ class Beam:
 
 
 def circular_rigidity(youngs_modulus: float, diameter: float) -> float:
-    """EI [N m^2] of a circular section: I = pi d^4 / 64, from E [Pa] and d [m]."""
+    """Compute EI [N m^2] of a circular section, I = pi d^4 / 64, from E [Pa] and d [m]."""
     return youngs_modulus * math.pi * diameter**4 / 64

@@ -1,4 +1,4 @@
-"""Calibration targets: what is printed on the card, and where its points lie."""
+"""Calibration targets: printed pattern and coordinates of the points."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -12,16 +12,16 @@ DICTIONARIES: Final = ("4x4_50", "4x4_100", "4x4_250", "4x4_1000")
 
 @dataclass(frozen=True)
 class Board:
-    """A target of `columns` x `rows` points, `square` [m] apart."""
+    """Calibration target of `columns` x `rows` points with spacing `square` [m]."""
 
     columns: int
     rows: int
     square: float
 
     def corners(self) -> Floats:
-        """The points (rows * columns, 3) [m] in the board's frame, row by row.
+        """Return the points (rows * columns, 3) [m] in the board's frame, row by row.
 
-        The origin is the middle of the pattern, x runs along the rows, z towards the viewer.
+        The origin is the centre of the pattern, x points along the rows, z towards the viewer.
         """
         y, x = np.mgrid[0 : self.rows, 0 : self.columns].astype(float)
         x -= (self.columns - 1) / 2
@@ -31,16 +31,16 @@ class Board:
 
 @dataclass(frozen=True)
 class Chessboard(Board):
-    """Squares, of which that at the upper left is black; the points are their inner corners."""
+    """Chessboard whose upper left square is black; the points are the inner corners."""
 
 
 @dataclass(frozen=True)
 class Charuco(Board):
-    """A chessboard with a marker in the middle of every white square, numbered row by row.
+    """Chessboard with a marker in the middle of every white square, numbered row by row.
 
-    `dictionary` is one of OpenCV's: markers of 4 x 4 bits in a black rim of one. A bit is a tenth
-    of a square, so that a marker stays two tenths away from the corners. Raises ValueError if the
-    dictionary has not enough markers.
+    `dictionary` is one of OpenCV's: markers of 4 x 4 bits with a black border one bit wide. A bit
+    is a tenth of a square, so that a marker keeps a distance of two tenths from the corners. Raises
+    ValueError if the dictionary has too few markers.
     """
 
     dictionary: str
@@ -56,11 +56,12 @@ class Charuco(Board):
 
 @dataclass(frozen=True)
 class LineNetwork(Board):
-    """Dark lines of `line_width` [m] that cross at right angles; the points are the crossings.
+    """Grid of dark lines of `line_width` [m]; the points are their crossings, at right angles.
 
-    One line each way, `thick_column` and `thick_row`, is twice as wide: from them every crossing
-    is told even where the image shows a part of the network. Lines run on for half a square
-    beyond the last crossing. Raises ValueError if the lines are too wide to be told apart.
+    One line in each direction, `thick_column` and `thick_row`, is twice as wide. With these two,
+    every crossing can be identified even if the image shows only a part of the grid. Lines extend
+    half a square beyond the last crossing. Raises ValueError if the lines are too wide to be
+    separated.
     """
 
     line_width: float
@@ -74,10 +75,10 @@ class LineNetwork(Board):
 
     @property
     def thick_column(self) -> int:
-        """The thick line along y, counted from the left."""
+        """Index of the thick line along y, counted from the left."""
         return (self.columns - 1) // 2
 
     @property
     def thick_row(self) -> int:
-        """The thick line along x, counted from the top."""
+        """Index of the thick line along x, counted from the top."""
         return (self.rows - 1) // 2

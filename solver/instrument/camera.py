@@ -1,7 +1,8 @@
-"""The camera, pinhole or telecentric. The pixel rule of the whole project is said here, once:
+"""Camera model, pinhole or telecentric.
 
-a pixel's centre has integer coordinates (OpenCV's rule), so the image of W columns spans
-u from -1/2 to W - 1/2, and the middle of the image is ((W - 1) / 2, (H - 1) / 2).
+Pixel convention of the whole project: a pixel's centre has integer coordinates (OpenCV's
+convention), so an image of W columns spans u from -1/2 to W - 1/2, and the centre of the image is
+((W - 1) / 2, (H - 1) / 2).
 """
 
 import math
@@ -14,8 +15,9 @@ from solver.instrument.arrays import Floats, Mask, frozen_floats
 from solver.instrument.distortion import COUNTS, distort, undistort
 from solver.instrument.transforms import apply, invert
 
-# A point that is folded back into the image lies far off the one that belongs there; rounding,
-# magnified near the fold, is less than this in normalised units: a thousandth of a pixel.
+# Largest difference, in normalised units, between an ideal point and its distortion undone: a
+# thousandth of a pixel. Rounding errors, magnified near the fold, are smaller; a point folded back
+# into the image differs by far more.
 _SAME = 1e-6
 
 
@@ -23,12 +25,12 @@ _SAME = 1e-6
 class Camera:
     """Intrinsics and pose of a camera.
 
-    `camera_from_antenna` (4, 4) carries Sigma_a [m] into OpenCV's camera axes (x right,
-    y down, z forward). A pinhole divides by depth, and fx, fy are [px]. A telecentric camera,
-    as on a microscope, sees along parallel rays: depth does not move a point in its image, and
-    fx, fy are the magnification [px/m]. cx, cy [px] are where the optical axis meets the image.
-    `distortion` holds no, five or eight coefficients, as `distortion.py` says; a telecentric
-    camera has none. Raises ValueError where pose or distortion are not of this kind.
+    `camera_from_antenna` (4, 4) maps Sigma_a [m] to OpenCV's camera axes (x right, y down,
+    z forward). A pinhole projection divides by depth, and fx, fy are in [px]. A telecentric camera,
+    as on a microscope, projects along parallel rays: the image of a point does not depend on its
+    depth, and fx, fy are the magnification [px/m]. cx, cy [px] are the principal point.
+    `distortion` holds no, five or eight coefficients in the order given in `distortion.py`; a
+    telecentric camera has none. Raises ValueError if pose or distortion have another form.
     """
 
     width: int
@@ -53,12 +55,12 @@ class Camera:
 
     @property
     def matrix(self) -> Floats:
-        """OpenCV's camera matrix (3, 3): [px], for a telecentric camera fx and fy [px/m]."""
+        """OpenCV's camera matrix (3, 3) in [px]; for a telecentric camera fx and fy in [px/m]."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     @cached_property
     def viewpoint(self) -> Floats:
-        """V in Sigma_a, homogeneous (4,): (x, y, z, 1) [m] of a pinhole, (x, y, z, 0) far away."""
+        """V in Sigma_a, homogeneous (4,): pinhole (x, y, z, 1) [m], telecentric (x, y, z, 0)."""
         antenna_from_camera = invert(self.camera_from_antenna)
         if self.telecentric:
             return np.append(-antenna_from_camera[:3, 2], 0.0)
@@ -66,28 +68,29 @@ class Camera:
 
     @cached_property
     def normalised_from_plane(self) -> Floats:
-        """The homography (3, 3) from places on C, z = 0 of Sigma_a [m], to ideal coordinates.
+        """Homography (3, 3) from points on C, z = 0 of Sigma_a [m], to ideal coordinates.
 
-        Affine for a telecentric camera: its homogeneous coordinate is 1 where a pinhole's is depth.
+        It is affine for a telecentric camera: the homogeneous coordinate is 1 instead of the depth.
         """
         rows = self.camera_from_antenna[[0, 1, 3 if self.telecentric else 2]]
         return np.ascontiguousarray(rows[:, [0, 1, 3]])
 
     @cached_property
     def plane_from_normalised(self) -> Floats:
-        """The inverse (3, 3) of `normalised_from_plane`."""
+        """Inverse (3, 3) of `normalised_from_plane`."""
         return np.asarray(np.linalg.inv(self.normalised_from_plane), dtype=np.float64)
 
     @cached_property
     def plane_from_pixels(self) -> Floats:
-        """The homography (3, 3) from pixels of a lens free of distortion to places on C [m]."""
+        """Homography (3, 3) from undistorted pixels to points on C [m]."""
         return np.asarray(self.plane_from_normalised @ np.linalg.inv(self.matrix))
 
     def project(self, points: Floats) -> Floats:
-        """Pixels (n, 2), as (u, v), of points (n, 3) in Sigma_a [m]; all in front of the camera.
+        """Project points (n, 3) in Sigma_a [m] to pixels (n, 2), as (u, v).
 
-        A distorted point is where the lens shows it only within the field over which the
-        distortion is one-to-one; from farther off it may be folded back into the image.
+        All points must be in front of the camera. With distortion, a pixel is valid only within the
+        field in which the distortion is one-to-one; a point outside it may be folded back into the
+        image.
         """
         x, y, z = apply(self.camera_from_antenna, points).T
         seen = np.column_stack([x, y]) / self._divisor(z)[:, None]
@@ -96,10 +99,10 @@ class Camera:
         return self._pixels(seen)
 
     def shows(self, points: Floats) -> Mask:
-        """Tell which points (n, 3) in Sigma_a [m] it shows, in the image or beside it.
+        """Return a mask (n,) of the points (n, 3) in Sigma_a [m] that `project` maps correctly.
 
-        They are before the camera, and so near to its axis that the distortion is one-to-one:
-        farther out, `project` folds a point back towards the axis.
+        They are in front of the camera and so near to its axis that the distortion is one-to-one;
+        farther out, `project` folds a point back towards the axis. They may be outside the image.
         """
         x, y, z = apply(self.camera_from_antenna, points).T
         shown = np.ones(len(points), np.bool_) if self.telecentric else z > 0
@@ -110,22 +113,22 @@ class Camera:
         return shown
 
     def normalised(self, pixels: Floats) -> Floats:
-        """Ideal coordinates (n, 2) of pixels (n, 2), as (u, v): x and y over depth, undistorted.
+        """Convert pixels (n, 2), (u, v), to ideal coordinates (n, 2): x and y over depth.
 
-        Exact to 1e-12. Of a telecentric camera, x and y themselves [m]. NaN where the lens shows
-        nothing, so far off the axis that its distortion is not one-to-one.
+        The distortion is undone, exact to 1e-12. For a telecentric camera, return x and y
+        themselves [m]. Return NaN outside the field in which the distortion is one-to-one.
         """
         distorted = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
         return undistort(distorted, self.distortion)
 
     def undistorted_pixels(self, pixels: Floats) -> Floats:
-        """Where a lens free of distortion would show what is seen at pixels (n, 2); or NaN."""
+        """Undistort pixels (n, 2); return NaN outside the one-to-one field of the distortion."""
         return self._pixels(self.normalised(pixels))
 
     def pixels_per_metre(self, points: Floats) -> Floats:
-        """Magnification (n,) [px/m] of lengths across the optical axis at points (n, 3) [m].
+        """Compute the magnification (n,) [px/m] across the optical axis at points (n, 3) [m].
 
-        The lens's distortion is left out.
+        Lens distortion is neglected.
         """
         return self.fx / self._divisor(apply(self.camera_from_antenna, points)[:, 2])
 

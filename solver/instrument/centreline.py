@@ -1,4 +1,4 @@
-"""The beam as an image shows it: points with their errors, and where there should be more."""
+"""The beam's centreline in an image: measured points with sigmas, and rejected points."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from solver.instrument.arrays import Floats, Grey, frozen_floats
 
 
 class Flag(IntEnum):
-    """Why a place where the beam should be gave no point."""
+    """Reason why no point was measured at an expected position of the beam."""
 
     HIDDEN = 1
     SATURATED = 2
@@ -20,14 +20,15 @@ class Flag(IntEnum):
 
 @dataclass(frozen=True)
 class Centreline:
-    """Points (n, 2) [px], as (u, v), each measured along its unit `directions` (n, 2).
+    """Points (n, 2) [px], as (u, v), each measured along its unit vector in `directions` (n, 2).
 
-    A point errs along its direction alone: down the image column in which it was measured, or
-    along the row where the beam is steep. `sigma` (n,) [px]. `rejected` (m, 2) [px] are places
-    where the beam should be and was not measured, `flags` (m,) why. `tip` (2,) [px] is the image
-    of the beam's free end and `tip_covariance` (2, 2) [px^2] its error; None where it is not seen.
-    `common_sigma` [px] is the error, along the directions, that all points share. `remark` says how
-    the image differs from the rest images, "" where it does not.
+    The error of a point is along its direction only: along the image column in which it was
+    measured, or along the row where the beam is steep. `sigma` (n,) [px] is its standard deviation.
+    `rejected` (m, 2) [px] are expected positions of the beam without a measured point, `flags` (m,)
+    the reasons. `tip` (2,) [px] is the image of the beam's free end, `tip_covariance` (2, 2) [px^2]
+    its covariance; both are None if the tip is not visible. `common_sigma` [px] is the standard
+    deviation of the error, along the directions, that all points share. `remark` describes how the
+    image differs from the rest images; it is "" if it does not differ.
     """
 
     points: Floats
@@ -53,5 +54,5 @@ Extractor = Callable[[Grey], Centreline]
 
 
 def down_columns(points: Floats, sigma: Floats) -> Centreline:
-    """The centreline of points (n, 2), each measured down its image column."""
+    """Make the centreline of points (n, 2), each measured along its image column."""
     return Centreline(points, np.tile([0.0, 1.0], (len(points), 1)), sigma)

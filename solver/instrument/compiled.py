@@ -16,9 +16,9 @@ __all__ = ["njit"]
 
 
 def _set_folder(package: Path) -> None:
-    """Name numba's folder after the compiled sources of `package`, and remove older ones.
+    """Name numba's folder after the compiled sources of `package`, and remove older folders.
 
-    Nothing is changed where the user has chosen a folder, or where none can be written.
+    Change nothing if the user has chosen a folder, or if `package` is not writable.
     """
     cache, settings = package / "__pycache__", vars(config)
     if settings["CACHE_DIR"] or not os.access(package, os.W_OK):

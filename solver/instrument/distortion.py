@@ -1,7 +1,7 @@
 """Lens distortion of Brown (1966) and Conrady, with OpenCV's coefficients in OpenCV's order.
 
-(k1, k2, p1, p2, k3) or, with a rational radial part, (k1, k2, p1, p2, k3, k4, k5, k6); none at all
-is a lens free of distortion. They act on normalised coordinates, x and y over depth:
+(k1, k2, p1, p2, k3) or, with a rational radial part, (k1, k2, p1, p2, k3, k4, k5, k6); without
+coefficients there is no distortion. They apply to normalised coordinates, x and y over depth:
 
     radial = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
     x' = radial x + 2 p1 x y + p2 (r^2 + 2 x^2)
@@ -18,15 +18,17 @@ from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
 COUNTS: Final = (0, 5, 8)
-# Normalised units: a billionth of a pixel.
+# Convergence threshold in normalised units: a billionth of a pixel.
 _EXACT: Final = 1e-12
-# Newton doubles its digits from about the fifth step; halved steps near a fold take some more.
+# Newton's method converges quadratically from about the fifth step; halved steps near a fold take
+# some more.
 _MOST_STEPS: Final = 60
-# Share of the way to the rim of the one-to-one field that a step may go: the Jacobian is singular
-# on the rim, and a step from there leads nowhere.
+# Largest step, as a share of the distance to the rim of the one-to-one field: the Jacobian is
+# singular on the rim, and Newton's method cannot continue from there.
 _TO_THE_RIM: Final = 0.95
-# Chosen: 84 degrees off the axis, where no pinhole sees. Rings 0.005 apart are 5 px of a focal
-# length of 1000 px; a narrower fold would be missed. Only the tangential part depends on direction.
+# Chosen: 84 degrees off the axis, outside the view of any pinhole camera. Rings 0.005 apart are
+# 5 px at a focal length of 1000 px; a narrower fold would be missed. Only the tangential part
+# depends on direction.
 _FARTHEST: Final = 10.0
 _RINGS: Final = 2001
 _HALVINGS: Final = 40
@@ -35,20 +37,20 @@ _DIRECTIONS: Final = np.column_stack([np.cos(_TURN), np.sin(_TURN)])
 
 
 def distort(points: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floats]:
-    """Distort ideal points (n, 2), normalised; return them and their Jacobian (n, 2, 2).
+    """Distort ideal points (n, 2), normalised; return the result and its Jacobian (n, 2, 2).
 
-    The Jacobian is symmetric, d(distorted)/d(ideal).
+    The Jacobian d(distorted)/d(ideal) is symmetric.
     """
     distorted, jacobian = _distorted(_contiguous(points), _eight(coefficients))
     return distorted, jacobian
 
 
 def undistort(points: Floats, coefficients: Sequence[float]) -> Floats:
-    """Find the ideal points (n, 2) that the lens shows at distorted ones (n, 2), both normalised.
+    """Compute the ideal points (n, 2) of distorted points (n, 2), both normalised.
 
-    Newton's method, kept to the disc about the axis over which the distortion is one-to-one:
-    farther out the image is folded over, and a point there is shown where another one belongs. NaN
-    where the disc holds no such point.
+    Newton's method is restricted to the disc about the axis in which the distortion is one-to-one:
+    farther out the image is folded, and two ideal points have the same distorted point. Return NaN
+    if the disc contains no solution.
     """
     if not coefficients:
         return points.astype(np.float64)  # a copy
@@ -58,16 +60,16 @@ def undistort(points: Floats, coefficients: Sequence[float]) -> Floats:
 
 
 def one_to_one(points: Floats, coefficients: Sequence[float]) -> bool:
-    """Tell whether the distortion can be undone at all of these distorted points (n, 2)."""
+    """Return whether the distortion can be undone at all of these distorted points (n, 2)."""
     return bool(np.isfinite(undistort(points, coefficients)).all())
 
 
 @lru_cache(maxsize=64)
 def _field(coefficients: tuple[float, ...]) -> tuple[float, float]:
-    """The radius of the one-to-one field, and the largest radius at which the lens shows it.
+    """Find the radius of the one-to-one field, and the largest radius of its distorted image.
 
-    The distortion is the gradient of a potential. Where its Jacobian is positive definite on a
-    disc the potential is convex there, and no two points have the same gradient.
+    The distortion is the gradient of a potential. If its Jacobian is positive definite on a disc,
+    the potential is convex there, and no two points have the same gradient.
     """
     radii = np.linspace(0.0, _FARTHEST, _RINGS)
     good = [_positive(radius, coefficients) for radius in radii]
@@ -83,7 +85,7 @@ def _field(coefficients: tuple[float, ...]) -> tuple[float, float]:
 
 
 def _positive(radius: float, coefficients: tuple[float, ...]) -> bool:
-    """Whether the Jacobian is positive definite all along a circle about the axis."""
+    """Return whether the Jacobian is positive definite everywhere on a circle about the axis."""
     _, jacobian = distort(radius * _DIRECTIONS, coefficients)
     trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
     with np.errstate(all="ignore"):  # infinite at a pole of the rational part
@@ -91,7 +93,7 @@ def _positive(radius: float, coefficients: tuple[float, ...]) -> bool:
     return bool(((trace > 0) & (determinant > 0)).all())
 
 
-# The compiled functions below are compiled for one layout of their arrays only.
+# A contiguous copy: the functions below are compiled for one array layout only.
 def _contiguous(points: Floats) -> Floats:
     return np.array(points, dtype=np.float64, order="C").reshape(-1, 2)
 
@@ -102,7 +104,7 @@ def _eight(coefficients: Sequence[float]) -> Floats:
 
 @njit(cache=True, error_model="numpy")
 def _one(x: float, y: float, lens: Floats) -> tuple[float, float, float, float, float]:
-    """A distorted point (x', y'), and dx'/dx, dx'/dy = dy'/dx, dy'/dy."""
+    """Distort a point; return x', y', dx'/dx, dx'/dy = dy'/dx and dy'/dy."""
     k1, k2, p1, p2, k3, k4, k5, k6 = lens
     r2 = x * x + y * y
     above, below = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
@@ -132,10 +134,10 @@ def _distorted(points: Floats, lens: Floats) -> Any:
 
 @njit(cache=True, error_model="numpy")
 def _undistorted(points: Floats, lens: Floats, radius: float, shown: float) -> Floats:
-    """As `undistort`, in a field of this radius that the lens shows up to radius `shown`.
+    """Undistort points in a field of this `radius`, whose distorted image has radius `shown`.
 
-    A step that does not bring the distorted point nearer is halved: towards the minimum of a
-    convex function a Newton step that is short enough always does.
+    A step that does not reduce the residual is halved: on a convex function, a Newton step that is
+    short enough always reduces it.
     """
     ideal = np.full((len(points), 2), np.nan)
     for i in range(len(points)):

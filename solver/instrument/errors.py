@@ -1,29 +1,29 @@
-"""What can be wrong with what a user hands over."""
+"""Exceptions for unusable input, and short texts for their messages."""
 
 from typing import Final
 
-# Chosen: two lines of a terminal tell which value is meant.
+# Chosen: two lines of a terminal are enough to identify a value.
 LONGEST_SHOWN: Final = 160
 
 
 class InputError(Exception):
-    """A file, key or value that cannot be used; its text is one sentence for the user.
+    """Error for a file, key or value that cannot be used; its text is one sentence for the user.
 
-    Raise this when the mistake lies outside the program and the user can mend it: the
+    Raise this if the mistake is outside the program and the user can correct it: the
     command lines print the sentence and exit with status 2.
     """
 
 
 class DamageError(InputError):
-    """A file of a generated dataset that is missing, or is not what was written."""
+    """Error for a file of a generated dataset that is missing, or is not what was written."""
 
 
 def shown(value: object) -> str:
-    """Quote a value in a message: on one line, the end of a long one left out."""
+    """Quote a value for a message: on one line, a long value truncated."""
     return cut(repr(value))
 
 
 def cut(text: str) -> str:
-    """Put a text on one line, and leave out the end of a long one."""
+    """Put a text on one line, and truncate a long text."""
     line = " ".join(text[: 2 * LONGEST_SHOWN].split())
     return line if len(text) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]}..."

@@ -1,4 +1,4 @@
-"""What a method answers: an outcome, named values and their joint covariance."""
+"""Estimate of a method: an outcome, named values and their joint covariance."""
 
 import math
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from solver.instrument.quantities import QUANTITIES, QUANTITY_OF
 
 
 class Outcome(StrEnum):
-    """How an estimation ended; `sentence` says it to a person."""
+    """Outcome of an estimation; `sentence` explains it."""
 
     CONTACT = "contact"
     WEAK_CONTACT = "weak contact"
@@ -25,12 +25,12 @@ class Outcome(StrEnum):
 
     @property
     def sentence(self) -> str:
-        """What this outcome means."""
+        """Meaning of this outcome, as one sentence."""
         return _SENTENCES[self]
 
     @property
     def has_values(self) -> bool:
-        """Whether an estimate with this outcome carries numbers."""
+        """Whether an estimate with this outcome has values."""
         return self in (Outcome.CONTACT, Outcome.WEAK_CONTACT, Outcome.TIP_CONTACT)
 
 
@@ -48,7 +48,7 @@ _SENTENCES = {
 }
 
 
-# Shown first, by their columns: label and unit.
+# Columns that the representation of an estimate shows: label and unit.
 _SHOWN = {
     "x_c_mm": ("x_c", "mm"),
     "force_n": ("force", "N"),
@@ -59,13 +59,14 @@ _SHOWN = {
 
 @dataclass(frozen=True, repr=False)
 class Estimate:
-    """One frame's estimate of contact and force.
+    """Estimate of contact and force from one frame.
 
-    `values` maps some of QUANTITIES to numbers in SI units; what a method does not estimate is
-    absent. `covariance` (n, n) follows the order of `values`; None where a method does not know
-    it. `chi2` is the weighted sum of squared residuals on `dof` degrees of freedom.
+    `values` maps some of QUANTITIES to numbers in SI units; a quantity that the method does not
+    estimate is absent. `covariance` (n, n) is in the order of `values`; it is None if the method
+    does not compute it. `chi2` is the weighted sum of squared residuals with `dof` degrees of
+    freedom.
 
-    Every quantity is also an attribute, by its SI name or by its column in a table, and None where
+    Every quantity is also an attribute, by its SI name or by its column in a table; it is None if
     it was not estimated:
 
     >>> estimate = Estimate(Outcome.CONTACT, values={"x_c_m": 0.12, "force_n": 0.05})
@@ -74,7 +75,8 @@ class Estimate:
     >>> estimate
     Estimate(contact: x_c 120 mm, force 0.05 N)
 
-    Raises ValueError if a name is unknown, a value not finite, or the covariance does not fit.
+    Raises ValueError if a name is unknown, if a value is not finite, or if the shape of the
+    covariance is wrong.
     """
 
     outcome: Outcome
@@ -99,9 +101,9 @@ class Estimate:
             object.__setattr__(self, "covariance", covariance)
 
     def sigma(self, name: str) -> float:
-        """Return the standard deviation of a value, in the unit that its name states.
+        """Return the standard deviation of a value, in the unit given in `name`.
 
-        Raises ValueError if it is not known.
+        Raises ValueError if there is none.
         """
         if self.covariance is None:
             raise ValueError("the estimate states no covariance")

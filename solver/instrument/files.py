@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: write aside, fsync, rename."""
+"""Atomic writing of files: write to a temporary file, fsync, rename."""
 
 import hashlib
 import os
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write `data` to `path` so that no reader ever sees half of it. Raises OSError."""
+    """Write `data` to `path` atomically. Raises OSError."""
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with aside.open("wb") as stream:
@@ -25,7 +25,7 @@ def write_text(path: Path, text: str) -> None:
 
 def sync_folder(folder: Path) -> None:
     """Wait until the names in a folder are on the disk. Raises OSError."""
-    if os.name == "nt":  # Windows opens no folders, and journals renames by itself
+    if os.name == "nt":  # Windows cannot open folders, and journals renames itself
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:

@@ -1,4 +1,4 @@
-"""How many bits a camera's gray values have, and where in 16 bits they are."""
+"""Bit depth of a camera's gray values, and their position within 16 bits."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,26 +9,27 @@ import numpy as np
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 
-# Of industrial cameras (GenICam's Mono8 to Mono16).
+# Bit depths of industrial cameras (GenICam's Mono8 to Mono16).
 _USUAL: Final = (8, 10, 12, 14, 16)
 
 
 @dataclass(frozen=True)
 class GrayScale:
-    """Gray values of `bits` bits, `shift` bits above the lowest of the file's."""
+    """Gray scale of `bits` bits, stored `shift` bits above the lowest bit of the file's values."""
 
     bits: int = 8
     shift: int = 0
 
     @property
     def full_scale(self) -> int:
-        """The gray value of a saturated pixel."""
+        """Gray value of a saturated pixel."""
         return int(2**self.bits - 1)
 
     def __call__(self, image: Grey) -> Grey:
         """Shift an image (height, width) to gray values from 0 to `full_scale`.
 
-        Raises InputError where it holds others: it was not stored as the images at rest were.
+        Raises InputError if it has other values, which means that it was not stored as the rest
+        images were.
         """
         if image.dtype == np.uint8:
             if self.bits == 8:
@@ -49,11 +50,11 @@ EIGHT_BIT: Final = GrayScale()
 
 
 def gray_scale(images: Iterable[Grey], bits: int | None) -> GrayScale:
-    """Find the gray scale of images at rest, one after the other; `bits` as stated, or None.
+    """Find the gray scale of the rest images; `bits` is the stated depth, or None.
 
-    Without a statement it follows from all images together: where they leave the lowest bits empty,
-    the others are the camera's; else it is the usual depth next above the brightest pixel. Raises
-    InputError where the images contradict each other, or what is stated.
+    Without a stated depth it follows from all images together: if their lowest bits are zero, the
+    other bits are the camera's; otherwise it is the smallest usual depth that holds the brightest
+    pixel. Raises InputError if the images contradict each other or the stated depth.
     """
     held, kinds = 0, set()
     for image in images:
@@ -82,5 +83,5 @@ def gray_scale(images: Iterable[Grey], bits: int | None) -> GrayScale:
 
 
 def _bits_held(image: Grey) -> int:
-    """The bits that are set in any pixel."""
+    """Return the bits that are set in any pixel, as a mask."""
     return int(np.bitwise_or.reduce(image, axis=None)) if image.size else 0

@@ -1,8 +1,9 @@
-"""Generated folders carry hashes.json: the sha256 of each file; whoever reads a file checks it.
+"""Integrity check of generated folders: hashes.json lists the sha256 of each file.
 
-The hashes.json of a tree lists the files of the tree, and of each shard its hashes.json, which
-lists the files of the shard. A tree's is written last, in one step: with it the tree is complete.
-A laboratory's folder has no hashes.json, and its files are read as they are.
+The hashes.json of a tree lists the files of the tree and the hashes.json of each shard, which
+lists the files of the shard. The tree's hashes.json is written last, atomically: a tree that has
+one is complete. Every file is checked when it is read. A laboratory's folder has no hashes.json,
+and its files are read without a check.
 """
 
 import hashlib
@@ -22,13 +23,13 @@ def digest(data: bytes) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file; where a hashes.json lists it, its bytes must be those that were written.
+    """Read a file; if a hashes.json lists it, check its sha256.
 
-    Raises InputError where it cannot be read, DamageError where it is not what was generated.
+    Raises InputError if it cannot be read, DamageError if it is not what was generated.
     """
     expected = _recorded(path)
     try:
-        # A pipe or a device may never end; a folder's own error says that it is one.
+        # Reading a pipe or a device may never end; reading a folder raises its own clear error.
         if path.exists() and not path.is_file() and not path.is_dir():
             raise InputError(f"{path}: cannot be read (it is no file)")
         data = path.read_bytes()
@@ -44,7 +45,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _recorded(path: Path) -> str | None:
-    """The sha256 in the hashes.json beside the file or one folder above; None where it has none."""
+    """Look up the sha256 in the hashes.json beside the file or one folder above; None if absent."""
     for folder in path.parents[:2]:
         if folder / HASHES != path and (folder / HASHES).is_file():
             table = read_hashes(folder)
@@ -54,9 +55,9 @@ def _recorded(path: Path) -> str | None:
 
 
 def read_hashes(folder: Path) -> dict[str, str] | None:
-    """Read the hashes.json of a folder, names to sha256; None where there is none.
+    """Read the hashes.json of a folder, as file name to sha256; return None if there is none.
 
-    Raises InputError where it cannot be read, DamageError where it is not what was written.
+    Raises InputError if it cannot be read, DamageError if it is not what was written.
     """
     path = folder / HASHES
     if not path.is_file():
@@ -68,7 +69,7 @@ def read_hashes(folder: Path) -> dict[str, str] | None:
 
 
 def parse_hashes(data: bytes) -> dict[str, str] | None:
-    """Parse the bytes of a hashes.json; None where they are none."""
+    """Parse the bytes of a hashes.json; return None if they are not valid."""
     try:
         table = json.loads(data)
     except (ValueError, RecursionError):
@@ -79,10 +80,10 @@ def parse_hashes(data: bytes) -> dict[str, str] | None:
 
 
 def listed(tree: Path) -> list[str] | None:
-    """List the files of a generated tree, sorted; None for a folder that was not generated.
+    """List the files of a generated tree, sorted; return None if the folder was not generated.
 
-    Their bytes are compared when they are read. Raises InputError where the tree is incomplete,
-    DamageError where a listed file is missing.
+    Their bytes are checked when they are read. Raises InputError if the tree is incomplete,
+    DamageError if a listed file is missing.
     """
     table = read_hashes(tree)
     if table is None:

@@ -1,4 +1,4 @@
-"""Gray images from files: colour becomes gray, bits stay."""
+"""Reading and writing of gray images: colour is converted to gray, the bit depth is kept."""
 
 import struct
 from pathlib import Path
@@ -12,9 +12,9 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import read_bytes
 
-# A sensor's noise repeats nothing and predicts nothing: neither a search for repeats nor a row
-# filter pays. Of 8 bits this takes two thirds of the time of OpenCV's default, and four fifths
-# of the bytes.
+# Sensor noise cannot be predicted from its neighbours: neither a search for repeats nor a row
+# filter reduces the size. For 8 bits these settings take two thirds of the time of OpenCV's
+# default, and four fifths of the bytes.
 _PNG = [
     cv2.IMWRITE_PNG_STRATEGY,
     cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
@@ -25,30 +25,30 @@ _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD: Final = 25  # bytes up to the bit depth
 # Chosen: the largest cameras have 150 megapixels, the largest scene 67.
 MOST_PIXELS: Final = 200_000_000
-# Of a colour image: its luma, one of its colours, or how yellow it is against blue (CIELAB's b).
+# Channel read from a colour image: luma, one of its colours, or blue to yellow (CIELAB's b).
 CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
 _PLACE: Final = {"b": 0, "g": 1, "r": 2}
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
 
 def read_grey(path: Path, channel: str = "gray") -> Grey:
-    """Read the gray image (height, width) of a file, of 8 or 16 bits as the file has it.
+    """Read a gray image (height, width) of 8 or 16 bits, as stored in the file.
 
-    Of a colour image one of CHANNELS is read. Pixels come as they are stored: a tag that asks for
-    the image to be shown turned (EXIF) is ignored, here as in videos. A camera that looks straight
-    down does not know which way is up, and its tag may change from one image to the next.
-    Raises InputError if it is no image, or not the one that was generated.
+    From a colour image, `channel`, one of CHANNELS, is read. Pixels are returned in the stored
+    order: the orientation tag (EXIF) is ignored, here as in videos. A camera that looks straight
+    down cannot detect which way is up, and its tag may change from one image to the next.
+    Raises InputError if the file is not an image, or not the one that was generated.
     """
     data = np.frombuffer(read_bytes(path), dtype=np.uint8)
     if data[:8].tobytes() == _PNG_SIGNATURE:
         head = _png_head(data[:_PNG_HEAD].tobytes(), path)
-        if head.width * head.height > MOST_PIXELS:  # before memory is taken for them
+        if head.width * head.height > MOST_PIXELS:  # before memory is allocated for them
             raise InputError(
                 f"{path}: claims {head.width} x {head.height} px, allowed are {MOST_PIXELS:,} px"
             )
     try:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:  # what is larger than OpenCV allows, of any format
+    except cv2.error:  # an image of any format that is larger than OpenCV allows
         image = None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")
@@ -56,9 +56,9 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
 
 
 def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
-    """Convert an image as OpenCV gives it (gray, BGR or BGRA) to gray (height, width).
+    """Convert an image in OpenCV's format (gray, BGR or BGRA) to gray (height, width).
 
-    `channel` is one of CHANNELS; an image that is gray already stays as it is. Raises InputError.
+    `channel` is one of CHANNELS; an image that is already gray is not changed. Raises InputError.
     """
     channels = 1 if image.ndim == 2 else image.shape[2]
     if image.dtype not in (np.uint8, np.uint16) or channels not in (1, *_TO_GREY):
@@ -79,9 +79,9 @@ def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
 
 
 def eight_bit(image: Grey) -> npt.NDArray[np.uint8]:
-    """The image for eyes, and for detectors that take nothing else.
+    """Convert an image to 8 bits, for display and for detectors that accept only 8 bits.
 
-    One of 8 bits as it is, a deeper one with its brightest pixel at 255.
+    An image of 8 bits is not changed; a deeper one is scaled so that its brightest pixel is 255.
     """
     if image.dtype == np.uint8:
         return np.asarray(image, dtype=np.uint8)
@@ -90,7 +90,7 @@ def eight_bit(image: Grey) -> npt.NDArray[np.uint8]:
 
 
 def png_bytes(image: Grey) -> bytes:
-    """A gray image (height, width) as PNG; the same image gives the same bytes."""
+    """Encode a gray image (height, width) as PNG; the same image gives the same bytes."""
     ok, data = cv2.imencode(".png", image, _PNG)
     if not ok:
         raise ValueError(f"an image of shape {image.shape} cannot be encoded as PNG")
@@ -98,7 +98,7 @@ def png_bytes(image: Grey) -> bytes:
 
 
 class PngHead(NamedTuple):
-    """What the first bytes of a PNG file say: size in pixels, and 8 or 16 bits a channel."""
+    """Header of a PNG file: size in pixels, and 8 or 16 bits per channel."""
 
     width: int
     height: int
@@ -106,7 +106,7 @@ class PngHead(NamedTuple):
 
 
 def png_head(path: Path) -> PngHead:
-    """Read the size and depth of a PNG file from its first bytes alone. Raises InputError."""
+    """Read the size and depth of a PNG file from its first bytes only. Raises InputError."""
     try:
         with path.open("rb") as stream:
             return _png_head(stream.read(_PNG_HEAD), path)

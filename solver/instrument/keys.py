@@ -1,4 +1,4 @@
-"""Looking dotted keys up in a JSON document, and saying clearly what is wrong with one."""
+"""Look-up of dotted keys in a JSON document, with clear error messages."""
 
 import difflib
 import json
@@ -14,20 +14,20 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import read_bytes
 
-# A key or a value is shown up to this number of characters.
+# A key or a value is truncated to this number of characters in messages.
 _LONGEST: Final = 80
 _SHORT: Final = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = _LONGEST
-# A hundred times what a document with every key takes [bytes].
+# Largest document [bytes]: a hundred times the size of one with every key.
 _LARGEST: Final = 1 << 18
 
 
 @dataclass(frozen=True)
 class Keys:
-    """A JSON document and the file it came from.
+    """JSON document and the file it was read from.
 
-    Every look-up raises InputError naming file, key, value and what is allowed. `asked` are the
-    keys that were looked up.
+    Every look-up raises InputError with file, key, value and the allowed values. `asked` contains
+    the keys that were looked up.
     """
 
     path: Path
@@ -36,8 +36,11 @@ class Keys:
 
     @classmethod
     def read(cls, path: Path) -> "Keys":
-        """Read a JSON file. Raises InputError where it is none, too large or nested too deeply,
-        and where it is not the one that was generated."""
+        """Read a JSON file.
+
+        Raises InputError if it is not JSON, too large, nested too deeply, or not the one that was
+        generated.
+        """
         try:
             if path.is_file() and path.stat().st_size > _LARGEST:
                 raise InputError(f"{path}: is larger than {_LARGEST} bytes, which no rig needs")
@@ -48,7 +51,7 @@ class Keys:
             raise InputError(f"{path}: is not JSON ({error})") from error
 
     def refuse_others(self) -> None:
-        """Raise InputError where the document holds a key for which nobody has asked."""
+        """Raise InputError if the document contains a key that was not looked up."""
         for key in _names(self.document):
             if not any(asked == key or asked.startswith(f"{key}.") for asked in self.asked):
                 short = key[:_LONGEST]
@@ -59,7 +62,7 @@ class Keys:
                 )
 
     def refuse(self, key: str, allowed: str) -> NoReturn:
-        """Raise InputError that names the key, its value and what is allowed."""
+        """Raise InputError with the key, its value and the allowed values."""
         raise InputError(
             f"{self.path}: {key} is {_SHORT.repr(self._value(key))}, allowed is {allowed}"
         )
@@ -74,7 +77,7 @@ class Keys:
         return value
 
     def has(self, key: str) -> bool:
-        """Whether there is such a key."""
+        """Return whether the document contains a key."""
         self.asked.add(key)
         value = self.document
         for part in key.split("."):
@@ -117,7 +120,7 @@ class Keys:
 
 
 def _names(document: Any, before: str = "", deeper: int = 3) -> Iterator[str]:
-    """Every dotted key of a document, sections before what they hold, a few sections deep."""
+    """Yield every dotted key of a document, sections before their keys, to a depth of `deeper`."""
     if isinstance(document, dict) and deeper:
         for name, value in document.items():
             yield before + name
@@ -125,5 +128,5 @@ def _names(document: Any, before: str = "", deeper: int = 3) -> Iterator[str]:
 
 
 def _is_number(value: Any, low: float, high: float) -> bool:
-    # A bool is an int in Python; NaN lies in no range, and the bounds are finite.
+    # A bool is an int in Python; the finite bounds exclude NaN and infinity.
     return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high

@@ -1,4 +1,4 @@
-"""What a method is given: the beam as measured in one frame, and the rig."""
+"""Input of a method: the beam as measured in one frame, and the rig."""
 
 import math
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ UNKNOWN_VIEWPOINT = "plane C alone was calibrated; more views of the board tell 
 
 @dataclass(frozen=True)
 class Tip:
-    """The image of the beam's free end on plane C (2,) [m], and its covariance (2, 2) [m^2].
+    """Image of the beam's free end on plane C (2,) [m], and its covariance (2, 2) [m^2].
 
     Raises ValueError unless the covariance is positive definite.
     """
@@ -32,14 +32,14 @@ class Tip:
 
 @dataclass(frozen=True)
 class View:
-    """The beam in one image, carried onto plane C, in the frame of the beam at rest.
+    """Beam in one image, projected onto plane C, in the frame of the beam at rest.
 
-    `points` (n, 2) [m] are where the rays to the beam meet C; `sigma_vectors` (n, 2) [m] are each
-    point's one-sigma displacement: a point is measured across the beam and errs along that
-    direction only. `viewpoint` (4,) is V in homogeneous coordinates: (x, y, z, 1) [m] of a
-    pinhole, (x, y, z, 0), the direction towards it, of a telecentric camera. `tip` is None where
-    the free end was not seen. Raises ValueError, also for a viewpoint in plane C, which shows
-    nothing of it.
+    `points` (n, 2) [m] are the intersections of the rays to the beam with C. `sigma_vectors` (n, 2)
+    [m] are the one-sigma displacement of each point: a point is measured across the beam, and its
+    error is along that direction only. `viewpoint` (4,) is V in homogeneous coordinates:
+    (x, y, z, 1) [m] for a pinhole; (x, y, z, 0), the direction towards the camera, for a
+    telecentric camera. `tip` is None if the free end is not visible. Raises ValueError, also for a
+    viewpoint in plane C, from which C cannot be observed.
     """
 
     points: Floats
@@ -60,23 +60,22 @@ class View:
 
 @dataclass(frozen=True)
 class Measurement:
-    """The bent beam as measured in one frame, in the frame of the beam at rest.
+    """Bent beam as measured in one frame, in the frame of the beam at rest.
 
     That frame has its origin at the clamp, x along the beam at rest, y in plane C towards the side
-    to which contact bends the beam, z towards the camera; `antenna_from_beam` (4, 4) carries it
-    into Sigma_a (a reflection where the rig deflects towards -y).
+    to which contact bends the beam, z towards the camera; `antenna_from_beam` (4, 4) maps it
+    to Sigma_a (it is a reflection if the rig deflects towards -y).
 
-    `view` is what the camera saw, `other_views` what further cameras or mirrors showed of the
-    same beam. `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is what is not known of the
-    clamp's pose: the clamp stands at (dx, dy) and its tangent is turned by tilt. `scale_sigma` is
-    the relative one-sigma error of all lengths. `motor_angle` [rad] is the encoder's reading, None
-    where there is none. `moment_y` [N m] about Sigma_a's y axis and `base_force` (3,) [N],
-    `base_moment` (3,) [N m] in Sigma_a are sensors' readings, None where there are none; the
-    former is what the beam exerts on the sensor, the latter what the clamp exerts on the beam.
-    `viewpoint_known` is False where only plane C was calibrated: then nothing that leaves C can be
-    estimated. `tip_sigma` is the relative one-sigma error of the length up to the visible tip,
-    None where that is the rig's tolerance. `earlier` holds the frames of the same push
-    before this one, in order. Raises ValueError.
+    `view` is the view of the camera, `other_views` are views of the same beam from further cameras
+    or mirrors. `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is the uncertainty of the
+    clamp's pose: the clamp is at (dx, dy) and its tangent is rotated by tilt. `scale_sigma` is the
+    relative one-sigma error of all lengths. `motor_angle` [rad] is the encoder's reading.
+    `moment_y` [N m] about Sigma_a's y axis, `base_force` (3,) [N] and `base_moment` (3,) [N m] in
+    Sigma_a are sensor readings; the first is exerted by the beam on the sensor, the other two by
+    the clamp on the beam. Readings that do not exist are None. `viewpoint_known` is False if only
+    plane C was calibrated: then only quantities within C can be estimated. `tip_sigma` is the
+    relative one-sigma error of the length up to the visible tip, None if it is the rig's tolerance.
+    `earlier` contains the previous frames of the same push, in order. Raises ValueError.
     """
 
     view: View
@@ -108,20 +107,20 @@ class Measurement:
 
     @cached_property
     def handedness(self) -> int:
-        """+1, or -1 where the frame of the beam is a reflection of Sigma_a.
+        """Handedness of the beam's frame: +1, or -1 if it is a reflection of Sigma_a.
 
-        Angles about z and x of the beam's frame, psi among them, have the other sign there.
+        If it is -1, angles about z and x of the beam's frame, such as psi, have the opposite sign.
         """
         return 1 if np.linalg.det(self.antenna_from_beam[:3, :3]) > 0 else -1
 
     @property
     def points(self) -> Floats:
-        """The view's points (n, 2) [m]."""
+        """Points (n, 2) [m] of the view."""
         return self.view.points
 
     @property
     def sigma_vectors(self) -> Floats:
-        """The view's one-sigma vectors (n, 2) [m]."""
+        """One-sigma vectors (n, 2) [m] of the view."""
         return self.view.sigma_vectors
 
 
@@ -134,7 +133,7 @@ def _check_positive_definite(name: str, covariance: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _positive_definite(matrix: Floats) -> bool:
-    """Whether every pivot of the elimination is positive, as Cholesky's factors need it."""
+    """Return whether every pivot of the elimination is positive, as a Cholesky factor requires."""
     left = matrix.copy()
     for k in range(len(left)):
         if not left[k, k] > 0:

@@ -1,18 +1,18 @@
-"""The observations tree: all that a solver ever sees.
+"""The observations tree: the complete input of a solver.
 
 observations/
   rig.json                      nominal rig with tolerances
   calibration/view_00.png ...   board views; view 0 lies in plane C
   rest/rest_00.png ...          the beam before contact
-  shard_00000/metadata.csv      one row a frame; columns below
-  shard_00000/<frame_id>.png    one image a frame
+  shard_00000/metadata.csv      one row per frame; columns below
+  shard_00000/<frame_id>.png    one image per frame
   hashes.json, shard_00000/hashes.json   of generated trees: see solver/instrument/hashes.py
 
-Columns of metadata.csv: file_name, frame_id (the file's stem where there is none), and
-motor_angle_deg, which is empty where no encoder tells it; and where there are such: push_id and
-step (frames of one push, in order), removed_from_mm and removed_to_mm (a stretch of Sigma_a's x
-axis to be left out), moment_y_n_mm (the moment sensor), base_force_{x,y,z}_n and
-base_moment_{x,y,z}_n_mm (the force sensor: what the clamp exerts on the beam, in Sigma_a).
+Columns of metadata.csv: file_name, frame_id (by default the file's stem) and motor_angle_deg, which
+is empty if there is no encoder. Optional columns: push_id and step (frames of one push, in order),
+removed_from_mm and removed_to_mm (an interval of Sigma_a's x axis to be left out), moment_y_n_mm
+(the moment sensor), base_force_{x,y,z}_n and base_moment_{x,y,z}_n_mm (the force sensor: force and
+moment of the clamp on the beam, in Sigma_a).
 """
 
 import csv
@@ -31,18 +31,19 @@ from solver.instrument.images import png_head, read_grey
 from solver.instrument.rig import Rig, read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE
 
-# Chosen: a name in a table; files can have 255 characters, their suffix included.
+# Longest name in a table. Chosen: file names can have 255 characters, suffix included.
 LONGEST_NAME: Final = 250
-# Chosen: enough frames to notice a tree of mixed depths, and opening stays quick.
+# Chosen: enough frames to detect a tree of mixed depths, and opening stays fast.
 LOOKED_AT: Final = 8
 
 
 @dataclass(frozen=True)
 class Readings:
-    """What was read beside an image; None where nothing was.
+    """Readings that belong to an image; each is None if it does not exist.
 
-    `motor_angle` [rad] of the encoder. `removed` [m] is a stretch of Sigma_a's x axis to be left
-    out. `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] of sensors.
+    `motor_angle` [rad] is the encoder's reading. `removed` [m] is an interval of Sigma_a's x axis
+    to be left out. `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] are sensor
+    readings.
     """
 
     motor_angle: float | None = None
@@ -57,9 +58,10 @@ NOTHING_READ = Readings()
 
 @dataclass(frozen=True)
 class Frame:
-    """One image of the pushing beam: where it lies, and what was read when it was taken.
+    """One image of the pushing beam: its path and the readings taken with it.
 
-    Frames of one push share `push_id` and count its `step`s. `channel` of a colour image is read.
+    Frames of one push share `push_id` and are ordered by `step`. `channel` is the channel read from
+    a colour image.
     """
 
     frame_id: str
@@ -76,7 +78,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Observations:
-    """An opened observations tree. Images are read when asked for."""
+    """Opened observations tree. Images are read on request."""
 
     root: Path
     rig: Rig
@@ -85,20 +87,20 @@ class Observations:
     frames: tuple[Frame, ...]
 
     def __iter__(self) -> Iterator[Frame]:
-        """Iterate over the frames, push after push and step after step."""
+        """Iterate over the frames, ordered by push and step."""
         return (self.frames[place] for place in push_order(self.frames))
 
     def read_board_views(self) -> Iterator[Grey]:
-        """Read the views of the board one after the other, in gray. Raises InputError."""
+        """Read the board views one by one, in gray. Raises InputError."""
         return (read_grey(path) for path in self.board_views)
 
     def read_rest_images(self) -> Iterator[Grey]:
-        """Read the images at rest one after the other, as the frames are. Raises InputError."""
+        """Read the rest images one by one, with the same channel as frames. Raises InputError."""
         return (read_grey(path, self.rig.channel) for path in self.rest_images)
 
 
 def push_order(frames: Sequence[Frame]) -> list[int]:
-    """Sort the places of frames by push, in the order of their first frames, and by step."""
+    """Sort the indices of frames by push, in the order of their first frames, then by step."""
     first = {frame.push_id: place for place, frame in reversed(list(enumerate(frames)))}
     return sorted(
         range(len(frames)), key=lambda place: (first[frames[place].push_id], frames[place].step)
@@ -106,10 +108,10 @@ def push_order(frames: Sequence[Frame]) -> list[int]:
 
 
 def open_observations(root: str | Path) -> Observations:
-    """Open the tree at `root`. Raises InputError where it is missing, broken or incomplete.
+    """Open the tree at `root`. Raises InputError if it is missing, broken or incomplete.
 
-    Of a generated tree only the files that its hashes.json lists are used. The frames' images are
-    looked at only when they are read.
+    From a generated tree, only the files listed in its hashes.json are used. Images of frames are
+    checked when they are read.
     """
     root = Path(root)
     if not root.is_dir():
@@ -137,9 +139,9 @@ def open_observations(root: str | Path) -> Observations:
 
 
 def _refuse_other_depth(rest_image: Path, frames: Sequence[Frame]) -> None:
-    """Raise InputError if the first frames all have another depth than the beam at rest.
+    """Raise InputError if none of the first frames has the depth of the rest image.
 
-    A single frame that differs or cannot be read is a matter of its own answer.
+    A single frame that differs or cannot be read is reported in its own estimate.
     """
     bits, depths = png_head(rest_image).bits, set[int]()
     for frame in frames[:LOOKED_AT]:
@@ -155,15 +157,15 @@ def _refuse_other_depth(rest_image: Path, frames: Sequence[Frame]) -> None:
 
 
 def rig_file(path: Path) -> Path:
-    """A rig.json itself, or that in a folder."""
+    """Return the path of a rig.json, given itself or its folder."""
     return path / "rig.json" if path.is_dir() else path
 
 
 def open_rig(path: Path) -> Observations:
-    """A rig.json, or the folder it lies in, with the images of the board and of the beam at rest.
+    """Open a rig.json, or its folder, with the board views and the rest images.
 
-    They lie beside it as calibration/view_*.png and rest/rest_*.png, all of one size; there are
-    no frames. Raises InputError.
+    These are beside it as calibration/view_*.png and rest/rest_*.png, all of one size. The result
+    has no frames. Raises InputError.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
     names, known = ("calibration/view_*.png", "rest/rest_*.png"), read_hashes(root)
@@ -197,9 +199,9 @@ def open_rig(path: Path) -> Observations:
 
 
 def read_frames(table: Path) -> Iterator[Frame]:
-    """Read the frames of a metadata.csv, which lies beside their images.
+    """Read the frames of a metadata.csv, which is in the folder of their images.
 
-    Columns are separated by commas or, as some versions of Excel write them, by semicolons.
+    Columns are separated by commas or, as written by some versions of Excel, by semicolons.
     Raises InputError.
     """
     try:
@@ -238,7 +240,7 @@ def read_frames(table: Path) -> Iterator[Frame]:
 
 
 def _rows(table: Path, text: str) -> Iterator[tuple[int, dict[str, str | None]]]:
-    """Each row with the number of its line."""
+    """Yield each row with its line number."""
     head = text.partition("\n")[0]
     separator = ";" if ";" in head and "," not in head else ","
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator)
@@ -251,13 +253,13 @@ def _rows(table: Path, text: str) -> Iterator[tuple[int, dict[str, str | None]]]
 
 @dataclass(frozen=True)
 class _Cells:
-    """A row of metadata.csv, and where it stands."""
+    """Row of metadata.csv, and its location for messages."""
 
     where: str
     row: dict[str, str | None]
 
     def image(self, folder: Path) -> Path:
-        """The path of an image in a folder, or in a folder there."""
+        """Return the path of the row's image, which is in `folder` or a subfolder."""
         value = self.row.get("file_name")
         if not value:
             raise InputError(f"{self.where}: file_name is missing")
@@ -268,14 +270,14 @@ class _Cells:
             )
         try:
             there = (folder / path).is_file()
-        except OSError:  # a name that no file can have
+        except OSError:  # an invalid file name
             there = False
         if not there:
             raise InputError(f"{self.where}: the image {cut(path.name)} is missing")
         return folder / path
 
     def name(self, column: str) -> str:
-        """A short text; an empty one where there is none."""
+        """Read a short text; return an empty one if there is none."""
         value = self.row.get(column) or ""
         if len(value) > LONGEST_NAME:
             raise InputError(
@@ -284,14 +286,14 @@ class _Cells:
         return value
 
     def count(self, name: str) -> int:
-        """A whole number from 0; an empty cell is 0."""
+        """Read a whole number from 0; an empty cell is 0."""
         value = (self.numbers(name) or [0.0])[0]
         if value < 0 or value != int(value):
             raise InputError(f"{self.where}: {name} is {value:g}, allowed is a whole number >= 0")
         return int(value)
 
     def numbers(self, *names: str) -> list[float] | None:
-        """Finite numbers from columns that belong together; None where all are empty."""
+        """Read finite numbers from columns that belong together; return None if all are empty."""
         texts = [self.row.get(name) or "" for name in names]
         if not any(texts):
             return None

@@ -1,4 +1,4 @@
-"""The quantities that an estimate may hold: SI names, table columns and units."""
+"""Quantities that an estimate may contain: SI names, table columns and units."""
 
 import itertools
 from typing import Final, NamedTuple
@@ -7,14 +7,14 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 
 
 class Column(NamedTuple):
-    """A table's column for a quantity; `unit` is one of its units in SI."""
+    """Table column of a quantity; `unit` is the column's unit expressed in SI."""
 
     name: str
     unit: float
 
     @property
     def sigma_name(self) -> str:
-        """The column of the standard deviation, such as x_c_sigma_mm."""
+        """Name of the standard deviation's column, such as x_c_sigma_mm."""
         for suffix in ("_mm_per_n", "_n_per_m", "_mm", "_deg", "_n"):
             if self.name.endswith(suffix):
                 return f"{self.name.removesuffix(suffix)}_sigma{suffix}"
@@ -22,12 +22,13 @@ class Column(NamedTuple):
 
 
 _POINTS: Final = tuple(itertools.product(("antenna", "world"), "xyz"))
-# In Sigma_d: contact distance, its deflection, contact arc length, |force|, the force's component
-# across the undeformed beam (eq. 11), the tangent's angle at the contact; psi inclines D against C.
-# In Sigma_a and Sigma_o, as `antenna` and `world`: the contact point, eqs. (1)-(5); the force on
-# the beam; by how much the beam has moved at the contact, eqs. (28), (29).
-# Of a push: the object's compliance 1/k_s, k_s itself where it is told apart from rigid, Coulomb's
-# coefficient, and the motor's angle at first contact.
+# In Sigma_d: contact distance, deflection at the contact, contact arc length, |force|, the force's
+# component across the undeformed beam (eq. 11), the tangent angle at the contact; psi is the
+# inclination of D against C.
+# In Sigma_a and Sigma_o, as `antenna` and `world`: the contact point, eqs. (1)-(5). In Sigma_a: the
+# force on the beam; the displacement of the beam at the contact, eqs. (28), (29).
+# For a push: the object's compliance 1/k_s; k_s itself if the compliance is significantly above 0;
+# Coulomb's friction coefficient; and the motor angle at first contact.
 QUANTITIES: Final[dict[str, Column]] = {
     "x_c_m": Column("x_c_mm", MILLIMETRE),
     "y_c_m": Column("y_c_mm", MILLIMETRE),
@@ -45,5 +46,5 @@ QUANTITIES: Final[dict[str, Column]] = {
     "onset_angle_rad": Column("onset_angle_deg", DEGREE),
     "motor_angle_rad": Column("motor_angle_deg", DEGREE),
 }
-# The way back: a quantity's SI name by its column.
+# Inverse mapping: column name to SI name.
 QUANTITY_OF: Final = {column.name: name for name, column in QUANTITIES.items()}

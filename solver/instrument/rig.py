@@ -1,7 +1,7 @@
-"""The nominal rig: what a laboratory knows of its antenna, and how well.
+"""The nominal rig: what a laboratory knows about its antenna, with tolerances.
 
-Every quantity carries a one-sigma tolerance; methods use them as priors. On disk it is
-`rig.json`, with units in the keys; inside everything is SI.
+Tolerances are one-sigma; methods use them as priors. The rig is stored as `rig.json`, with units in
+the keys; all values in memory are in SI units.
 """
 
 import json
@@ -22,13 +22,13 @@ from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 BOARDS = ("chessboard", "charuco", "lines")
 PROJECTIONS = ("perspective", "telecentric")
 MOUNTS = ("antenna", "world")
-# Chosen far beyond any antenna, from a nanotube to a mast, so that nothing but a slip of the unit
-# or of the keyboard is refused, and no product of them overflows.
+# Chosen far beyond any antenna, from a nanotube to a mast: only mistakes in the unit or in typing
+# are rejected, and no product of these values overflows.
 SIZES_MM = (1e-6, 1e6)
 FARTHEST_MM = 1e6
 RIGIDITIES_N_MM2 = (1e-18, 1e18)
 SENSED = (1e-15, 1e6)  # noise of a sensor [N] or [N mm]
-POINTS = (3, 200)  # of a board, each way; OpenCV's detectors take minutes over more
+POINTS = (3, 200)  # per row and column of a board; OpenCV's detectors take minutes for more
 BITS = (8, 16)
 MOST_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
 
@@ -37,7 +37,7 @@ MOST_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not 
 class Tolerances:
     """One-sigma tolerances: lengths [m], angles [rad], flexural rigidity [N m^2].
 
-    `camera_shift_px` [px] is how far the image may shift from frame to frame without being noticed.
+    `camera_shift_px` [px] is the undetected shift of the image from frame to frame.
     """
 
     beam_length: float
@@ -51,10 +51,10 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Sensors:
-    """One-sigma noise of the sensors at the clamp, None where there is none.
+    """One-sigma noise of the sensors at the clamp; None if there is no such sensor.
 
-    `moment_y` [N m] of the moment about Sigma_a's y axis (section V-C); `base_force` [N] and
-    `base_moment` [N m] of every component of what the clamp exerts on the beam.
+    `moment_y` [N m] applies to the moment about Sigma_a's y axis (section V-C); `base_force` [N]
+    and `base_moment` [N m] apply to every component of the clamp's force and moment on the beam.
     """
 
     moment_y: float | None = None
@@ -67,12 +67,13 @@ class Rig:
     """Nominal beam, clamp position (3,) [m] in Sigma_a, board of view 0, its pose, tolerances.
 
     `deflects_towards` is +1 or -1: the side of Sigma_a's y axis to which contact bends the beam.
-    `telecentric` says which kind of camera looks on, `distortion_coefficients` how many numbers
-    describe its lens (0, 5 or 8), `camera_mount` whether it rides on the "antenna" or stands in
-    the "world", where Sigma_a is that of the rest images. `known_psi` [rad] is
+    `telecentric` is False for a pinhole camera. `distortion_coefficients` is the number of
+    coefficients of the lens (0, 5 or 8). `camera_mount` is "antenna" if the camera moves with the
+    antenna, "world" if it is fixed; then Sigma_a is that of the rest images. `known_psi` [rad] is
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
-    is how far the tip at rest hangs below plane C by the beam's weight. `bits` of a gray value are
-    the camera's, None where the images tell them; `channel` of a colour image is read.
+    is the distance of the tip at rest below plane C due to the beam's weight. `bits` is the
+    camera's bit depth, None if it is found from the images. `channel` is the channel read from a
+    colour image.
     """
 
     beam: Beam
@@ -98,7 +99,7 @@ class Rig:
 
 
 def rig_to_json(rig: Rig) -> str:
-    """The text of rig.json; the same rig gives the same bytes."""
+    """Format a rig as the text of rig.json; the same rig gives the same bytes."""
     mm, tol = MILLIMETRE, rig.tolerances
     document: dict[str, dict[str, Any]] = {
         "beam": {
@@ -146,7 +147,7 @@ def rig_to_json(rig: Rig) -> str:
             "force_sigma_n": rig.sensors.base_force,
             "moment_sigma_n_mm": rig.sensors.base_moment / mm,
         }
-    # Twelve digits: a nanometre on a kilometre, without the noise of unit conversion.
+    # Twelve digits: a nanometre on a kilometre, without the rounding errors of unit conversion.
     return json.dumps(_rounded(document), indent=2) + "\n"
 
 
@@ -169,13 +170,13 @@ def _rounded(value: Any) -> Any:
 
 
 def read_rig(path: Path) -> Rig:
-    """The rig of a `rig.json`. Raises InputError naming file, key, value and what is allowed.
+    """Read a `rig.json`. Raises InputError with file, key, value and the allowed values.
 
-    A key that it does not know is a mistake too: misspelt, it would be a tolerance left out.
+    An unknown key is an error too: a misspelt one would silently be a tolerance left out.
     """
     key = Keys.read(path)
     mm = MILLIMETRE
-    # A rig.json that says nothing of its camera has a pinhole without distortion.
+    # Default for a rig.json without a camera: a pinhole without distortion.
     telecentric = (
         key.has("camera.projection")
         and key.one_of("camera.projection", PROJECTIONS) == "telecentric"
@@ -184,7 +185,7 @@ def read_rig(path: Path) -> Rig:
     rig = Rig(
         beam=Beam(
             length=length_mm * mm,
-            # As long as it is thick, it is no beam.
+            # A beam must be longer than it is thick.
             diameter=key.number("beam.diameter_mm", SIZES_MM[0], length_mm) * mm,
             flexural_rigidity=key.number("beam.flexural_rigidity_n_mm2", *RIGIDITIES_N_MM2)
             * NEWTON_SQUARE_MILLIMETRE,
@@ -230,7 +231,7 @@ def read_rig(path: Path) -> Rig:
 def _board(key: Keys) -> Board:
     columns, rows = key.count("board.columns", *POINTS), key.count("board.rows", *POINTS)
     square = key.number("board.square_mm", *SIZES_MM) * MILLIMETRE
-    # A rig.json that says nothing of its board's kind has a chessboard.
+    # Default for a rig.json without the kind of its board: a chessboard.
     kind = key.one_of("board.kind", BOARDS) if key.has("board.kind") else "chessboard"
     try:
         if kind == "charuco":

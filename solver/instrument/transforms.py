@@ -14,7 +14,7 @@ from solver.instrument.arrays import Floats
 
 
 def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike) -> Floats:
-    """Matrix (4, 4) from a rotation vector [rad] and a translation [m], each of shape (3,)."""
+    """Make a matrix (4, 4) from a rotation vector (3,) [rad] and a translation (3,) [m]."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_rotvec(np.asarray(rotation_vector, dtype=float)).as_matrix()
     matrix[:3, 3] = translation
@@ -22,12 +22,12 @@ def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike) -> Floats:
 
 
 def rotation_vector(transform: Floats) -> Floats:
-    """Rotation vector (3,) [rad] of a rigid transform (4, 4)."""
+    """Compute the rotation vector (3,) [rad] of a rigid transform (4, 4)."""
     return np.asarray(Rotation.from_matrix(transform[:3, :3]).as_rotvec())
 
 
 def invert(transform: Floats) -> Floats:
-    """source_from_target of a rigid target_from_source, both (4, 4)."""
+    """Invert a rigid target_from_source (4, 4) to source_from_target (4, 4)."""
     rotation = transform[:3, :3].T
     inverse = np.eye(4)
     inverse[:3, :3] = rotation
@@ -36,19 +36,19 @@ def invert(transform: Floats) -> Floats:
 
 
 def apply(transform: Floats, points: Floats) -> Floats:
-    """Points (n, 3) carried by target_from_source (4, 4)."""
+    """Transform points (n, 3) by target_from_source (4, 4)."""
     return np.asarray(points @ transform[:3, :3].T + transform[:3, 3])
 
 
 def turn_about_z(angle_rad: float) -> Floats:
-    """Eq. (4): the rotation by `angle_rad` about the motor's axis, as (4, 4)."""
+    """Make the rotation (4, 4) by `angle_rad` about the motor's axis, eq. (4)."""
     return rigid(np.array([0.0, 0.0, angle_rad]), np.zeros(3))
 
 
 def camera_looking_at(position: Floats, target: Floats, roll_rad: float) -> Floats:
-    """camera_from_antenna (4, 4) of a camera at `position` whose axis meets `target` (3,) [m].
+    """Make camera_from_antenna (4, 4) of a camera at `position` aimed at `target`, both (3,) [m].
 
-    Without roll the image's u axis follows +x of Sigma_a; roll turns the camera about its
+    Without roll the image's u axis follows +x of Sigma_a; roll rotates the camera about its
     axis. Camera axes are OpenCV's: x right, y down, z forward. Raises ValueError if the
     camera looks along x, where "right" is undefined.
     """

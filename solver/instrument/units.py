@@ -1,4 +1,4 @@
-"""Units at the borders: multiply to come in to SI, divide to go out."""
+"""Unit factors: multiply to convert to SI, divide to convert from SI."""
 
 import math
 

@@ -1,1 +1,1 @@
-"""Images in, answers out: what runs beside a real camera."""
+"""Live estimation at a real rig: image sources, calibration checks, output and overlays."""

@@ -1,4 +1,4 @@
-"""Videos and cameras, through OpenCV."""
+"""Video files and cameras as sources of images, by OpenCV."""
 
 import os
 import threading
@@ -12,25 +12,25 @@ from solver.instrument.errors import InputError
 from solver.instrument.images import to_grey
 from solver.lab.shots import Shot
 
-# A camera that hangs in a read does not keep the program from ending [s].
+# Longest wait for a camera that hangs in a read, so that the program can end [s].
 LONGEST_READ_S = 2.0
 
 
 class Capture(Protocol):
-    """What is used of OpenCV's VideoCapture."""
+    """Part of OpenCV's VideoCapture used to read frames."""
 
     def read(self) -> tuple[bool, Any]:
-        """Whether there is one more frame, and the frame."""
+        """Read the next frame; return whether there is one, and the frame."""
 
     def get(self, prop: int) -> float:
-        """A property by its number, 0 if it is not known."""
+        """Get a property by its number; return 0 if it is unknown."""
 
     def release(self) -> None:
-        """Give the device or file back."""
+        """Release the device or file."""
 
 
 class Video:
-    """Every frame of a video, however long each takes."""
+    """Source of all frames of a video; no frame is skipped."""
 
     live = False
 
@@ -57,9 +57,9 @@ class Video:
 
 
 class CameraStream:
-    """The newest frame whenever one is asked for; a thread fetches all and forgets the rest.
+    """Source of the newest frame of a camera; a thread reads all frames and keeps only the newest.
 
-    Raises InputError when the camera gives no more images.
+    Raises InputError when the camera delivers no more images.
     """
 
     live = True
@@ -110,27 +110,27 @@ class CameraStream:
                     self._newest = number, image, time.time(), time.perf_counter()
                     self._arrival.notify()
                 number += 1
-        finally:  # whatever ended it, nobody waits for ever
+        finally:  # also after an error, wake the consumer so that it does not wait for ever
             with self._arrival:
                 self._ended = True
                 self._arrival.notify()
 
 
 def _rate(capture: Capture) -> float:
-    """Frames a second; 25 where a camera or a video does not tell."""
+    """Return the frames per second; 25 if the camera or video does not report them."""
     rate = capture.get(cv2.CAP_PROP_FPS)
     return rate if 0.1 <= rate <= 1e5 else 25.0
 
 
 def open_capture(address: str | int) -> Any:
-    """OpenCV's capture of a video file, a camera's number or its address. Raises InputError."""
-    # A mistake is our sentence, not a page of OpenCV's and FFmpeg's own.
+    """Open a video file, or a camera by number or address, with OpenCV. Raises InputError."""
+    # Only our own error message is shown, without the log output of OpenCV and FFmpeg.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture(address)
     if not capture.isOpened():
         what = f"camera {address}" if isinstance(address, int) else str(address)
         raise InputError(f"{what}: cannot be opened as a video or a camera")
-    # Pixels as they are stored, as `read_grey` has them: no turning by a tag.
+    # Ignore the orientation tag, as `read_grey` does.
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture

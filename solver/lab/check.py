@@ -1,4 +1,4 @@
-"""Is the calibration good? What a set-up antenna has learned, in words and as figures."""
+"""Report on the calibration and the beam at rest, as text and as JSON."""
 
 import json
 import math
@@ -11,7 +11,7 @@ from solver.centreline.extractor import BeamExtractor
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.lab.findings import Finding, findings
 
-# What one line of advice is worth saying about.
+# Thresholds above (for THIN_PX: below) which the report contains advice.
 LARGE_REPROJECTION_PX = 0.2
 LARGE_SCALE = 2e-3
 THIN_PX = 1.2
@@ -20,14 +20,14 @@ ROUGH_PX = 0.05
 
 @dataclass(frozen=True)
 class Checked:
-    """The calibration and the beam at rest; units in the names, gray values in the image's own.
+    """Calibration and beam at rest; units are in the names, noise is in the image's gray values.
 
-    `focal` is in px, of a telecentric camera in px/mm. `height_mm` is the camera's over plane C,
-    `leaning_deg` its optical axis' angle to C's normal. Sigmas are None where the calibration
-    states none. `lengths_sigma_pct` is what the calibration's own noise leaves of lengths along
-    the beam. `bow_mm` is the largest departure of the beam at rest from a line, 0 where none was
-    found, and `roughness_px` what of a centre's error is not the sensor's noise. `findings` are
-    contradictions between images and rig.json.
+    `focal` is in px, for a telecentric camera in px/mm. `height_mm` is the height of the camera
+    above plane C, `leaning_deg` the angle between its optical axis and C's normal. Sigmas are None
+    if the calibration has no covariance. `lengths_sigma_pct` is the uncertainty of lengths along
+    the beam due to the calibration's own noise. `bow_mm` is the largest distance of the beam at
+    rest from a line, 0 if no bow was detected. `roughness_px` is the part of a centre's error that
+    is not due to sensor noise. `findings` are contradictions between images and rig.json.
     """
 
     reprojection_px: float
@@ -58,7 +58,7 @@ class Checked:
 
     @property
     def meaning(self) -> str:
-        """What to think of it, in one line."""
+        """Assessment with advice, in one line."""
         odd = []
         if self.reprojection_px > LARGE_REPROJECTION_PX:
             odd.append("the board fits badly: blurred views, a bent sheet, or a richer lens")
@@ -74,12 +74,12 @@ class Checked:
         return f"look again: {'; '.join(odd)}" if odd else "good: nothing stands out"
 
     def json(self) -> str:
-        """One line of JSON."""
+        """Format as one line of JSON."""
         named = [finding._asdict() for finding in self.findings]
         return json.dumps({**asdict(self), "findings": named, "meaning": self.meaning})
 
     def text(self) -> str:
-        """A few lines for a person."""
+        """Format as a few lines of text."""
         focal_unit = "px/mm" if self.telecentric else "px"
         viewpoint = "known" if self.viewpoint_known else "not known: plane C alone was calibrated"
         height = (
@@ -125,7 +125,7 @@ class Checked:
 
 
 def checked(antenna: Antenna) -> Checked:
-    """What is known of an antenna whose beam is measured by the profile fit."""
+    """Collect the report on an antenna whose centreline is measured by the profile fit."""
     calibration, rest, beam = antenna.calibration, antenna.rest, antenna.extract
     assert isinstance(beam, BeamExtractor)
     camera, look = calibration.camera, beam.appearance
@@ -166,7 +166,7 @@ def checked(antenna: Antenna) -> Checked:
 
 
 def _height(antenna: Antenna) -> tuple[float | None, float | None]:
-    """Height of the camera over plane C and its sigma [mm]; None of a telecentric camera."""
+    """Compute the camera's height above plane C and its sigma [mm]; None if telecentric."""
     calibration = antenna.calibration
     camera = calibration.camera
     if camera.telecentric:
@@ -176,7 +176,8 @@ def _height(antenna: Antenna) -> tuple[float | None, float | None]:
         return height, None
     camera_from_board = camera.camera_from_antenna @ antenna.rig.antenna_from_board
     normal, shift = camera_from_board[:3, 2], camera_from_board[:3, 3]
-    # By the board's turn and shift: height = -normal . shift, and a turn t moves normal by t x it.
+    # Derivatives by the board's rotation and shift: height = -normal . shift, and a rotation t
+    # changes the normal by t x normal.
     slopes = np.concatenate([np.cross(normal, shift), normal])
     variance = float(slopes @ calibration.covariance[-6:, -6:] @ slopes)
     return height, math.sqrt(variance) / MILLIMETRE

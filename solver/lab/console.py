@@ -1,4 +1,4 @@
-"""What a person sees: progress, the latest answer, a table. All but the table goes to stderr."""
+"""Terminal output: progress, the latest estimate, a table. All but the table goes to stderr."""
 
 from collections.abc import Iterator, Sized
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -18,13 +18,13 @@ console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 def busy(text: str, quiet: bool) -> AbstractContextManager[object]:
-    """Say what is being waited for while it lasts."""
+    """Show a status text during a long step."""
     return nullcontext() if quiet else console.status(text)
 
 
 @contextmanager
 def watched(given: Iterator[Answer], source: Source, quiet: bool) -> Iterator[Iterator[Answer]]:
-    """The answers, while a person sees how far they are: a bar, or the latest of a camera."""
+    """Pass the answers on and show progress: a bar, or for a camera the latest estimate."""
     if quiet:
         yield given
     elif source.live:
@@ -46,7 +46,7 @@ def _shown(given: Iterator[Answer], status: Status) -> Iterator[Answer]:
 
 
 def table(rows: list[Row], method: str) -> Table:
-    """Lay out a method's answers, with frames named by the shortest end of their path."""
+    """Make a table of a method's estimates, with frames named by the shortest end of their path."""
     shown_table = Table(title=escape(method))
     columns = ("frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
     for column in (*columns, "image_ms"):
@@ -60,7 +60,7 @@ def table(rows: list[Row], method: str) -> Table:
 
 
 def short_names(paths: list[str]) -> list[str]:
-    """Shorten paths to their last parts, as few as tell all of them apart."""
+    """Shorten paths to the fewest last parts that keep all of them distinct."""
     parts = [Path(path).parts for path in paths]
     short = paths
     for depth in range(max(map(len, parts), default=0), 0, -1):
@@ -72,7 +72,7 @@ def short_names(paths: list[str]) -> list[str]:
 
 
 def sentence(cells: Row) -> str:
-    """A row in a few words, for a person who watches."""
+    """Summarise a row in a few words."""
     if cells["x_c_mm"] is None and cells["force_n"] is None:
         return f"{cells['outcome']}: {cells['message']}"
     values = (

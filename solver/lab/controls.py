@@ -1,4 +1,4 @@
-"""Settings of a camera before its first frame, through OpenCV."""
+"""Settings of a camera before its first frame, by OpenCV."""
 
 import math
 from collections.abc import Sequence
@@ -9,23 +9,23 @@ import cv2
 
 from solver.instrument.errors import InputError
 
-# What OpenCV's back ends call exposure by hand: V4L2's own number, 0 of the others.
+# Value of CAP_PROP_AUTO_EXPOSURE for manual exposure: 1 with V4L2, 0 with other back ends.
 _BY_HAND: Final = {"V4L2": 1.0}
-# A camera sets the nearest value that it has.
+# Relative tolerance of the exposure: a camera sets the nearest value that it supports.
 _NEAR: Final = 0.05
 
 
 class Adjustable(Protocol):
-    """What is used of OpenCV's VideoCapture to set a camera."""
+    """Part of OpenCV's VideoCapture used to set a camera."""
 
     def get(self, propId: int, /) -> float:
-        """A property by its number, 0 if it is not known."""
+        """Get a property by its number; return 0 if it is unknown."""
 
     def set(self, propId: int, value: float, /) -> bool:
-        """Whether a property could be set."""
+        """Set a property; return whether this succeeded."""
 
     def getBackendName(self) -> str:  # noqa: N802 - OpenCV's name
-        """The name of the system that reaches the camera."""
+        """Return the name of the back end that accesses the camera."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def controls_of(size: str | None, exposure: float | None, control: Sequence[str]
 
 
 def _property(text: str) -> tuple[int, float]:
-    """Number and value of a property such as gain=4 or fourcc=Y16."""
+    """Parse a property such as gain=4 or fourcc=Y16; return its number and value."""
     name, _, value = text.partition("=")
     number = getattr(cv2, f"CAP_PROP_{name.strip().upper()}", None)
     if number is None:
@@ -72,8 +72,8 @@ def _property(text: str) -> tuple[int, float]:
 
 
 def set_controls(capture: Adjustable | Any, controls: Controls, name: str) -> None:
-    """Set a camera before its first frame. Raises InputError where it does not obey."""
-    # The format decides which sizes there are, and both which exposures.
+    """Set a camera before its first frame. Raises InputError if it does not take a setting."""
+    # The format is set first: available sizes depend on it, and exposures on both.
     for number, value in sorted(controls.properties, key=lambda p: p[0] != cv2.CAP_PROP_FOURCC):
         if not capture.set(number, value):
             raise InputError(f"{name} does not take property {number} with the value {value:g}")

@@ -1,4 +1,4 @@
-"""Points drawn over an enlarged image, each kind in its own colour."""
+"""Drawing of measured and rejected points on an enlarged image, one colour per kind."""
 
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ from solver.instrument.images import eight_bit
 Picture = npt.NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-# Blue, green, red.
+# Colours in the order blue, green, red.
 MEASURED: Final = (80, 220, 80)
 REJECTED: Final = {
     Flag.HIDDEN: (160, 160, 160),
@@ -24,21 +24,23 @@ SHIFT: Final = 4  # OpenCV draws at sixteenths of a pixel
 
 
 def enlarged(image: Grey, factor: int) -> Picture:
-    """The image in colour, BGR: every pixel `factor` times as wide and as high."""
+    """Convert an image to BGR and enlarge it by the whole number `factor`."""
     large = eight_bit(image).repeat(factor, axis=0).repeat(factor, axis=1)
     return np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
 def place(point: Floats, factor: int) -> tuple[int, int]:
-    """A pixel of the image in the enlarged picture, in sixteenths; far-off ones at its rim."""
+    """Map a pixel of the image to the enlarged picture, in 2^-SHIFT px, clipped at 10^6."""
     there = (np.asarray(point) + 0.5) * factor - 0.5
     u, v = np.clip(np.rint(there * 2**SHIFT), -1e6, 1e6)
     return int(u), int(v)
 
 
 def mark(picture: Any, line: Centreline, factor: int) -> None:
-    """Measured points as green dots; rejected ones gray (hidden), yellow (saturated) or purple
-    (foreign)."""
+    """Draw measured points as green dots, rejected ones in the colour of their reason.
+
+    Rejected points are gray (hidden), yellow (saturated) or purple (foreign).
+    """
     _dots(picture, line.points, factor, MEASURED)
     for flag, colour in REJECTED.items():
         _dots(picture, line.rejected[line.flags == flag], factor, colour)

@@ -1,4 +1,4 @@
-"""What a laboratory should look at before it trusts its rig: the rest images against rig.json."""
+"""Consistency checks of a rig before use: board views and rest images against rig.json."""
 
 import math
 from collections.abc import Iterator
@@ -11,19 +11,19 @@ from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.landmarks import FARTHEST
 
-# A figure that contradicts another by more of their combined sigmas is a finding.
+# Two values that differ by more than this number of their combined sigmas are a finding.
 CONTRADICTION = 3.0
 
 
 class Finding(NamedTuple):
-    """A short `name` for programs, and a `message` that says what was found and how to mend it."""
+    """Result of a check: a short `name` for programs, and a `message` with cause and remedy."""
 
     name: str
     message: str
 
 
 def findings(antenna: Antenna) -> tuple[Finding, ...]:
-    """List what contradicts rig.json, or itself, in the images of the board and of the rest."""
+    """List the contradictions among board views, rest images and rig.json."""
     checks = (_copies, _left_out, _bent, _scale, _pose, _landmarks)
     return tuple(finding for check in checks for finding in check(antenna))
 
@@ -69,13 +69,13 @@ def _bent(antenna: Antenna) -> Iterator[Finding]:
 
 
 def _scale(antenna: Antenna) -> Iterator[Finding]:
-    """Square, length and zoom show only as one inconsistency, between the base and the tip."""
+    """Check the scale; errors of square, length, base and zoom cannot be distinguished."""
     tip, rig = antenna.tip_at_rest, antenna.rig
     if tip is None:
         return
     tolerance = rig.tolerances
     length = rig.beam.length
-    # An end that is cut, rounded or shaded looks longer or shorter by up to its radius.
+    # The visible end of a cut, rounded or shaded beam is displaced by up to its radius.
     sigma = math.hypot(
         tolerance.beam_length,
         math.sqrt(antenna.base_covariance[0, 0]),
@@ -95,16 +95,16 @@ def _scale(antenna: Antenna) -> Iterator[Finding]:
 
 
 def _pose(antenna: Antenna) -> Iterator[Finding]:
-    """The beam at rest against the x axis that the board's stated pose defines."""
+    """Compare the beam at rest with the x axis given by the stated pose of the board."""
     rig, rest = antenna.rig, antenna.rest
-    if antenna.in_world:  # where the motor's angle at rest is not stated
+    if antenna.in_world:  # then the motor angle at rest is not stated
         return
     tolerance = rig.tolerances
     known = calibration_uncertainty(antenna.calibration, rig)
     place_sigma = math.hypot(
         tolerance.base_position,
         tolerance.board_translation,
-        # The board turns about its middle.
+        # The board rotates about its centre.
         tolerance.board_rotation * rig.beam.length / 2,
         known.across,
         math.sqrt(rest.line_covariance[0, 0]),

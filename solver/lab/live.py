@@ -1,4 +1,4 @@
-"""From shots to answers as they come, and what is said of each."""
+"""Estimation from shots as they arrive, and its output as JSON."""
 
 import copy
 import json
@@ -25,16 +25,18 @@ from solver.tracker import (
     run_method,
 )
 
-# So far off that no fit keeps a point, and so few of them that every fit is made with the others.
+# Offset of stray points: every fit rejects them. One point in twenty is stray, so that every fit
+# succeeds with the others.
 _STRAY_SIGMAS = 60.0
 _TURNED = 0.05  # [rad]
 
 
 @dataclass(frozen=True)
 class Answer:
-    """One frame's answer, its row of the table, and its latency [s].
+    """Answer for one frame: the shot, its solution, its row of the table and its latency [s].
 
-    The latency runs from the image in memory to the estimate: a camera's frame may have waited.
+    The latency is the time from the image in memory to the estimate. It includes the time that a
+    camera's frame has waited.
     """
 
     shot: Shot
@@ -46,9 +48,9 @@ class Answer:
 def answers(
     source: Source, antenna: Antenna, method: Method, repeats: int = 1
 ) -> Generator[Answer]:
-    """Solve each shot with the past of its push; `repeats` times, for a median time.
+    """Solve each shot with the previous frames of its push, `repeats` times for a median time.
 
-    An image that cannot be used is an answer too, with the outcome "invalid".
+    An image that cannot be used also gives an answer, with the outcome "invalid".
     """
     tracker = PushTracker(antenna, method)
     for shot in source:
@@ -57,7 +59,7 @@ def answers(
             nothing = Solved(Estimate(Outcome.INVALID, shot.fault), None, 0.0)
             yield Answer(shot, nothing, row(shot.name, nothing.estimate, 0.0), waited)
             continue
-        # A repeat is solved by a copy, or the frame would meet itself in its own past.
+        # Each repeat uses a copy; otherwise the frame would be among its own previous frames.
         shared = {id(part): part for part in (antenna, method)}
         trials = [copy.deepcopy(tracker, dict(shared)) for _ in range(repeats - 1)]
         runs = [one.solve(shot.image, shot.readings, shot.push_id) for one in (*trials, tracker)]
@@ -67,11 +69,12 @@ def answers(
 
 
 def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
-    """Let a method see what frames may show, a blank image and stray points: none waits for numba.
+    """Run a method on synthetic inputs, so that no frame has to wait for numba's compilation.
 
-    The beam at rest is bent by hand, its tip by 3 % of the length, as if touched in the middle.
-    Arrays of other layouts are compiled for anew: those of an image without any candidate, and
-    those of the points that are left when some are rejected.
+    The beam at rest is bent artificially, its tip by 3 % of the length, as if touched in the
+    middle. Inputs include a blank image and stray points, because numba compiles anew for other
+    array layouts: those of an image without any candidate, and those of the points left after some
+    are rejected.
     """
     extract_centreline(antenna, np.full_like(rest_image, np.median(rest_image)))
     refusal_of_moved_camera(antenna, rest_image)
@@ -84,13 +87,13 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     stray = bent + _STRAY_SIGMAS * view.sigma_vectors * (np.arange(len(bent)) % 20 == 0)[:, None]
     for tipless in (clean, View(stray, view.sigma_vectors, view.viewpoint)):
         run_method(method, replace(resting, view=tipless))
-    # A push of two frames; what its motor turned is of the order of the bend's slope.
+    # A push of two frames; the motor's rotation is of the order of the slope of the bent beam.
     first = replace(resting, view=clean, motor_angle=_TURNED / 2)
     run_method(method, replace(first, motor_angle=_TURNED, earlier=(first,)))
 
 
 def json_line(given: Answer) -> str:
-    """One frame as one line of JSON: what is known of it, units in the names."""
+    """Format one frame's answer as one line of JSON, with units in the names."""
     said: Row = {
         "frame": given.shot.number,
         "name": given.shot.name,

@@ -1,4 +1,4 @@
-"""What the antenna sees, drawn over its image: points, tip, contact, force."""
+"""Overlay of measurements and estimates on an image: points, tip, contact, force."""
 
 import math
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.transforms import apply
+from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
 from solver.lab.drawing import SHIFT, Colour, Picture, enlarged, mark, place
 from solver.lab.live import Answer
@@ -26,11 +26,11 @@ _FOURCC: Final = {".mp4": "mp4v", ".m4v": "mp4v", ".mov": "mp4v", ".avi": "MJPG"
 
 
 def draw(antenna: Antenna, given: Answer) -> Picture:
-    """The picture (height, width, 3), BGR: the image with what was measured and estimated.
+    """Draw measured points and estimates on the image; return a BGR picture (height, width, 3).
 
-    Points are marked as `drawing.py` says; the tip is a blue ring, the estimated contact a red one.
-    The arrow is the object's force on the beam; it grows with the force and never exceeds a quarter
-    of the height. Raises InputError where the shot has no image.
+    Points are marked as described in `drawing.py`; the tip is a blue ring, the estimated contact a
+    red one. The arrow is the object's force on the beam; its length increases with the force and
+    never exceeds a quarter of the height. Raises InputError if the shot has no image.
     """
     image = given.shot.grey()
     factor = max(1, round(WIDTH / image.shape[1]))
@@ -40,7 +40,7 @@ def draw(antenna: Antenna, given: Answer) -> Picture:
         mark(picture, line, factor)
         if line.tip is not None:
             _ring(picture, line.tip, factor, TIP)
-    pushed = _pushed(antenna, given.solved)
+    pushed = _pushed(antenna, given.solved, given.shot.readings.motor_angle)
     if pushed is not None:
         at, towards = pushed
         _arrow(picture, at, towards, factor, _arrow_px(antenna, given.solved, len(picture)))
@@ -51,8 +51,10 @@ def draw(antenna: Antenna, given: Answer) -> Picture:
     return picture
 
 
-def _pushed(antenna: Antenna, solved: Solved) -> tuple[Floats, Floats] | None:
-    """Where the contact appears (2,) [px], and the unit direction (2,) in which it is pushed."""
+def _pushed(
+    antenna: Antenna, solved: Solved, motor_angle: float | None
+) -> tuple[Floats, Floats] | None:
+    """Project the contact to (2,) [px] and the direction of its force to a unit vector (2,)."""
     values, rig = solved.estimate.values, antenna.rig
     if solved.line is None or not values:
         return None
@@ -70,6 +72,9 @@ def _pushed(antenna: Antenna, solved: Solved) -> tuple[Floats, Floats] | None:
         return None
     if "force_x_n" in values and "force_y_n" in values:
         force = np.array([values.get(f"force_{axis}_n", 0.0) for axis in "xyz"])
+        if frame == "world":  # the force is in Sigma_a, which the motor has turned
+            angle = values.get("motor_angle_rad", motor_angle)
+            force = turn_about_z(angle or 0.0)[:3, :3] @ force
     else:
         theta, psi = values.get("theta_c_rad", 0.0), values.get("psi_rad", 0.0)
         normal = [
@@ -88,7 +93,10 @@ def _pushed(antenna: Antenna, solved: Solved) -> tuple[Floats, Floats] | None:
 
 
 def _arrow_px(antenna: Antenna, solved: Solved, height: int) -> float:
-    """A quarter of the height for endless force, half of that for 10 % deflection at the tip."""
+    """Compute the arrow's length; it tends to a quarter of the height for large forces.
+
+    It is half of that at the force that deflects the tip by 10 %.
+    """
     force = abs(solved.estimate.values.get("force_n", 0.0))
     beam = antenna.rig.beam
     unit = 0.3 * beam.flexural_rigidity / beam.length**2
@@ -100,7 +108,7 @@ def _ring(picture: Any, point: Floats, factor: int, colour: Colour) -> None:
 
 
 def _arrow(picture: Any, at: Floats, towards: Floats, factor: int, length: float) -> None:
-    """An arrow whose head touches the contact, coming from the object's side."""
+    """Draw an arrow from the object's side, with its head at the ring of the contact."""
     if length < 1:
         return
     tail = at - towards * (length + 12) / factor
@@ -129,9 +137,9 @@ def _write(picture: Any, text: str, number: int) -> None:
 
 
 class OverlayWriter:
-    """Pictures into a folder as PNG, or into a video where the path ends in .mp4, .avi or .mkv.
+    """Writer of pictures, as PNG into a folder or as a video if the path ends in .mp4, .avi, .mkv.
 
-    Raises InputError where nothing can be written.
+    Raises InputError if the path cannot be written.
     """
 
     def __init__(self, path: Path, frames_per_second: float = 25.0) -> None:
@@ -156,7 +164,7 @@ class OverlayWriter:
             self._video.release()
 
     def write(self, picture: Picture, number: int, name: str) -> None:
-        """One more frame; in a folder it is called by its number and name."""
+        """Write one more frame; in a folder, its file name consists of its number and name."""
         if self._fourcc is None:
             target = self._path / f"{number:06d}_{Path(name).stem}.png"
             _, data = cv2.imencode(".png", picture)

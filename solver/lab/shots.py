@@ -1,4 +1,4 @@
-"""One image after the other, whatever they come from."""
+"""Sequences of images from any source: interface, and files on disk."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -12,12 +12,12 @@ from solver.instrument.observation import NOTHING_READ, Frame, Readings, push_or
 
 @dataclass(frozen=True)
 class Shot:
-    """One image, and what is known of it.
+    """One image and its metadata.
 
-    `image` is None where there is none to be had, and `fault` says why. `number` is its place in
-    the source, from 0; `seconds` its time: since 1970 of a camera, since the start of a video, None
-    of a file. `taken` is when it stood in memory, by time.perf_counter. `skipped` frames of a
-    camera came and went before it.
+    `image` is None if it cannot be read; then `fault` is the reason. `number` is its index in the
+    source, from 0. `seconds` is its time: since 1970 for a camera, since the start for a video,
+    None for a file. `taken` is the time.perf_counter at which it was in memory. `skipped` is the
+    number of a camera's frames that were dropped just before it.
     """
 
     name: str
@@ -31,14 +31,14 @@ class Shot:
     fault: str = ""
 
     def grey(self) -> Grey:
-        """The image (height, width). Raises InputError where there is none."""
+        """Return the image (height, width). Raises InputError if there is none."""
         if self.image is None:
             raise InputError(self.fault)
         return self.image
 
 
 class Source(Protocol):
-    """Images one after the other, `rate` a second; a `live` one waits for nobody."""
+    """Source of images, `rate` per second; a `live` source does not wait for the consumer."""
 
     live: bool
     rate: float
@@ -47,7 +47,7 @@ class Source(Protocol):
 
 
 class Files:
-    """Frames on disk, push after push and step after step; `number` is a frame's first place."""
+    """Source of frames on disk, ordered by push and step; `number` is the index in `frames`."""
 
     live = False
     rate = 25.0

@@ -1,4 +1,4 @@
-"""What a command line names as the source of frames."""
+"""Opening of a source of frames that is named on the command line."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,8 +22,8 @@ def open_source(
 ) -> Source:
     """Open images, or one video, or one camera (its number or address).
 
-    `readings` is a table as an observations tree has it, lying beside the images; `channel` of
-    colour images is read; `controls` are set on a camera. Raises InputError.
+    `readings` is a table as in an observations tree, in the folder of the images; `channel` is the
+    channel read from colour images; `controls` are set on a camera. Raises InputError.
     """
     only = names[0] if len(names) == 1 else ""
     if only.isdecimal() or "://" in only or only.startswith("/dev/"):

@@ -1,4 +1,4 @@
-"""The rig's calibration target on paper: an SVG that prints in its true size."""
+"""Printable calibration target: an SVG in true size."""
 
 import cv2
 import numpy as np
@@ -7,13 +7,13 @@ from solver.instrument.arrays import Floats, Mask
 from solver.instrument.board import Board, Charuco, LineNetwork
 from solver.instrument.units import MILLIMETRE
 
-_BITS = 10  # of a chequered square, as in Charuco
-_STRIP_MM = 12.0  # below the card, for the bar by which the print is checked
+_BITS = 10  # per side of a square, as in Charuco
+_STRIP_MM = 12.0  # below the card, for the bar used to check the print's scale
 _BAR_MM = 100.0
 
 
 def svg(board: Board) -> str:
-    """The target as SVG, in millimetres: black on a white card, and a bar of 100 mm below it.
+    """Draw the target as SVG, in millimetres: black on a white card, with a bar of 100 mm below it.
 
     The card ends two squares beyond the outermost points, so a margin of one square stays white.
     The bar may be cut off.
@@ -42,7 +42,7 @@ def svg(board: Board) -> str:
 
 
 def black_rectangles(board: Board) -> Floats:
-    """What is inked: rectangles (n, 4) of x, y, width, height [m] from the card's upper left."""
+    """List the black rectangles (n, 4): x, y, width, height [m] from the card's upper left."""
     if isinstance(board, LineNetwork):
         return _lines(board)
     if isinstance(board, Charuco):
@@ -57,7 +57,7 @@ def _lines(board: LineNetwork) -> Floats:
     across = np.where(column == board.thick_column, 2.0, 1.0) * board.line_width
     down = np.where(row == board.thick_row, 2.0, 1.0) * board.line_width
     square = board.square
-    # The outermost crossings lie two squares within the card, the lines' ends one and a half.
+    # The outermost crossings are two squares inside the card, the ends of lines one and a half.
     upright = np.column_stack(
         [
             (column + 2) * square - across / 2,
@@ -78,7 +78,7 @@ def _lines(board: LineNetwork) -> Floats:
 
 
 def _charuco(board: Charuco) -> Mask:
-    """Black cells of a marker's bit each, as OpenCV draws them."""
+    """Draw the board with OpenCV; return a mask of black cells, one per bit of a marker."""
     name = f"DICT_{board.dictionary.upper()}"
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     size = (board.columns + 1, board.rows + 1)
@@ -87,7 +87,7 @@ def _charuco(board: Charuco) -> Mask:
 
 
 def _runs(black: Mask, cell: float, margin: float) -> Floats:
-    """Black cells joined along each row."""
+    """Merge black cells along each row to rectangles (n, 4)."""
     edges = np.diff(np.pad(black, ((0, 0), (1, 1))).astype(int), axis=1)
     row, start = np.nonzero(edges == 1)
     _, end = np.nonzero(edges == -1)

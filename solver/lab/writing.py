@@ -1,4 +1,4 @@
-"""Writing what was asked for: folders are made on the way, and what cannot be written is named."""
+"""Writing of output files: parent folders are created, failures raise InputError."""
 
 import tempfile
 from pathlib import Path
@@ -8,12 +8,12 @@ from solver.instrument.files import write_bytes
 
 
 def make_room(path: Path) -> None:
-    """Make the folders that lead to `path`; raises InputError where it could not be written."""
+    """Create the parent folders of `path`. Raises InputError if `path` could not be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(0, "it is a folder")
-        # Whether a folder takes a file is told by one alone.
+        # Only a trial file shows whether the folder is writable.
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
@@ -21,7 +21,7 @@ def make_room(path: Path) -> None:
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write `data` to `path`, whole or not at all. Raises InputError."""
+    """Write `data` to `path` atomically. Raises InputError."""
     make_room(path)
     try:
         write_bytes(path, data)

@@ -1,4 +1,4 @@
-"""The methods, one a file: a measurement in, an estimate out."""
+"""Methods, one per file: each converts a measurement to an estimate."""
 
 from collections.abc import Callable
 from typing import Final
@@ -17,7 +17,7 @@ from solver.methods.two_point import two_point
 
 Method = Callable[[Measurement], Estimate]
 
-# The paper's, as published; linear theory at its best; the exact beam; the conventional antenna.
+# The paper's methods; least squares with linear theory; the exact beam; the conventional antenna.
 METHODS: Final[dict[str, Method]] = {
     "two_point": two_point,
     "three_point": three_point,

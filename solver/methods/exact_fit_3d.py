@@ -1,10 +1,11 @@
-"""Least squares with the exact beam where the plane in which it bends is not known either.
+"""Least squares with the exact beam where the deformation plane is unknown too.
 
-Contact, force and the inclination psi together, from one image (the paper's section V-B), or with
-a moment sensor (V-C), further views, or the image of the tip, whichever the measurement holds. To
-first order an image shows only the deflection times cos(psi) - (y_v / z_v) sin(psi); psi is told by
-perspective of second order, or by how far in the image the tip of a beam of known length lies.
-chi2 may have several minima over psi: each is looked for.
+Contact, force and the inclination psi are estimated together, from one image (the paper's section
+V-B), or with a moment sensor (V-C), further views, or the image of the tip, whichever the
+measurement contains. To first order an image shows only the deflection times
+cos(psi) - (y_v / z_v) sin(psi); psi is determined by second-order perspective, or by the position
+in the image of the tip of a beam of known length. chi2 may have several minima over psi: all are
+searched for.
 """
 
 import math
@@ -22,23 +23,24 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 
 STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
-# An inclination known worse than this is not known: force and plane are then open.
+# With a larger sigma of psi, force and plane are not identifiable.
 MOST_SIGMA = math.radians(30)
-# Minima within three sigmas of the best are possible answers.
+# Minima within three sigmas of the best are possible solutions.
 CLOSE_CHI2 = 9.0
 AWAY = (
     "the beam is seen bent away from the object, as in a plane almost along which the camera looks"
 )
-# By so much more chi2 than without it does a fit take the tip: five sigmas.
+# Largest increase of chi2 by the tip at which the fit keeps the tip: five sigmas.
 MOST_TIP_CHI2 = 25.0
 
 
 def exact_fit_3d(measurement: Measurement) -> Estimate:
-    """Contact, force, displacement and psi, with their joint covariance.
+    """Estimate contact, force, displacement and psi, with their joint covariance.
 
-    A beam that is seen bent to the side where the rig has no object bends in a plane steeper than
-    the rays to the camera, almost along them; unless the fit tells which, that is said. A tip that
-    no beam of the rig's length can show, beside the points, is an occluder's edge: it is left out.
+    A beam that appears bent to the side where the rig has no object bends in a plane steeper than
+    the rays to the camera, almost along them; unless the fit determines psi, the outcome is
+    EDGE_ON. A tip that is inconsistent with the points for a beam of the rig's length is an
+    occluder's edge: it is left out.
     """
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
@@ -52,7 +54,7 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
 
 
 def _fitted(measurement: Measurement) -> Estimate:
-    """The answer of the fit, whichever side the beam is seen bent to."""
+    """Estimate by the fit, whichever side the beam appears bent to."""
     problem = problem_of(measurement)
     minima = _robust_minima(problem)
     if len(problem.arrays[3]):
@@ -92,10 +94,10 @@ def _fitted(measurement: Measurement) -> Estimate:
 
 
 def _robust_minima(problem: Problem) -> list[FrameFit]:
-    """The distinct minima of chi2, best first, outliers left out; none without enough points."""
+    """Find the distinct minima of chi2, best first, without outliers; none for too few points."""
     minima = _minima(problem) if problem.points >= LEAST_POINTS else []
     if minima and not minima[0].kept.all():
-        # Outliers draw every start astray: look again with what the first look has kept.
+        # Outliers bias every start: search again with the points that the first search has kept.
         again = _minima(without(problem, minima[0].kept))
         minima = [fit_from(problem, one.p, psi_free=True) for one in again] or minima
         minima.sort(key=_rank)
@@ -103,7 +105,7 @@ def _robust_minima(problem: Problem) -> list[FrameFit]:
 
 
 def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool:
-    """Whether the tip does not belong to the beam that the points show."""
+    """Test whether the tip is inconsistent with the beam of the points."""
     if not without_tip or without_tip[0].status != CONVERGED:
         return False
     if not with_tip or with_tip[0].status != CONVERGED:
@@ -117,12 +119,12 @@ def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool
 
 
 def _rank(fit: FrameFit) -> tuple[bool, int, float]:
-    """Converged fits first, then those that keep more points, then those that fit them better."""
+    """Return a sort key: converged fits first, then more kept points, then smaller chi2."""
     return fit.status != CONVERGED, -int(fit.kept.sum()), fit.chi2
 
 
 def _minima(problem: Problem) -> list[FrameFit]:
-    """The distinct minima of chi2 that the starts lead to, best first."""
+    """Find the distinct minima of chi2 reached from the starts, best first."""
     starts = [
         start for start in (start_of(problem, float(psi)) for psi in STARTS) if start is not None
     ]
@@ -136,9 +138,9 @@ def _minima(problem: Problem) -> list[FrameFit]:
 
 
 def _spread(best: FrameFit, others: list[FrameFit]) -> tuple[Floats, list[FrameFit]]:
-    """How far the parameters (8,) may be elsewhere, as one sigma, and the minima that say so.
+    """Compute the additional sigma of the parameters (8,) due to other minima; return these too.
 
-    Each further minimum counts with its likelihood, relative to the best's.
+    Each further minimum is weighted by its likelihood, relative to the best's.
     """
     spread, close = np.zeros(len(best.p)), []
     for one in others:
@@ -153,7 +155,7 @@ def _spread(best: FrameFit, others: list[FrameFit]) -> tuple[Floats, list[FrameF
 
 
 def _edge_on(problem: Problem, psi: float, margin: float) -> bool:
-    """Whether psi may be a right angle, or that of the rays to the camera, tan psi = z_v / y_v."""
+    """Test whether psi may be a right angle or that of the camera's rays, tan psi = z_v / y_v."""
     rays = problem.arrays[2][:, 1]
     edges = [math.copysign(math.pi / 2, psi)]
     if len(rays) == 1 and rays[0] != 0:

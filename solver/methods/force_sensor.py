@@ -1,13 +1,13 @@
-"""The conventional antenna of section VII: force and moment at the clamp alone, no camera.
+"""Conventional antenna of section VII: force and moment at the clamp alone, no camera.
 
 The clamp exerts on the beam the reverse of the contact force F (-sin theta_c, cos theta_c) in the
 deformation plane, and of its moment F lever about the clamp; a contact without friction adds no
-torsion. By these six readings three unknowns are overdetermined: F, its lever arm and the plane's
-inclination psi. Their weighted least squares with the sensor's sigmas gives the exact beam's
-shape, whose sin theta_c = F lever^2 / (2 EI), and so the contact distance; the paper's moment over
-force is the same for small deflections. What no frictionless contact reads is refused.
+torsion. These six readings overdetermine three unknowns: F, its lever arm and the plane's
+inclination psi. Weighted least squares with the sensor's sigmas gives the exact beam's shape,
+whose sin theta_c = F lever^2 / (2 EI), and so the contact distance; the paper's moment over force
+is the same for small deflections. Readings that no frictionless contact can give are rejected.
 
-The sensor measures in the axes of the clamp, which are taken for those of the beam at rest.
+The sensor measures in the axes of the clamp, which are assumed to be those of the beam at rest.
 """
 
 import math
@@ -24,14 +24,14 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
-# A load is believed where noise alone would read as much as rarely as five sigmas.
+# Probability that noise alone exceeds the threshold of a load: that of five sigmas.
 NOISE_ALONE: Final = 5.7e-7
-# A frictionless contact is refused once in so many frames.
+# Probability that a frictionless contact is rejected.
 REFUSED: Final = 1e-4
 
 
 def force_sensor(measurement: Measurement) -> Estimate:
-    """Contact, force and inclination psi from the readings at the clamp, with their covariance."""
+    """Estimate contact, force and inclination psi from the clamp's readings, with covariance."""
     sensors = measurement.rig.sensors
     if (
         measurement.base_force is None
@@ -56,7 +56,7 @@ def force_sensor(measurement: Measurement) -> Estimate:
         return (predicted[0] - load) / sigma, predicted[1] / sigma[:, None]
 
     force, moment = (float(np.linalg.norm(part)) for part in (load[:3], load[3:]))
-    # The moment stands across the plane; start inside the model's domain.
+    # The moment is normal to the plane; start inside the model's domain.
     lever = min(max(moment / max(force, sensors.base_force), length / 100), length)
     q = min(max(moment / lever / rigidity, 1e-9), 1.6 / lever**2)
     fit = gauss_newton(
@@ -66,16 +66,16 @@ def force_sensor(measurement: Measurement) -> Estimate:
 
 
 def _load_on_beam(measurement: Measurement) -> Floats:
-    """Force [N] and moment [N m] about the clamp of the object on the beam (6,), beam's axes."""
+    """Compute the object's force [N], moment [N m] about the clamp (6,), in the beam's axes."""
     axes = measurement.antenna_from_beam[:3, :3]
     force = -axes.T @ np.asarray(measurement.base_force)
-    # A moment is an axial vector: mirrored axes turn it the other way round.
+    # A moment is an axial vector: mirrored axes reverse it.
     moment = -measurement.handedness * axes.T @ np.asarray(measurement.base_moment)
     return np.concatenate([force, moment])
 
 
 def _predicted(p: Floats, rigidity: float) -> Linearised | None:
-    """Force and moment on the beam (6,) and their Jacobian (6, 3) by (q, lever, psi)."""
+    """Compute force and moment on the beam (6,) and their Jacobian (6, 3) by (q, lever, psi)."""
     q, lever, psi = (float(v) for v in p)
     sine = q * lever**2 / 2
     if not (q > 0 and lever > 0 and sine < MOST_SINE):
@@ -124,7 +124,7 @@ def _answer(measurement: Measurement, fit: Fit) -> Estimate:
     shape[:3] = q, lever, math.remainder(psi, math.tau)
     shape[column["motor_angle"]] = measurement.motor_angle or 0.0
     values, by_shape, placed = shape_quantities(measurement, shape, psi_fitted=True)
-    # Force and lever are read; with another flexural rigidity they are another shape.
+    # Force and lever are measured; with another flexural rigidity they give another shape.
     by_shape[:, column["rigidity"]] -= by_shape[:, 0] * q
     tolerances = np.zeros(len(SHAPE))
     tolerances[column["motor_angle"]] = rig.tolerances.encoder

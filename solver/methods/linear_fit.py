@@ -1,17 +1,17 @@
 """Least squares with linear theory: all visible points at once, eqs. (9) and (10).
 
-Not in the paper: it is the most that linear theory can give, beside which the averages of pairs
-and triples may be judged. Given x_c the load and the clamp's offset, tilt and place are linear
-parameters; they are eliminated, and what is left is a search in x_c alone (variable projection,
-Golub and Pereyra 1973). At the eliminated parameters' optimum the derivative of the projected sum
-of squares is the partial derivative of the full one, so that its root is sought, by Brent's
-method, in a bracket that grows from the nearest bend of a grid.
+This method is not in the paper. It is the best use of linear theory, a reference for the averages
+of pairs and triples. Given x_c the load and the clamp's offset, tilt and place are linear
+parameters; they are eliminated, which leaves a search in x_c alone (variable projection, Golub and
+Pereyra 1973). At the eliminated parameters' optimum the derivative of the projected sum of squares
+is the partial derivative of the full one; its root is searched for by Brent's method, in a bracket
+that grows from the nearest bend of a grid.
 
 Each point has its own sigma across the beam. The clamp's pose has the prior of the rest image and
 the rig's tolerances. Linear theory neglects that the beam foreshortens and turns: on a real beam
-x_c is found too far out, by +0.05 to +0.3 % of L at 5 % deflection, +0.2 to +1.2 % at 10 % and
-+0.9 to +5 % at 20 %, while the fit leaves only a few hundredths of a pixel. The covariance is that
-of noise, clamp and rig and knows nothing of this bias.
+x_c is biased outwards, by +0.05 to +0.3 % of L at 5 % deflection, +0.2 to +1.2 % at 10 % and
++0.9 to +5 % at 20 %, while the residuals are only a few hundredths of a pixel. The covariance is
+that of noise, clamp and rig and does not include this bias.
 """
 
 import math
@@ -42,7 +42,7 @@ ROUNDS = 2
 
 
 def linear_fit(measurement: Measurement) -> Estimate:
-    """Contact distance x_c, force f and what follows from them, with their joint covariance."""
+    """Estimate contact distance x_c, force f and derived values, with their joint covariance."""
     found = bent(measurement, LEAST_POINTS)
     if isinstance(found, Estimate):
         return found
@@ -64,14 +64,14 @@ def linear_fit(measurement: Measurement) -> Estimate:
 
 
 class _Projection:
-    """The problem with the linear parameters (load, load dx, dy, tilt) eliminated, in sigmas."""
+    """Problem with the linear parameters (load, load dx, dy, tilt) eliminated, in sigmas."""
 
     def __init__(self, planar: Measurement, bend: Bend) -> None:
         self.x, self.y = planar.points.T
         slope = bend.amplitude * unit_slope(self.x, bend.x_c) + bend.tilt
         across = np.abs(planar.sigma_vectors[:, 1] - slope * planar.sigma_vectors[:, 0])
         size = np.linalg.norm(planar.sigma_vectors, axis=1)
-        # An error along the beam cannot be seen; a nanometre on a metre keeps weights finite.
+        # An error along the beam is not observable; 1 nm per metre keeps weights finite.
         self.weight = 1 / np.maximum(across, np.maximum(1e-3 * size, 1e-9 * planar.rig.beam.length))
         # A clamp at dx shifts the shape: -dx load u'. With load dx as the unknown this is linear.
         self.load = bend.amplitude
@@ -81,7 +81,7 @@ class _Projection:
         self.target = np.concatenate([self.weight * self.y, np.zeros(3)])
 
     def design(self, x_c: float) -> Floats:
-        """Columns (n + 3, 4) of load, load dx, dy and tilt."""
+        """Compute the columns (n + 3, 4) of load, load dx, dy and tilt."""
         columns = np.zeros((len(self.x) + 3, 4))
         shape = [unit_deflection(self.x, x_c), -unit_slope(self.x, x_c), np.ones_like(self.x)]
         columns[:-3] = np.column_stack([*shape, self.x]) * self.weight[:, None]
@@ -89,7 +89,7 @@ class _Projection:
         return columns
 
     def linear(self, x_c: float) -> Floats:
-        """The linear parameters (4,) at a contact distance, by least squares."""
+        """Solve for the linear parameters (4,) at a contact distance, by least squares."""
         columns = self.design(x_c)
         scale = np.linalg.norm(columns, axis=0)
         orthogonal, upper = np.linalg.qr(columns / scale)
@@ -97,7 +97,7 @@ class _Projection:
         return np.asarray(solved, dtype=np.float64)
 
     def by_contact(self, x_c: float, linear: Floats) -> Floats:
-        """d(model)/d x_c (n + 3,) at fixed linear parameters."""
+        """Compute d(model)/d x_c (n + 3,) at fixed linear parameters."""
         inside = self.x <= x_c
         by_shape = unit_deflection_by_contact(self.x, x_c)
         by_slope = np.where(inside, 6 * self.x, 6 * x_c)
@@ -106,19 +106,19 @@ class _Projection:
         return column
 
     def residual(self, x_c: float, linear: Floats) -> Floats:
-        """Measured less modelled (n + 3,), in sigmas; the last three are the prior's."""
+        """Compute measured less modelled (n + 3,), in sigmas; the last three are the prior's."""
         return np.asarray(self.target - self.design(x_c) @ linear)
 
     def descent(self, x_c: float) -> float:
-        """-1/2 d(sum of squares)/d x_c: positive where the contact lies farther out."""
+        """Compute -1/2 d(sum of squares)/d x_c, positive where the contact is farther out."""
         linear = self.linear(x_c)
         return float(self.residual(x_c, linear) @ self.by_contact(x_c, linear))
 
 
 def _root(projection: _Projection, start: float, length: float) -> tuple[float, int] | str:
-    """The minimum nearest to `start` [m] as the root of the exact derivative, and evaluations.
+    """Find the minimum nearest to `start` [m] as the root of the derivative; count evaluations.
 
-    A sentence where the points do not hold it between the clamp and far beyond the tip.
+    Returns a message instead if there is no minimum between the clamp and far beyond the tip.
     """
     step = 0.02 * length
     low, high = start, start
@@ -147,11 +147,11 @@ def _answer(planar: Measurement, projection: _Projection, x_c: float, iterations
     load = float(linear[0])
     residual = projection.residual(x_c, linear)
     chi2, dof = float(residual @ residual), len(planar.points) - 2
-    # Residuals larger than the stated sigmas widen the answer, smaller ones do not narrow it.
+    # Residuals larger than the stated sigmas inflate the covariance; smaller ones do not reduce it.
     in_order = residual[:-3][np.argsort(planar.points[:, 0], kind="stable")]
     widening = max(chi2 / dof, 1.0) * correlation_length(in_order)
     jacobian = np.column_stack([projection.by_contact(x_c, linear), projection.design(x_c)])
-    # Wider errors of the points leave the prior as it is.
+    # The variance inflation applies to the points, not to the prior.
     jacobian[:-3] /= math.sqrt(widening)
     scale = np.linalg.norm(jacobian, axis=0)
     _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)

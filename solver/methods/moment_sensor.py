@@ -1,24 +1,24 @@
-"""The paper's 3D-VBAA with a moment sensor (section V-C): one image and the moment at the base.
+"""Paper's 3D-VBAA with a moment sensor (section V-C): one image and the moment at the base.
 
 The image gives contact distance and force by pairs of points, as in section V-A; the sensor reads
-the moment about y of what lies out of the calibration plane. Their proportion is the inclination
-psi of the deformation plane.
+the moment about y of the force out of the calibration plane. Their ratio gives the inclination psi
+of the deformation plane.
 
-What is mended. (27) reads m_y = x_c f_z; of a right-handed moment that the beam exerts on the
-sensor it is m_y = -x_c f_z. Its lever is x_c only to first order: a force normal to the beam,
+Corrections to the paper. (27) is m_y = x_c f_z; for a right-handed moment that the beam exerts on
+the sensor it is m_y = -x_c f_z. Its lever is x_c only to first order: a force normal to the beam,
 which has turned by theta_c at the contact, has the lever x_c cos(theta_c) + y_c sin(theta_c),
 1.2 % longer at x_c = 180 mm and 20 % deflection. "The deformation plane coincides with the
-calibration plane" holds for a camera infinitely far away, and even then f and x_c are not what the
-image shows on C. So the points are un-projected by (7) and (8) with
+calibration plane" holds for a camera infinitely far away, and even then f and x_c differ from
+those of the image on C. So the points are un-projected by (7) and (8) with
 
     psi = atan2(-m_y / lever, F cos(psi)),
 
-iterated until it holds; F cos(psi) hardly depends on psi, so that this contracts at any
-inclination, where psi = arcsin(f_z / F) diverges above 45 degrees. Aitken's rule speeds it up and
-halving keeps it from overshooting. (28) and (29) give the displacement.
+iterated until convergence; F cos(psi) hardly depends on psi, so that the iteration contracts at any
+inclination, whereas psi = arcsin(f_z / F) diverges above 45 degrees. Aitken's rule accelerates it
+and step halving prevents overshooting. (28) and (29) give the displacement.
 
 Pairs and their mean are those of `two_point`, with its bias. The covariance is that of the points'
-noise, the sensor's, the clamp's and the rig's tolerances.
+noise, the sensor's noise, the clamp's pose and the rig's tolerances.
 """
 
 import math
@@ -48,7 +48,7 @@ TOLERANCE = 1e-9  # rad
 
 
 def moment_sensor(measurement: Measurement) -> Estimate:
-    """Contact distance x_c, force f, inclination psi and what follows, with their covariance."""
+    """Estimate contact distance x_c, force f, inclination psi, derived values, with covariance."""
     if measurement.moment_y is None:
         return Estimate(Outcome.INVALID, "the frame has no reading of a moment sensor")
     if measurement.rig.sensors.moment_y is None:
@@ -103,7 +103,7 @@ def moment_sensor(measurement: Measurement) -> Estimate:
                 contact, planar, f"mean of {mean.pairs} pairs", iterations=iteration
             )
         ahead = excess
-        if previous is not None and previous[1] != excess:  # Aitken: the secant through both
+        if previous is not None and previous[1] != excess:  # Aitken: secant through both points
             ahead = -excess * (psi - previous[0]) / (excess - previous[1])
         if abs(ahead) > step / 2:
             ahead = math.copysign(min(abs(ahead), step / 2), excess)
@@ -121,7 +121,7 @@ def _inclination(
     scale_error: float = 0.0,
     rigidity_error: float = 0.0,
 ) -> float:
-    """The inclination [rad] of the force that the sensor and the image show together."""
+    """Compute the inclination [rad] of the force from the sensor's moment and the image's load."""
     y_c, theta_c = 2 * load * x_c**3, math.atan(3 * load * x_c**2)
     lever = (x_c * math.cos(theta_c) + y_c * math.sin(theta_c)) * (1 + scale_error)
     force = 6 * rigidity * load * (1 + rigidity_error) / (1 + scale_error) ** 2
@@ -135,17 +135,17 @@ def _covariance(
     psi: float,
     sensor: tuple[float, float, float],
 ) -> Floats:
-    """Covariance (8, 8) of x_c, load and psi at the solution, by the implicit function theorem.
+    """Compute the covariance (8, 8) of x_c, load and psi by the implicit function theorem.
 
     `sensor` is (moment [N m], its sigma, EI).
     """
     moment, moment_sigma, rigidity = sensor
     widening = nearest_linear_bend(planar).widening
     fixed_plane = errors_of_planar_fit(planar, mean.noise * widening, mean.by_base)
-    # How the mean moves with the plane onto which the points are carried.
+    # Derivative of the mean by the inclination of the plane onto which the points are un-projected.
     _, _, turned = unproject(measurement.points, measurement.view.viewpoint, psi)
     by_plane = mean.moved(turned[mean.rows])
-    # Of psi = inclination(x_c, load, psi, moment, scale, EI): each by central differences.
+    # Derivatives of inclination(x_c, load, psi, moment, scale, EI), by central differences.
     point = np.array([mean.x_c, mean.load, psi, moment, rigidity, 0.0, 0.0])
     natural = rigidity * mean.load * mean.x_c  # the moment's order, whatever the rig's size
     size = np.array([mean.x_c, mean.load, 1.0, natural, 1.0, 1.0, 1.0]) * 1e-6

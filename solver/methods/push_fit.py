@@ -1,27 +1,27 @@
-"""All frames of a push at once, with the exact beam: where the object stands, and how stiff it is.
+"""Fit all frames of a push with the exact beam: position and stiffness of the object.
 
-A push is planar (psi = 0), against one object that stays where it is or yields on a linear spring
-along the normal of the beam at first contact, as the paper's Fig. 10 has it. Then every frame's
-shape follows from four numbers and the motor's angle: the contact distance at rest, the motor angle
-of first contact, the object's compliance 1/k_s, and how round it is. The compliance, not the
-stiffness, is what is estimated: it is regular for a rigid object (Fig. 11, and (30), (31) with
-tan), of either sign, so that its interval covers zero where the object is rigid.
+A push is planar (psi = 0), against one object that is at rest or yields on a linear spring along
+the normal of the beam at first contact, as in the paper's Fig. 10. Then every frame's shape follows
+from the motor angle and four parameters: the contact distance at rest, the motor angle of first
+contact, the object's compliance 1/k_s, and its radius. The fit estimates the compliance, not the
+stiffness: the compliance is regular for a rigid object (Fig. 11, and (30), (31) with tan) and may
+have either sign, so that its interval covers zero if the object is rigid.
 
-Friction is an option, for it costs certainty where there is none: then Coulomb's coefficient is a
-fifth number. One image hardly tells a force that leans off the beam's normal from another one
-touched elsewhere; frames that must all place the object at one point do. Which way the contact
-slides, on or back, follows from the motor's way; where it may be held instead, a frame has a lean
-of its own.
+Friction is optional, because it increases the uncertainty where there is none: Coulomb's
+coefficient is then a fifth parameter. One image hardly distinguishes a force inclined against the
+beam's normal from a normal force at another place; frames with a common object position do. The
+sliding direction, on or back, follows from the motor's motion; where the contact may be held
+instead, a frame has a friction ratio of its own.
 
-Causal: a frame is answered from itself and those before it. Of a single frame the onset is not
-known, and the answer is that of `exact_fit`. Frames that do not fit one object are an outcome:
-it moved, slipped, or the contact is of another kind. Two things no push shows: an object that
-creeps along with the force looks like a softer one, and one that creeps towards the clamp like a
-rounder one.
+The method is causal: a frame is estimated from itself and those before it. A single frame does not
+determine the onset; its estimate is that of `exact_fit`. Frames that do not fit one object are an
+outcome: the object moved, slipped, or the contact is of another kind. Two cases are not observable
+in a push: an object that creeps along with the force looks like a softer one, and one that creeps
+towards the clamp like a rounder one.
 
-How well it can be known: a stiff object's compliance shows only in the difference between the
-motor's angle and the beam's, so that an encoder of 0.01 degrees leaves 0.09 % of the beam's own
-compliance x_c^3 / (3 EI) after seven frames from 3 to 15 degrees, whatever the camera.
+The accuracy is limited by the encoder: a stiff object's compliance appears only in the difference
+between the motor's angle and the beam's, so that an encoder of 0.01 degrees leaves 0.09 % of the
+beam's own compliance x_c^3 / (3 EI) after seven frames from 3 to 15 degrees, whatever the camera.
 """
 
 import math
@@ -47,27 +47,27 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 
-# A push with a single object is refused once in so many times.
+# Probability that a push with a single object is rejected.
 REFUSED: Final = 1e-4
-# Of friction that is known hardly better than beforehand nothing is said.
+# Friction is reported only if its sigma is below this, half of its prior sigma.
 TOLD: Final = DRY / 2
-# An object whose compliance exceeds this many sigmas is told apart from a rigid one.
+# With a compliance above this many sigmas an object is distinguished from a rigid one.
 SOFT: Final = 2.0
-# A radius or a compliance less than zero by so many sigmas is that of no object.
+# A radius or a compliance below zero by this many sigmas is impossible.
 IMPOSSIBLE: Final = 4.0
-# A motor that has turned by fewer sigmas of its encoder has not pushed on.
+# A motor that has turned by fewer sigmas of its encoder counts as not turned.
 TURNED: Final = 5.0
 
 
 def push_fit_friction(measurement: Measurement) -> Estimate:
-    """`push_fit` with Coulomb friction between the beam and the object."""
+    """Run `push_fit` with Coulomb friction between the beam and the object."""
     return push_fit(measurement, friction=True)
 
 
 def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
-    """The last frame's contact, the object's compliance and the onset, with their covariance.
+    """Estimate the last frame's contact, the object's compliance and the onset, with covariance.
 
-    With `friction` also its coefficient, which a single frame does not tell.
+    With `friction` also estimate its coefficient, which a single frame does not determine.
     """
     alone = exact_fit(measurement)
     if not alone.values:
@@ -100,20 +100,20 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
 
 
 def _of_last(alone: Estimate, why: str) -> Estimate:
-    """The last frame's own answer, and why it is no more."""
+    """Return the estimate of the last frame alone, with the reason."""
     message = "; ".join(part for part in (f"of this frame alone: {why}", alone.message) if part)
     return replace(alone, message=message)
 
 
 def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
-    """The frames with contact and a motor angle, without their outliers; the best one's lever [m].
+    """Return the frames with contact and a motor angle, without outliers, and the best lever [m].
 
-    Each is fitted by itself first: that shows which points are outliers, how much more than stated
-    the others scatter, and where the contact is.
+    Each frame is fitted by itself first, which gives the outliers, the variance inflation of the
+    other points, and the contact.
     """
     frames, best, lever, begins = [], math.inf, 0.0, True
     for one in (*measurement.earlier, measurement):
-        # As in `exact_fit`: what looks like the tip may be an occluder's edge.
+        # As in `exact_fit`, without tips: a detected tip may be an occluder's edge.
         problem = problem_of(one, with_tips=False)
         start = start_of(problem, 0.0) if problem.points else None
         fit = None if start is None else fit_from(problem, start, psi_free=False)
@@ -131,7 +131,7 @@ def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
 
 
 def _start(push: Push, lever: float) -> Floats | None:
-    """Every frame touched at the same place; the onset by a straight line. None if that fails."""
+    """Compute a start: one contact for all frames, onset by a straight line; None if it fails."""
     beam, side = push.rig.beam, push.rig.deflects_towards
     bends = []
     for frame in push.frames:
@@ -144,7 +144,7 @@ def _start(push: Push, lever: float) -> Floats | None:
     shapes = push.shapes(parameters)
     if shapes is None:
         return None
-    # pushing angle = side (onset - motor angle), of which a spring takes compliance F / x0.
+    # pushing angle = side (onset - motor angle); a spring reduces it by compliance F / x0.
     force = beam.flexural_rigidity * np.array(bends)
     design = np.column_stack([np.full(len(bends), side), -force / lever])
     rigid = shapes.pushing_angles + side * push.motor_angles
@@ -153,7 +153,7 @@ def _start(push: Push, lever: float) -> Floats | None:
 
 
 def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimate:
-    """The answer, unless the frames contradict each other or determine nothing."""
+    """Return the estimate, or the outcome if the frames are inconsistent or insufficient."""
     count, chi2 = len(push.frames), fit.chi2
     dof = sum(frame.problem.points for frame in push.frames) + 1 - PUSH
 
@@ -204,7 +204,7 @@ def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimat
 
 
 def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, float], Floats]:
-    """All values of the last frame and of the push, and their joint covariance."""
+    """Compute all values of the last frame and of the push, and their joint covariance."""
     tolerances, side = last.rig.tolerances, last.rig.deflects_towards
     rigidity = last.rig.beam.flexural_rigidity
     count, n, of_push = len(push.frames), len(fit.parameters), push.size - PUSH
@@ -220,7 +220,7 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     shape[in_base], by_fit[in_base, count:of_push] = fit.parameters[count:of_push], np.eye(BASE)
     shape[column["grip"]] = push.grip_matrix[-1] @ fit.parameters[push.size :]
     by_fit[column["grip"], push.size :] = push.grip_matrix[-1]
-    # The encoder's reading, corrected by what the shapes tell: onset less the pushing angle.
+    # The encoder's reading, corrected by the shapes: onset less the pushing angle.
     shape[column["motor_angle"]] = onset - side * shapes.pushing_angles[-1]
     by_fit[column["motor_angle"]] = -side * shapes.d_pushing_angles[-1]
     by_fit[column["motor_angle"], of_push + 1] += 1.0
@@ -232,7 +232,7 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     jacobian = np.zeros((rows + 2, n + 2))
     jacobian[:rows, :n] = by_shape @ by_fit
     jacobian[:rows, n:] = by_shape[:, [column["rigidity"], column["scale"]]]
-    # Only compliance times EI is told by shapes; by similarity it grows as a length cubed.
+    # Shapes determine only compliance times EI; by similarity it grows as a length cubed.
     jacobian[rows, of_push + 2] = 1.0
     jacobian[rows, n:] = -compliance, 3 * compliance
     jacobian[rows + 1, of_push + 1] = 1.0

@@ -1,21 +1,21 @@
-"""The paper's stiffness sensing (section VI-C): how far the object yields, from two-point contacts.
+"""Paper's stiffness sensing (section VI-C): the object's compliance from two-point contacts.
 
-The object's point has moved by w_s = w_p - y_c (30), where w_p is how far the beam would have gone
-there without it, and its stiffness is k_s = f / w_s (31). What is mended: w_p = x_c tan(dtheta) for
-a contact that stays where it is; the printed x_c dtheta is 2.3 % off at 15 degrees and makes stiff
-objects come out with negative stiffness. And what is estimated is the compliance 1/k_s = w_s / f,
-which is regular for a rigid object; the stiffness is told only where the compliance exceeds two
+The object's contact point has moved by w_s = w_p - y_c (30), where w_p is the beam's displacement
+there without the object, and its stiffness is k_s = f / w_s (31). Corrections to the paper:
+w_p = x_c tan(dtheta) for a contact at a fixed place; the printed x_c dtheta is 2.3 % off at 15
+degrees and gives stiff objects a negative stiffness. The compliance 1/k_s = w_s / f is estimated,
+which is regular for a rigid object; the stiffness is reported only if the compliance exceeds two
 sigma.
 
-The pushing angle dtheta counts from first contact, which no frame need show. The load that bends
-the beam to the shape of (9) and (10), fitted to each frame with the contact where the last frame
-has it, grows as tan(dtheta) for an object on a linear spring; the motor angle at which it vanishes,
-by least squares over the frames so far, is the onset. Where exactly the contact is taken to be
-changes all loads by nearly the same factor, and so hardly the onset. A single frame has none, and
-is answered without compliance.
+The pushing angle dtheta counts from first contact, which need not be in a frame. The load that
+bends the beam to the shape of (9) and (10) is fitted to each frame with the contact of the last
+frame. It grows as tan(dtheta) for an object on a linear spring; the motor angle at which it
+vanishes, by least squares over the frames so far, is the onset. An error of the contact changes all
+loads by nearly the same factor, and so hardly the onset. A single frame has no onset, and its
+estimate has no compliance.
 
-x_c and f are those of `two_point`, linear theory, with its bias at large deflections, of which the
-covariance knows nothing.
+x_c and f are those of `two_point`, linear theory, with its bias at large deflections, which the
+covariance does not include.
 """
 
 import math
@@ -33,20 +33,20 @@ from solver.instrument.measurement import Measurement
 from solver.methods.two_point import MeanOfPairs, mean_of_pairs, two_point
 from solver.plane_d import known_plane
 
-# An object whose compliance exceeds so many sigmas is told apart from a rigid one.
+# With a compliance above this many sigmas an object is distinguished from a rigid one.
 SOFT: Final = 2.0
-# A motor that has turned by fewer sigmas of its encoder has not pushed on.
+# A motor that has turned by fewer sigmas of its encoder counts as not turned.
 TURNED: Final = 5.0
-# An encoder that claims to be exact errs by less than any shape tells [rad].
+# Least encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
 LEAST_ENCODER: Final = 1e-6
 
 
 @dataclass(frozen=True)
 class _Load:
-    """A frame's motor angle [rad], and its load f / (6 EI) [1/m^2] for a contact given.
+    """Motor angle [rad] of a frame, and its load f / (6 EI) [1/m^2] for a given contact.
 
-    `by_y` (n,) is its derivative by the points' y, `by_base` (3,) by the clamp's (dx, dy, tilt),
-    `sigma` what the points' errors make of it.
+    `by_y` (n,) is the load's derivative by the points' y, `by_base` (3,) by the clamp's
+    (dx, dy, tilt), `sigma` its sigma due to the points' errors.
     """
 
     motor_angle: float
@@ -66,7 +66,7 @@ class _Onset:
 
 
 def stiffness(measurement: Measurement) -> Estimate:
-    """x_c, force, the object's compliance and the onset, with their joint covariance."""
+    """Estimate x_c, force, the object's compliance and the onset, with their joint covariance."""
     alone = two_point(measurement)
     found = known_plane(measurement)
     if not alone.values or isinstance(found, Estimate):
@@ -92,12 +92,12 @@ def stiffness(measurement: Measurement) -> Estimate:
 
 
 def _of_last(alone: Estimate, why: str) -> Estimate:
-    """The last frame's own answer, and why it is no more."""
+    """Return the estimate of the last frame alone, with the reason."""
     return replace(alone, message=f"of this frame alone: {why}; {alone.message}")
 
 
 def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
-    """The loads of the bent frames so far, the last of them the latest, for a contact at x_c."""
+    """Compute the loads of the bent frames so far, in order of time, for a contact at x_c."""
     loads = []
     for frame in (*measurement.earlier, measurement):
         found = known_plane(frame)
@@ -119,7 +119,7 @@ def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
 
 
 def _onset(loads: list[_Load], side: int, encoder: float) -> _Onset | None:
-    """Least squares of load = growth tan(side (onset - motor angle)); None where there is none."""
+    """Fit load = growth tan(side (onset - motor angle)) by least squares; None if that fails."""
     angles = np.array([load.motor_angle for load in loads])
     measured = np.array([load.load for load in loads])
     slope, level = np.polyfit(angles, measured, 1)
@@ -144,14 +144,14 @@ def _onset(loads: list[_Load], side: int, encoder: float) -> _Onset | None:
     if here is None or not fit.converged or fit.rank_deficient or fit.parameters[0] <= 0:
         return None
     by_load = (fit.covariance @ here[1].T)[1] / sigma
-    # A motor angle that reads more makes the residual what a smaller onset would.
+    # A larger motor angle changes the residual as a smaller onset does.
     return _Onset(float(fit.parameters[1]), by_load, by_load * here[1][:, 1] * sigma)
 
 
 def _quantities(
     mean: MeanOfPairs, onset: _Onset, planar: Measurement, errors: Floats
 ) -> tuple[dict[str, float], Floats]:
-    """Values of the last frame with their covariance, from that of `_errors`."""
+    """Compute the values of the last frame and their covariance from that of `_errors`."""
     x_c, load, rigidity = mean.x_c, mean.load, planar.rig.beam.flexural_rigidity
     y_c, force = 2 * load * x_c**3, 6 * rigidity * load
     assert planar.motor_angle is not None
@@ -192,16 +192,16 @@ def _quantities(
 def _errors(
     loads: list[_Load], onset: _Onset, mean: MeanOfPairs, planar: Measurement, encoder: float
 ) -> Floats:
-    """Covariance (5, 5) of the last x_c, load and pushing angle, of EI, and of the onset.
+    """Compute the covariance (5, 5) of the last x_c, load, pushing angle, of EI, and of the onset.
 
-    Each frame's points and motor angle err on their own; the clamp's pose, the scale of lengths
-    and EI are the same in all.
+    The errors of points and motor angle are independent between frames; those of the clamp's pose,
+    the scale of lengths and EI are common to all.
     """
     side, tolerances = planar.rig.deflects_towards, planar.rig.tolerances
     final = len(loads) - 1
 
     def row(x_c: Floats | float, load: Floats | float, onset: Floats | float) -> Floats:
-        """What errors do to the last shape, and by the onset to the pushing angle."""
+        """Combine errors of the last shape and of the onset, which changes the pushing angle."""
         return np.array([x_c + 0 * onset, load + 0 * onset, side * onset, 0 * onset, onset])
 
     along, across = planar.sigma_vectors.T
@@ -217,7 +217,7 @@ def _errors(
         if i < final:
             alone = row(0.0, 0.0, float(onset.by_load[i]) * load.sigma)
             covariance += np.outer(alone, alone)
-    # The last frame's points make both its contact and its part of the onset.
+    # The last frame's points affect both its contact and its part of the onset.
     by_contact = np.vstack([clear, clear])
     by_contact[:, mean.rows] = mean.by_point
     slope = clear.copy()

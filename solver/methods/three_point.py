@@ -1,34 +1,35 @@
-"""The paper's 3D-VBAA (section V-B): three points, and the plane on which they agree.
+"""Paper's 3D-VBAA (section V-B): three points, and the plane on which their contacts agree.
 
 For every inclination psi of the deformation plane the points are un-projected by (7) and (8), and
-each of the pairs (1, 2) and (1, 3) gives a contact distance by linear theory. Where they agree,
-g_3D(psi) = 0, psi may be true. It is told by perspective alone, to second order, and therefore
-badly.
+each of the pairs (1, 2) and (1, 3) gives a contact distance by linear theory. A psi where they
+agree, g_3D(psi) = 0, is a candidate. psi is determined by perspective alone, to second order, and
+therefore badly.
 
-What is mended. (25) and (26) use (15), which holds only if all three points lie on the curved
-part; here each pair's contact is that of the monotone ratio y2 / y1, which covers all three cases
-of section V-A. And (26) has poles, where a pair's contact runs to infinity and returns from the
-other side; here g is the difference of w = x_c / (x_c + L), which is 1 from there on and 0 where
-the contact would lie behind the clamp. So g is a continuous function of psi wherever all points
-lie on the same side of the beam's rest, and no sign change of it is a pole.
+Corrections to the paper. (25) and (26) use (15), which holds only if all three points are on the
+curved part; here each pair's contact is that of the monotone ratio y2 / y1, which covers all three
+cases of section V-A. And (26) has poles, where a pair's contact tends to infinity and returns from
+the other side; here g is the difference of w = x_c / (x_c + L), which is 1 from there on and 0
+where the contact would be behind the clamp. So g is a continuous function of psi wherever all
+points are on the same side of the beam's rest, and no sign change of it is a pole.
 
 The rule, fixed before any scoring:
-- The visible beam is cut into 24 stretches of equally many columns, a parabola through each gives
-  one point in its middle: the averaging that the paper asks for, done where it is still linear.
+- The visible beam is divided into 24 stretches of equally many columns; a parabola through each
+  gives one point in its middle. This is the averaging that the paper requires, where it is still
+  linear.
 - All triples of these whose neighbours are at least L / 12 apart vote. The votes are averaged in
-  g, not in its roots, which scatter over the whole half circle. A triple weighs as much as its
-  signal dg/dpsi, over the variance of its noise, on the nearest linear beam at psi = 0.
+  g, not in its roots, which scatter over the whole half circle. The weight of a triple is its
+  signal dg/dpsi over the variance of its noise, on the nearest linear beam at psi = 0.
 - All roots of the mean g in (-90, 90) deg are found: sign changes between neighbours on a grid of
-  one degree, each closed in by Brent's method. Of several the one nearest to psi = 0 is taken.
+  one degree, each refined by Brent's method. Of several roots the one nearest to psi = 0 is taken.
 - x_c and f are the mean of pairs (`two_point`) on that plane.
 
-What it costs. With a camera above the middle of the beam there is one root; above the clamp, half
-of the noisy frames have two to four, and the wrong one is then taken only where it is the nearer
-to the calibration plane: a plane inclined by more than about 50 deg may be missed. At 10 %
-deflection and 0.05 px of noise psi errs by some 25 deg (root mean square), a third of it the bias
-of linear theory. The covariance is that of noise and clamp; psi's sigma reaches to the
-farthest plane on which the mean g is zero within its noise, other roots included, and where that
-is more than a right angle away no answer is given. Of the bias it knows nothing.
+Limitations. With a camera above the middle of the beam there is one root. With a camera above the
+clamp, half of the noisy frames have two to four roots, and the wrong one is taken only if it is
+nearer to the calibration plane: a plane inclined by more than about 50 deg may be missed. At 10 %
+deflection and 0.05 px of noise the error of psi is some 25 deg (root mean square), a third of it
+the bias of linear theory. The covariance is that of noise and clamp and does not include this bias.
+psi's sigma extends to the farthest plane on which the mean g is zero within its noise, other roots
+included; if that is more than a right angle away, the outcome is NOT_IDENTIFIABLE.
 """
 
 import math
@@ -53,14 +54,14 @@ from solver.plane_d import on_deformation_plane, opening, unproject
 
 LEAST_POINTS = 3 * STRETCHES
 GRID = np.radians(np.arange(-89.0, 89.5, 1.0))
-COARSE = 4  # every fourth plane of the grid decides how far psi is open
+COARSE = 4  # every fourth plane of the grid is tested for the sigma of psi
 
 
 def three_point(measurement: Measurement) -> Estimate:
-    """Inclination psi, contact distance x_c, force f and what follows, with their covariance."""
+    """Estimate inclination psi, contact distance x_c, force f, derived values, with covariance."""
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
-    # A column that is repeated shows no other place of the beam.
+    # A repeated column does not add another place of the beam.
     count = len(np.unique(measurement.points[measurement.points[:, 0] > 0, 0]))
     if count < LEAST_POINTS:
         return Estimate(
@@ -107,7 +108,7 @@ def three_point(measurement: Measurement) -> Estimate:
 
 
 def _roots(disagreement: Callable[[float], float], scan: Floats, viewpoint: Floats) -> list[float]:
-    """All psi in (-90, 90) deg where the mean g changes its sign, on either side of edge-on.
+    """Find all psi in (-90, 90) deg where the mean g changes its sign, on either side of edge-on.
 
     `scan` is g on the grid.
     """
@@ -132,11 +133,11 @@ def _covariance(
     psi: float,
     scan: Floats,
 ) -> Floats | None:
-    """Covariance (8, 8) of x_c, load and psi at the root; None where psi is open.
+    """Compute the covariance (8, 8) of x_c, load and psi at the root; None if psi is undetermined.
 
-    Points and clamp move psi by the implicit function g(psi) = 0, and with it x_c and load. As g
-    is far from straight and may have other roots, psi's sigma is at least its distance from the
-    farthest plane on the grid (`scan`) where g lies within its own sigma of zero.
+    Errors of points and clamp change psi by the implicit function g(psi) = 0, and with it x_c and
+    load. As g is far from linear and may have other roots, psi's sigma is at least its distance
+    from the farthest plane on the grid (`scan`) where g is within its own sigma of zero.
     """
     bend = nearest_linear_bend(planar)  # not the mean of pairs, whose bias would enter the noise
     viewpoint, length = measurement.view.viewpoint, measurement.rig.beam.length

@@ -1,24 +1,24 @@
-"""The paper's 2D-VBAA (section V-A): every pair of points gives a contact, the mean is the answer.
+"""Paper's 2D-VBAA (section V-A): the mean contact of all pairs of points.
 
-Linear theory, on the calibration plane or, where the rig knows the inclination of the plane in
-which the beam bends, on that plane: the points are un-projected first by (7) and (8). For two
-points x1 < x2 the ratio rho = y2 / y1 determines x_c: it grows strictly from x2/x1 (contact at the
-clamp) to (x2/x1)^2 (contact at infinity), so a pair has one solution or none, and the paper's
-three cases are three stretches of one function (`beam_models.linear.contact_of_pair`).
+The method uses linear theory on the calibration plane or, if the rig states the inclination of the
+deformation plane, on that plane: the points are un-projected first by (7) and (8). For two points
+x1 < x2 the ratio rho = y2 / y1 determines x_c: it grows strictly from x2/x1 (contact at the clamp)
+to (x2/x1)^2 (contact at infinity), so a pair has one solution or none, and the paper's three cases
+are three intervals of one function (`beam_models.linear.contact_of_pair`).
 
-What is mended. The force follows from (9) or (10) at the first point; on the straight part that
-equals (18) with the last factor of its denominator squared, which the print omits. The root of
-(20) is taken in [x1, x2] alone; (24) reads 2 x2 - x_c in its first bracket, and its conclusion
-stands. "More than one candidate" cannot happen, noise or not: noise makes pairs with none. (11)
-drops the force's component along the beam, so that the force comes out 4 % low where the beam has
-turned by 17 degrees; that is the paper's approximation and is kept.
+Corrections to the paper. The force follows from (9) or (10) at the first point; on the straight
+part that equals (18) with the last factor of its denominator squared, which the print omits. The
+root of (20) is taken in [x1, x2] alone; (24) has 2 x2 - x_c in its first bracket, and its
+conclusion holds. "More than one candidate" is impossible, with or without noise: noise makes pairs
+without a solution. (11) neglects the force's component along the beam, so that the force is 4 % too
+low where the beam has turned by 17 degrees; that is the paper's approximation and is kept.
 
-The rule, fixed before any scoring: all pairs of image columns with x2 - x1 >= L / 4; pairs
-without a solution, or with one beyond the beam's tip, are invalid; the answer is the plain mean
+The rule, fixed before any scoring: all pairs of image columns with x2 - x1 >= L / 4 are used; pairs
+without a solution, or with one beyond the beam's tip, are invalid; the estimate is the plain mean
 of the valid ones (the paper: "more than 500 data"). A beam that is straight within its noise is no
-contact, as the paper detects first contact from the shape before anything else. Biased where the
-beam leaves linear theory: +0.9 to +5 % of L at 20 % deflection. The covariance is that of the
-noise, the clamp and the rig's tolerances; it knows nothing of this bias.
+contact, as the paper first detects contact from the shape. The estimate is biased where the beam
+leaves linear theory: +0.9 to +5 % of L at 20 % deflection. The covariance is that of the noise, the
+clamp and the rig's tolerances; it does not include this bias.
 """
 
 from dataclasses import dataclass
@@ -39,12 +39,12 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 LEAST_PAIRS = 500
-LEAST_POINTS = 33  # fewer cannot make so many pairs
+LEAST_POINTS = 33  # fewer points cannot make 500 pairs
 LEAST_SEPARATION = 0.25  # of the beam's length
 
 
 def two_point(measurement: Measurement) -> Estimate:
-    """Contact distance x_c, force f and what follows from them, with their joint covariance."""
+    """Estimate contact distance x_c, force f and derived values, with their joint covariance."""
     found = bent(measurement, LEAST_POINTS)
     if isinstance(found, Estimate):
         return found
@@ -61,9 +61,9 @@ def two_point(measurement: Measurement) -> Estimate:
 class MeanOfPairs:
     """Mean x_c [m] and load f / (6 EI) [1/m^2] of `pairs` valid pairs of points.
 
-    `rows` (n,) are the points' places in the measurement, `by_point` (2, n) the derivative of
+    `rows` (n,) are the points' indices in the measurement, `by_point` (2, n) the derivative of
     x_c and load by their y, `slope` (n,) the mean beam's slope there, `noise` (2, 2) the
-    covariance that the points' errors give, `by_base` (2, 3) the derivative by the clamp's true
+    covariance due to the points' errors, `by_base` (2, 3) the derivative by the clamp's true
     (dx, dy, tilt).
     """
 
@@ -77,12 +77,12 @@ class MeanOfPairs:
     by_base: Floats
 
     def moved(self, steps: Floats) -> Floats:
-        """By how much x_c and load move (2,) if the points, by `rows`, move by `steps` (n, 2)."""
+        """Compute the change (2,) of x_c and load if the points `rows` move by `steps` (n, 2)."""
         return np.asarray(self.by_point @ (steps[:, 1] - self.slope * steps[:, 0]))
 
 
 def mean_of_pairs(planar: Measurement) -> MeanOfPairs | Estimate:
-    """The mean over all valid pairs of points on the deformation plane, by the rule above."""
+    """Average over all valid pairs of points on the deformation plane, by the rule above."""
     length = planar.rig.beam.length
     ahead = np.flatnonzero(planar.points[:, 0] > 0)
     rows = ahead[np.argsort(planar.points[ahead, 0], kind="stable")]
@@ -100,10 +100,9 @@ def mean_of_pairs(planar: Measurement) -> MeanOfPairs | Estimate:
             f"{pairs} of {tried} pairs of points fit a point contact, needed are {LEAST_PAIRS}",
         )
     x_c, load = float(sums[1]) / pairs, float(sums[2]) / pairs
-    # The pairs share their points, so the scatter of pairs says nothing about the mean: the
-    # points' own errors are carried through instead, d(mean)/d(y_i), pair by pair. A point that
-    # errs along the beam, or a clamp displaced along it, shows the beam higher or lower by its
-    # slope there.
+    # The pairs share their points, so the scatter of pairs is no measure of the mean's error: the
+    # points' own errors are propagated instead, by d(mean)/d(y_i), pair by pair. An error along
+    # the beam, of a point or of the clamp, shifts the beam across by its slope there.
     by_point /= pairs
     slope = load * unit_slope(x, x_c)
     along, across = planar.sigma_vectors[rows].T
@@ -114,7 +113,7 @@ def mean_of_pairs(planar: Measurement) -> MeanOfPairs | Estimate:
 
 
 def contact_distance(x1: Floats, y1: Floats, x2: Floats, y2: Floats) -> Floats:
-    """x_c (n,) [m] from pairs of points with 0 < x1 < x2; NaN for a pair without a solution."""
+    """Compute x_c (n,) [m] from pairs of points, 0 < x1 < x2; NaN for a pair without a solution."""
     return np.asarray(_contacts(x1, y1, x2, y2))
 
 
@@ -133,7 +132,7 @@ def _contacts(x1: Floats, y1: Floats, x2: Floats, y2: Floats) -> Floats:
 def _sum_over_pairs(
     x: Floats, y: Floats, separation: float, farthest: float
 ) -> tuple[Floats, Floats, int]:
-    """(valid pairs, sum of x_c, sum of load), the sums' derivatives by y (2, n), pairs tried.
+    """Sum (valid pairs, x_c, load) over pairs; also derivatives by y (2, n) and pairs tried.
 
     `x` (n,) is in rising order. The contact of one pair is the guess for the next.
     """

@@ -1,4 +1,4 @@
-"""Datasets: forecast and generate them, and open what is in them."""
+"""Datasets: generate them, and open their contents."""
 
 import functools
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from vbaa_bench.workers import cores
 
 @dataclass(frozen=True)
 class Dataset:
-    """A dataset in the folder `root`, opened when it is used. Raises InputError then."""
+    """A dataset in the folder `root`, opened at first use, which may raise InputError."""
 
     root: Path | str
 
@@ -30,12 +30,12 @@ class Dataset:
 
     @cached_property
     def observations(self) -> Observations:
-        """All that a method sees: the nominal rig, and frames to iterate over."""
+        """The input of a method: the nominal rig, and frames to iterate over."""
         return open_observations(self._layout.observations)
 
     @cached_property
     def truth(self) -> Truth:
-        """The manifest, the true camera, and `frames`, a polars frame with one row a frame."""
+        """The manifest, the true camera, and `frames`, a polars DataFrame, one row per frame."""
         return open_truth(self._layout.truth)
 
 
@@ -49,13 +49,13 @@ def dataset_folder(data: AnyDataset) -> Path:
 
 @functools.cache
 def usable_variant(asked: str | None = None) -> str:
-    """Choose Mitsuba's variant once a process: each is probed in a child process, for seconds."""
+    """Choose Mitsuba's variant, once per process: probing in a child process takes seconds."""
     return choose(asked)
 
 
 def worker_count(asked: int | None, variant: str) -> int:
-    """Return the number of processes that render, by default one a core."""
-    # Without wavefronts Mitsuba's own threads fill the machine better than processes do.
+    """Return the number of rendering processes, by default one per core."""
+    # Without wavefronts Mitsuba's own threads use the machine better than processes do.
     return asked or (1 if variant == PLAIN else cores())
 
 
@@ -69,9 +69,9 @@ def generate(
 ) -> Dataset:
     """Render the dataset of a scene into the folder `out`; finish an interrupted one.
 
-    `workers` is the number of processes, by default one a core, `variant` Mitsuba's, by default
-    the fastest one that works. `progress` shows bars and remarks on stderr. The files do not depend
-    on the number of workers.
+    `workers` is the number of processes, by default one per core. `variant` is Mitsuba's, by
+    default the fastest one that works. `progress` shows bars and remarks on stderr. The files do
+    not depend on the number of workers.
 
     Raises InputError for an impossible scene, and for a folder that cannot be written or holds
     something else.

@@ -1,4 +1,4 @@
-"""What a dataset will cost, from a short probe."""
+"""Forecast of the cost of a dataset, from a short probe."""
 
 import math
 import sys
@@ -18,21 +18,21 @@ from vbaa_bench.spec.load import SceneFile
 from vbaa_bench.spec.trials import Trial, in_shards, trials
 from vbaa_bench.workers import Pool, cores
 
-# Frames that each worker renders after a first one, in which kernels are compiled. Chosen: seconds,
-# and still a first idea of how much frames differ.
+# Frames that each worker renders after a first one, in which kernels are compiled. Chosen: takes
+# seconds, and gives a rough estimate of the variation between frames.
 PROBES: Final = 3
-# By how much frames that are not probed, and other workers, may change the time. Chosen.
+# Margin on the time for frames that are not probed and for other workers. Chosen.
 _FACTOR: Final = 1.5
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """The cost of a dataset on this machine.
+    """The forecast cost of a dataset on this machine.
 
-    `hours_low` and `hours_high` span the fastest and the slowest probed frame, each widened by half
-    for frames that differ more, and for workers that slow each other down. They hold for a machine
-    as busy as during the probe. `memory_gb` is of all workers together; None where the system does
-    not state it.
+    `hours_low` and `hours_high` span the fastest and the slowest probed frame, each widened by a
+    factor of 1.5 for frames that differ more and for workers that slow each other down. They hold
+    for a machine as busy as during the probe. `memory_gb` is that of all workers together; None if
+    the system does not report it.
     """
 
     frames: int
@@ -46,7 +46,7 @@ class Forecast:
     memory_gb: float | None
 
     def record(self) -> dict[str, Any]:
-        """Return all figures by name."""
+        """Return all fields by name."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -67,11 +67,11 @@ def forecast(
 ) -> Forecast:
     """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
 
-    These are rendered, timed and weighed, by as many workers at once as will make the dataset. This
-    takes seconds. Pushes that are not probed may still be impossible: `generate` says so before it
-    renders.
+    These frames are rendered, and their time and size are measured, with the same number of workers
+    as for the dataset. This takes seconds. Pushes that are not probed may still be impossible;
+    `generate` reports this before it renders.
 
-    Raises InputError where a probed push is impossible.
+    Raises InputError if a probed push is impossible.
     """
     file, chosen = scene_file(scene), usable_variant(variant)
     count = worker_count(workers, chosen)
@@ -104,8 +104,11 @@ def forecast(
 
 @dataclass(frozen=True)
 class _Probe:
-    """Seconds [s] and bytes: of a worker's start and first frame, of one push's mechanics, of each
-    probed frame, and of one calibration image."""
+    """Measured times [s], sizes [bytes] and peak memory [bytes] of a probe.
+
+    Times are those of a worker's start and first frame, of one push's mechanics, of each probed
+    frame, and of one calibration image.
+    """
 
     start_s: float
     push_s: float
@@ -117,7 +120,7 @@ class _Probe:
 
 
 class _ProbedFrame(NamedTuple):
-    """Seconds of a frame and of its worker's first one [s], the worker's peak memory [bytes]."""
+    """Times [s] of a frame and of its worker's first frame; the worker's peak memory [bytes]."""
 
     seconds: float
     first_s: float
@@ -125,14 +128,14 @@ class _ProbedFrame(NamedTuple):
 
 
 class _ProbedBench(Bench):
-    """A bench that times its frames."""
+    """A Bench that times its frames."""
 
     _first_s: float | None = None
 
     def probe(
         self, tick: Callable[[], None], number: int, trials: tuple[Trial, Trial], exposure: float
     ) -> _ProbedFrame:
-        """Make a shard of the second trial; before, once a worker, render the first."""
+        """Make a shard of the second trial; render the first trial before, once per worker."""
         first, trial = trials
         begun = time.perf_counter()
         if self._first_s is None:
@@ -144,7 +147,7 @@ class _ProbedBench(Bench):
 
 
 def _peak_memory() -> int | None:
-    """Return the most memory that this process has had [bytes], None where it is unknown."""
+    """Return the peak memory of this process [bytes], None if it is unknown."""
     if sys.platform == "win32":
         return None
     import resource  # not on Windows

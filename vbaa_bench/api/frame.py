@@ -1,4 +1,4 @@
-"""One rendered frame, with its truth."""
+"""Rendering of one frame, with its truth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,16 +23,16 @@ from vbaa_bench.scoring.overlay import Overlay, overlay_of
 from vbaa_bench.spec.trials import trials
 from vbaa_bench.truth import dataset_facts
 
-# Pictures of narrower images are enlarged twice. Chosen: they still fit a screen.
+# Narrower images are enlarged by 2 for display. Chosen: they still fit a screen.
 _NARROW_PX: Final = 1000
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame as `generate` writes it, and as a notebook shows it.
+    """One frame as written by `generate`, which a notebook displays as an image.
 
     `image` is gray, (height, width); `readings` holds its columns of metadata.csv, `truth` its row
-    of truth.parquet, and `layers` the truth images (height, width, ...) that the scene asks for.
+    of truth.parquet, and `layers` the truth images (height, width, ...) listed in the scene.
     """
 
     image: Grey
@@ -50,7 +50,7 @@ class Frame:
         return f"Frame({width} x {height} px, {self._overlay.title})"
 
     def png(self) -> bytes:
-        """Encode the image with the true centreline and a cross at the contact, for a screen."""
+        """Encode the image with the true centreline and a cross at the contact, for display."""
         scale = 2 if self.image.shape[1] < _NARROW_PX else 1
         _, data = cv2.imencode(".png", whole(self._overlay, scale))
         return bytes(data)

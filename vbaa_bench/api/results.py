@@ -1,4 +1,4 @@
-"""Solve a dataset with methods, and score their estimates."""
+"""Solving of a dataset with methods, and scoring of their estimates."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ _ALL: Final = "all"
 class Scores:
     """The scores of a dataset, also in its folder `scores/`.
 
-    `summary` holds the figures of every method by name, and sentences in `warnings`; `runs` the
-    methods that were run for it.
+    `summary` holds the scores of every method by name, and messages in `warnings`; `runs` holds the
+    scored runs by name, as returned by `solve`.
     """
 
     root: Path
@@ -41,7 +41,7 @@ class Scores:
         return read_scores(Results(self.root))
 
     def table(self, by: str | None = None) -> pl.DataFrame:
-        """Return one row a method, and with `by` one for each value of a condition.
+        """Return one row per method; with `by`, one row for each value of a condition.
 
         Conditions are those of `vbaa-bench table --by`. Raises InputError for an unknown one.
         """
@@ -71,11 +71,11 @@ def solve(
 
     `methods` are names, "all", or "package.module:function", one or several; by default those that
     the dataset has readings for. Their estimates are written to the folder `predictions/`. Each
-    frame is solved `repeats` times, and the median time counts. `on_start` is called with the name
-    of each run before it starts, `on_output` with each line that a method prints.
+    frame is solved `repeats` times, and the median time is reported. `on_start` is called with the
+    name of each run before it starts, `on_output` with each line that a method prints.
 
-    Returns the runs by name: a method, or "method@centreline" for another centreline than the
-    usual one. Raises InputError.
+    Returns the runs by name: a method, or "method@centreline" if the centreline is not the default
+    one. Raises InputError.
     """
     results = Results(dataset_folder(data))
     asked = [methods] if isinstance(methods, str) else methods
@@ -110,12 +110,12 @@ def score(
 ) -> Scores:
     """Score methods against the truth of a dataset, and write the folder `scores/`.
 
-    With `methods`, names as `solve` takes them, these are run first and scored alone; with `runs`,
-    which `solve` has returned, those are scored. Without either, everything in the folder
-    `predictions/` is. Files of your own, `predictions`, are scored beside them: CSV or Parquet
+    With `methods`, names as for `solve`, these are run first and only they are scored. With `runs`,
+    as returned by `solve`, those are scored. Without either, everything in the folder
+    `predictions/` is scored. Your own files, `predictions`, are scored in addition: CSV or Parquet
     tables with `frame_id` and `x_c_mm` or `force_n`.
 
-    Raises InputError where nothing is solved, and for damaged files.
+    Raises InputError if there is nothing to score, and for damaged files.
     """
     root = dataset_folder(data)
     if methods is not None:

@@ -9,12 +9,12 @@ AnyScene = SceneFile | Path | str
 
 
 class Scene(SceneFile):
-    """A scene built in Python, from the keys that a scene file has.
+    """A scene built in Python, with the same keys as a scene file.
 
-    Keys that are left out have their defaults. Files that the scene names are looked for in the
-    current folder. `scene` holds the checked values.
+    Missing keys have their defaults. Files that the scene names are looked up in the current
+    folder. `scene` holds the checked values.
 
-    Raises InputError with all mistakes.
+    Raises InputError that lists all mistakes.
 
     >>> import vbaa_bench as vb
     >>> pushes = {"contact_distance_mm": [120], "deflection_pct": [5, 10]}

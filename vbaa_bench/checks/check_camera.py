@@ -1,4 +1,4 @@
-"""The camera's round trip: calibration images rendered, calibrated, and held against the truth."""
+"""Round trip of the camera: render calibration images, calibrate, compare with the truth."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -22,16 +22,16 @@ from vbaa_bench.spec.rigs import TrueRig, nominal_rig, true_rig
 POINTS_MM: Final = 0.01
 FOCAL_LENGTH_PCT: Final = 0.03
 PRINCIPAL_POINT_PX: Final = 0.2
-# Decentring shifts the image much as the principal point does.
+# Decentring distortion shifts the image much as the principal point does.
 PRINCIPAL_POINT_DISTORTED_PX: Final = 0.3
 POSE_SIGMAS: Final = 3.0
-# The beam and where it may bend to, in its length: what is seen of this part of plane C counts.
+# Region of plane C over which the beam may move, over its length: its visible part is checked.
 _FIELD: Final = ((0.0, 1.0), (-0.05, 0.25))
 
 
 @dataclass(frozen=True)
 class Check:
-    """One quantity of the camera: how far off it is found, and how far it may be."""
+    """One quantity of the camera: its error and its largest allowed error."""
 
     quantity: str
     error: float
@@ -40,14 +40,14 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within what is allowed."""
+        """Whether the error is within the allowed one."""
         return self.error <= self.allowed
 
 
 def check_camera(
     file: SceneFile, variant: str, progress: Callable[[int, int], None] = lambda _done, _total: None
 ) -> tuple[list[Check], Calibration]:
-    """Render a scene's calibration images, calibrate from them, compare with the true camera.
+    """Render a scene's calibration images, calibrate from them, and compare with the true camera.
 
     Raises InputError if the images do not allow a calibration.
     """
@@ -64,14 +64,14 @@ def check_camera(
 
 
 def compare(calibration: Calibration, true: Camera, told: Rig) -> list[Check]:
-    """The errors of a calibration against the true camera, whose board lies where the rig says."""
+    """Compare a calibration with the true camera, whose board is where the rig states it."""
     found = calibration.camera
     points = _field(true, told.beam.length)
     back, _ = on_plane(found, true.project(points), np.zeros((len(points), 2)))
     off = float(np.linalg.norm(back - points[:, :2], axis=1).max())
     scale = abs(found.fx / true.fx - 1)
     checks = [Check("points on plane C", off / MILLIMETRE, POINTS_MM, "mm")]
-    if true.telecentric:  # it has no principal point, and its pose but two of six numbers
+    if true.telecentric:  # it has no principal point, and its pose only two of six numbers
         return [*checks, Check("magnification", scale / PERCENT, FOCAL_LENGTH_PCT, "%")]
     allowed = PRINCIPAL_POINT_DISTORTED_PX if true.distortion else PRINCIPAL_POINT_PX
     shift = float(np.hypot(found.cx - true.cx, found.cy - true.cy))
@@ -86,7 +86,7 @@ def compare(calibration: Calibration, true: Camera, told: Rig) -> list[Check]:
 
 
 def record(checks: list[Check], calibration: Calibration) -> dict[str, Any]:
-    """For scripts."""
+    """Convert checks and calibration to a record for scripts."""
     return {
         "checks": [asdict(one) | {"passed": one.passed} for one in checks],
         "passed": all(one.passed for one in checks),
@@ -95,9 +95,9 @@ def record(checks: list[Check], calibration: Calibration) -> dict[str, Any]:
 
 
 def _as_told(rig: TrueRig, antenna_from_board: Floats) -> Camera:
-    """The true camera as seen from the board, which the rig believes to lie where it should.
+    """Return the true camera relative to the board, assumed to be where the rig states it.
 
-    Where the board lies is the laboratory's error, with a tolerance of its own.
+    The board's displacement is the laboratory's error, with a tolerance of its own.
     """
     true = rig.camera
     pose = true.camera_from_antenna @ rig.antenna_from_board @ invert(antenna_from_board)
@@ -105,7 +105,7 @@ def _as_told(rig: TrueRig, antenna_from_board: Floats) -> Camera:
 
 
 def _field(camera: Camera, length: float) -> Floats:
-    """Points (n, 3) [m] on plane C over which the beam moves, as far as the camera sees them."""
+    """Return points (n, 3) [m] on plane C over which the beam moves, in the camera's view."""
     x, y = (np.linspace(*share, 25) * length for share in _FIELD)
     right, up = np.meshgrid(x, y)
     points = np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
@@ -115,7 +115,7 @@ def _field(camera: Camera, length: float) -> Floats:
 
 
 def _pose_sigmas(calibration: Calibration, true: Floats, antenna_from_board: Floats) -> float:
-    """The largest error of the six numbers of view 0's pose, in their stated sigmas."""
+    """Compute the largest error of the six numbers of view 0's pose, in their stated sigmas."""
     assert calibration.covariance is not None
     found = calibration.camera.camera_from_antenna @ antenna_from_board
     turn = np.eye(4)

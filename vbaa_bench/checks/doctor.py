@@ -1,4 +1,4 @@
-"""What this machine can render with, and what to install."""
+"""Diagnose which renderer variants work on this machine, and what to install."""
 
 import os
 import shutil
@@ -15,13 +15,13 @@ INSTALL: Final = ("apt-get", "install", "--yes", "--no-install-recommends", *PAC
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The probed variants and what follows from them."""
+    """Probed variants and the advice that follows from them."""
 
     probes: tuple[Probe, ...]
 
     @property
     def healthy(self) -> bool:
-        """Whether anything renders."""
+        """Whether any variant renders."""
         return any(found.works for found in self.probes)
 
     @property
@@ -31,7 +31,7 @@ class Diagnosis:
 
     @property
     def advice(self) -> str:
-        """What to do next, in a sentence."""
+        """Next step for the user, in a sentence."""
         if not self.healthy:
             return f"Nothing renders here. {ADVICE}."
         if not self.fast:
@@ -41,7 +41,7 @@ class Diagnosis:
         return f"All is well, on the processor: {CUDA} does not work here."
 
     def record(self) -> dict[str, Any]:
-        """For scripts."""
+        """Convert the diagnosis to a record for scripts."""
         return {
             "variants": {p.variant: {"works": p.works, "said": p.said} for p in self.probes},
             "healthy": self.healthy,
@@ -56,7 +56,7 @@ def diagnose() -> Diagnosis:
 
 
 def install_libraries() -> str:
-    """Install by apt what the fast variant misses, where allowed; what was done, in a sentence."""
+    """Install by apt what the fast variant needs, where allowed; return a sentence about it."""
     if probe(FAST).works:
         return f"{FAST} works; nothing to install."
     if shutil.which("apt-get") is None or os.geteuid() != 0:

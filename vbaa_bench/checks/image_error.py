@@ -1,4 +1,4 @@
-"""How far a picture of the beam errs: in its radiance, and in where the beam seems to run."""
+"""Errors of an image of the beam: of its radiance, and of the beam's apparent position."""
 
 import math
 from dataclasses import dataclass
@@ -15,25 +15,29 @@ from vbaa_bench.render.world import World
 from vbaa_bench.spec.rigs import TrueRig
 from vbaa_bench.studio import Pose
 
-# Half the height of the window that a centroid is taken in, or so much above and below the beam.
+# Least half-height of the window of a centroid, and its least margin above and below the beam.
 _WINDOW_PX, _MARGIN_PX = 4, 3
-# A reference is the mean of so many parts, if there is time.
+# Number of renderings averaged for a reference, if there is time.
 _PARTS = 32
 
 
 @dataclass(frozen=True)
 class Line:
-    """Where a beam runs: the row (width,) of its centreline in every column of an image, nan where
-    there is none, and half the height of the window about it."""
+    """Position of a beam in an image, with a window about it.
+
+    `rows` (width,) are those of its centreline in every column, nan where there is none; `half`
+    is half the height of the window.
+    """
 
     rows: Floats
     half: int
 
     def centroids(self, image: Floats, reference: Floats) -> Floats:
-        """The row (width,) of the light's centroid in every column's window.
+        """Compute the row (width,) of the light's centroid in every column's window.
 
-        What `reference` (height, width) shows in the window's end rows is taken off before. Nan
-        where it shows less than half of the light that it does elsewhere: the beam is hidden.
+        The mean of `reference` (height, width) in the window's end rows is subtracted first. The
+        result is nan where the reference has less than half of its median light: the beam is
+        hidden there.
         """
         inside = (self.rows >= self.half) & (self.rows < len(image) - self.half - 0.5)
         columns = np.flatnonzero(inside)
@@ -49,7 +53,7 @@ class Line:
 
 
 def beam_line(rig: TrueRig, pose: Pose) -> Line:
-    """Where the beam of a pose truly runs in the image; from left to right, as methods take it."""
+    """Compute the true position of a pose's beam in the image, from left to right as in methods."""
     state, camera = pose.state, rig.camera
     stage = pose.camera_frame_from_clamp
     places = apply(stage, state.centreline[:, 1:]) + rig.base_position
@@ -61,8 +65,11 @@ def beam_line(rig: TrueRig, pose: Pose) -> Line:
 
 @dataclass(frozen=True)
 class Reference:
-    """What a pose truly shows about the beam: radiance (height, width) where `known`, the beam's
-    own pixels and their neighbours (`beam`), and the noise that is left in it, over the peak."""
+    """True image of a pose about the beam.
+
+    `radiance` (height, width) holds where `known`; `beam` are the beam's own pixels and their
+    neighbours; `noise_over_peak` is the residual noise of the radiance over the peak.
+    """
 
     radiance: Floats
     known: Mask
@@ -72,7 +79,7 @@ class Reference:
     noise_over_peak: float
 
     def errors(self, radiance: Floats) -> tuple[float, float]:
-        """Mean squares: of radiance on the beam's pixels over its peak, of the centroid [px]."""
+        """Compute mean squared errors: of the beam's radiance over its peak, centroids [px^2]."""
         apart = (radiance - self.radiance)[self.beam] / self.peak
         truth = self.line.centroids(self.radiance, self.radiance)
         moved = self.line.centroids(radiance, self.radiance) - truth
@@ -80,7 +87,7 @@ class Reference:
 
 
 def reference_of(world: World, seen: Picture, line: Line, seconds: float) -> Reference:
-    """The mean of many tracings, each with as many samples as ours ever takes."""
+    """Average many renderings, each with the largest number of samples that ours ever takes."""
     square = np.ones((3, 3), np.uint8)
     beam = cv2.dilate((seen.coverage > 0).astype(np.uint8), square) > 0
     known = beam.copy()

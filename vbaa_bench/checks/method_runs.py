@@ -1,4 +1,4 @@
-"""One method's rounds over the same frames: the times of each round, and its answers."""
+"""Repeated rounds of one method over the same frames: their times and estimates."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ from solver.table import csv_text, row
 from solver.tracker import PushTracker
 
 Record = dict[str, Any]
-# Gathers measurements; what it returns solves them all at once.
+# Gathers measurements and returns a function that solves them all at once.
 Batch = Callable[[Sequence[Measurement]], Callable[[], object]]
 
 
@@ -40,7 +40,7 @@ BATCHES: Final[dict[str, Batch]] = {"exact_fit": _gathered}
 
 
 class _Watch:
-    """A method that notes its last measurement and how long it took [s]."""
+    """Wrapper of a method that records its last measurement and its time [s]."""
 
     def __init__(self, method: Method) -> None:
         self._method = method
@@ -48,7 +48,7 @@ class _Watch:
         self.seconds = 0.0
 
     def forget(self) -> None:
-        """Before a frame of which it may see nothing."""
+        """Reset the record before a frame, which may not reach the method."""
         self.measurement, self.seconds = None, 0.0
 
     def __call__(self, measurement: Measurement) -> Estimate:
@@ -61,7 +61,7 @@ class _Watch:
 
 
 class Run:
-    """One method's rounds over the same frames; the first round warms up."""
+    """Rounds of one method over the same frames; the first round is a warm-up."""
 
     def __init__(self, method: Method, batch: Batch | None, antenna: Antenna, frames: int) -> None:
         self._method, self._antenna = method, antenna
@@ -101,11 +101,11 @@ class Run:
 
     @property
     def method_s(self) -> Floats:
-        """Seconds of that which the method itself took (n,)."""
+        """Seconds of each frame in the method itself (n,)."""
         return _typical(self._within)
 
     def record(self, frames: Sequence[Frame]) -> Record:
-        """Times and answers."""
+        """Convert times and estimates to a record."""
         points = _typical(self._points)
         rows = [
             row(frame.frame_id, answer, 1e3 * seconds)
@@ -121,18 +121,18 @@ class Run:
 
 
 def _typical(rounds: Sequence[Floats]) -> Floats:
-    """Each frame's median over all rounds but the first, (n,)."""
+    """Compute each frame's median over all rounds but the first, (n,)."""
     return np.asarray(np.median(rounds[1:] or rounds, axis=0))
 
 
 def _microseconds(seconds: npt.ArrayLike) -> float | None:
-    """The median of those that are known; None if none is."""
+    """Compute the median of the finite times in microseconds; return None if there are none."""
     known = np.asarray(seconds)[np.isfinite(seconds)]
     return 1e6 * float(np.median(known)) if len(known) else None
 
 
 def _seconds(act: Callable[[], object]) -> float:
-    """How long it takes; NaN where it fails, which the table of answers tells."""
+    """Time a call [s]; return NaN where it fails, which the table of estimates shows."""
     began = time.perf_counter()
     try:
         act()

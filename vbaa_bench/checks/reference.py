@@ -1,4 +1,4 @@
-"""The planar beam once more, by scipy's integrator: slow, and another road to the same numbers."""
+"""Reference solution of the planar beam by scipy's integrator: slow and independent."""
 
 import math
 from typing import Final
@@ -18,9 +18,10 @@ Push = tuple[float, float]
 
 
 def reference(push: Push, state: State) -> tuple[Floats, float, Floats]:
-    """Force (3,) [N], s_c [m] and centreline (n, 3) [m] of a planar push by scipy's integrator.
+    """Compute force (3,) [N], s_c [m] and centreline (n, 3) [m] of a planar push by scipy.
 
-    `state` says where the search starts, a hundredth off, and the centreline's arc lengths.
+    `state`, changed by one per cent, is the start of the search; it also gives the centreline's
+    arc lengths.
     """
     length, unit = BEAM.length, BEAM.flexural_rigidity / BEAM.length**2
     x_0, radius = push[0] / length, BEAM.radius / length
@@ -56,7 +57,7 @@ def reference(push: Push, state: State) -> tuple[Floats, float, Floats]:
 
 
 def dead_load_tip(load: float) -> Floats:
-    """The tip (3,) over L under a dead load [EI / L^2] (Bisshopp and Drucker 1945)."""
+    """Compute the tip (3,) over L under a dead load [EI / L^2] (Bisshopp and Drucker 1945)."""
     slope = brentq(lambda slope: _walk(load, 1.0, slope)[0, -1] - slope, 0.01, 1.5, xtol=1e-14)
     _, _, along, across = _walk(load, 1.0, slope)[:, -1]
     cosine, sine = math.cos(slope), math.sin(slope)
@@ -64,7 +65,7 @@ def dead_load_tip(load: float) -> Floats:
 
 
 def _walk(force: float, end: float, lean: float = 0.0, at: Floats | None = None) -> Floats:
-    """(phi, phi', along, across) of the beam walked back from the force, (4, n).
+    """Integrate the beam back from the force; return (phi, phi', along, across) as (4, n).
 
     phi'' = force cos(phi - lean), lengths in units of L and the force in EI / L^2; `along` and
     `across` are in the frame of the tangent there.

@@ -1,4 +1,4 @@
-"""Curves of seconds against error: where they are compared, and how they look."""
+"""Curves of seconds against error: comparison at equal error, and plots."""
 
 import math
 from collections.abc import Sequence
@@ -12,16 +12,16 @@ import vl_convert as vlc
 
 from solver.instrument.files import write_bytes
 
-# Seconds are compared where the image errs by so much of the beam's peak radiance.
+# Error of the image, over the beam's peak radiance, at which seconds are compared.
 TARGET: Final = 0.005
 
 Record = dict[str, Any]
 
 
 def at_equal_error(curve: Sequence[Record], target: float = TARGET) -> Record:
-    """Seconds at which a curve errs by `target`, between its points straight in log-log.
+    """Compute the seconds at which a curve has the error `target`, by log-log interpolation.
 
-    Beyond its ends it goes on by the slope of the two points there: `extrapolated`.
+    Beyond its ends the curve is `extrapolated` by the slope of the two points there.
     """
     points = sorted(curve, key=lambda point: float(point["rmse_over_peak"]))
     error = np.log([point["rmse_over_peak"] for point in points])
@@ -38,7 +38,7 @@ def at_equal_error(curve: Sequence[Record], target: float = TARGET) -> Record:
 
 
 def sentence(record: Record, out: Path) -> str:
-    """What was found, to be read."""
+    """Summarise a record in one sentence."""
     beyond = any(found["extrapolated"] for found in record["at_target"].values())
     return (
         f"at an error of {100 * TARGET:g} % of the beam's peak "
@@ -50,7 +50,7 @@ def sentence(record: Record, out: Path) -> str:
 
 
 def write(record: Record, out: Path, names: Sequence[str]) -> None:
-    """Write a record's curves, of renderers of these names, as render_speed.csv and .png."""
+    """Write a record's curves of the renderers `names` as render_speed.csv and .png."""
     table = pl.DataFrame(
         [point for curve in record["curves"].values() for point in curve],
         infer_schema_length=None,

@@ -1,4 +1,4 @@
-"""How fast each model finds the beam's equilibrium on one core, and how far it errs."""
+"""Measure each model's speed in solving for equilibrium on one core, and its error."""
 
 import json
 import logging
@@ -27,7 +27,7 @@ from vbaa_bench.mechanics.surfaces import upright
 
 NOT_INSTALLED: Final = "not installed: pip install 'vbaa-bench[yardstick]'"
 
-# Times each set of states is found; the median time counts.
+# Number of times each set of states is solved; the median time counts.
 _REPEATS = 3
 _ONE_THREAD = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
@@ -35,7 +35,7 @@ Record = dict[str, Any]
 
 
 def measure_apart(yardstick_seconds: float) -> Record:
-    """`measure` in a fresh process whose numerical libraries keep to one thread."""
+    """Run `measure` in a fresh process whose numerical libraries use one thread."""
     environment = os.environ | {f"{name}_NUM_THREADS": "1" for name in _ONE_THREAD}
     command = [sys.executable, "-m", "vbaa_bench.checks.speed_mechanics", str(yardstick_seconds)]
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
@@ -46,10 +46,10 @@ def measure_apart(yardstick_seconds: float) -> Record:
 def measure(
     yardstick_seconds: float, *, flat: int = 3000, compared: int = 20, spatial: int = 60
 ) -> Record:
-    """States per second, and the error, of every model.
+    """Measure states per second, and the error, of every model.
 
-    `flat` pushes go through the fast path and `compared` of them through an integration of
-    scipy's; `spatial` go through the rod in space.
+    `flat` pushes are solved by the fast path, and `compared` of them by scipy's integration, too;
+    `spatial` pushes are solved by the rod in space.
     """
     generator = np.random.default_rng(0)
     distances = generator.uniform(0.03, 0.2, max(flat, spatial))
@@ -69,7 +69,7 @@ def measure(
 
 
 def rows(record: Record) -> list[tuple[str, str, str, str, str]]:
-    """Model, states per second, times the yardstick's, worst error, and a remark, to be read."""
+    """Format rows: model, states per second, ratio to the yardstick, worst error, remark."""
     flat, found = record["planar"], record["yardstick"]
     bare, cold = flat["states_per_s_without_centreline"], flat["cold_start_s"]
     remarks = {
@@ -171,7 +171,11 @@ def _space_all_effects(pushes: Sequence[Push]) -> Record:
 def _timed(
     find: Callable[[Push], State], pushes: Sequence[Push]
 ) -> tuple[float, float, list[State]]:
-    """Seconds of the first state, which loads or compiles code; states per second; the states."""
+    """Time all states.
+
+    Returns the seconds of the first state, which loads or compiles code; the states per second;
+    and the states.
+    """
     start = perf_counter()
     find(pushes[0])
     cold = perf_counter() - start
@@ -188,8 +192,11 @@ def _flat(push: Push, intervals: int) -> State:
 
 
 def _difference(state: State, force: Floats, s_c: float, points: Floats) -> float:
-    """The largest of a state's relative differences from a contact force (3,) [N], its arc
-    length [m], and a centreline (n, 3) [m]; the last counts against the tip's deflection."""
+    """Compute the largest relative difference of a state from reference values.
+
+    They are a contact force (3,) [N], its arc length [m], and a centreline (n, 3) [m]; the last
+    difference is relative to the tip's deflection.
+    """
     contact = state.contact
     apart = np.linalg.norm(state.centreline[:, 1:] - points, axis=1).max() / state.tip[1]
     strength = np.linalg.norm(contact.force - force) / np.linalg.norm(force)
@@ -197,9 +204,9 @@ def _difference(state: State, force: Floats, s_c: float, points: Floats) -> floa
 
 
 def _unbalanced(rod: Rod, state: State) -> float:
-    """How far a state changes on a mesh eight times as fine, under its own forces.
+    """Compute the change of a state on a mesh eight times as fine, under its own forces.
 
-    Places count against the tip's deflection, the moment left at the tip against the clamp's.
+    Positions are relative to the tip's deflection, the moment left at the tip to the clamp's.
     """
     length, unit, contact = rod.beam.length, rod.force_unit, state.contact
     turned = Motor().clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))[:3, :3]

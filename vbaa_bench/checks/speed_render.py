@@ -1,10 +1,11 @@
-"""Seconds per frame against the error of its image, ours and plain Mitsuba's.
+"""Measure seconds per frame against image error, for our renderer and for plain Mitsuba.
 
-A frame is end to end, for both: new vertices of all that moves, render, truth layers, sensor, PNG
-and EXR; the mechanics are not in it. To ours is added what the plate, rendered once for all frames
-of the scene, costs each of them. Plain Mitsuba renders all pixels by `mi.render`; of variance and
-coverage, which it does not know, its EXR holds zeros. Both run in this one process on all threads,
-with kernels compiled before, but for plain points that there is time to make once only.
+A frame is end to end, for both: new vertices of all moving parts, render, truth layers, sensor,
+PNG and EXR; the mechanics are excluded. Our time includes each frame's share of the static layer
+(the plate), which is rendered once for all frames of the scene. Plain Mitsuba renders all pixels
+by `mi.render`; it computes no variance and coverage, for which its EXR holds zeros. Both run in
+this one process on all threads, with kernels compiled before, except plain points that there is
+time to make only once.
 """
 
 import math
@@ -37,15 +38,15 @@ from vbaa_bench.spec.trials import random_generator
 from vbaa_bench.studio import Pose
 from vbaa_bench.workers import cores
 
-# Ours: the scene's noise wanted, times these. Plain: samples a pixel.
+# Ours: factors of the scene's noise targets. Plain: samples per pixel.
 _SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
 _SAMPLES = (4, 16, 64, 256, 1024)
 # Samples that fit into memory at a time.
 _LARGEST_FRAME = 1 << 28
-# Times each frame is made, if there is time; the median time counts, the mean square of errors.
+# Repetitions of each frame, if there is time; the median time and the mean squared error count.
 _REPEATS = 3
-# Frames before any counts. Dr.Jit traces one program to kernels of several orders by chance; each
-# is compiled when it is first met.
+# Warm-up frames. Dr.Jit traces one program to kernels of several orders by chance; each is
+# compiled when it first occurs.
 _WARM = 4
 # The reference may take this share of the time.
 _REFERENCE_SHARE = 0.25
@@ -55,7 +56,7 @@ Shoot = Callable[[int], Picture]
 
 @dataclass(frozen=True)
 class Stand:
-    """One pose before one bench, photographed again and again."""
+    """One pose on one bench, rendered repeatedly."""
 
     bench: Bench
     pose: Pose
@@ -63,13 +64,13 @@ class Stand:
     folder: Path
 
     def wanted(self, scale: float) -> Wanted:
-        """The noise that the scene wants, times `scale`; the plate's as it is."""
+        """Scale the scene's noise targets by `scale`, except that of the static layer."""
         spec, noise = self.bench.scene.render, self.bench.sensor(self.exposure).noise_sigma
         near, elsewhere = scale * spec.noise_near_beam, scale * spec.noise_elsewhere
         return Wanted(noise, spec.near_beam_px, near, elsewhere, spec.noise_still)
 
     def frame(self, shoot: Shoot, seed: int) -> Floats:
-        """Make one frame, end to end; the radiance that it shows."""
+        """Make one frame, end to end, and return its radiance."""
         bench = self.bench
         bench.pushed_world(self.pose)
         seen = shoot(seed)
@@ -81,7 +82,7 @@ class Stand:
         return seen.radiance
 
     def measured(self, shoot: Shoot, reference: Reference, deadline: float) -> Record:
-        """Seconds of a frame, and its errors."""
+        """Measure the seconds of a frame, and its errors."""
         seconds, squares = list[float](), list[tuple[float, float]]()
         while not seconds or (len(seconds) < _REPEATS and perf_counter() < deadline):
             start = perf_counter()
@@ -97,17 +98,17 @@ class Stand:
         }
 
     def kernel_share(self, shoot: Shoot) -> float:
-        """The share of a frame in which compiled kernels run."""
+        """Measure the share of a frame's time in which compiled kernels run."""
         start = perf_counter()
         busy = seconds_in_kernels(lambda: self.frame(shoot, 0))
         return busy / (perf_counter() - start)
 
 
 def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
-    """Curves of seconds per frame against error, of one pose of a scene, in about so many seconds.
+    """Measure curves of seconds per frame against error, for one pose of a scene.
 
-    Writes render_speed.csv and render_speed.png to `out`. Raises InputError where plain Mitsuba
-    cannot render what the scene asks, and where `out` cannot be written.
+    This takes about `seconds`. Writes render_speed.csv and render_speed.png to `out`. Raises
+    InputError where plain Mitsuba cannot render the scene, and where `out` cannot be written.
     """
     _refuse(file, variant)
     try:
@@ -129,7 +130,7 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
 
 
 def _refuse(file: SceneFile, variant: str) -> None:
-    """Raise InputError where plain Mitsuba cannot render what the scene asks."""
+    """Raise InputError where plain Mitsuba cannot render the scene."""
     scene = file.scene
     if variant == PLAIN:
         raise InputError(f"variant is {variant}, allowed are those that compile kernels")
@@ -186,7 +187,7 @@ def _compared(stand: Stand, frames: int, end: float) -> Record:
 
 
 def _timed_plate(world: World, wanted: Wanted) -> tuple[Plate | None, float]:
-    """The plate and its seconds; none where light goes from surface to surface, as in a dataset."""
+    """Render and time the static layer; None if light goes between surfaces, as in a dataset."""
     if world.bounces > 1:
         return None, 0.0
     plate(world, wanted, 0)  # compiles kernels
@@ -212,7 +213,10 @@ def _shoot(world: World, sampler: Sampler, samples: int) -> Shoot:
 def _plain(
     stand: Stand, world: World, sampler: Sampler, reference: Reference, end: float
 ) -> list[Record]:
-    """Four times the samples from point to point, until the target is met or time is up."""
+    """Measure plain Mitsuba with four times the samples from point to point.
+
+    Stops when the target error is reached or time is up.
+    """
     found: list[Record] = []
     stand.frame(_shoot(world, sampler, _SAMPLES[0]), 0)  # compiles kernels
     for samples in _SAMPLES:

@@ -1,7 +1,7 @@
-"""How long each method takes, from an image in memory and from points; all in one process.
+"""Measure each method's time, from an image in memory and from points, all in one process.
 
-Nothing here knows the truth: the process that measures is given a copy of the observations, and
-hands its answers back to be judged.
+No truth is available here: the measuring process gets a copy of the observations, and returns its
+estimates to be scored.
 """
 
 import json
@@ -25,7 +25,7 @@ from solver.set_up import set_up
 from solver.tracker import PushTracker
 from vbaa_bench.checks.method_runs import BATCHES, Record, Run
 
-# What a process needs, and one thread for every library: times are of one core.
+# Variables that a process needs, and one thread for every library: times are of one core.
 _KEPT: Final = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
 _ONE_THREAD: Final = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
@@ -38,12 +38,12 @@ def measure_apart(
     *,
     first_ever: bool = True,
 ) -> Record:
-    """`measure` in a fresh process on one thread, and each method's cold start in one of its own.
+    """Run `measure` in a fresh process on one thread, and each method's cold start in another.
 
-    `cold_start` finds all code compiled by an earlier process, as every day but the first.
-    `first_start` compiles all that the method needs, as right after an installation; None without
-    `first_ever`. Without `methods`, all are measured. Raises InputError where one is unknown, and
-    where the observations cannot be solved.
+    For `cold_start` an earlier process has compiled all code, as every day but the first.
+    `first_start` compiles all that the method needs, as right after an installation; it is None
+    without `first_ever`. Without `methods`, all are measured. Raises InputError where one is
+    unknown, and where the observations cannot be solved.
     """
     methods = methods or list(METHODS)
     for name in methods:
@@ -62,12 +62,12 @@ def measure_apart(
 
 
 def measure(observations: Path, methods: Sequence[str], most_frames: int, repeats: int) -> Record:
-    """Seconds of every method on some frames of a dataset, and its answers.
+    """Measure the seconds of every method on some frames of a dataset, and its estimates.
 
-    All methods take turns, `repeats` times after one round to warm up, so that a machine that
-    slows down does so for all. Of each frame the median time of the repeats counts, of the frames
-    the median again. The methods of BATCHES solve the points of all frames at once, too.
-    `predictions` is a method's table of answers, as CSV.
+    All methods take turns, `repeats` times after one warm-up round, so that a slowdown of the
+    machine affects all. A frame's time is the median over the repeats, a method's time the median
+    over the frames. The methods of BATCHES solve the points of all frames at once, too.
+    `predictions` is a method's table of estimates, as CSV.
     """
     opened = open_observations(observations)
     frames = chosen(opened.frames, most_frames)
@@ -97,7 +97,7 @@ def measure(observations: Path, methods: Sequence[str], most_frames: int, repeat
 
 
 def start_cold(observations: Path, name: str, launched: float) -> Record:
-    """What the first answer of a process that was launched at `launched` [Unix time] costs."""
+    """Time the first estimate of a process that was launched at `launched` [Unix time]."""
     imported = time.time()
     opened = open_observations(observations)
     first = opened.frames[0]
@@ -116,7 +116,10 @@ def start_cold(observations: Path, name: str, launched: float) -> Record:
 
 
 def chosen(frames: Sequence[Frame], most: int) -> list[Frame]:
-    """Whole pushes, in the order of their steps, spread evenly: at most so many frames, or one."""
+    """Choose whole pushes, evenly spread, of at most `most` frames in total, or one push.
+
+    The frames of a push are in the order of their steps.
+    """
     pushes: dict[str, list[Frame]] = {}
     for frame in frames:
         pushes.setdefault(frame.push_id or frame.frame_id, []).append(frame)
@@ -128,13 +131,16 @@ def chosen(frames: Sequence[Frame], most: int) -> list[Frame]:
 
 
 def _first_start(folder: str, observations: Path, name: str) -> Record:
-    """`start_cold` where nothing has ever been compiled."""
+    """Run `start_cold` where no code has been compiled before."""
     with tempfile.TemporaryDirectory(prefix="compiled-", dir=folder) as empty:
         return _child(folder, "start_cold", observations, name, repr(time.time()), compiled=empty)
 
 
 def _child(folder: str, *arguments: object, compiled: str | None = None) -> Record:
-    """The record of a fresh process, which keeps compiled code in a folder, or where it is kept."""
+    """Run a fresh process and return its record.
+
+    Compiled code is cached in the folder `compiled`, or in the usual place.
+    """
     environment = {name: os.environ[name] for name in _KEPT if name in os.environ}
     environment |= {f"{name}_NUM_THREADS": "1" for name in _ONE_THREAD}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"

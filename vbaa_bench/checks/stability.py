@@ -1,27 +1,27 @@
-"""How stably each method answers: what it makes of noise, of rounding, and how well it is posed.
+"""Measure each method's noise amplification, rounding sensitivity and condition number.
 
-The beam of the paper's rig is pushed by the world's mechanics, and its columns are handed to the
-methods as points, without images, with 0.05 px of noise; the clamp is known to a nanometre, so that
-the numbers are of the points alone. For every contact distance and deflection of a grid:
+The beam of the paper's rig is pushed by the world's mechanics. The methods get its columns as
+points with 0.05 px of noise, without images. The clamp is known to a nanometre, so that the
+numbers depend on the points only. For every contact distance and deflection of a grid:
 
-- Error amplification: the standard deviation of x_c, in % of L, and of the force, in % of itself,
-  over that of the points, in pixels, where every column errs on its own. It is found by
-  perturbation, not from what a method states: stretches of neighbouring columns are moved by one
-  sigma, one after another. A derivative that is smooth along the beam makes a stretch of m columns
-  move the answer m times as far as one column, and the squares of all columns add up to that of the
-  stretches over m. A number of 0.5 % says that 0.05 px of noise makes 0.025 % of L.
-- Condition: of the normal equations of those methods that have any, in the contact distance, the
-  force and what else is fitted (the inclination, the compliance, the onset), each in units of its
-  own error, so that units do not decide. As many decimal digits as it has are lost to rounding
-  where the equations are solved; the errors of the worst and of the best known combination of the
-  unknowns are as its square root to one.
+- Noise amplification: the standard deviation of x_c, in % of L, and of the force, in % of itself,
+  over that of the points, in pixels, with independent errors of all columns. It is measured by
+  perturbation, not taken from a method's covariance: stretches of neighbouring columns are moved
+  by one sigma, one after another. If the derivative is smooth along the beam, a stretch of m
+  columns changes the estimate m times as much as one column. The sum of squares over all columns
+  is then the sum over all stretches of their squares over m. An amplification of 0.5 % means that
+  0.05 px of noise causes 0.025 % of L.
+- Condition number: of the normal equations of the methods that have them, in the contact distance,
+  the force and the other fitted unknowns (the inclination, the compliance, the onset), each in
+  units of its own error, so that units have no effect. Solving the equations loses as many decimal
+  digits to rounding as the condition number has. Its square root is the ratio of the errors of the
+  worst and the best known combination of the unknowns.
 - Rounding: the largest change of x_c, over L, if every coordinate moves by one unit in the last
-  place, up or down at random. Methods that average pairs may gain or lose one that way.
+  place, up or down at random. Methods that average pairs may gain or lose a pair by this.
 
-Each push has two frames before the one that is judged, and sensors of 1 %; methods that have no use
-for them answer as they would without. `force_sensor` does not look at points at all. Linear
-methods are judged with their bias, which no noise shows: amplification says how they scatter, not
-how far they are off.
+Each push has two frames before the evaluated one, and sensors of 1 %; methods that do not use them
+give the same estimates without them. `force_sensor` does not use points at all. Linear methods are
+evaluated with their bias, which noise does not show: amplification measures scatter, not bias.
 """
 
 from dataclasses import replace
@@ -47,17 +47,17 @@ CONTACTS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # x_c / L before the push
 DEFLECTIONS: Final = (0.05, 0.2)
 PIXEL: Final = 0.51e-3  # on plane C [m]
 SIGMA_PX: Final = 0.05
-# Above the beam's middle, perspective would hardly tell three points its plane.
+# From above the beam's middle, perspective would hardly constrain the plane of three points.
 VIEWPOINT: Final = np.array([-0.12, 0.0, 0.36, 1.0])
 STRETCHES: Final = 32
-# The pushing angles of the frames before the last, as shares of its own.
+# Pushing angles of the frames before the last, over that of the last.
 EARLIER: Final = (0.5, 0.75)
 ONSET: Final = 0.2  # motor angle of first contact [rad]
 FITTED: Final = ("x_c_m", "force_n", "psi_rad", "compliance_m_per_n", "onset_angle_rad")
 
 
 def measure(contacts: tuple[float, ...] = CONTACTS) -> Record:
-    """Every method on every push of the grid, as numbers that JSON can hold."""
+    """Measure every method on every push of the grid, as numbers that JSON can hold."""
     pushes = {
         (contact, deflection): pushed(BEAM, contact * BEAM.length, deflection)
         for contact in contacts
@@ -76,9 +76,10 @@ def measure(contacts: tuple[float, ...] = CONTACTS) -> Record:
 
 
 def pushed(beam: Beam, distance: float, deflection: float) -> Measurement:
-    """Noisy columns of a push in plane C against a sharp edge at a distance [m], to y_tip / L.
+    """Simulate noisy columns of a push in plane C against a sharp edge at `distance` [m].
 
-    Before the last frame, which is judged, there are those of smaller pushing angles.
+    `deflection` is y_tip / L. Frames of smaller pushing angles precede the last frame, which is
+    evaluated.
     """
     last = push(beam, distance, deflection=deflection, intervals=4000)
     before = [
@@ -90,7 +91,10 @@ def pushed(beam: Beam, distance: float, deflection: float) -> Measurement:
 
 
 def judged(method: Method, measurement: Measurement) -> Record:
-    """Outcome, amplification, condition and rounding of one method on one push; None: no number."""
+    """Measure outcome, amplification, condition and rounding of one method on one push.
+
+    A number that does not exist is None.
+    """
     plain = run_method(method, measurement)
     found: Record = {
         "outcome": str(plain.outcome),
@@ -111,9 +115,9 @@ def judged(method: Method, measurement: Measurement) -> Record:
 def amplification(
     method: Method, measurement: Measurement, plain: Estimate
 ) -> tuple[float, float] | None:
-    """Standard deviations of x_c and force over that of the points, [m/m] and [N/m].
+    """Compute standard deviations of x_c and force over that of the points, [m/m] and [N/m].
 
-    None where an answer is lost when points move by one sigma.
+    Returns None if the method gives no estimate when points move by one sigma.
     """
     points, sigmas = measurement.points, measurement.sigma_vectors
     squares = np.zeros(2)
@@ -130,7 +134,7 @@ def amplification(
 
 
 def condition(estimate: Estimate) -> float | None:
-    """Condition number of the scaled normal equations that an estimate's covariance stands for."""
+    """Compute the condition number of the scaled normal equations from an estimate's covariance."""
     names = list(estimate.values)
     chosen = [names.index(name) for name in FITTED if name in names]
     if estimate.covariance is None or not chosen:
@@ -142,7 +146,7 @@ def condition(estimate: Estimate) -> float | None:
 
 
 def rounding(method: Method, measurement: Measurement, plain: Estimate) -> float | None:
-    """The largest change of x_c / L under perturbations of one unit in the last place."""
+    """Compute the largest change of x_c / L under perturbations of one unit in the last place."""
     random = np.random.default_rng(0)
     worst = 0.0
     for _ in range(3):
@@ -157,8 +161,10 @@ def rounding(method: Method, measurement: Measurement, plain: Estimate) -> float
 
 
 def rows(record: Record) -> list[tuple[str, ...]]:
-    """A row for each method and deflection, to be read: both, x_c's amplification at every contact
-    distance, the same of force, the range of the condition, and the worst rounding.
+    """Format a row for each method and deflection.
+
+    A row has both, the amplification of x_c and of the force at every contact distance, the range
+    of the condition number, and the worst rounding.
     """
     found: list[tuple[str, ...]] = []
     for name, cases in record["methods"].items():
@@ -188,7 +194,7 @@ def _frame(beam: Beam, state: State, last: State) -> Measurement:
         **dict.fromkeys(Tolerances.__dataclass_fields__, 0.0) | {"encoder": 1e-4}
     )
     force, moment = state.base_force, state.base_moment
-    # Of the last frame's load, one per cent.
+    # One per cent of the last frame's load.
     size = 0.01 * float(np.linalg.norm(last.base_moment))
     sensors = Sensors(
         moment_y=size, base_force=0.01 * float(np.linalg.norm(last.base_force)), base_moment=size

@@ -1,4 +1,4 @@
-"""PyElastica's cantilever, which comes to rest in time: what a beam's shape costs elsewhere."""
+"""Yardstick of speed: PyElastica's simulation of a cantilever until it comes to rest."""
 
 import importlib
 import math
@@ -16,16 +16,17 @@ DENSITY: Final = 7850.0
 # The dead load on the tip, in EI / L^2: it moves the tip by a fifth of L.
 _DEAD_LOAD = 0.625
 _ELEMENTS = 50
-# Steps between two looks at the rod, which rests when no node would move farther than this share
-# of L while the slowest mode turns by a radian.
+# Steps between two tests for rest. The rod is at rest when no node would move farther than this
+# share of L while the phase of the slowest mode changes by a radian.
 _LOOK = 1000
 _REST = 1e-6
 
 
 def yardstick(seconds: float) -> dict[str, Any] | None:
-    """A cantilever under a dead load, brought to rest by PyElastica; None if it is not installed.
+    """Simulate a cantilever under a dead load by PyElastica until it rests, and time it.
 
-    It stops at rest, or after `seconds` of wall time.
+    The simulation stops at rest, or after `seconds` of wall time. Returns None if PyElastica is
+    not installed.
     """
     try:
         elastica = importlib.import_module("elastica")
@@ -54,11 +55,11 @@ def yardstick(seconds: float) -> dict[str, Any] | None:
 
 
 def _cantilever(elastica: ModuleType) -> tuple[Any, Callable[[], None], float]:
-    """PyElastica's rod, what carries it one step on, and the slowest mode's frequency [rad/s].
+    """Build PyElastica's rod, a function that advances it, and the slowest mode's rate [rad/s].
 
-    It holds its first element fast, so half an element is added there. The rotary inertia is
-    raised until the sections' spin, whose stable step would else be the shortest by far, is no
-    faster than sound along an element; a beam at rest knows nothing of it.
+    PyElastica fixes the first element, so half an element is added there. The rotary inertia is
+    raised until the sections' spin, whose stable step would otherwise be the shortest by far, is
+    no faster than sound along an element; it does not affect the beam at rest.
     """
     element = BEAM.length / (_ELEMENTS - 0.5)
     rod = elastica.CosseratRod.straight_rod(

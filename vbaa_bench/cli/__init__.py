@@ -1,7 +1,7 @@
 """The command `vbaa-bench`.
 
-The modules of this package define names, options and help texts, and import little: what a command
-needs is imported when it runs, so that help and version appear at once.
+The modules of this package define names, options and help texts, and import little. A command
+imports what it needs when it runs, so that help and version appear at once.
 """
 
 from vbaa_bench.interrupt import importing

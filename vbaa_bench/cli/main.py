@@ -1,4 +1,4 @@
-"""`vbaa-bench`: all commands in the order of its help, and the exit status."""
+"""The command line `vbaa-bench`: all commands in the order of its help, and the exit status."""
 
 import importlib.metadata
 import sys
@@ -46,7 +46,10 @@ def options(
 
 
 def main() -> None:
-    """Run; a mistake in the input is a clear sentence and exit status 2, Ctrl-C is status 130."""
+    """Run the command line. The exit status is 2 for an input error, 130 for Ctrl-C.
+
+    A dead worker process gives exit status 1. Errors are printed as one message.
+    """
     try:
         app()
     except KeyboardInterrupt:

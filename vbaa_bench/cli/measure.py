@@ -100,7 +100,7 @@ def doctor(
     as_json: AsJson = False,
 ) -> None:
     """Say what this machine can render with, and what to install."""
-    # Nothing that needs the renderer's libraries: this command must run where they are missing.
+    # Import nothing that needs the renderer's libraries: this command must run without them.
     with importing():
         from vbaa_bench.checks import doctor as checks
 

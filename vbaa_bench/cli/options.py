@@ -8,7 +8,7 @@ import typer
 from solver.instrument.errors import InputError
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 
-# Written out for help texts: importing what they name takes seconds. A test compares them.
+# Copied for help texts, because importing the originals takes seconds. A test compares them.
 METHODS: Final = (
     "two_point",
     "three_point",
@@ -41,7 +41,7 @@ MEMORY_GB: Final = 8.0
 
 
 def _known(centrelines: list[str] | None) -> list[str] | None:
-    """Refuse an unknown name before anything is rendered. Raises InputError."""
+    """Reject an unknown name before anything is rendered. Raises InputError."""
     for name in centrelines or []:
         if name not in CENTRELINES:
             raise InputError(
@@ -51,7 +51,7 @@ def _known(centrelines: list[str] | None) -> list[str] | None:
 
 
 def _nameable(path: Path | None) -> Path | None:
-    """Refuse a name that no file can have, before minutes of work. Raises InputError."""
+    """Reject an invalid file name before minutes of work. Raises InputError."""
     try:
         if path is not None:
             path.exists()

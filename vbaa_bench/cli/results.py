@@ -1,4 +1,4 @@
-"""Commands that judge: run, solve, score, report, table."""
+"""Commands that solve and score: run, solve, score, report, table."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`vbaa-bench speed`: mechanics, render, solve."""
+"""The commands `vbaa-bench speed`: mechanics, render, solve."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -57,7 +57,7 @@ def render(
         from vbaa_bench.render.variant import choose
         from vbaa_bench.spec.load import load_scene
 
-    # Beside the scene's dataset: a dataset's folder holds nothing else when it is begun.
+    # Not in the scene's dataset folder, which must be empty when `generate` starts.
     root = out or Path("runs") / f"{scene.stem}_speed"
     with console.status("rendering frames"):
         record = speed_render.measure(load_scene(scene), choose(variant), seconds, root)
@@ -105,7 +105,7 @@ def solve(
 
 
 def show_speeds(record: dict[str, Any]) -> None:
-    """The table of `vbaa-bench speed solve`."""
+    """Print the table of `vbaa-bench speed solve`."""
     width, height = record["image_px"]
     title = (
         f"{record['frames']} frames of {width} x {height} px, one core; beside these times: "

@@ -1,1 +1,1 @@
-"""A dataset on disk: observations/ for solvers, truth/ for the judge, joined by frame id."""
+"""A dataset on disk: observations/ for solvers and truth/ for scoring, joined by frame id."""

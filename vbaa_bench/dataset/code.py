@@ -1,4 +1,4 @@
-"""Digests of the code that makes data: by them a dataset names the program that it came from."""
+"""Digests of the code that generates data; they identify the program that made a dataset."""
 
 import ast
 import functools
@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parent.parent.parent
-# The maker of images: every module that it needs, directly or not, makes data.
+# The module that makes images. Data depend on every module that it imports, directly or not.
 MAKER: Final = "vbaa_bench.bench"
-# Needed by the maker, but no byte of a file depends on them.
+# Imported by MAKER, but without effect on the bytes of any file.
 _WITHOUT_EFFECT: Final = {
     "solver.instrument.errors",
     "solver.instrument.files",
@@ -20,7 +20,7 @@ _WITHOUT_EFFECT: Final = {
 
 @functools.cache
 def code_digests() -> dict[str, str]:
-    """Digest the syntax tree, without docstrings, of every module that makes data, by its name."""
+    """Digest the syntax tree, without docstrings, of every module that data depend on, by name."""
     found: dict[str, str] = {}
     waiting = [MAKER]
     while waiting:
@@ -35,7 +35,7 @@ def code_digests() -> dict[str, str]:
 
 
 def _source(module: str) -> Path | None:
-    """The file of one of our own modules; None for all others."""
+    """Find the file of a module of this project; None for all others."""
     if module.partition(".")[0] not in ("vbaa_bench", "solver"):
         return None
     place = ROOT.joinpath(*module.split("."))
@@ -44,7 +44,7 @@ def _source(module: str) -> Path | None:
 
 
 def _imports(tree: ast.Module) -> list[str]:
-    """Names that a module imports anywhere; of `from a import b` both a and a.b, if modules."""
+    """List names that a module imports anywhere; for `from a import b` both a and a.b."""
     names: list[str] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):

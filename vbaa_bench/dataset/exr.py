@@ -1,4 +1,4 @@
-"""Truth images as OpenEXR: one part, ZIP, dotted layer names."""
+"""Writer and reader of truth images as OpenEXR: one part, ZIP, dotted layer names."""
 
 import io
 from collections.abc import Mapping
@@ -10,9 +10,9 @@ import OpenEXR
 from solver.instrument.files import write_bytes
 from vbaa_bench.openexr import channels
 
-# layer of a scene -> (channels, pixel type): half where eleven bits and its range, 6e-8 to 65,504,
-# suffice, full where not: radiance is as large or small as the scene's `irradiance` makes it.
-# Radiance is that of the scene; the lens's vignetting comes after it.
+# Layer of a scene -> (channels, pixel type): half precision if eleven bits and its range, 6e-8 to
+# 65,504, suffice, else full. Radiance needs full: it scales with the scene's `irradiance`.
+# Radiance does not include the lens's vignetting.
 CHANNELS = {
     "radiance": (("radiance.Y",), np.float32),
     "variance": (("variance.Y",), np.float32),
@@ -24,8 +24,9 @@ CHANNELS = {
     "object_index": (("object.index",), np.uint32),
     "occlusion": (("beam.occlusion",), np.float16),
 }
-# Significant bits that are kept of a layer: the rest would double the file. A 2,000th of radiance
-# is far below its noise, and its variance is of one degree of freedom; of depth a 65,000th is kept.
+# Significant bits kept of a layer; more would double the file size. The relative resolution of
+# radiance, 1/2,000, is far below its noise, and its variance has one degree of freedom; that of
+# depth is 1/65,000.
 _BITS = {"radiance": 11, "variance": 11, "depth": 16}
 
 
@@ -35,11 +36,11 @@ def exr_bytes(layers: Mapping[str, np.ndarray]) -> bytes:
     for layer, values in layers.items():
         names, kind = CHANNELS[layer]
         for name, part in zip(names, np.atleast_3d(values).transpose(2, 0, 1), strict=True):
-            # OpenEXR writes strided arrays wrong without an error: copy to contiguous memory.
+            # OpenEXR writes strided arrays wrongly without an error: copy to contiguous memory.
             values_of = np.ascontiguousarray(part, dtype=kind)
             written[name] = _rounded(values_of, _BITS[layer]) if layer in _BITS else values_of
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    # Encoded in memory: its hash is that of these bytes, and a full disk is an OSError.
+    # Encoded in memory: the hash is of these bytes, and a full disk raises OSError.
     stream = io.BytesIO()
     with OpenEXR.File(header, written) as file:
         file.write(stream)
@@ -47,7 +48,7 @@ def exr_bytes(layers: Mapping[str, np.ndarray]) -> bytes:
 
 
 def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
-    """Write layers as `exr_bytes` takes them. Raises OSError."""
+    """Write layers in the format of `exr_bytes`. Raises OSError."""
     write_bytes(path, exr_bytes(layers))
 
 
@@ -59,7 +60,7 @@ def _rounded(values: np.ndarray, bits: int) -> np.ndarray:
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:
-    """Read the layers of a truth image, as `exr_bytes` takes them. Raises InputError."""
+    """Read the layers of a truth image, in the format of `exr_bytes`. Raises InputError."""
     found = channels(path)
     return {
         layer: np.dstack([found[name] for name in names]).squeeze()

@@ -1,4 +1,4 @@
-"""What a dataset is of and what it is made with: only `generate` cares, and refuses another."""
+"""Identity of a dataset: its scene and the program that makes it. `generate` rejects mismatches."""
 
 import json
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ Identity = dict[str, Any]
 
 
 def identity_of(file: SceneFile, variant: str) -> Identity:
-    """Collect all that the bytes of a dataset depend on. The scene's title is not among it."""
+    """Collect everything that the bytes of a dataset depend on, without the scene's title."""
     scene = file.scene
     names = [scene.object.file] if isinstance(scene.object, MeshSpec) else []
     names += [light.file for light in scene.lights if light.kind == "environment" and light.file]
@@ -38,11 +38,11 @@ def _sha256(path: Path) -> str | None:
 
 
 def check_identity(layout: Layout, here: Identity) -> bool:
-    """Check that the folder holds what `here` makes; False where it holds nothing yet.
+    """Check that the folder holds a dataset of identity `here`; return False if it is empty.
 
-    An identity.json that was damaged is written anew if the hashes show that it was this one.
-    Raises InputError for a folder that holds something else, and for a dataset of another scene,
-    seed, program or machine; the first difference is named.
+    A damaged identity.json is rewritten if the hashes show that it had this content. Raises
+    InputError for a folder that holds something else, and for a dataset of another scene, seed,
+    program or machine; the message names the first difference.
     """
     path, data = layout.identity, _encoded(here)
     if path.is_file() and path.read_bytes() == data:
@@ -63,7 +63,7 @@ def check_identity(layout: Layout, here: Identity) -> bool:
 
 
 def write_identity(layout: Layout, identity: Identity) -> str:
-    """Write identity.json, unless it is there; the sha256 of it. Raises OSError."""
+    """Write identity.json unless it exists; return its sha256. Raises OSError."""
     data = _encoded(identity)
     layout.truth.mkdir(parents=True, exist_ok=True)
     if not layout.identity.is_file():
@@ -76,7 +76,7 @@ def _encoded(identity: Identity) -> bytes:
 
 
 def _contents(layout: Layout) -> Iterator[str]:
-    """Files below the root that a start of `generate`, cut short, has not left there."""
+    """List files below the root, except those left by an interrupted start of `generate`."""
     left = (layout.lock.name, f".{layout.identity.name}.")
     for path in layout.root.rglob("*") if layout.root.exists() else ():
         if path.is_file() and not path.name.startswith(left):
@@ -85,7 +85,7 @@ def _contents(layout: Layout) -> Iterator[str]:
 
 def _refusal(layout: Layout, there: Identity, here: Identity) -> str:
     mend = "choose another folder with --out, or remove it"
-    here = json.loads(json.dumps(here))  # as the file has it: tuples are lists there
+    here = json.loads(json.dumps(here))  # as in the file: tuples become lists
     if isinstance(there.get("scene"), dict):
         there["scene"].pop("title", None)  # older versions had it
     for part in ("scene", "files"):
@@ -111,7 +111,7 @@ def _refusal(layout: Layout, there: Identity, here: Identity) -> str:
 
 
 def _differences(there: Any, here: Any, key: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Dotted keys at which two JSON documents differ, with both values."""
+    """Yield the dotted keys at which two JSON documents differ, with both values."""
     if isinstance(there, dict) and isinstance(here, dict):
         for name in sorted(there.keys() | here.keys()):
             below = f"{key}.{name}".lstrip(".") if isinstance(name, str) else key

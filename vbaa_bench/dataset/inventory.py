@@ -1,4 +1,4 @@
-"""What of a dataset is there, and is what was written."""
+"""Inventory of a dataset: find the intact, damaged and surplus files."""
 
 import os
 from collections.abc import Collection, Iterator
@@ -13,7 +13,7 @@ from vbaa_bench.dataset.layout import Layout
 
 @dataclass(frozen=True)
 class Contents:
-    """What a complete dataset consists of: single images, frame ids by shard, truth images or not.
+    """Contents of a complete dataset: single images, frame ids by shard, truth images or not.
 
     Images are named as in observations/.
     """
@@ -23,7 +23,7 @@ class Contents:
     layers: bool
 
     def names(self, tree: str, number: int) -> set[str]:
-        """Name the files of a shard in one of the trees, but for its hashes.json."""
+        """Name the files of a shard in one of the trees, except its hashes.json."""
         ids = self.shards[number]
         if tree == "observations":
             return {"metadata.csv", *(f"{frame_id}.png" for frame_id in ids)}
@@ -32,9 +32,9 @@ class Contents:
 
 @dataclass
 class Inventory:
-    """The sha256 of what is whole, by tree and name, and a sentence on each damage.
+    """The sha256 of intact files, by tree and name, and a message for each damage.
 
-    Of a shard that is whole in both trees the hashes.json stands for all its files.
+    A shard that is intact in both trees is represented by its hashes.json alone.
     """
 
     whole: dict[str, dict[str, str]] = field(
@@ -46,8 +46,8 @@ class Inventory:
 def take_inventory(layout: Layout, contents: Contents) -> Inventory:
     """Read every file of a dataset and compare it with the recorded hashes.
 
-    A shard is trusted by its own hashes alone, single files by those of their tree. What an
-    incomplete dataset does not have yet is no damage.
+    The files of a shard are checked by its own hashes, single files by those of their tree. Files
+    that an incomplete dataset does not have yet are no damage.
     """
     inventory = Inventory()
     recorded = {tree.name: _recorded(tree) for tree in layout.trees}
@@ -81,7 +81,7 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
 
 
 def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
-    """Find what lies in the trees beside the contents, outside shards; no link is followed."""
+    """Find files in the trees that are neither contents nor in shards; no link is followed."""
     known = {layout.observations / name for name in (*contents.images, "rig.json")}
     known |= {layout.identity, layout.manifest, *(tree / HASHES for tree in layout.trees)}
     shards = {
@@ -100,7 +100,7 @@ def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
 
 
 def _recorded(tree: Path) -> dict[str, str] | None:
-    """The table of a tree's hashes.json; None where there is none, empty where it is damaged."""
+    """Read the table of a tree's hashes.json: None if it is missing, empty if it is damaged."""
     try:
         return parse_hashes((tree / HASHES).read_bytes()) or {}
     except OSError:
@@ -108,7 +108,7 @@ def _recorded(tree: Path) -> dict[str, str] | None:
 
 
 def _file(path: Path, recorded: str | None) -> str:
-    """The sha256 of a file. Raises DamageError unless it is the recorded one."""
+    """Compute the sha256 of a file. Raises DamageError unless it is the recorded one."""
     try:
         found = None if path.is_symlink() else sha256(path)
     except FileNotFoundError as error:
@@ -121,9 +121,9 @@ def _file(path: Path, recorded: str | None) -> str:
 
 
 def _shard(folder: Path, names: Collection[str], recorded: str | None) -> str:
-    """The sha256 of the hashes.json of a whole shard. Raises DamageError for any other.
+    """Compute the sha256 of an intact shard's hashes.json. Raises DamageError for a damaged shard.
 
-    `recorded` is what the tree's hashes.json says of it, None where it is not written yet.
+    `recorded` is its sha256 in the tree's hashes.json, None if that is not written yet.
     """
     table = folder / HASHES
     try:

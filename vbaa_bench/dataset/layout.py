@@ -1,4 +1,4 @@
-"""Where things lie in a dataset folder.
+"""Paths in a dataset folder.
 
 DATASET/
   observations/   see solver/instrument/observation.py
@@ -11,8 +11,8 @@ DATASET/
     hashes.json                      sha256 of the files above, and of each shard's hashes.json
   .lock                              names the process that is writing
 
-The shards of both trees are written first, then the manifest, truth/hashes.json and at last
-observations/hashes.json: the dataset is complete with this one file.
+The shards of both trees are written first, then the manifest, truth/hashes.json and finally
+observations/hashes.json. The dataset is complete if this last file exists.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Layout:
 
     @property
     def truth(self) -> Path:
-        """The tree it may not."""
+        """The tree a solver may not see."""
         return self.root / "truth"
 
     @property
@@ -44,28 +44,28 @@ class Layout:
 
     @property
     def hashes(self) -> Path:
-        """Completes the dataset, and is written last."""
+        """The observations' hashes.json, which is written last and completes the dataset."""
         return self.observations / HASHES
 
     @property
     def identity(self) -> Path:
-        """What the dataset is of, and what it is made with."""
+        """The file that identifies the dataset's scene and program."""
         return self.truth / "identity.json"
 
     @property
     def manifest(self) -> Path:
-        """What is true of the whole dataset."""
+        """The file with the truth of the whole dataset."""
         return self.truth / "manifest.json"
 
     @property
     def lock(self) -> Path:
-        """Held by the process that writes the dataset."""
+        """The lock file, held by the process that writes the dataset."""
         return self.root / ".lock"
 
     def shard(self, tree: Path, number: int) -> Path:
-        """Folder of one shard in one of the trees."""
+        """Return the folder of one shard in one of the trees."""
         return tree / f"shard_{number:05d}"
 
     def aside(self, number: int) -> Path:
-        """Where a shard is made before it is moved into place."""
+        """Return the temporary folder of a shard, from which it is moved into place."""
         return self.root / f".shard_{number:05d}.part"

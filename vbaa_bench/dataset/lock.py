@@ -1,4 +1,4 @@
-"""One writer a dataset: a lock that names its holder and ends with it."""
+"""Lock for one writer per dataset; it names its holder, and is freed when that process ends."""
 
 import contextlib
 import json
@@ -14,7 +14,7 @@ from solver.instrument.errors import InputError
 if sys.platform == "win32":
     import msvcrt
 
-    # Windows keeps others from reading locked bytes: lock one far behind the holder's name.
+    # On Windows others cannot read locked bytes: lock a byte far behind the holder's name.
     _FAR = 1 << 30
 
     def _take(descriptor: int) -> None:
@@ -32,9 +32,9 @@ else:
 def locked(path: Path) -> Iterator[None]:
     """Hold the lock file `path`; it is removed at the end.
 
-    The operating system frees the lock of a process that has died, so a file that is left behind
-    bars nobody. Raises InputError, which names the holder, where another process has it, and
-    OSError where the file cannot be written.
+    The operating system frees the lock of a process that has died, so a leftover file does not
+    block others. Raises InputError, which names the holder, if another process has the lock, and
+    OSError if the file cannot be written.
     """
     descriptor = _opened(path)
     try:
@@ -54,7 +54,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def _opened(path: Path) -> int:
-    """A descriptor of the lock file, locked."""
+    """Open and lock the lock file; return its descriptor."""
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
@@ -65,7 +65,7 @@ def _opened(path: Path) -> int:
                 f"{path.parent}: is being written by {_holder(path)}; wait until it is done, "
                 "or choose another folder"
             ) from error
-        # The former holder may have removed the file between our opening and locking it.
+        # The previous holder may have removed the file after we opened and before we locked it.
         with contextlib.suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(descriptor), path.stat()):
                 return descriptor

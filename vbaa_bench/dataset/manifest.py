@@ -33,10 +33,10 @@ def versions() -> dict[str, str]:
 
 
 def seal(layout: Layout, facts: dict[str, Any], whole: Mapping[str, Mapping[str, str]]) -> None:
-    """Write the manifest and the hashes of both trees; with the last of them the data are complete.
+    """Write the manifest and the hashes of both trees; the last file completes the dataset.
 
-    `whole` holds by tree the sha256 of each file, taken as it was written, but for the manifest.
-    What is there already as it should be is not written again. Raises OSError.
+    `whole` holds, by tree, the sha256 of each file except the manifest, computed when it was
+    written. Files that exist with the right content are not written again. Raises OSError.
     """
     manifest = (json.dumps({**facts, "versions": versions()}, indent=2) + "\n").encode()
     _write(layout.manifest, manifest)

@@ -1,4 +1,4 @@
-"""Opening the truth, and handing the observations to a method."""
+"""Readers of the truth, and copying of the observations for a method."""
 
 import io
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from solver.instrument.hashes import HASHES, listed, read_bytes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 
-# What every manifest holds of what is read from it.
+# Required keys of the manifest.
 _FACTS: Final = {"scene", "seed", "variant", "true_rig"}
 _RIG: Final = {"beam_length_mm", "beam_diameter_mm", "flexural_rigidity_n_mm2", "base_position_mm"}
 _CAMERA: Final = {"width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"} | {
@@ -26,7 +26,7 @@ _CAMERA: Final = {"width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"} |
 
 @dataclass(frozen=True)
 class Truth:
-    """An opened truth tree: the manifest and one row a frame, sorted by frame id."""
+    """An opened truth tree: the manifest and one row per frame, sorted by frame id."""
 
     root: Path
     manifest: dict[str, Any]
@@ -50,7 +50,7 @@ class Truth:
 
 
 def check_complete(layout: Layout) -> None:
-    """Raise InputError unless a complete dataset is there: its observations/hashes.json is."""
+    """Raise InputError unless the dataset is complete: its observations/hashes.json exists."""
     try:
         complete, begun = layout.hashes.is_file(), layout.identity.is_file()
     except OSError as error:
@@ -65,10 +65,10 @@ def check_complete(layout: Layout) -> None:
 
 
 def open_truth(root: Path | str) -> Truth:
-    """Open the truth tree of a dataset, at `root`, beside which its observations are.
+    """Open the truth tree of a dataset at `root`; its observations are beside it.
 
-    Only what its hashes.json lists is read, and must be what was generated. Raises InputError if
-    it is missing, broken or incomplete.
+    Only files listed in its hashes.json are read, and they must match their hashes. Raises
+    InputError if the tree is missing, damaged or incomplete.
     """
     root = Path(root)
     check_complete(Layout(root.parent))
@@ -83,7 +83,7 @@ def open_truth(root: Path | str) -> Truth:
     if not tables:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
     try:
-        # Relaxed: a column that is null in a whole shard has no type there.
+        # Relaxed, because a column that is null in a whole shard has no type there.
         shards = [pl.read_parquet(io.BytesIO(read_bytes(table))) for table in tables]
         frames = pl.concat(shards, how="vertical_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
@@ -92,7 +92,7 @@ def open_truth(root: Path | str) -> Truth:
 
 
 def _check_manifest(path: Path, manifest: dict[str, Any]) -> None:
-    """Raise InputError if a manifest lacks what is read from it."""
+    """Raise InputError if a required key is missing in a manifest."""
     rig = manifest.get("true_rig")
     camera = rig.get("camera") if isinstance(rig, dict) else None
     for keys, prefix, part in (
@@ -109,10 +109,10 @@ def _check_manifest(path: Path, manifest: dict[str, Any]) -> None:
 
 
 def copy_observations(layout: Layout, target: Path) -> None:
-    """Copy a dataset's observations to a new folder, checking each file as it is read.
+    """Copy a dataset's observations to a new folder, and check each file as it is read.
 
-    Only the files that hashes.json lists are copied: no link is followed to others. Raises
-    InputError for an incomplete or damaged tree, OSError where `target` cannot be written.
+    Only the files listed in hashes.json are copied; no link to other files is followed. Raises
+    InputError for an incomplete or damaged tree, OSError if `target` cannot be written.
     """
     check_complete(layout)
     for name in listed(layout.observations) or []:

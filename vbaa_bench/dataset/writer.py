@@ -1,4 +1,4 @@
-"""Shards: made aside, moved into place whole, each with the hashes of its files."""
+"""Writer of shards: written to a temporary folder, then moved into place with their hashes."""
 
 import csv
 import io
@@ -21,14 +21,14 @@ from vbaa_bench.dataset.layout import Layout
 
 
 def hashes_bytes(table: Mapping[str, str]) -> bytes:
-    """Encode a table of names and sha256 as the content of a hashes.json."""
+    """Encode a table of names and sha256 as the content of hashes.json."""
     return (json.dumps(dict(sorted(table.items())), indent=2) + "\n").encode()
 
 
 class ShardWriter:
-    """Writes the frames of one shard; on a clean exit both trees get it, otherwise neither.
+    """Writer of the frames of one shard; a clean exit adds it to both trees, any other to neither.
 
-    After a clean exit `digests` holds, by tree, the sha256 of the hashes.json of its shard.
+    After a clean exit `digests` holds, by tree, the sha256 of the shard's hashes.json.
     """
 
     def __init__(self, layout: Layout, number: int) -> None:
@@ -53,8 +53,11 @@ class ShardWriter:
         truth: Mapping[str, Any],
         layers: Mapping[str, np.ndarray],
     ) -> None:
-        """Add one frame: gray image, its columns of metadata.csv (the same in all frames), truth
-        row, truth layers (may be none). Raises OSError."""
+        """Add one frame.
+
+        It has a gray image, `readings`, its columns of metadata.csv (the same in all frames), a
+        truth row, and truth layers, of which there may be none. Raises OSError.
+        """
         self._write("observations", f"{frame_id}.png", png_bytes(image))
         if layers:
             self._write("truth", f"{frame_id}.exr", exr_bytes(layers))
@@ -74,7 +77,7 @@ class ShardWriter:
             shutil.rmtree(self._aside, ignore_errors=True)
 
     def _write(self, tree: str, name: str, data: bytes) -> None:
-        """Write a file aside; its hash is that of the bytes in memory, whatever the disk does."""
+        """Write a file to the temporary folder; its hash is computed from the bytes in memory."""
         self._hashes[tree][name] = digest(data)
         write_bytes(self._aside / tree / name, data)
 

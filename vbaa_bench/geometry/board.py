@@ -1,4 +1,4 @@
-"""What is printed in cells edge to edge: the calibration targets, and a patterned ground."""
+"""Meshes printed in cells edge to edge: the calibration targets, and a chequered ground."""
 
 import math
 
@@ -9,14 +9,14 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board, Charuco, LineNetwork
 
-# Of a chequered square; a marker is six of them wide and stands in the middle.
+# Bits along a side of a chequered square, and along a side of the marker at its centre.
 _BITS, _MARKER = 10, 6
 
 
 def board(target: Board) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """(white, black) cells of a target in its own frame (z = 0, facing +z), edge to edge.
+    """Mesh the (white, black) cells of a target in its own frame (z = 0, facing +z), edge to edge.
 
-    The card ends two squares beyond the outermost points; the last of them is a white margin.
+    The card ends two squares beyond the outermost points; the outer square is a white margin.
     """
     if isinstance(target, LineNetwork):
         x, y, black = _lines(target)
@@ -30,9 +30,10 @@ def board(target: Board) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
 
 
 def squares(side: float, square: float) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """(light, dark) cells [m] of a chequered sheet about the origin, facing +z, edge to edge.
+    """Mesh the (light, dark) cells [m] of a chequered sheet about the origin, facing +z.
 
-    It is no smaller than `side`; four squares meet at the origin.
+    The cells are edge to edge. The sheet is no smaller than `side`; four squares meet at the
+    origin.
     """
     count = 2 * max(math.ceil(side / (2 * square)), 1)
     row, column = np.mgrid[0:count, 0:count]
@@ -43,13 +44,13 @@ def squares(side: float, square: float) -> tuple[trimesh.Trimesh, trimesh.Trimes
 
 
 def _chequered(target: Board) -> np.ndarray:
-    """Black squares, one more each way than inner corners."""
+    """Return the mask of black squares, with one square more each way than inner corners."""
     row, column = np.mgrid[0 : target.rows + 1, 0 : target.columns + 1]
     return np.asarray((row + column) % 2 == 0)
 
 
 def _charuco(target: Charuco) -> tuple[Floats, Floats, np.ndarray]:
-    """Cells of one marker's bit each: their edges in x and y, and which are black."""
+    """Compute cells of one marker bit each: their edges in x and y, and which are black."""
     chequered = _chequered(target)
     name = f"DICT_{target.dictionary.upper()}"
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
@@ -64,16 +65,16 @@ def _charuco(target: Charuco) -> tuple[Floats, Floats, np.ndarray]:
 
 
 def _lines(target: LineNetwork) -> tuple[Floats, Floats, np.ndarray]:
-    """Cells bounded by the lines' rims and ends: their edges in x and y, and which are black."""
+    """Compute cells bounded by the lines' rims and ends: edges in x and y, and which are black."""
     x, across, within_x = _strokes(target, target.columns, target.thick_column)
-    # From the top: rows are counted downward.
+    # Rows are counted downward, so y starts at the top.
     y, along, within_y = _strokes(target, target.rows, target.thick_row)
     black = (along[:, None] & within_x) | (within_y[:, None] & across)
     return x, -y[::-1], black
 
 
 def _strokes(target: LineNetwork, count: int, thick: int) -> tuple[Floats, np.ndarray, np.ndarray]:
-    """Edges along one axis, increasing; the cells on a line, and those between the lines' ends."""
+    """Compute increasing edges along one axis, cells on a line, and cells between lines' ends."""
     width = np.full(count, target.line_width)
     width[thick] *= 2
     middle = (np.arange(count) - (count - 1) / 2) * target.square
@@ -90,7 +91,7 @@ def _edges(count: int, size: float) -> Floats:
 
 
 def _grid(x: Floats, y: Floats) -> Floats:
-    """Corners of all cells, row by row from the top, between edges that increase."""
+    """Return the corners of all cells, row by row from the top, between increasing edges."""
     right, up = np.meshgrid(x, y[::-1])
     return np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
 

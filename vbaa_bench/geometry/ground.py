@@ -1,4 +1,4 @@
-"""How far a chequered ground reaches, and how fine it may be: as the camera sees it."""
+"""Extent and smallest square of a chequered ground, from the camera's view."""
 
 import math
 
@@ -10,20 +10,22 @@ from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.spec.scene import Scene
 
-# Beyond what the camera sees, for the lens's blur.
+# Margin beyond the camera's view, for the lens's blur.
 _BEYOND = 1.05
-# No more than this on either side of the beam's middle, in lengths of it: a camera that looks
-# across the ground sees it to the horizon.
+# Largest extent to either side of the beam's middle, over its length: a camera that looks across
+# the ground sees it to the horizon.
 _FARTHEST = 3.0
-# Both tones of a chequered pattern are distinct from two pixels a square on.
+# Both tones of a chequered pattern are distinct if a square has at least two pixels.
 RESOLVED_PX = 2.0
-# Squares along a side: each takes about a kilobyte in the renderer, so that all take 1 GB at most.
+# Most squares along a side: each takes about 1 kB in the renderer, so that all take 1 GB at most.
 MOST_SQUARES = 1000
 
 
 def chequered_side(scene: Scene, camera: Camera) -> float:
-    """Work out the side [m] of a square sheet about the beam's middle that fills the image,
-    whichever way the motor turns it."""
+    """Compute the side [m] of a square sheet about the beam's middle that fills the image.
+
+    It fills the image at every motor angle.
+    """
     length = scene.beam.length_mm * MILLIMETRE
     middle = np.array([length / 2, 0.0])
     axis = -np.array(scene.adaptor_mm[:2]) * MILLIMETRE
@@ -38,8 +40,10 @@ def chequered_side(scene: Scene, camera: Camera) -> float:
 
 
 def finest_square(scene: Scene, camera: Camera) -> float:
-    """Work out the smallest square [m] of a chequered ground that the camera resolves, and that
-    the renderer can hold."""
+    """Compute the smallest square [m] of a chequered ground.
+
+    The camera must resolve it, and the renderer must be able to hold all squares.
+    """
     length = scene.beam.length_mm * MILLIMETRE
     below = np.array([[length / 2, 0.0, -scene.background.distance_mm * MILLIMETRE]])
     resolved = RESOLVED_PX / float(camera.pixels_per_metre(below)[0])
@@ -47,8 +51,10 @@ def finest_square(scene: Scene, camera: Camera) -> float:
 
 
 def _footprint(camera: Camera, height: float) -> Floats | None:
-    """Places (n, 2) [m] of the plane z = `height` that the image's rim shows; None where some of
-    the rim shows none of it."""
+    """Project the image's rim to points (n, 2) [m] of the plane z = `height`.
+
+    Returns None where a part of the rim does not show the plane.
+    """
     across, down = (
         np.linspace(-0.5, camera.width - 0.5, 17),
         np.linspace(-0.5, camera.height - 0.5, 17),

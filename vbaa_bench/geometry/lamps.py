@@ -1,18 +1,19 @@
-"""Luminous sheets, and the irradiance they bring. All lengths are [m]."""
+"""Luminous sheets, and the irradiance from them. All lengths are in [m]."""
 
 import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats, Mask
 
-# Of a ring; its inner and outer polygons keep the area of the true circles.
+# Segments of a ring; its inner and outer polygons keep the area of the true circles.
 SEGMENTS = 48
 
 
 def axes(ahead: Floats, along: Floats) -> Floats:
-    """Rows (3, 3) of a right-handed frame: as near to `along` as can be, the third, and `ahead`.
+    """Compute the rows (3, 3) of a right-handed frame whose third axis is `ahead`.
 
-    Where `along` has no part across `ahead`, +y stands in for it.
+    The first axis is as near to `along` as possible. Where `along` is parallel to `ahead`, +y
+    replaces it.
     """
     ahead = ahead / np.linalg.norm(ahead)
     across = along - (along @ ahead) * ahead
@@ -25,7 +26,10 @@ def axes(ahead: Floats, along: Floats) -> Floats:
 def rectangle(
     middle: Floats, ahead: Floats, along: Floats, sides: tuple[float, float]
 ) -> trimesh.Trimesh:
-    """A rectangle about `middle` (3,), facing `ahead` (3,), its first side along `along` (3,)."""
+    """Mesh a rectangle about `middle` (3,), facing `ahead` (3,), with one side along `along` (3,).
+
+    That is the first of its `sides`.
+    """
     first, second, _ = axes(ahead, along)
     half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(sides) / 2
     corners = middle + half @ np.array([first, second])
@@ -33,27 +37,27 @@ def rectangle(
 
 
 def annulus(middle: Floats, ahead: Floats, inner: float, outer: float) -> trimesh.Trimesh:
-    """A flat ring about `middle` (3,) that faces `ahead` (3,), between two radii."""
+    """Mesh a flat ring about `middle` (3,) that faces `ahead` (3,), between two radii."""
     first, second, _ = axes(ahead, np.array([1.0, 0.0, 0.0]))
     turn = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
     circle = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
-    # The area of a regular polygon over that of its circle.
+    # Scale that gives a regular polygon the area of its circle.
     grown = np.sqrt(2 * np.pi / (SEGMENTS * np.sin(2 * np.pi / SEGMENTS)))
     vertices = middle + grown * np.vstack([inner * circle, outer * circle])
     a = np.arange(SEGMENTS)
     b = (a + 1) % SEGMENTS
     c, d = b + SEGMENTS, a + SEGMENTS
-    # Both halves of a segment lie side by side: who samples faces in order goes round the ring.
+    # Both halves of a segment are neighbours: faces sampled in order go round the ring.
     faces = np.stack([np.stack([a, d, c], 1), np.stack([a, c, b], 1)], axis=1).reshape(-1, 3)
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def irradiance(lamp: trimesh.Trimesh, at: Floats, normal: Floats) -> float:
-    """What a lamp of radiance 1 brings to a surface at `at` (3,) with unit `normal` (3,).
+    """Compute the irradiance from a lamp of radiance 1 at `at` (3,) with unit `normal` (3,).
 
-    Lambert's formula, half the sum over a polygon's edges of the angle that each subtends times
-    the cosine at which its plane stands to the surface. The lamp must lie above the surface's
-    plane; faces that look away count as dark.
+    Lambert's formula is half the sum over a polygon's edges of the angle that each subtends times
+    the cosine between the normal of the edge's plane and `normal`. The lamp must be above the
+    surface's plane; faces turned away count as dark.
     """
     triangles = np.asarray(lamp.triangles) - at
     towards = -np.einsum("ij,ij->i", np.asarray(lamp.face_normals), triangles[:, 0])
@@ -75,7 +79,7 @@ def between(lamp: trimesh.Trimesh, starts: Floats, ends: Floats) -> Mask:
     ahead, away = (ends - starts)[:, None], starts[:, None] - first
     across = np.cross(ahead, other)
     volume = (across * one).sum(axis=-1)
-    # Along the lamp's own plane nothing is hidden.
+    # A line parallel to the lamp's plane is not blocked.
     level = np.abs(volume) < 1e-12 * np.linalg.norm(ahead, axis=-1) * np.linalg.norm(
         np.cross(one, other), axis=-1
     )

@@ -1,4 +1,4 @@
-"""Objects of any shape: a mesh from a user's file, checked, and set against the beam."""
+"""Read a mesh of any shape from a user's file, check it, and place it against the beam."""
 
 import io
 from pathlib import Path
@@ -13,17 +13,17 @@ from vbaa_bench.geometry.solids import together
 
 KINDS = (".stl", ".obj", ".ply")
 MOST_FACES = 200_000
-# What so many faces take at most, in the wordiest of these formats.
+# Largest size of a file with MOST_FACES faces, in the most verbose of these formats.
 MOST_BYTES = 500 * MOST_FACES
-# Extents [m] of things that can be put on the bench.
+# Allowed extents [m] of an object.
 SMALLEST, LARGEST = 1e-9, 10.0
 
 
 def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
-    """The closed mesh [m] in an STL, OBJ or PLY file whose unit is `unit_m`, wound outward.
+    """Read the closed mesh [m] in an STL, OBJ or PLY file whose unit is `unit_m`, wound outward.
 
-    Vertices that agree to 1e-8 of the mesh's size are one. Raises InputError, which names the
-    file, for whatever is not a single closed solid of a sensible size.
+    Vertices that agree to 1e-8 of the mesh's size are merged. Raises InputError, which names the
+    file, for anything but a single closed solid of a plausible size.
     """
     vertices, faces = _parsed(path)
     if len(faces) == 0:
@@ -55,16 +55,16 @@ def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
 
 
 def touching(mesh: trimesh.Trimesh, beam_radius: float) -> trimesh.Trimesh:
-    """The mesh moved along y so that a beam coming from +y just touches it.
+    """Move a mesh along y so that a beam coming from +y just touches it.
 
     The beam is a round rod of `beam_radius` [m] along all of x, at y = beam_radius, z = 0.
-    Raises InputError if the mesh lies beside the beam's path.
+    Raises InputError if the mesh is beside the beam's path.
     """
-    # Along x the beam sees only the mesh's shadow on the y-z plane, whose rim is made of edges.
+    # Only the mesh's projection along x on the y-z plane counts; its rim consists of edges.
     ends = np.asarray(mesh.vertices)[mesh.edges_unique]
     rise, run = (ends[:, 1] - ends[:, 0])[:, 1:].T
     low, high = np.sort(ends[:, :, 2], axis=1).T
-    # An edge along x or y casts nothing that the ends of other edges do not.
+    # An edge along x or y adds nothing to the projection that the ends of other edges do not.
     below = (run != 0) & (low < beam_radius) & (high > -beam_radius)
     if not below.any():
         bottom, top = mesh.bounds[:, 2] / MILLIMETRE
@@ -85,7 +85,7 @@ def touching(mesh: trimesh.Trimesh, beam_radius: float) -> trimesh.Trimesh:
 
 
 def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
-    """Vertices (n, 3) in the file's unit and triangles (m, 3) of all that is in a mesh file."""
+    """Read the vertices (n, 3) in the file's unit and triangles (m, 3) of all parts of a file."""
     kind = path.suffix.lower()
     if kind not in KINDS:
         raise InputError(f"{path}: has the suffix {kind!r}, allowed are {', '.join(KINDS)}")
@@ -100,7 +100,7 @@ def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
     if size > MOST_BYTES:
         raise InputError(f"{path}: has {size // 10**6} MB, allowed are {MOST_BYTES // 10**6} MB")
     try:
-        # From memory, and without materials, no other file that this one names is opened.
+        # Loaded from memory and without materials, so that no other file named in it is opened.
         with np.errstate(all="ignore"):
             scene = trimesh.load_scene(
                 io.BytesIO(content), file_type=kind[1:], process=False, skip_materials=True
@@ -113,13 +113,13 @@ def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
 
 
 def _merge(mesh: trimesh.Trimesh, extent: float) -> None:
-    """Make vertices that agree to 1e-8 of the extent one, and drop faces that this collapses."""
+    """Merge vertices that agree to 1e-8 of the extent, and drop faces that this collapses."""
     mesh.merge_vertices(digits_vertex=8 - int(np.floor(np.log10(extent))))
     a, b, c = mesh.faces.T
     mesh.update_faces((a != b) & (b != c) & (c != a))
 
 
 def _volume(mesh: trimesh.Trimesh) -> float:
-    """Enclosed volume [m^3], negative if wound inward; unlike trimesh's own it bears zero."""
+    """Compute the volume [m^3], negative if wound inward; unlike in trimesh it may be zero."""
     a, b, c = np.moveaxis(mesh.triangles - mesh.vertices.mean(axis=0), 1, 0)
     return float((a * np.cross(b, c)).sum() / 6)

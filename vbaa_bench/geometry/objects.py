@@ -1,7 +1,7 @@
-"""What stands around the beam: the objects it touches, the hub that holds it, the background.
+"""Meshes around the beam: the objects it touches, the hub that holds it, the background.
 
-Objects stand in their own frame: the contact touches the origin, +y is the outward normal there,
-towards the beam, and +z is the direction of the edge; x runs along the beam. The solid lies in
+Objects are in their own frame: the contact is at the origin, +y is the outward normal there,
+towards the beam, and +z is the direction of the edge; x runs along the beam. The solid is in
 y <= 0. At first contact the beam's centreline is the line y = its radius, z = 0. The topology
 depends on an object's sizes, never on how far the beam has pushed into it. All lengths are [m].
 """
@@ -21,29 +21,29 @@ NEAR = 0.5
 # Turns of a plunger's spring.
 TURNS = 6
 
-# A pad hugs the beam from its bottom up to this angle [rad], then its walls run straight.
+# A dent follows the beam from its bottom up to this angle [rad]; then its walls are straight.
 HUG, HUG_STEP = 80 * DEGREE, 5 * DEGREE
 
 
 def block(side: float, bottom: float, top: float) -> trimesh.Trimesh:
-    """A square block with an upright edge at the origin; its diagonal runs along -y."""
+    """Mesh a square block with an upright edge at the origin; its diagonal is along -y."""
     half = side / np.sqrt(2)
     outline = np.array([[0.0, 0.0], [-half, -half], [0.0, -2 * half], [half, -half]])
     return prism(outline, bottom, top)
 
 
 def cylinder(radius: float, bottom: float, top: float, sections: int = 128) -> trimesh.Trimesh:
-    """An upright cylinder about y = -radius, of at least so many sections.
+    """Mesh an upright cylinder about y = -radius, with at least `sections` sides.
 
-    A line of vertices runs through the origin.
+    A line of vertices passes through the origin.
     """
     n = sides(radius, sections)
     return prism(arc(radius, 2 * np.pi * np.arange(n) / n), bottom, top)
 
 
 def sphere(radius: float) -> trimesh.Trimesh:
-    """A sphere with a pole, a vertex, at the origin, meshed finely about that pole."""
-    # The rings of latitude shrink towards the pole, and with them what their chords cut off.
+    """Mesh a sphere with a pole, a vertex, at the origin, finely about that pole."""
+    # The rings of latitude shrink towards the pole, and so does the sagitta of their chords.
     around = sides(radius * np.sin(NEAR) ** 2)
     fine = int(np.ceil(NEAR * sides(radius) / (2 * np.pi)))
     polar = np.concatenate(
@@ -64,9 +64,9 @@ def sphere(radius: float) -> trimesh.Trimesh:
 
 
 def knife_edge(length: float, depth: float, half_angle: float) -> trimesh.Trimesh:
-    """A wedge whose apex runs along z, `length` about the origin; it opens towards -y.
+    """Mesh a wedge whose apex runs along z, `length` about the origin; it opens towards -y.
 
-    Its flanks stand at `half_angle` [rad] to either side of -y and reach down to y = -depth.
+    Its flanks are at `half_angle` [rad] to either side of -y and reach down to y = -depth.
     """
     half = depth * np.tan(half_angle)
     outline = np.array([[0.0, 0.0], [-half, -depth], [half, -depth]])
@@ -74,7 +74,7 @@ def knife_edge(length: float, depth: float, half_angle: float) -> trimesh.Trimes
 
 
 def wall(width: float, thickness: float, bottom: float, top: float) -> trimesh.Trimesh:
-    """A flat slab whose face lies in y = 0 and is centred in x."""
+    """Mesh a flat slab whose face is in y = 0 and is centred in x."""
     half = width / 2
     return box(np.array([-half, -thickness, bottom]), np.array([half, 0.0, top]))
 
@@ -82,11 +82,12 @@ def wall(width: float, thickness: float, bottom: float, top: float) -> trimesh.T
 def plunger(
     nose_radius: float, compression: float, free_length: float, bottom: float, top: float
 ) -> trimesh.Trimesh:
-    """A sprung nose: half an upright cylinder on a stem, with a coil between it and its housing.
+    """Mesh a sprung nose: half an upright cylinder on a stem, with a coil spring and a housing.
 
-    The nose stays at the origin; `compression` brings the housing nearer, whose front stands at
-    y = -nose_radius - (free_length - compression). Four closed bodies, one of which, the stem,
-    reaches into two others. Raises InputError if the coil's turns would touch.
+    The coil is between nose and housing. The nose stays at the origin; `compression` moves the
+    housing nearer, whose front is at y = -nose_radius - (free_length - compression). The mesh
+    has four closed bodies, one of which, the stem, reaches into two others. Raises InputError if
+    the coil's turns would touch.
     """
     girth = min(nose_radius, (top - bottom) / 2)
     wire = min(0.12 * girth, free_length / (8 * TURNS))
@@ -98,7 +99,7 @@ def plunger(
         )
     middle, shoulder = (bottom + top) / 2, -nose_radius
     front = shoulder - free_length + compression
-    # Long enough to stay in its bore, which is deep enough for it, at every compression.
+    # At every compression the stem stays in its bore, and the bore is deep enough for it.
     stem_end, depth = shoulder - 1.1 * free_length, 1.2 * free_length
     n = sides(nose_radius)
     nose = prism(arc(nose_radius, np.pi * (np.arange(n + 1) / n - 0.5)), bottom, top)
@@ -131,12 +132,12 @@ def pad(
     beam_radius: float,
     slope: float = 0.0,
 ) -> trimesh.Trimesh:
-    """A soft pad with a convex upright face that the beam has pressed in by `dent_depth`.
+    """Mesh a soft pad with a convex upright face that the beam has indented by `dent_depth`.
 
-    The origin is the bottom of the dent; the face would stand at y = dent_depth, and the pad's
-    back is flat, `thickness` behind that. The beam lies in z = 0 with the given slope against x
-    and on the face lowered by the dent; where it lies, the face runs below it. Raises InputError
-    if the pad is thinner than its face is curved or than the dent.
+    The origin is the bottom of the dent; without it the face would be at y = dent_depth. The
+    pad's back is flat, `thickness` behind that. The beam is in z = 0 with the given slope against
+    x, on the face lowered by the dent; under the beam the face runs below it. Raises InputError
+    if the pad is too thin for the curvature of its face or for the dent.
     """
     if not (width <= 2 * face_radius and _drop(width / 2, face_radius) < thickness):
         raise InputError(
@@ -153,7 +154,7 @@ def pad(
     across = width / 2 * np.arange(-half_columns, half_columns + 1) / half_columns
     x, z = np.meshgrid(across, _pad_rows(bottom, top, beam_radius), indexing="ij")
     undented = dent_depth - _drop(x, face_radius)
-    # The line of that slope which touches the lowered face.
+    # The line of that slope tangent to the lowered face.
     below = slope * x + face_radius * (np.hypot(1.0, slope) - 1)
     front = np.stack(
         [x, below + _pressed(undented - below, z, dent_depth, beam_radius), z], axis=-1
@@ -163,12 +164,12 @@ def pad(
 
 
 def _drop(x: Floats | float, radius: float) -> Floats:
-    """How far a circle has fallen away [m] at the distance x [m] from its top."""
+    """Compute the drop [m] of a circle at the distance x [m] from its top."""
     return np.asarray(radius - np.sqrt((radius - x) * (radius + x)))
 
 
 def _pad_rows(bottom: float, top: float, beam_radius: float) -> Floats:
-    """Heights z (n,) [m] of a pad's vertices: at every corner of a dent, and close beside it."""
+    """Return heights z (n,) [m] of a pad's vertices: at all corners of a dent, and close beside."""
     corners = beam_radius * np.sin(np.arange(HUG_STEP / 2, HUG, HUG_STEP)) / np.cos(HUG_STEP / 2)
     shoulder = beam_radius * np.concatenate([np.linspace(1, 2, 13), np.linspace(2.25, 4, 8)])
     beside = np.concatenate([corners, shoulder])
@@ -177,33 +178,33 @@ def _pad_rows(bottom: float, top: float, beam_radius: float) -> Floats:
 
 
 def _pressed(undented: Floats, z: Floats, dent_depth: float, beam_radius: float) -> Floats:
-    """Where a face at y = `undented` [m] gives way to a beam along y = its radius, z = 0."""
+    """Indent a face at y = `undented` [m] by a beam along y = its radius, z = 0."""
     if dent_depth == 0:
         return undented
-    # The beam's tangents from outside: a mesh with rows at their corners cannot cut the beam,
-    # as one with its vertices on the circle would.
+    # These are the beam's tangents: a mesh with rows at their corners cannot cut the beam, but
+    # one with its vertices on the circle would.
     angle = np.arange(0, HUG + HUG_STEP / 2, HUG_STEP)
     tangents = beam_radius + (np.abs(z)[..., None] * np.sin(angle) - beam_radius) / np.cos(angle)
     carved = tangents.max(axis=-1)
-    # The lower of the two, with the crease between them rounded off from below.
+    # Take the lower of the two, with the crease between them rounded off from below.
     blend = dent_depth / 2
     nearness = np.clip(blend - np.abs(undented - carved), 0, None)
     return np.asarray(np.minimum(undented, carved) - nearness**2 / (4 * blend))
 
 
 def adaptor(offset: Floats, radius: float) -> trimesh.Trimesh:
-    """The rod in Sigma_a from the motor's axis, at -offset (3,), to the clamp at the origin."""
+    """Mesh the rod in Sigma_a from the motor's axis at -offset (3,) to the clamp at the origin."""
     return rod(-offset, np.zeros(3), radius)
 
 
 def hub(radius: float, bottom: float, top: float) -> trimesh.Trimesh:
-    """The motor's hub: an upright cylinder about the z axis [m]."""
+    """Mesh the motor's hub: an upright cylinder about the z axis [m]."""
     outline = arc(radius, 2 * np.pi * np.arange(64) / 64) + np.array([0.0, radius])
     return prism(outline, bottom, top)
 
 
 def sheet(middle: Floats, side: float, facing: int) -> trimesh.Trimesh:
-    """A square sheet across the z axis about `middle` (3,) [m], facing +z or -z (+1, -1)."""
+    """Mesh a square sheet across the z axis about `middle` (3,) [m], facing +z or -z (+1, -1)."""
     half = side / 2
     corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])

@@ -1,7 +1,6 @@
-"""What hides the beam: thin opaque bodies between it and the camera, in Sigma_a, lengths in [m].
+"""Thin opaque bodies that hide the beam from the camera, in Sigma_a, lengths in [m].
 
-All are spread over a rectangle in x and y, at a height z above the beam, which is towards the
-camera.
+All are spread over a rectangle in x and y, at a height z above the beam, towards the camera.
 """
 
 import numpy as np
@@ -12,10 +11,10 @@ from solver.instrument.transforms import rigid, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.solids import box, prism, together
 
-# How thick all of them are, unless told otherwise.
+# Default thickness of all of them.
 THICKNESS = 0.2 * MILLIMETRE
 
-# Leaves are this much of their size wide, and lean by at most so much.
+# Width of a leaf over its size, and its largest tilt [rad].
 LEAF_WIDTH, MOST_LEAN = 0.4, 15 * DEGREE
 
 
@@ -27,7 +26,7 @@ def sheet_over(
     height: float,
     thickness: float = THICKNESS,
 ) -> trimesh.Trimesh:
-    """An opaque sheet that covers the rectangle; its underside lies at `height`."""
+    """Mesh an opaque sheet that covers the rectangle; its underside is at `height`."""
     return box(np.array([x_from, y_from, height]), np.array([x_to, y_to, height + thickness]))
 
 
@@ -41,9 +40,9 @@ def bars(
     width: float,
     thickness: float = THICKNESS,
 ) -> trimesh.Trimesh:
-    """Bars along y, evenly spread from x_from to x_to; each has half a gap at its outer sides.
+    """Mesh bars along y, evenly spread from x_from to x_to, each with half a gap on both sides.
 
-    Raises InputError if so many of that width do not fit side by side.
+    Raises InputError if `count` bars of that width do not fit side by side.
     """
     pitch = (x_to - x_from) / count
     if not width < pitch:
@@ -67,10 +66,10 @@ def leaves(
     random: np.random.Generator,
     thickness: float = THICKNESS,
 ) -> trimesh.Trimesh:
-    """Pointed leaves, `size` long, whose middles lie at random in the rectangle at `height`.
+    """Mesh pointed leaves, `size` long, with random centres in the rectangle at `height`.
 
-    They head anywhere and lean a little: none reaches deeper below `height` than half its size
-    times the sine of MOST_LEAN, and half its thickness.
+    They have random headings and small tilts: none reaches deeper below `height` than half its
+    size times the sine of MOST_LEAN, plus half its thickness.
     """
     t = np.linspace(0, 1, 13)
     along, half_width = size * (t - 0.5), LEAF_WIDTH / 2 * size * np.sin(np.pi * t)

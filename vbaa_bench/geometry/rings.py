@@ -1,7 +1,7 @@
-"""How finely a bent tube must be meshed to be told from a smooth one by no more than a tolerance.
+"""Mesh density at which a bent tube differs from the smooth one by no more than a tolerance.
 
-A chord leaves an arc of curvature kappa by kappa h^2 / 8 in its middle, h being its length; a
-regular polygon of n corners leaves its circle by r (1 - cos(pi / n)).
+The middle of a chord of length h is kappa h^2 / 8 from its arc of curvature kappa; a regular
+polygon of n corners is up to r (1 - cos(pi / n)) from its circle.
 """
 
 import math
@@ -12,25 +12,31 @@ from solver.instrument.arrays import Floats
 
 
 def facets(radius: float, tolerance: float) -> int:
-    """Sides of a polygon that leaves a circle by no more than the tolerance; a multiple of four,
-    so that it is symmetric about both axes. Both lengths in one unit."""
+    """Compute the number of sides of a polygon within the tolerance of its circle.
+
+    It is a multiple of four, so that the polygon is symmetric about both axes. Both lengths are
+    in one unit.
+    """
     return 4 * math.ceil(math.pi / math.acos(max(1 - tolerance / radius, 0.0)) / 4)
 
 
 def ring_count(length: float, sharpest: float, tolerance: float) -> int:
-    """Rings that suffice for every beam of `length` whose curvature falls evenly from `sharpest`
-    at the clamp to none at the tip: those of a chord's length sqrt(8 tolerance / kappa)."""
+    """Compute the number of rings for chords of length sqrt(8 tolerance / kappa).
+
+    It suffices for every beam of `length` whose curvature falls linearly from `sharpest` at the
+    clamp to zero at the tip.
+    """
     # The integral of sqrt(kappa) is two thirds of its value at the clamp.
     chords = 2 / 3 * length * math.sqrt(sharpest / (8 * tolerance))
-    # Two in three lie as curvature asks, the others evenly.
+    # Two in three rings are spaced by curvature, the others evenly.
     return max(math.ceil(1.5 * chords) + 1, 16)
 
 
 def rings(s: Floats, points: Floats, count: int) -> Floats:
-    """Arc lengths (count,) where rings stand on a curve: points (n, 3) at arc lengths `s` (n,).
+    """Compute arc lengths (count,) of rings on a curve: points (n, 3) at arc lengths `s` (n,).
 
-    Two in three stand close where the curve is sharp, as the square root of its curvature, the
-    others evenly.
+    The density of two in three is proportional to the square root of the curvature; the others
+    are evenly spaced.
     """
     tangents = np.diff(points, axis=0) / np.diff(s)[:, None]
     turned = np.linalg.norm(np.diff(tangents, axis=0), axis=1)
@@ -40,6 +46,6 @@ def rings(s: Floats, points: Floats, count: int) -> Floats:
         [[0.0], np.cumsum(np.interp((s[1:] + s[:-1]) / 2, s[1:-1], density) * np.diff(s))]
     )
     even = (s - s[0]) / (s[-1] - s[0])
-    # A straight beam asks nowhere.
+    # On a straight beam all rings are evenly spaced.
     share = asked / asked[-1] if asked[-1] > 1e-9 else even
     return np.interp(np.linspace(0, 1, count), (2 * share + even) / 3, s)

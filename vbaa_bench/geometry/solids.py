@@ -8,33 +8,34 @@ import trimesh
 from solver.instrument.arrays import Floats
 from vbaa_bench.geometry.tube import tube, tube_faces
 
-# How far the sides of a polygon may run inside the circle they stand for: well below what a
-# camera or the contact of a beam can tell, and yet few enough sides.
+# Largest distance [m] of a polygon's sides from its circle: well below the resolution of a camera
+# or of a beam's contact, and yet few enough sides.
 SAGITTA = 0.5e-6
 MOST_SIDES = 2048
 
 
 def sides(radius: float, least: int = 128) -> int:
-    """Sides of the polygon that stands for a circle of `radius` [m], a multiple of four.
+    """Compute the number of sides of the polygon for a circle of `radius` [m], a multiple of four.
 
-    Its sides lie within SAGITTA of the circle, radius (1 - cos(pi / n)), up to MOST_SIDES.
+    Its sides are within SAGITTA of the circle, radius (1 - cos(pi / n)), up to MOST_SIDES.
     """
     needed = np.pi * np.sqrt(radius / (2 * SAGITTA))
     return min(4 * int(np.ceil(max(needed, least) / 4)), MOST_SIDES)
 
 
 def arc(radius: float, angle: Floats) -> Floats:
-    """Points (n, 2) in x-y [m] of the circle that touches y = 0 at the origin from below.
+    """Compute points (n, 2) in x-y [m] of the circle that touches y = 0 at the origin from below.
 
-    The angle (n,) [rad] at the circle's middle runs from the origin anticlockwise.
+    The angle (n,) [rad] at the circle's centre is measured from the origin anticlockwise.
     """
     return np.column_stack([-radius * np.sin(angle), radius * (np.cos(angle) - 1)])
 
 
 def prism(outline: Floats, bottom: float, top: float) -> trimesh.Trimesh:
-    """The upright prism over a convex, anticlockwise outline (n, 2) in x-y, z from bottom to top.
+    """Mesh the upright prism over a convex, anticlockwise outline (n, 2) in x-y.
 
-    Vertices: the outline below, the outline above, and the middles of the two ends.
+    It extends in z from bottom to top. Its vertices are the outline below, the outline above, and
+    the middles of the two ends.
     """
     middle = outline.mean(axis=0, keepdims=True)
     flat = np.vstack([outline, outline, middle, middle])
@@ -44,19 +45,19 @@ def prism(outline: Floats, bottom: float, top: float) -> trimesh.Trimesh:
 
 
 def box(low: Floats, high: Floats) -> trimesh.Trimesh:
-    """The upright box between two opposite corners, each (3,) [m]."""
+    """Mesh the upright box between two opposite corners, each (3,) [m]."""
     (left, back, bottom), (right, front, top) = low, high
     outline = np.array([[right, front], [left, front], [left, back], [right, back]])
     return prism(outline, bottom, top)
 
 
 def rod(start: Floats, end: Floats, radius: float) -> trimesh.Trimesh:
-    """A straight round rod between two different points, each (3,) [m]."""
+    """Mesh a straight round rod between two different points, each (3,) [m]."""
     return tube(np.array([start, end]), radius, 64)
 
 
 def together(bodies: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """Several bodies as one mesh; each stays closed in itself."""
+    """Join several bodies into one mesh; each stays closed in itself."""
     first = np.cumsum([0] + [len(body.vertices) for body in bodies[:-1]])
     faces = [body.faces + start for body, start in zip(bodies, first, strict=True)]
     vertices = np.vstack([body.vertices for body in bodies])
@@ -64,9 +65,9 @@ def together(bodies: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def slab(front: Floats, back: Floats) -> trimesh.Trimesh:
-    """The body between two grids of points (n, m, 3) [m] that is closed along their rims.
+    """Mesh the body between two grids of points (n, m, 3) [m], closed along their rims.
 
-    Looking at the front from outside, its first index runs to the left and its second upwards.
+    Seen from outside, the front's first index increases to the left and its second upwards.
     """
     rows, columns = front.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -81,6 +82,6 @@ def slab(front: Floats, back: Floats) -> trimesh.Trimesh:
 
 
 def _quads(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Two triangles for each quadrangle of the vertices a, b, c, d in turn."""
+    """Split each quadrangle of the vertices a, b, c, d in turn into two triangles."""
     halves = [np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]
     return np.vstack([half.reshape(-1, 3) for half in halves])

@@ -1,4 +1,4 @@
-"""The beam's surface: a watertight skin swept along its centreline."""
+"""Watertight mesh of the beam's surface, swept along its centreline."""
 
 import numpy as np
 import trimesh
@@ -14,14 +14,14 @@ def tube(
     director: Floats | None = None,
     aspect: float = 1.0,
 ) -> trimesh.Trimesh:
-    """A closed tube about `centreline` (n, 3) [m], of the given radius [m] and facets round.
+    """Mesh a closed tube about `centreline` (n, 3) [m] with a radius [m] and `facets` round.
 
     The radius may taper, (n,). The section's first axis follows `director` (n, 3), unit vectors
     across the curve; its second semi-axis is `aspect` times the first, which is the radius.
-    Without a director rings stand in a parallel-transported frame (no twist: Bishop 1975),
-    starting at +y, so that with a planar curve and an even number of facets one line of vertices
-    runs exactly on each side of the bend. Vertices: n rings of `facets`, then the two caps'
-    middles. Winding is outward.
+    Without a director the rings follow a parallel-transported frame (no twist: Bishop 1975)
+    that starts at +y, so that with a planar curve and an even number of facets one line of
+    vertices is exactly on each side of the bend. The vertices are n rings of `facets`, then the
+    two caps' middles. Winding is outward.
     """
     angle = 2 * np.pi * np.arange(facets) / facets
     outline = np.column_stack([np.cos(angle), aspect * np.sin(angle)])
@@ -29,10 +29,10 @@ def tube(
 
 
 def strip(centreline: Floats, director: Floats, thickness: float, width: float) -> trimesh.Trimesh:
-    """A closed strip about `centreline` (n, 3) [m] of rectangular section.
+    """Mesh a closed strip about `centreline` (n, 3) [m] of rectangular section.
 
-    Its thickness [m] lies along `director` (n, 3), unit vectors across the curve, and its width
-    [m] across both. Vertices are those of a tube of four facets.
+    Its thickness [m] is along `director` (n, 3), unit vectors across the curve, and its width
+    [m] across both. Its vertices are those of a tube of four facets.
     """
     corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) / 2
     return _swept(centreline, director, corners * [thickness, width], 1.0)
@@ -41,12 +41,12 @@ def strip(centreline: Floats, director: Floats, thickness: float, width: float) 
 def _swept(
     centreline: Floats, director: Floats | None, outline: Floats, scale: float | Floats
 ) -> trimesh.Trimesh:
-    """The skin of a section (facets, 2) that is carried along the curve and scaled, () or (n,)."""
+    """Mesh the surface of a section (facets, 2) swept along the curve and scaled, () or (n,)."""
     tangents = _tangents(centreline)
     if director is None:
         normals = _transported(tangents)
     else:
-        # A director across the true curve is not quite across that of the given points.
+        # A director across the true curve is not exactly across that of the given points.
         normals = director - (director * tangents).sum(axis=1, keepdims=True) * tangents
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     binormals = np.cross(tangents, normals)
@@ -58,7 +58,7 @@ def _swept(
 
 
 def tube_faces(rings: int, facets: int) -> np.ndarray:
-    """Triangles of a tube of `rings` rings; they do not depend on its shape."""
+    """Return the triangles of a tube of `rings` rings; they do not depend on its shape."""
     ring = np.arange(rings - 1)[:, None] * facets
     here = np.arange(facets)[None, :]
     after = (here + 1) % facets
@@ -73,14 +73,14 @@ def tube_faces(rings: int, facets: int) -> np.ndarray:
 
 
 def arc_length_of_vertices(s: Floats, facets: int) -> Floats:
-    """Arc length [m] of every vertex of `tube`, from that of its rings, `s` (n,)."""
+    """Return the arc length [m] of every vertex of `tube`, from that of its rings, `s` (n,)."""
     return np.concatenate([np.repeat(s, facets), [s[0], s[-1]]])
 
 
 def _transported(tangents: Floats) -> Floats:
-    """Unit normals (n, 3) that start nearest +y and do not twist about the tangents (n, 3).
+    """Compute unit normals (n, 3) that start nearest +y and do not twist about tangents (n, 3).
 
-    A curve that sets out along y itself has them start nearest +z.
+    On a curve that starts along y itself they start nearest +z.
     """
     along_y = abs(tangents[0, 1]) > 0.99
     first = np.array([0.0, 0.0, 1.0]) if along_y else np.array([0.0, 1.0, 0.0])
@@ -89,7 +89,7 @@ def _transported(tangents: Floats) -> Floats:
 
 @njit(cache=True)
 def _carried(normal: Floats, tangents: Floats) -> Floats:
-    """A normal (3,) carried along tangents (n, 3), as (n, 3)."""
+    """Carry a normal (3,) along tangents (n, 3); return normals (n, 3)."""
     normals = np.empty_like(tangents)
     for i in range(len(tangents)):
         normal = normal - (normal * tangents[i]).sum() * tangents[i]
@@ -99,7 +99,7 @@ def _carried(normal: Floats, tangents: Floats) -> Floats:
 
 
 def _tangents(points: Floats) -> Floats:
-    """Unit tangents (n, 3): of the circle through three neighbours, chords at the ends."""
+    """Compute unit tangents (n, 3): of the circle through three neighbours, chords at the ends."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
     chords = steps / lengths

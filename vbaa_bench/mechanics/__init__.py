@@ -1,1 +1,1 @@
-"""Beam + object + motion -> equilibrium: the world's own beam, by integration alone."""
+"""Equilibrium of a beam pushed against objects; the exact beam is solved by integration only."""

@@ -1,10 +1,10 @@
-"""The equations of a rod on a bench: a motor turns its clamp, obstacles touch it.
+"""Equations of a rod whose clamp is turned by a motor, in contact with obstacles.
 
-In the clamp's frame the clamp stands still, and the world turns about the motor's axis by the
-pushing angle. Unknown are the clamp's moment, the pushing angle, and the force and arc length
-of every contact. Each contact must hold (`contact.py`), and no moment is left at the tip.
-MINPACK's hybrid method (Powell 1970) solves for all at once. Unknowns are in the rod's units:
-lengths in L, forces in EI / L^2.
+In the clamp's frame the clamp is fixed, and the world turns about the motor's axis by the
+pushing angle. The unknowns are the clamp's moment, the pushing angle, and the force and arc
+length of every contact. The equations of each contact (`contact.py`) must hold, and the moment
+at the tip must be zero. MINPACK's hybrid method (Powell 1970) solves for all unknowns at once.
+They are in the rod's units: lengths in L, forces in EI / L^2.
 """
 
 import math
@@ -22,21 +22,21 @@ from vbaa_bench.mechanics.state import WORST_RESIDUAL, Contact, EquilibriumError
 
 @dataclass(frozen=True)
 class Motor:
-    """The shaft: a point (3,) [m] of its axis in the clamp's frame, and the axis's direction."""
+    """Motor shaft: a point (3,) [m] of its axis in the clamp's frame, and the axis's direction."""
 
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def clamp_from_world(self, angle: float, drift: tuple[float, float, float]) -> Floats:
-        """Where the clamp sees the world (4, 4) that it turned in by `angle` [rad].
+        """Return the transform (4, 4) from world to clamp after a turn by `angle` [rad].
 
-        The objects have moved by `drift` (3,) [m] in the world meanwhile.
+        The objects have meanwhile moved by `drift` (3,) [m] in the world.
         """
         x, y, z = self.direction
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         point = np.array(self.point)
         turn = np.eye(4)
-        # Rodrigues' formula, at every trial of the solver.
+        # Rodrigues' formula; evaluated at every iteration of the solver.
         turn[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
         turn[:3, 3] = point + turn[:3, :3] @ (np.array(drift) - point)
         return turn
@@ -44,8 +44,11 @@ class Motor:
 
 @dataclass(frozen=True)
 class Step:
-    """One state of a push: by an angle [rad], or until the tip has moved across the beam by
-    `deflection` of its length; one is None. The objects have moved by `drift` (3,) [m]."""
+    """Target of one state of a push: a pushing angle [rad] or a tip deflection.
+
+    `deflection` is the tip's displacement across the beam over the beam's length. Exactly one of
+    the two is None. The objects have moved by `drift` (3,) [m].
+    """
 
     pushing_angle: float | None = None
     deflection: float | None = None
@@ -59,11 +62,11 @@ class Step:
 
     @property
     def size(self) -> float:
-        """The angle [rad], or the deflection."""
+        """Pushing angle [rad] or deflection, whichever is set."""
         return (self.deflection or 0.0) if self.pushing_angle is None else self.pushing_angle
 
     def part(self, share: float) -> "Step":
-        """The same step, gone only a `share` of its way."""
+        """Scale the step to a `share` of its size and drift."""
         return Step(
             None if self.pushing_angle is None else share * self.pushing_angle,
             None if self.deflection is None else share * self.deflection,
@@ -71,7 +74,7 @@ class Step:
         )
 
     def since(self, before: "Step", share: float) -> "Step":
-        """A step of the same kind, gone a `share` of the way from the one before to this one."""
+        """Interpolate from the step `before` (share 0) to this step (share 1)."""
         size = before.size + share * (self.size - before.size)
         (x, y, z), (u, v, w) = before.drift, self.drift
         return Step(
@@ -83,8 +86,11 @@ class Step:
 
 @dataclass(frozen=True)
 class Trial:
-    """A contact under trial: arc length [m], force (3,) [N], and the rod's state (12,) there, its
-    position in metres."""
+    """Contact at trial values of the unknowns.
+
+    `s` is its arc length [m], `force` (3,) [N], and `section` the rod's state (12,) there, with
+    its position in metres.
+    """
 
     s: float
     force: Floats
@@ -94,7 +100,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Bench:
-    """A rod, a motor, obstacles, and where the tip is at rest (3,), in units of L."""
+    """Contact problem of rod, motor and obstacles; `free_tip` (3,) is the tip at rest over L."""
 
     rod: Rod
     motor: Motor
@@ -102,14 +108,14 @@ class Bench:
     free_tip: Floats
 
     def solve(self, step: Step, engaged: Mapping[int, Grip | None], start: Floats) -> "Equilibrium":
-        """The equilibrium nearest to the unknowns `start`, `engaged` with some of the obstacles.
+        """Find the equilibrium nearest to the unknowns `start`, touching the `engaged` obstacles.
 
-        Each obstacle's index comes with where it was held before; without, it is frictionless.
+        `engaged` maps each obstacle's index to its previous grip; None makes it frictionless.
         Raises EquilibriumError if there is none.
         """
         scale = np.abs(start)
         for first, last in ((0, 3), *((i, i + 3) for i in range(4, len(start), 4))):
-            scale[first:last] = np.linalg.norm(start[first:last])  # one size for a vector
+            scale[first:last] = np.linalg.norm(start[first:last])  # one scale per vector
         scale[scale == 0] = 1.0
         weight = np.ones(len(start))
         weight[:3] = scale[:3]
@@ -118,20 +124,20 @@ class Bench:
             return self._errors(step, engaged, start + (moved - 1) * scale, STEPS)[0] / weight
 
         try:
-            # Counted from 1: MINPACK varies each unknown by a share of itself, and some are zero.
+            # Offset by 1: MINPACK varies each unknown by a share of itself, and some are zero.
             solution = root(errors, np.ones(len(start)), method="hybr", options={"xtol": 1e-14})
             unknown = start + (solution.x - 1) * scale
             final, contacts, tip = self._errors(step, engaged, unknown, STEPS)
-            # The same on a mesh half as fine: what the integration still errs by.
+            # Repeat with half the steps to estimate the integration error.
             coarse, _, _ = self._errors(step, engaged, unknown, STEPS // 2)
         except (ValueError, FloatingPointError, ZeroDivisionError) as error:
             raise EquilibriumError(f"no equilibrium ({error})") from error
-        # Lengths and angles count against how far the beam has bent.
+        # Errors of lengths and angles are relative to the tip's displacement from rest.
         bent = min(float(np.linalg.norm(tip - self.free_tip)) or 1.0, 1.0)
         weight[3] = bent
         for first in range(4, len(start), 4):
             weight[first] = bent
-            # The place of least distance errs along the beam by this angle times the radius.
+            # This angle error moves the closest point along the beam by the angle times the radius.
             weight[first + 1] = self.rod.beam.length / self.rod.beam.radius
         left, wrong = np.abs(final / weight).max(), np.abs((final - coarse) / weight).max()
         residual = float(max(left, wrong / (2**ORDER - 1)))
@@ -150,7 +156,7 @@ class Bench:
         force: Floats,
         grip: Grip | None = None,
     ) -> Trial:
-        """Obstacle `index` tried at `s`, under `force` (3,) and with the rod's `state` (12,)."""
+        """Evaluate a contact with obstacle `index` at `s`: `force` (3,), rod `state` (12,)."""
         length, newtons = self.rod.beam.length, force * self.rod.force_unit
         section = state.copy()
         section[:3] *= length
@@ -160,7 +166,7 @@ class Bench:
         return Trial(s * length, newtons, section, judged)
 
     def couple(self, trial: Trial) -> Floats:
-        """Moment (3,) of a contact's force about the centreline."""
+        """Compute the moment (3,) of a contact's force about the centreline."""
         lever, force = trial.touch.lever, trial.force
         moment = np.array(
             [
@@ -174,7 +180,7 @@ class Bench:
     def _errors(
         self, step: Step, engaged: Mapping[int, Grip | None], unknown: Floats, steps: int
     ) -> tuple[Floats, dict[int, Trial], Floats]:
-        """What the equations leave, in the order of the unknowns; contacts and tip with it."""
+        """Compute the residuals, in the order of the unknowns, with the contacts and the tip."""
         world = self.motor.clamp_from_world(float(unknown[3]), step.drift)
         properties = self.rod.properties(world[:3, :3])
         forces, stops = unknown[4:].reshape(-1, 4)[:, :3], unknown[7::4]
@@ -198,14 +204,13 @@ class Bench:
         else:
             across = tip[1:3] - self.free_tip[1:]
             errors[3] = np.sqrt(across @ across) - step.size
-        # In the order of `engaged`, which is that of the unknowns.
+        # Sort the contacts as in `engaged`, which is the order of the unknowns.
         return errors, {index: contacts[index] for index in indices}, tip[:3]
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A solved step of a bench: the unknowns, what each contact is with them, the tip (3,), the
-    worst relative error."""
+    """Solution of one step: the unknowns, the contacts, the tip (3,), the worst relative error."""
 
     bench: Bench
     step: Step
@@ -221,11 +226,11 @@ class Equilibrium:
 
     @property
     def clamp_from_world(self) -> Floats:
-        """Where the clamp sees the world (4, 4)."""
+        """Transform (4, 4) from world to clamp."""
         return self.bench.motor.clamp_from_world(self.angle, self.step.drift)
 
     def traced(self, intervals: int) -> tuple[Floats, Floats, dict[int, int]]:
-        """Arc lengths (n,) and states (n, 12) from clamp to tip, and the row of every contact.
+        """Sample arc lengths (n,) and states (n, 12) from clamp to tip; map contacts to rows.
 
         n is `intervals` + 1; arc lengths and positions are in units of L.
         """
@@ -251,7 +256,7 @@ class Equilibrium:
         return rows, states, dict(zip(order, map(int, marks[1:-1]), strict=True))
 
     def state(self, intervals: int) -> State:
-        """The beam from clamp to tip, in SI, with a row at every contact."""
+        """Convert to the beam's state from clamp to tip, in SI, with a row at every contact."""
         rod = self.bench.rod
         length, unit = rod.beam.length, rod.force_unit
         rows, states, places = self.traced(intervals)
@@ -283,5 +288,5 @@ class Equilibrium:
 
 
 def _share(steps: int, stretch: float) -> int:
-    """Integration steps for a stretch of the beam, of `steps` for the whole."""
+    """Return the integration steps for a stretch of the beam, given `steps` for the whole."""
     return max(round(steps * abs(stretch)), steps // 4)

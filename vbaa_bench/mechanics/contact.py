@@ -1,4 +1,4 @@
-"""The equations of a contact between a rod and an object that stands in the world."""
+"""Equations of a contact between a rod and an object in the world."""
 
 from dataclasses import dataclass, field
 
@@ -11,9 +11,9 @@ from vbaa_bench.mechanics.surfaces import Surface
 
 @dataclass(frozen=True)
 class Obstacle:
-    """An object; the world's frame is the clamp's at first contact.
+    """Object that the beam may touch; the world's frame is the clamp's at first contact.
 
-    `world_from_object` (4, 4) is its place. It gives way along the direction `spring` (3,) by
+    `world_from_object` (4, 4) is its pose. It yields along the direction `spring` (3,) by
     `compliance` [m/N]; `friction` is Coulomb's coefficient. A beam of rectangular section is
     touched on its face, across the whole width.
     """
@@ -32,12 +32,13 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class Grip:
-    """Where a contact was held in the step before: arc length [m], and the point (3,) [m] of the
-    object, in its frame. With `sticks`, it still is.
+    """Contact in the previous step, as friction in the current step needs it.
 
-    `slid` (3,) [m] is its way in that step, which went `pace` far in the step's own measure, and
-    `ratio` how far this step goes over that; zero at the start of a way. `drag` (3,), if given, is
-    the direction in the clamp's frame into which it is dragged, whichever way it slides.
+    `s` is its arc length [m] and `point` (3,) [m] the touched point in the object's frame. With
+    `sticks`, the contact is held there in the current step, too. `slid` (3,) [m] is its sliding
+    displacement in the previous step, `pace` that step's size (angle [rad] or deflection), and
+    `ratio` the current step's size over `pace`, or zero at the start of a path. `drag` (3,), if
+    given, is the direction of the friction force in the clamp's frame, whatever the sliding.
     """
 
     s: float
@@ -50,20 +51,21 @@ class Grip:
 
     @property
     def lag(self) -> Floats:
-        """By what the way since then is short of the direction of sliding now (3,) [m].
+        """Part (3,) [m] to subtract from the displacement to get the current sliding direction.
 
-        The backward difference of order 2 for uneven steps (Gear 1971).
+        It is from the backward difference of order 2 for uneven steps (Gear 1971).
         """
         return self.slid * (self.ratio**2 / (1 + 2 * self.ratio))
 
 
 @dataclass(frozen=True)
 class Touch:
-    """A trial contact. `errors` (4,) vanish when it is one: of place, closeness and direction.
+    """Residuals and geometry of a trial contact.
 
-    `lever` (3,) [m] leads from the centreline to the touched point, `point` (3,) [m] is that
-    point in the object's frame, `shift` (3,) [m] how far the object has given way, and `slope`
-    the tangential force over the normal one.
+    `errors` (4,) are zero for a contact: distance, closest point, and two of direction. `lever`
+    (3,) [m] points from the centreline to the touched point, `point` (3,) [m] is that point in
+    the object's frame, `shift` (3,) [m] is the object's displacement by its compliance, and
+    `slope` is the ratio of tangential to normal force.
     """
 
     errors: Floats
@@ -83,7 +85,7 @@ def touch(
     force: Floats,
     grip: Grip | None,
 ) -> Touch:
-    """Judge a contact at arc length `s` [m], with `force` (3,) [N] on the beam.
+    """Evaluate a contact at arc length `s` [m], with `force` (3,) [N] on the beam.
 
     `section` (12,) is the rod's state there, its position in metres. Errors are in units of the
     beam's length and of the force.

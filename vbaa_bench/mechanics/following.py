@@ -1,7 +1,7 @@
-"""An equilibrium without friction, followed from first contact, where linear theory tells it.
+"""Frictionless equilibrium by continuation from first contact, which starts from linear theory.
 
-The strides are short enough that the last two foretell the next. On the way the beam may roll from
-one edge of a mesh to the next, and meet further objects.
+The strides are short enough to extrapolate from the last two equilibria. On the way the beam may
+roll from one edge of a mesh to the next, and meet further objects.
 """
 
 import numpy as np
@@ -13,9 +13,9 @@ from vbaa_bench.mechanics.meeting import DEEPEST, SCAN, deepest, nearest, smooth
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Flat, Surface
 
-# How far an equilibrium is followed at once: radians of pushing, or deflection over L.
+# Largest continuation stride: pushing angle [rad], or deflection over L.
 STRIDE = 0.06
-# The same where a second object may be met, and must not be jumped over.
+# Largest stride where the beam may meet a second object: a longer one could jump over it.
 SHORT_STRIDE = 0.005
 TWO_EDGES = (
     "the beam comes to rest on two edges or corners of the mesh at once: "
@@ -24,18 +24,18 @@ TWO_EDGES = (
 
 
 def free(bench: Bench, step: Step) -> Equilibrium:
-    """The beam of a bench at a step at which it touches nothing."""
+    """Solve for the beam at a step at which it touches nothing."""
     turned = bench.motor.clamp_from_world(step.size, step.drift)[:3, :3]
     moment = np.cross([0.5, 0.0, 0.0], bench.rod.total_weight(turned))
     return bench.solve(step, {}, np.array([*moment, step.size]))
 
 
 def reach(bench: Bench, step: Step, contact_distance: float, resting: State) -> Equilibrium:
-    """The equilibrium without friction, in finer strides where it is lost."""
+    """Find the frictionless equilibrium; repeat with finer strides if continuation fails."""
     stride = STRIDE if len(bench.obstacles) == 1 else SHORT_STRIDE
     strides = int(np.ceil(step.size / stride))
     if isinstance(bench.obstacles[0].surface, Flat):
-        strides = 1  # a wall's contact runs in from far off the tip
+        strides = 1  # the contact with a wall starts far beyond the tip
     for finer in (1, 2, 4):
         try:
             return _follow(bench, step, contact_distance, resting, finer * strides)
@@ -47,7 +47,7 @@ def reach(bench: Bench, step: Step, contact_distance: float, resting: State) -> 
 def _follow(
     bench: Bench, step: Step, contact_distance: float, resting: State, strides: int
 ) -> Equilibrium:
-    """The equilibrium without friction, followed from first contact in even strides."""
+    """Follow the frictionless equilibrium from first contact in even strides."""
     on = smooth(bench, np.eye(4), resting.centreline[:, 1:])
     path: list[Equilibrium] = []
     for share in np.arange(1, strides + 1) / strides:
@@ -66,11 +66,11 @@ def _follow(
 
 
 def _rolled(bench: Bench, found: Equilibrium) -> Equilibrium:
-    """The same; on another edge or corner of `bench`'s meshes where the beam has rolled there."""
+    """Move contacts to another edge or corner of `bench`'s meshes if the beam has rolled there."""
     tried: list[list[Surface]] = []
     while True:
         _, states, _ = found.traced(SCAN)
-        shift = found.contacts[0].touch.shift  # the first alone may give way
+        shift = found.contacts[0].touch.shift  # only the first object may yield
         line = states[:, :3] * bench.rod.beam.length - shift
         other = smooth(bench, found.clamp_from_world, line)
         if _surfaces(other) == _surfaces(found.bench):
@@ -85,23 +85,23 @@ def _rolled(bench: Bench, found: Equilibrium) -> Equilibrium:
             if _surfaces(other) in tried:
                 raise EquilibriumError("it rolls to and fro")
             found = other.solve(found.step, dict.fromkeys(found.contacts), start)
-        except (EquilibriumError, ValueError) as error:  # a contact tried off the beam's ends
+        except (EquilibriumError, ValueError) as error:  # a trial contact beyond the beam's ends
             raise EquilibriumError(TWO_EDGES) from error
 
 
 def _alike(one: Equilibrium, other: Equilibrium) -> bool:
-    """Whether a third equilibrium may be foretold from these two."""
+    """Test whether two equilibria have the same surfaces and contacts, to extrapolate from them."""
     same = _surfaces(one.bench) == _surfaces(other.bench)
     return same and list(one.contacts) == list(other.contacts)
 
 
 def _surfaces(bench: Bench) -> list[Surface]:
-    """What the beam may touch; each is equal to itself alone."""
+    """List the surfaces that the beam may touch; each is equal only to itself."""
     return [obstacle.surface for obstacle in bench.obstacles]
 
 
 def _met(found: Equilibrium) -> Equilibrium:
-    """The same, or with one further object touched where the beam has entered it."""
+    """Add a contact with one further object if the beam has entered it."""
     beam = found.bench.rod.beam
     for other in range(len(found.bench.obstacles)):
         if other in found.contacts:
@@ -116,7 +116,7 @@ def _met(found: Equilibrium) -> Equilibrium:
 
 
 def _linear(bench: Bench, step: Step, contact_distance: float, resting: State) -> Floats:
-    """Unknowns by linear theory, (9) and (10): F = 3 EI y_c / x_c^3."""
+    """Estimate the unknowns by linear theory, (9) and (10): F = 3 EI y_c / x_c^3."""
     first, rod = bench.obstacles[0], bench.rod
     length = rod.beam.length
     x_0 = contact_distance / length
@@ -126,7 +126,7 @@ def _linear(bench: Bench, step: Step, contact_distance: float, resting: State) -
         y_c = step.deflection * 2 * x_0 / (3 - x_0)
         angle = float(np.arctan(y_c * (1 + give / x_0**3) / x_0))
     normal, place = first.world_from_object[:3, 1], first.world_from_object[:3, 3]
-    if isinstance(first.surface, Flat):  # it lifts off the wall like gap (1 - x / x_c)^3
+    if isinstance(first.surface, Flat):  # its distance from the wall is gap (1 - x / x_c)^3
         gap = -float(place @ normal + rod.beam.radius) / length
         x_0 = 3 * gap / angle
         if x_0 >= 1:

@@ -1,12 +1,12 @@
-"""The paper's own analytic beam, eqs. (9) and (10), as a world of its own.
+"""The paper's analytic beam, eqs. (9) and (10), as a forward model.
 
-Under a force f across the beam at x_c it lies, in the deformation plane, at
+Under a force f across the beam at x_c its shape in the deformation plane is
 
     y_d(x) = f x^2 (3 x_c - x) / (6 EI)      up to the contact,
     y_d(x) = f x_c^2 (3 x - x_c) / (6 EI)    beyond, straight.
 
-Arc length and x are one and the same, and the contact stays at x_c: that is linear theory. It is
-the truth in which the paper's methods have no model error.
+In linear theory arc length equals x, and the contact stays at x_c. With this truth the paper's
+methods have no model error.
 """
 
 import math
@@ -29,11 +29,11 @@ def push(
 ) -> State:
     """Push until y_d(L) / L is `deflection`, or until the clamp has turned by `pushing_angle`.
 
-    The object stands in the world at `contact_distance` [m]; its surface's normal leans by
-    `normal_angle` [rad] from plane C, as the deformation plane does then, and it gives way by
+    The object is in the world at `contact_distance` [m]. Its surface's normal, and with it the
+    deformation plane, is inclined by `normal_angle` [rad] to plane C, and it yields by
     `compliance` [m/N] along that normal. The clamp's turn brings it x_c tan(dtheta) nearer: the
-    paper's (30), mended. Given `deflection`, the angle [rad] follows from it. The centreline has
-    `intervals` + 1 rows, one of them exactly at the contact. Raises EquilibriumError if the
+    paper's (30), corrected. Given `deflection`, the angle [rad] follows from it. The centreline
+    has `intervals` + 1 rows, one of them exactly at the contact. Raises EquilibriumError if the
     contact is not on the beam.
     """
     if (deflection is None) == (pushing_angle is None):

@@ -1,4 +1,4 @@
-"""Where a bent beam lies against the objects about it, and whether it can lie there at all."""
+"""Closest points of a bent beam and the objects about it, and checks of its contacts."""
 
 from dataclasses import replace
 
@@ -12,16 +12,16 @@ from vbaa_bench.mechanics.bench import Bench, Equilibrium
 from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.mechanics.surfaces import Ball, Line, Surface
 
-# How deep, in radii of the beam, a stretch may lie in an object before it counts as touching it.
+# Depth in an object, over the beam's radius, above which the beam counts as touching it.
 DEEPEST = 1e-3
-# Stretches of the beam whose ends are held against an object.
+# Number of segments of the beam whose ends are tested for their distance to an object.
 SCAN = 120
 
 
 def smooth(bench: Bench, clamp_from_world: Floats, centreline: Floats) -> Bench:
-    """The same bench; of every mesh only the edge or corner nearest to a `centreline` (n, 3) [m].
+    """Reduce every mesh of a bench to its edge or corner nearest to a `centreline` (n, 3) [m].
 
-    That is in the clamp's frame, which sees the world at `clamp_from_world` (4, 4).
+    The centreline is in the clamp's frame; `clamp_from_world` is (4, 4).
     """
     parts = []
     for obstacle in bench.obstacles:
@@ -32,23 +32,23 @@ def smooth(bench: Bench, clamp_from_world: Floats, centreline: Floats) -> Bench:
 
 
 def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
-    """Where [m] along the beam it comes nearest to an obstacle or lies deepest in it, how deep
-    [m], and the normal (3,) there.
+    """Find where the beam comes nearest to an obstacle or is deepest in it.
 
-    A negative depth is a clearance.
+    Returns the arc length [m], the depth [m], and the normal (3,) there. A negative depth is a
+    clearance.
     """
     bench = found.bench
     rows, states, _ = found.traced(SCAN)
     s = nearest(found, index, bench.obstacles[index].surface) / bench.rod.beam.length
     force = np.zeros(3)
-    if index in found.contacts:  # which decides how far the object has given way
+    if index in found.contacts:  # the force sets how far the object has yielded
         force = found.contacts[index].force / bench.rod.force_unit
     trial = bench.trial(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
     return trial.s, -float(trial.touch.errors[0]) * bench.rod.beam.length, trial.touch.normal
 
 
 def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
-    """Arc length [m] where the beam comes nearest to `surface`, some part of an obstacle."""
+    """Find the arc length [m] where the beam is nearest to `surface`, a part of an obstacle."""
     rows, states, _ = found.traced(SCAN)
     length = found.bench.rod.beam.length
     shift = np.zeros(3)
@@ -60,7 +60,7 @@ def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
 
     def far(point: Floats) -> float:
         distance, _ = surface.distance(point)
-        # From an edge, or a cylinder's axis, whichever side the beam is on.
+        # The distance from an edge, or a cylinder's axis, is positive on both sides.
         return abs(distance + surface.radius) if isinstance(surface, Line | Ball) else distance
 
     coarse = int(np.argmin([far(point) for point in line]))
@@ -73,9 +73,9 @@ def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
 
 
 def check(found: Equilibrium) -> None:
-    """Raise EquilibriumError if the beam cannot stay there.
+    """Raise EquilibriumError if the beam cannot remain in this state.
 
-    It must not slip off the tip, be pulled, cut into an object, or slip off a ball sideways.
+    It must not slip off at the tip, be pulled, cut into an object, or slip off a ball sideways.
     """
     beam = found.bench.rod.beam
     for index, trial in found.contacts.items():
@@ -94,7 +94,7 @@ def check(found: Equilibrium) -> None:
         if isinstance(surface, Line | Ball) and surface.radius == 0:
             continue  # an edge has no inside
         if isinstance(surface, Ball) and obstacle.friction == 0:
-            # Aside by z, the force leans by z / (R + r); the beam answers with 3 EI z / x_c^3.
+            # A shift z aside inclines the force by z / (R + r); the beam resists by 3 EI z / x_c^3.
             allowed = surface.radius + beam.radius
             bent = pressing * trial.s**3 / (3 * beam.flexural_rigidity)
             if bent > allowed:

@@ -1,15 +1,15 @@
-"""The fast path: a round, weightless beam against a frictionless upright edge, in one plane.
+"""Fast path for a round, weightless beam against a frictionless upright edge, in one plane.
 
 Between clamp and contact the exact beam obeys EI theta'' = -F cos(theta - theta_c) with
-theta(0) = 0 and theta'(s_c) = 0 (Love 1927, section 262); beyond, it is straight. Walked back
-from the contact in units of lambda = sqrt(EI / F), phi = theta_c - theta obeys
+theta(0) = 0 and theta'(s_c) = 0 (Love 1927, section 262); beyond, it is straight. Integrated
+back from the contact in units of lambda = sqrt(EI / F), phi = theta_c - theta obeys
 
     phi'' = cos(phi),   phi = phi' = 0 at the contact,
 
-whatever beam and force: only how far one walks, tau = s_c / lambda, tells the shapes apart.
+for every beam and force: shapes differ only in the length of integration, tau = s_c / lambda.
 The equation is integrated by its Taylor series. Newton's method then finds (tau, lambda,
-dtheta) so that the beam's surface touches the object, which stands in the world and may give
-way along a spring. Lengths are in units of L and forces in units of EI / L^2.
+dtheta) so that the beam's surface touches the object, which is fixed in the world or yields
+along a spring. Lengths are in units of L and forces in units of EI / L^2.
 """
 
 import math
@@ -41,8 +41,8 @@ def push(
     """Push until y_tip / L is `deflection`, or until the clamp has turned by `pushing_angle`.
 
     `contact_distance` [m] is where the undeformed beam first touches the object, an upright
-    edge, or a cylinder of `object_radius` [m]. It gives way by `compliance` [m/N] along
-    `spring_heading` [rad], counted in the world from the resting beam's direction. The
+    edge, or a cylinder of `object_radius` [m]. The object yields by `compliance` [m/N] along
+    `spring_heading` [rad], measured in the world from the resting beam's direction. The
     centreline has `intervals` + 1 rows, one of them exactly at the contact. Raises
     EquilibriumError if no state is found, or if the contact would slip off the tip.
     """
@@ -102,9 +102,10 @@ def push(
 
 @njit(cache=True)
 def walk(tau: float, longest_step: float = LONGEST_STEP) -> tuple[float, float, float, float]:
-    """(phi, phi', along, across) after walking `tau` back from the contact, in units of lambda.
+    """Integrate over `tau` back from the contact; return (phi, phi', along, across).
 
-    `along` and `across` are the distances in the frame of the contact's tangent.
+    `along` and `across` are the distances in the frame of the contact's tangent. All lengths are
+    in units of lambda.
     """
     steps = max(math.ceil(tau / longest_step), 1)
     state = np.zeros(4)
@@ -117,7 +118,7 @@ def walk(tau: float, longest_step: float = LONGEST_STEP) -> tuple[float, float, 
 
 @njit(cache=True)
 def _expand(state: Floats, series: Floats) -> None:
-    """Taylor coefficients of phi, along and across about a state (Moore 1966)."""
+    """Compute the Taylor coefficients of phi, along and across about a state (Moore 1966)."""
     phi, along, across = series
     phi[0], phi[1], along[0], across[0] = state
     cosine, sine = along, across  # along' = cos phi, across' = sin phi
@@ -137,7 +138,7 @@ def _expand(state: Floats, series: Floats) -> None:
 
 @njit(cache=True)
 def _evaluate(series: Floats, state: Floats, h: float) -> None:
-    """The state a distance `h` from where `series` was expanded."""
+    """Set `state` to the value of `series` at a distance `h` from its point of expansion."""
     phi, bend, along, across = 0.0, 0.0, 0.0, 0.0
     for k in range(ORDER + 1, -1, -1):
         bend = bend * h + phi
@@ -156,11 +157,12 @@ def _solve(
     deflection: float,
     pushing_angle: float,
 ) -> tuple[float, float, float, float]:
-    """(tau, lambda, dtheta, residual) of a touching beam; a negative deflection asks for the angle.
+    """Find (tau, lambda, dtheta, residual) of a touching beam.
 
-    `reach` is the distance from the beam's centreline to the edge's, or the cylinder's axis.
+    A negative deflection means that `pushing_angle` is prescribed. `reach` is the distance from
+    the beam's centreline to the edge, or to the cylinder's axis.
     """
-    # Linear theory starts the search: y_tip / y_c = (3 L - x_c) / (2 x_c), F = 3 EI y_c / x_c^3.
+    # Start from linear theory: y_tip / y_c = (3 L - x_c) / (2 x_c), F = 3 EI y_c / x_c^3.
     give = 1 + 3 * compliance / x_0**3
     y_c = x_0 * math.tan(pushing_angle) / give
     angle = pushing_angle
@@ -178,7 +180,7 @@ def _solve(
         if deflection < 0:
             equations[2] = angle - pushing_angle
         error = np.abs(equations).max()
-        # Moments about the clamp must balance too; tiny pushes bend by a tiny share of L.
+        # Moments about the clamp must balance, too. Errors are relative to the deflection y_c.
         residual = max(error / max(y_c, 1e-300), moment)
         if residual < best:
             best, still = residual, 0
@@ -188,7 +190,7 @@ def _solve(
         if still >= 2 or not math.isfinite(error):
             break
         change = np.linalg.solve(slopes, equations)
-        # No farther than half the way to where tau or lambda would lose their sense.
+        # Go at most half the way to the bounds of tau and lambda.
         share = 1.0
         for value, step, low, high in (
             (tau, change[0], 0.0, _FARTHEST),
@@ -217,10 +219,10 @@ def _judge(
     equations: Floats,
     slopes: Floats,
 ) -> float:
-    """Fill in what the equations (3,) leave, and their derivatives (3, 3) by the unknowns.
+    """Fill in the residuals (3,) and their derivatives (3, 3) with respect to the unknowns.
 
     `spring` is the object's compliance and direction. Returns the relative error of the moments
-    about the clamp. With a negative deflection the third equation asks for the angle.
+    about the clamp. With a negative deflection the third equation prescribes the angle.
     """
     compliance, e_x, e_y = spring
     phi, bend, along, across = walk(tau)
@@ -259,7 +261,7 @@ def _judge(
 
 @njit(cache=True)
 def _centreline(tau: float, scale: float, intervals: int) -> tuple[Floats, int, float, float]:
-    """Rows (s, x, y, z) from clamp to tip, the contact's row, theta_c, and phi' at the clamp."""
+    """Compute rows (s, x, y, z) from clamp to tip, the contact's row, theta_c, and clamp phi'."""
     theta_c, bend, along, across = walk(tau)
     sine, cosine = math.sin(theta_c), math.cos(theta_c)
     x_c, y_c = along * cosine + across * sine, along * sine - across * cosine
@@ -268,7 +270,7 @@ def _centreline(tau: float, scale: float, intervals: int) -> tuple[Floats, int, 
     line = np.zeros((intervals + 1, 4))
     series, state = np.empty((3, ORDER + 2)), np.zeros(4)
     _expand(state, series)
-    place = 0.0  # where the series stands
+    place = 0.0  # where the series is expanded
     for back in range(row + 1):
         walked = tau * back / row
         if walked - place > LONGEST_STEP:
@@ -280,7 +282,7 @@ def _centreline(tau: float, scale: float, intervals: int) -> tuple[Floats, int, 
         line[i, 0] = s_c - scale * walked
         line[i, 1] = scale * (x_c - state[2] * cosine - state[3] * sine)
         line[i, 2] = scale * (y_c - state[2] * sine + state[3] * cosine)
-    line[0] = 0.0  # the clamp itself, to the last digit
+    line[0] = 0.0  # exactly the clamp, without rounding errors
     for i in range(row + 1, intervals + 1):
         ahead = (1 - s_c) * (i - row) / (intervals - row)
         line[i, 0] = s_c + ahead

@@ -1,7 +1,7 @@
-"""Pushing any rod against any objects, one motor angle after another.
+"""Push any rod against any objects, one motor angle after another.
 
-A step without contact gives the free beam; one with it is followed from first contact, or, where
-friction remembers the way, from the step before.
+A step without contact gives the free beam. A step in contact is solved by continuation from first
+contact or, because friction depends on the path, from the step before.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ __all__ = ["Motor", "Step", "push", "rest"]
 
 @lru_cache(maxsize=16)
 def rest(rod: Rod, intervals: int = 480) -> State:
-    """The beam that touches nothing: straight, or bent by its weight and its bow.
+    """Compute the beam that touches nothing: straight, or bent by its weight and its bow.
 
-    The centreline has `intervals` + 1 rows. Raises EquilibriumError if the weight is too much
+    The centreline has `intervals` + 1 rows. Raises EquilibriumError if the weight is too large
     for the beam.
     """
     return free(Bench(rod, Motor(), (), np.array([1.0, 0.0, 0.0])), Step(0.0)).state(intervals)
@@ -40,15 +40,15 @@ def push(
     steps: Sequence[Step],
     intervals: int = 480,
 ) -> list[State]:
-    """The states of one push, step after step.
+    """Compute the states of one push, step after step.
 
-    The first obstacle is what is pushed; it touches the beam at rest at arc length
-    `contact_distance` [m], or is a wall. Others wait until the beam meets them. A step that has
-    not reached contact yet gives the beam at rest. Only the first obstacle may have friction,
-    which remembers the step before. Each centreline has `intervals` + 1 rows, one of them
-    exactly at every contact. Raises EquilibriumError where no state is found, or where the beam
-    could not stay: slipping off the tip or off a ball, pulled, cutting into an object, or on two
-    edges of a mesh at once.
+    The beam is pushed against the first obstacle, which touches the beam at rest at arc length
+    `contact_distance` [m], or is a wall. The beam may meet the others later. A step before
+    contact gives the free beam. Only the first obstacle may have friction, which depends on the
+    step before. Each centreline has `intervals` + 1 rows, one of them exactly at every contact.
+    Raises EquilibriumError where no state is found, or where the state is impossible: the beam
+    slips off at the tip or off a ball, is pulled, cuts into an object, or rests on two edges of
+    a mesh at once.
     """
     if any(other.friction for other in obstacles[1:]):
         raise ValueError("only the first obstacle may have friction")
@@ -84,7 +84,7 @@ def push(
 
 
 def _short_of_wall(bench: Bench, step: Step) -> bool:
-    """Whether the beam has not yet turned so far that its tip reaches a wall."""
+    """Test whether the beam has not yet turned far enough for its tip to reach a wall."""
     if not isinstance(bench.obstacles[0].surface, Flat):
         return False
     _, depth, _ = deepest(free(bench, step), 0)
@@ -92,7 +92,7 @@ def _short_of_wall(bench: Bench, step: Step) -> bool:
 
 
 def _clear(untouched: Equilibrium) -> None:
-    """Raise EquilibriumError if a beam that touches nothing yet lies in one of the objects."""
+    """Raise EquilibriumError if a beam before contact is inside one of the objects."""
     radius = untouched.bench.rod.beam.radius
     for index, obstacle in enumerate(untouched.bench.obstacles):
         surface = obstacle.surface

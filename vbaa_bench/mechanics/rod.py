@@ -1,10 +1,11 @@
-"""The statics of a Kirchhoff rod in space: what a beam does under given forces.
+"""Statics of a Kirchhoff rod in space: the shape of a beam under given forces.
 
 With r' = (1 + e) d3, d_i' = u x d_i, m' = -r' x n (Antman 2005, ch. VIII), n the force and m
 the moment that the part ahead exerts on the part behind, the curvatures u about the section's
-axes d1, d2, d3 are m.d1 / B1, m.d2 / B2, m.d3 / C beside those of the unloaded beam, and
-e = n.d3 / EA. The force is known from equilibrium alone: all that acts ahead. Integrated from
-the clamp by Dormand and Prince's method of order 8 in even steps.
+axes d1, d2, d3 are m.d1 / B1, m.d2 / B2, m.d3 / C plus those of the unloaded beam, and
+e = n.d3 / EA. The force n follows from equilibrium alone: it is the sum of all forces ahead.
+The equations are integrated from the clamp by Dormand and Prince's method of order 8 in even
+steps.
 
 Inside the numerical functions lengths are in units of L, forces in units of EI / L^2, both of
 the clamped section.
@@ -20,11 +21,11 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
 
-POISSON = 0.3  # of steel; only a beam that twists asks for it
+POISSON = 0.3  # of steel; used only for a beam that twists
 STEPS = 32
 ORDER = 8
 
-# The tableau's twelve stages, and only the entries that are not zero.
+# The twelve stages of the tableau; `advance` skips entries that are zero.
 _A = np.ascontiguousarray(DOP853.A[:12, :12])
 _B = np.ascontiguousarray(DOP853.B)
 
@@ -34,11 +35,11 @@ _SIZE = 12
 
 @dataclass(frozen=True)
 class Rod:
-    """A beam with what its scene asks for beyond a round, straight, weightless one.
+    """Beam with options beyond a round, straight, weightless one.
 
-    `aspect` is the section's second semi-axis over its first; the first, half the beam's
-    diameter at the clamp, leans by `section_angle` [rad] from y towards z, and the beam's
-    flexural rigidity is that of bending along it. The section's size changes evenly to
+    `aspect` is the section's second semi-axis over its first. The first, half the beam's
+    diameter at the clamp, is inclined by `section_angle` [rad] from y towards z, and the beam's
+    flexural rigidity is that of bending along it. The section's size changes linearly to
     `tip_ratio` of the clamp's at the tip. `weight` (3,) [N/m] acts on every metre of the clamped
     section, in the world; `bow` (2,) [1/m] is the unloaded beam's curvature towards y and
     z; an `extensible` beam stretches under its axial force.
@@ -55,27 +56,28 @@ class Rod:
 
     @property
     def plain(self) -> bool:
-        """Whether nothing is asked for: the beam of the planar fast path."""
+        """Whether all options have their defaults: the beam of the planar fast path."""
         return self == Rod(self.beam, section_angle=self.section_angle)
 
     @property
     def oriented(self) -> bool:
-        """Whether the section has a direction that one could see."""
+        """Whether the section has a visible orientation."""
         return self.shape == "rectangle" or self.aspect != 1
 
     @property
     def force_unit(self) -> float:
-        """EI / L^2 [N]."""
+        """Unit of force, EI / L^2 [N]."""
         return self.beam.flexural_rigidity / self.beam.length**2
 
     def half_height(self, s: float) -> float:
-        """Semi-axis [m] of the section along its first axis, at arc length `s` [m]."""
+        """Compute the semi-axis [m] of the section along its first axis, at arc length `s` [m]."""
         return self.beam.radius * (1 + (self.tip_ratio - 1) * s / self.beam.length)
 
     def reach(self, s: float, towards: float) -> float:
-        """Distance [m] from the centreline at `s` [m] to a tangent plane of the straight beam.
+        """Compute the distance [m] from the straight centreline at `s` [m] to a tangent plane.
 
-        The plane's normal leans by `towards` [rad] from y to z. A rectangle is touched on its face.
+        The plane's normal is inclined by `towards` [rad] from y to z. A rectangle is touched on
+        its face.
         """
         lean = towards - self.section_angle
         wide = self.aspect * np.sin(lean) if self.shape == "ellipse" else 0.0
@@ -83,10 +85,10 @@ class Rod:
         return float(self.half_height(s) * np.hypot(tall, wide))
 
     def properties(self, turned: Floats) -> Floats:
-        """What `advance` needs to know, (10,) in its units, with the world `turned` (3, 3).
+        """Compute the parameters (10,) of `advance`, in its units, with the world `turned` (3, 3).
 
-        Compliances of bending about the first and the second axis, of twisting, of stretching;
-        taper; weight (3,); curvature about the first and the second axis.
+        They are the compliances of bending about the first and the second axis, of twisting and
+        of stretching; taper; weight (3,); curvature about the first and the second axis.
         """
         length, aspect = self.beam.length, self.aspect
         slim = self.beam.radius / length
@@ -113,13 +115,13 @@ class Rod:
         )
 
     def total_weight(self, turned: Floats) -> Floats:
-        """The beam's weight (3,) in its units, with the world `turned` (3, 3)."""
+        """Compute the beam's weight (3,) in its units, with the world `turned` (3, 3)."""
         c = self.tip_ratio - 1
         weight = turned @ np.array(self.weight) * self.beam.length / self.force_unit
         return np.asarray(weight * (1 + c + c * c / 3))
 
     def largest_strain(self, rows: Floats, states: Floats) -> float:
-        """Largest strain of any fibre by bending, over `states` (n, 12)."""
+        """Compute the largest bending strain of any fibre over `states` (n, 12)."""
         first, tangent, moment = states[:, 3:6], states[:, 6:9], states[:, 9:]
         size = 1 + (self.tip_ratio - 1) * rows
         half = self.beam.radius / self.beam.length * size
@@ -130,7 +132,7 @@ class Rod:
         return float(np.hypot(bend_1, bend_2).max())
 
     def clamp(self, moment: Floats) -> Floats:
-        """The state (12,) at the clamp, under a moment (3,)."""
+        """Return the state (12,) at the clamp, under a moment (3,)."""
         state = np.zeros(_SIZE)
         state[3:6] = 0.0, np.cos(self.section_angle), np.sin(self.section_angle)
         state[6] = 1.0
@@ -140,10 +142,10 @@ class Rod:
 
 @njit(cache=True)
 def _derivative(s: float, y: Floats, ahead: Floats, p: Floats, out: Floats) -> None:
-    """Change of the state per arc length where point forces summing to `ahead` (3,) act ahead."""
+    """Fill in the state's derivative by arc length; `ahead` (3,) is the sum of forces ahead."""
     c = p[4]
     size = 1 + c * s
-    # Weight of all that is ahead: the integral of (1 + c s)^2.
+    # Weight of the part ahead: the integral of (1 + c s)^2.
     rest = (1 - s) + c * (1 - s * s) + c * c * (1 - s * s * s) / 3
     n_x, n_y, n_z = ahead[0] + p[5] * rest, ahead[1] + p[6] * rest, ahead[2] + p[7] * rest
     a_x, a_y, a_z = y[3], y[4], y[5]
@@ -166,7 +168,7 @@ def _derivative(s: float, y: Floats, ahead: Floats, p: Floats, out: Floats) -> N
 
 @njit(cache=True)
 def advance(y: Floats, start: float, end: float, steps: int, ahead: Floats, p: Floats) -> Floats:
-    """The state (12,) carried from arc length `start` to `end` in even steps of order 8."""
+    """Integrate the state (12,) from arc length `start` to `end` in even steps of order 8."""
     h = (end - start) / steps
     k = np.empty((12, _SIZE))
     y = y.copy()
@@ -196,7 +198,7 @@ def advance(y: Floats, start: float, end: float, steps: int, ahead: Floats, p: F
 def trace(
     clamp: Floats, stops: Floats, forces: Floats, couples: Floats, rows: Floats, p: Floats
 ) -> Floats:
-    """States (n, 12) at the arc lengths `rows` (n,), which count up and contain every stop."""
+    """Compute states (n, 12) at the arc lengths `rows` (n,), which increase and hold every stop."""
     ahead = np.zeros(3)
     for i in range(len(stops)):
         ahead += forces[i]

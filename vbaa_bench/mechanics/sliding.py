@@ -1,7 +1,7 @@
-"""Coulomb friction: a contact slides where it must, and sticks where friction holds it.
+"""Coulomb friction: a contact sticks where friction can hold it, and slides otherwise.
 
-Friction depends on the way, so a push is followed in short steps whose direction of sliding is that
-of a backward difference of order 2.
+Friction depends on the path, so a push is followed in short steps. Their direction of sliding is
+that of a backward difference of order 2.
 """
 
 from dataclasses import replace
@@ -15,12 +15,12 @@ from vbaa_bench.mechanics.following import free, reach
 from vbaa_bench.mechanics.meeting import SCAN
 from vbaa_bench.mechanics.state import EquilibriumError, State
 
-# How far a step goes at most: radians of pushing, or deflection over L.
+# Largest short step: pushing angle [rad], or deflection over L.
 FRICTION_STRIDE = 0.04
 
 
 def first_grip(bench: Bench, contact_distance: float) -> Grip:
-    """Where beam and object touch at first contact: not in the middle of a leaning section."""
+    """Find the touched point at first contact: an inclined section does not touch at its middle."""
     first, length = bench.obstacles[0], bench.rod.beam.length
     if not first.friction:
         return Grip(contact_distance, np.zeros(3))
@@ -29,7 +29,7 @@ def first_grip(bench: Bench, contact_distance: float) -> Grip:
     s = contact_distance / length
     force = first.world_from_object[:3, 1]
     resting = CubicSpline(rows, states)(s)
-    # The force here is but a direction: nothing has given way yet.
+    # Only the force's direction is used: the object has not yielded yet.
     unmoved = replace(bench, obstacles=(replace(first, compliance=0.0), *bench.obstacles[1:]))
     touched = unmoved.trial(untouched.clamp_from_world, 0, resting, s, force).touch
     return Grip(contact_distance, touched.point)
@@ -43,7 +43,7 @@ def slide(
     grip: Grip,
     before: Equilibrium | None,
 ) -> tuple[Grip, Equilibrium]:
-    """One step with friction, in short ones that its direction can follow; finer if it is lost."""
+    """Solve one step with friction in short steps; repeat with finer ones if it is lost."""
     start = step.part(0.0) if before is None else before.step
     count = max(int(np.ceil(abs(step.size - start.size) / FRICTION_STRIDE)), 1)
     for finer in (1, 3, 9):
@@ -62,10 +62,10 @@ def slide(
 
 
 def _solved(before: Equilibrium, step: Step, grip: Grip) -> Equilibrium:
-    """The equilibrium near another, its first contact held as `grip` says.
+    """Solve for the equilibrium near `before`, with its first contact held according to `grip`.
 
-    Raises EquilibriumError if there is none, or only behind the object, where no beam gets, or
-    where the object would have to pull.
+    Raises EquilibriumError if there is none, if it is only behind the object, which no beam can
+    reach, or if the object would have to pull.
     """
     engaged = {**dict.fromkeys(before.contacts), 0: grip}
     found = before.bench.solve(step, engaged, before.unknown)
@@ -79,7 +79,7 @@ def _solved(before: Equilibrium, step: Step, grip: Grip) -> Equilibrium:
 
 
 def _next_grip(grip: Grip, last: Equilibrium | None, now: Equilibrium) -> Grip:
-    """What the next step has to know of this one: where the contact is, and how it slid there."""
+    """Return the grip for the next step: where the contact is, and how it slid there."""
     contact = now.contacts[0]
     clamp_from_object = now.clamp_from_world @ now.bench.obstacles[0].world_from_object
     along = clamp_from_object[:3, :3].T @ contact.section[6:9]
@@ -96,31 +96,31 @@ def _settle(
     grip: Grip,
     before: Equilibrium | None,
 ) -> Equilibrium:
-    """One short step with friction: where it slides to, or where it is still held."""
+    """Solve one short step with friction: the contact slides, or it sticks."""
     friction = bench.obstacles[0].friction
     if before is None:
         return _solved(reach(bench, step, contact_distance, resting), step, grip)
     ratio = (step.size - before.step.size) / grip.pace
-    onward = replace(grip, ratio=max(ratio, 0.0))  # after a turn the way begins anew
+    onward = replace(grip, ratio=max(ratio, 0.0))  # after a reversal the path starts anew
     if ratio > 0:
         try:
             return _solved(before, step, onward)
         except EquilibriumError:
-            pass  # it sticks, or has gone too far for its last state to lead there
+            pass  # it sticks, or its last state is too far away to start from
     try:
         stuck = _solved(before, step, replace(grip, sticks=True))
     except EquilibriumError:
-        pass  # friction has nothing to hold there
+        pass  # there is no equilibrium that sticks
     else:
         contact = stuck.contacts[0]
         if contact.touch.slope <= friction:
             return stuck
-        # It gives in to what friction cannot hold, whichever way it slid before.
+        # Friction cannot hold it: it slides along the sticking force, whatever its last direction.
         normal = contact.touch.normal
         drag = contact.force - (contact.force @ normal) * normal
         try:
             yielding = _solved(stuck, step, replace(grip, drag=drag))
             return _solved(yielding, step, replace(grip, ratio=0.0))
         except EquilibriumError:
-            pass  # it slides too far for that
+            pass  # it slides too far from this start
     return _solved(reach(bench, step, contact_distance, resting), step, onward)

@@ -1,4 +1,4 @@
-"""A bent beam in equilibrium, as every model of this room answers it."""
+"""State of a bent beam in equilibrium, the result of every model of this package."""
 
 from dataclasses import dataclass
 
@@ -10,18 +10,18 @@ WORST_RESIDUAL = 1e-8
 
 
 class EquilibriumError(Exception):
-    """No equilibrium was found, or not accurately enough to be called truth."""
+    """Error raised if no equilibrium is found, or none accurate enough to serve as truth."""
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Where one object touches the beam; SI, in the clamp's frame.
+    """Contact of one object with the beam; SI, in the clamp's frame.
 
-    `point` (3,) lies on the centreline at arc length `s`, on row `row` of the state's
+    `point` (3,) is on the centreline at arc length `s`, at row `row` of the state's
     centreline; `tangent` (3,) is the beam's there, `normal` (3,) points from the object's
     surface to the centreline, `lever` (3,) from the centreline to the touched point of the
-    surface, and `force` (3,) is the object's on the beam. `object_shift` (3,) is how far the
-    object has given way from its place, and `obstacle` which of the obstacles it is.
+    surface, and `force` (3,) is the object's force on the beam. `object_shift` (3,) is the
+    object's displacement by its compliance, and `obstacle` the index of the obstacle.
     """
 
     s: float
@@ -51,14 +51,14 @@ class Contact:
 
 @dataclass(frozen=True)
 class State:
-    """A beam in equilibrium, in the clamp's frame (x along the clamp's tangent, z to the camera).
+    """Beam in equilibrium, in the clamp's frame (x along the clamp's tangent, z to the camera).
 
-    `pushing_angle` [rad] is how far the clamp has turned since first contact. `centreline`
+    `pushing_angle` [rad] is the clamp's rotation since first contact. `centreline`
     (n, 4) has columns s, x, y, z from the clamp to the tip [m]; `director` (n, 3) is the
     section's first axis, None for a circular beam whose sections need no orientation. `contacts`
-    is empty for a beam that touches nothing. `base_force` and `base_moment` (3,) are what the
-    clamp exerts on the beam. `largest_strain` is that of any fibre by bending.
-    `residual` is the worst relative error of the equations that the state fulfils.
+    is empty for a beam that touches nothing. `base_force` and `base_moment` (3,) are those of
+    the clamp on the beam. `largest_strain` is the largest bending strain of any fibre.
+    `residual` is the worst relative error of the state's equations.
     """
 
     pushing_angle: float
@@ -86,7 +86,7 @@ class State:
 
     @property
     def contact(self) -> Contact:
-        """The first contact. Raises ValueError if the beam touches nothing."""
+        """First contact. Raises ValueError if the beam touches nothing."""
         if not self.contacts:
             raise ValueError("the beam touches nothing")
         return self.contacts[0]

@@ -1,6 +1,6 @@
-"""The touched surface of an object, as distance and direction from it.
+"""Touched surfaces of objects, as distance and direction from them.
 
-All stand in the object's frame: first contact at the origin, +y towards the beam, +z along the
+All are in the object's frame: first contact is at the origin, +y points to the beam, +z along the
 touched edge. A beam of radius r touches where the distance to its centreline is r.
 """
 
@@ -13,31 +13,34 @@ from scipy.spatial import cKDTree
 
 from solver.instrument.arrays import Floats
 
-# Faces that meet at less than this angle [rad] are one face: a mesh file has some seven digits.
+# Faces that meet at less than this angle [rad] are one face: mesh files have about seven digits.
 FLATTEST = 1e-4
-# Edges as near as each other, to this share of the mesh's size, are touched at once.
+# Edges whose distances differ by less than this share of the mesh's size are touched at once.
 TIE = 1e-8
 
 _ORIGIN, _Y, _Z = np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 class Surface(Protocol):
-    """A touched surface in the object's frame."""
+    """Touched surface in the object's frame."""
 
     def distance(self, point: Floats) -> tuple[float, Floats]:
-        """Distance [m] of a point (3,) [m] from the surface, and the unit vector (3,) from it.
+        """Compute the distance [m] of a point (3,) [m] from the surface, and its direction.
 
-        Negative inside, and behind an edge or corner, which a beam must have passed through.
+        The direction (3,) is the unit vector from the surface. The distance is negative inside,
+        and behind an edge or corner: a beam gets there only by passing through the object.
         """
 
     def touched_by(self, centreline: Floats) -> "Surface":
-        """The smooth part that a beam along `centreline` (n, 3) [m] touches, or all of it."""
+        """Return the smooth part touched by a beam along `centreline` (n, 3) [m], or all of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """An edge through `point` along the unit vector `direction`, looking `outward`, each (3,);
-    or, about it, a cylinder of `radius` [m]."""
+    """Edge, or cylinder of `radius` [m] about it.
+
+    It runs through `point` along the unit vector `direction` and faces `outward`, each (3,).
+    """
 
     point: Floats = field(default_factory=lambda: _ORIGIN)
     direction: Floats = field(default_factory=lambda: _Z)
@@ -45,61 +48,61 @@ class Line:
     radius: float = 0.0
 
     def distance(self, point: Floats) -> tuple[float, Floats]:
-        """Distance [m] from the edge, or from the cylinder's side."""
+        """Compute the distance [m] from the edge, or from the cylinder's side."""
         away = point - self.point
         away = away - (away @ self.direction) * self.direction
         return _from(away, self.outward, self.radius)
 
     def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
-        """All of it."""
+        """Return the whole surface."""
         return self
 
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """A corner at `point`, looking `outward`, each (3,); or, about it, a ball of `radius` [m]."""
+    """Corner at `point` that faces `outward`, each (3,), or ball of `radius` [m] about it."""
 
     point: Floats = field(default_factory=lambda: _ORIGIN)
     outward: Floats = field(default_factory=lambda: _Y)
     radius: float = 0.0
 
     def distance(self, point: Floats) -> tuple[float, Floats]:
-        """Distance [m] from the corner, or from the ball."""
+        """Compute the distance [m] from the corner, or from the ball."""
         return _from(point - self.point, self.outward, self.radius)
 
     def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
-        """All of it."""
+        """Return the whole surface."""
         return self
 
 
 @dataclass(frozen=True)
 class Flat:
-    """A wall across y."""
+    """Wall perpendicular to y."""
 
     def distance(self, point: Floats) -> tuple[float, Floats]:
-        """Height [m] above the wall."""
+        """Return the height [m] above the wall."""
         return float(point[1]), _Y
 
     def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
-        """All of it."""
+        """Return the whole surface."""
         return self
 
 
 def upright(radius: float = 0.0) -> Line:
-    """An edge along z through the origin, or a cylinder of `radius` [m] with it on its side."""
+    """Make an edge along z at the origin, or a cylinder of `radius` [m] with it on its side."""
     return Line(point=np.array([0.0, -radius, 0.0]), radius=radius)
 
 
 def ball(radius: float) -> Ball:
-    """A ball of `radius` [m] that touches the origin from below."""
+    """Make a ball of `radius` [m] that touches the origin from below."""
     return Ball(point=np.array([0.0, -radius, 0.0]), radius=radius)
 
 
 class Solid:
-    """Any closed mesh [m]: a straight beam touches it at one of its edges, or at a corner."""
+    """Closed mesh [m] that a straight beam touches at one of its edges, or at a corner."""
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
-        # A beam rests on edges that stand out, not on those of dents and of flat faces.
+        # A beam rests on convex edges, not on those of dents and of flat faces.
         convex = mesh.face_adjacency_convex & (mesh.face_adjacency_angles > FLATTEST)
         self._ends = np.asarray(mesh.vertices)[mesh.face_adjacency_edges[convex]]
         outward = mesh.face_normals[mesh.face_adjacency[convex]].sum(axis=1)
@@ -109,11 +112,11 @@ class Solid:
         self._parts: dict[tuple[int, float], Surface] = {}
 
     def distance(self, point: Floats) -> tuple[float, Floats]:
-        """Distance [m] from the nearest edge."""
+        """Compute the distance [m] from the nearest edge."""
         return self.touched_by(point[None]).distance(point)
 
     def touched_by(self, centreline: Floats) -> Surface:
-        """The edge or corner nearest to a beam that does not enter the mesh."""
+        """Find the edge or corner nearest to a beam that does not enter the mesh."""
         first, last = self._ends[:, 0], self._ends[:, 1]
         far, _ = cKDTree(centreline).query((first + last) / 2)
         half = np.linalg.norm(last - first, axis=1) / 2
@@ -134,9 +137,9 @@ class Solid:
         return self._parts[key]
 
     def holds(self, points: Floats) -> bool:
-        """Whether any of the points (n, 3) [m] lies inside.
+        """Test whether any of the points (n, 3) [m] is inside.
 
-        The faces' solid angles about it sum up to 4 pi then (van Oosterom and Strackee 1983).
+        The faces' solid angles about it then sum to 4 pi (van Oosterom and Strackee 1983).
         """
         low, high = self._bounds
         for point in points[((points > low) & (points < high)).all(axis=1)]:
@@ -164,7 +167,7 @@ def _from(away: Floats, outward: Floats, radius: float) -> tuple[float, Floats]:
 
 
 def _approach(first: Floats, last: Floats, centreline: Floats) -> tuple[float, float]:
-    """Least distance [m] between an edge and a polyline, and the share of the edge before it."""
+    """Find the least distance [m] between an edge and a polyline, and its place (0 to 1)."""
     along = last - first
     if len(centreline) == 1:
         share = float(np.clip((centreline[0] - first) @ along / (along @ along), 0, 1))

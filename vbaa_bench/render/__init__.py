@@ -1,1 +1,1 @@
-"""Meshes, light and camera -> radiance and truth layers. The only room that imports Mitsuba."""
+"""Rendering: meshes, lights and camera -> radiance and truth layers. Only here is Mitsuba used."""

@@ -1,10 +1,10 @@
-"""OpenCV's camera as Mitsuba's perspective or orthographic sensor.
+"""Conversion of OpenCV's camera to Mitsuba's perspective or orthographic sensor.
 
 Mitsuba's camera looks along +z with x to the left and y up, OpenCV's with x to the right and
-y down: half a turn about z apart. Mitsuba counts the image from the corner of its first pixel,
-OpenCV from that pixel's centre: half a pixel apart. The perspective sensor's principal point
-offset has the opposite sign, in shares of the image's width and height; the orthographic sensor
-has none, so it is shifted to where the middle of the image is.
+y down: they differ by half a turn about z. Mitsuba's image origin is the corner of the first pixel,
+OpenCV's is that pixel's centre: they differ by half a pixel. The perspective sensor's principal
+point offset has the opposite sign, in shares of the image's width and height. The orthographic
+sensor has none, so it is shifted to the middle of the image.
 """
 
 import math
@@ -20,9 +20,10 @@ _OPENCV_FROM_MITSUBA = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 def sensor_dict(camera: Camera, render_from_antenna: Floats) -> dict[str, Any]:
-    """Mitsuba's description of `camera`, whose box filter makes a pixel the mean over its area.
+    """Return Mitsuba's description of `camera`; its box filter averages over the area of a pixel.
 
-    `render_from_antenna` (4, 4) is a uniform scale and a shift. Needs square pixels.
+    `render_from_antenna` (4, 4) is a uniform scale and a shift. Raises ValueError unless pixels
+    are square.
     """
     if not math.isclose(camera.fx, camera.fy, rel_tol=1e-12):
         raise ValueError(f"fx {camera.fx} and fy {camera.fy} differ, allowed are square pixels")
@@ -61,13 +62,13 @@ def _perspective(camera: Camera, pose: Floats) -> dict[str, Any]:
 
 
 def _orthographic(camera: Camera, pose: Floats, scale: float) -> dict[str, Any]:
-    """Rays start in the camera's own plane, so the lamp stays behind it.
+    """Return Mitsuba's orthographic sensor, whose rays start in the camera's plane.
 
-    In float32 that costs nothing: from 5,000 units off rays still meet an edge to 0.001 units,
-    from 50,000 to 0.003, from 500,000 to 0.01.
+    The lamp therefore stays behind it. In float32 no accuracy is lost: from a distance of 5,000
+    units rays meet an edge to 0.001 units, from 50,000 to 0.003, from 500,000 to 0.01.
     """
     unit_per_pixel = scale / camera.fx
-    # Mitsuba's axes are the opposite of the image's.
+    # Mitsuba's axes are opposite to the image's.
     left = camera.cx - (camera.width - 1) / 2
     up = camera.cy - (camera.height - 1) / 2
     to_world = pose.copy()

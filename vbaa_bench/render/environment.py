@@ -1,7 +1,7 @@
-"""Light from all around, as maps of longitude and latitude: made here, or read from a file.
+"""Environment maps in longitude and latitude, generated or read from a file.
 
-A map (height, width) of radiances has its first row at +z and its last at -z, as Mitsuba's have;
-its columns run from +x through +y around.
+A map (height, width) of radiances has its first row at +z and its last at -z, as in Mitsuba. Its
+columns run from +x through +y around.
 """
 
 from pathlib import Path
@@ -13,18 +13,18 @@ from solver.instrument.errors import InputError
 from vbaa_bench.openexr import channels
 
 HEIGHT, WIDTH = 128, 256
-# Samples along each side of a pixel: edges of windows and lamps fall between pixels.
+# Samples along each side of a pixel: antialiases the edges of windows and lamps.
 FINE = 4
-# Steps in polar angle of an integral over the upper half.
+# Steps in polar angle of the integral over the upper hemisphere.
 INTEGRATED = 20_000
-# The room [m] about the rig: east, north, west, south walls, ceiling, floor.
+# Distances [m] from the rig to the room's east, north, west, south walls, ceiling, floor.
 EAST, NORTH, WEST, SOUTH, CEILING, FLOOR = 3.5, 2.5, 3.0, 2.0, 2.0, 0.9
-# Radiances against that of a white wall.
+# Radiances relative to that of a white wall.
 WALL, WHITE_CEILING, DARK_FLOOR, FURNITURE, TUBE, SKY, HORIZON = 1.0, 1.4, 0.3, 0.25, 60, 40, 15
 
 
 def laboratory() -> Floats:
-    """A laboratory: a window to the north, two rows of lamps at the ceiling, a dark cupboard."""
+    """Generate a laboratory: a north window, two rows of ceiling lamps and a dark cupboard."""
     rows = np.clip((np.arange(HEIGHT * FINE) + 0.5) / FINE - 0.5, 1e-6, HEIGHT - 1 - 1e-6)
     rows *= np.pi / (HEIGHT - 1)
     columns = (np.arange(WIDTH * FINE) + 0.5) * 2 * np.pi / (WIDTH * FINE)
@@ -34,7 +34,7 @@ def laboratory() -> Floats:
     )
     low = np.array([-WEST, -SOUTH, -FLOOR])[:, None, None]
     high = np.array([EAST, NORTH, CEILING])[:, None, None]
-    # From inside a box a ray leaves through the nearest of the three sides that it heads for.
+    # A ray from inside a box leaves through the nearest of the three sides in its direction.
     reach = np.where(way > 0, high, low) / way
     side = reach.argmin(axis=0)
     x, y, z = way * reach.min(axis=0)
@@ -53,7 +53,7 @@ def laboratory() -> Floats:
 
 
 def read_environment(path: Path) -> Floats:
-    """The radiances of an OpenEXR picture: of its one channel, or the luminance of R, G, B.
+    """Read the radiances of an OpenEXR image: its only channel, or the luminance of R, G, B.
 
     Raises InputError if it cannot be read, or is negative, not finite, or dark above the horizon.
     """
@@ -72,7 +72,7 @@ def read_environment(path: Path) -> Floats:
 
 
 def plane_irradiance(image: Floats) -> float:
-    """What a map brings to a plane that faces +z."""
+    """Integrate the irradiance of a map on a plane that faces +z."""
     height = len(image)
     polar = (np.arange(INTEGRATED) + 0.5) * (np.pi / 2) / INTEGRATED
     ring = np.interp(polar, np.linspace(0, np.pi, height), image.mean(axis=1))
@@ -80,6 +80,6 @@ def plane_irradiance(image: Floats) -> float:
 
 
 def turned(image: Floats, angle: float) -> Floats:
-    """The map turned about +z by an angle [rad], to the nearest column."""
+    """Rotate a map about +z by an angle [rad], rounded to whole columns."""
     width = image.shape[1]
     return np.roll(image, round(angle * width / (2 * np.pi)), axis=1)

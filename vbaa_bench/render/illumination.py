@@ -1,4 +1,4 @@
-"""A scene's lights, put up where it says. They stand as the camera does, in Sigma_a."""
+"""Construction of a scene's lights. They are fixed relative to the camera, in Sigma_a."""
 
 from pathlib import Path
 
@@ -31,21 +31,21 @@ from vbaa_bench.spec.scene import Scene
 
 ALONG = np.array([1.0, 0.0, 0.0])
 UP = np.array([0.0, 0.0, 1.0])
-# Pixels of the stripe's slide over the width of a fading edge.
+# Pixels of the stripe's slide across the width of a blurred edge.
 EDGE_PX = 8
 
 
 def lights(scene: Scene, folder: Path, *, panels: bool = True) -> list[Light]:
-    """The lights of a scene; files that it names lie in `folder`. Raises InputError.
+    """Build the lights of a scene; `folder` contains the files that it names. Raises InputError.
 
-    Without `panels` those behind the beam are off, as for a calibration: a board before one is
-    dark. Where nothing is left, and where the scene has no `lights`, it is the soft lamp.
+    Without `panels`, backlights are off, as for a calibration: a board in front of one is dark. If
+    no light is left, or the scene has no `lights`, the soft lamp is used.
     """
     on = [spec for spec in scene.lights if panels or spec.kind != "back"]
     if on:
         return [_light(spec, scene, folder) for spec in on]
     x, y, z = scene.camera.position_mm
-    # A camera may stand above the soft lamp where that is not the scene's own.
+    # If the scene has other lights, the camera may be above the default soft lamp: raise the lamp.
     height = max(scene.light.height_mm, 1.1 * z) if scene.lights else scene.light.height_mm
     middle = np.array([x, y, height]) * MILLIMETRE
     return [Lamp(sheet(middle, scene.light.side_mm * MILLIMETRE, -1))]
@@ -90,20 +90,20 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
 
 
 def _shining(panel: trimesh.Trimesh, aim: Floats, irradiance: float) -> Lamp:
-    """A lamp as bright as gives a sheet that faces it, at the aim, that irradiance."""
+    """Build a lamp whose radiance gives the irradiance on a sheet at the aim that faces it."""
     towards = np.asarray(panel.vertices).mean(axis=0) - aim
     brings = lamps.irradiance(panel, aim, towards / np.linalg.norm(towards))
     return Lamp(panel, irradiance / brings)
 
 
 def _stripe(spec: StripeSpec) -> tuple[float, Floats]:
-    """Width [m] of a slide at the aim, and its image (height, width): 1 within the stripe."""
+    """Return a slide's width [m] at the aim, and its image (height, width), 1 in the stripe."""
     pixel = spec.edge_mm / EDGE_PX
     sides = []
     for size in (spec.length_mm, spec.width_mm):
         count = int(np.ceil((size + 2 * spec.edge_mm) / pixel))
         place = (np.arange(count) - (count - 1) / 2) * pixel
-        # Half a wave from light to dark, as a lens a little out of focus draws an edge.
+        # Half a sine wave from light to dark, similar to an edge slightly out of focus.
         beyond = np.clip((np.abs(place) - size / 2) / spec.edge_mm, -0.5, 0.5)
         sides.append(0.5 - 0.5 * np.sin(np.pi * beyond))
     along, across = sides

@@ -1,8 +1,8 @@
-"""Evenly spread points of the unit cube, randomly shifted.
+"""Randomly shifted low-discrepancy points of the unit cube.
 
-The Kronecker sequence: of point n the i-th coordinate is the fractional part of shift_i + n a_i,
-where the a_i are badly approximated by fractions. Every point by itself is uniformly random, so a
-mean over points is unbiased; together they leave few holes, so it has little noise.
+The Kronecker sequence: the i-th coordinate of point n is the fractional part of shift_i + n a_i,
+where the a_i are badly approximable numbers. Each point is uniformly random, so a mean over points
+is unbiased. The points leave few gaps, so the mean has low variance.
 """
 
 from typing import Any
@@ -14,7 +14,10 @@ _GOLDEN = 2 / (1 + 5**0.5)
 
 
 def steps(dimensions: int) -> list[float]:
-    """Steps a_i = phi^-i of the R sequence (Roberts 2018): phi^(d+1) = phi + 1, in d dimensions."""
+    """Return the steps a_i = phi^-i of the R sequence (Roberts 2018).
+
+    In d dimensions, phi is the root of phi^(d+1) = phi + 1.
+    """
     phi = 2.0
     for _ in range(50):
         phi = (1 + phi) ** (1 / (dimensions + 1))
@@ -22,10 +25,10 @@ def steps(dimensions: int) -> list[float]:
 
 
 def pair(shift: Any, number: Any, count: Any) -> Any:
-    """Point `number` of `count` of Fibonacci's lattice, as mi.Point2f; all Dr.Jit numbers.
+    """Return point `number` of `count` of the Fibonacci lattice, as mi.Point2f of Dr.Jit numbers.
 
-    It has regular rows, and no column is like another: what runs along the one or the other, as a
-    beam does along the rows of an image and its shadow across a lamp, is cut most evenly.
+    Its rows are regular and all its column coordinates differ. It therefore samples edges along
+    either axis evenly, such as a beam along the rows of an image and its shadow across a lamp.
     """
     return _place(shift, (_GOLDEN, 1 / mi.Float(count)), number)
 
@@ -36,9 +39,9 @@ def _place(shift: Any, step: tuple[Any, Any], number: Any) -> Any:
 
 
 def point(shifts: list[Any], number: Any, count: Any) -> list[Any]:
-    """Point `number` of `count`: as many pairs of coordinates as there are random `shifts`.
+    """Return point `number` of `count`: one pair of coordinates for each of the random `shifts`.
 
-    The first pair is Fibonacci's lattice, the others follow the R sequence.
+    The first pair is from the Fibonacci lattice, the others are from the R sequence.
     """
     first, *others = shifts
     step = steps(2 * len(others) + 1)

@@ -1,4 +1,4 @@
-"""Truth layers: what lies exactly at the centre of every pixel."""
+"""Truth layers: the surface at the exact centre of every pixel."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
@@ -12,17 +12,18 @@ from solver.instrument.arrays import Floats, Mask
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
-# A beam behind so many other surfaces is no longer looked for.
+# Maximum number of surfaces in front of the beam up to which it is searched for.
 _DEEPEST = 4
 
 
 @dataclass(frozen=True)
 class Layers:
-    """Each (height, width), but `normal` (height, width, 3).
+    """The truth layers, each (height, width), but `normal` (height, width, 3).
 
-    `object_index`: 0 nothing, else the surface's place from 1. `depth_mm` along the optical axis,
-    `arc_length_mm` along the beam, `normal` in Sigma_a, towards the camera; all 0 where there is
-    none. `occlusion`: where the beam lies behind something else.
+    `object_index` is 0 for no surface, else the surface's place in the world, counted from 1.
+    `depth_mm` is along the optical axis, `arc_length_mm` along the beam, and `normal` is in
+    Sigma_a, towards the camera; all are 0 where they do not exist. `occlusion` marks pixels where
+    the beam is behind another surface.
     """
 
     object_index: npt.NDArray[np.uint32]
@@ -34,7 +35,7 @@ class Layers:
 
     @classmethod
     def empty(cls, height: int, width: int) -> Self:
-        """Of an image that shows nothing."""
+        """Create the layers of an empty image."""
         shape = (height, width)
         return cls(
             np.zeros(shape, np.uint32),
@@ -46,7 +47,7 @@ class Layers:
         )
 
     def with_pixels(self, where: Mask, values: Self) -> Self:
-        """A copy in which the pixels of `where` (height, width) have the values, each (n, ...)."""
+        """Return a copy with `values`, each (n, ...), in the pixels of `where` (height, width)."""
         changed = {}
         for field in fields(self):
             layer = getattr(self, field.name).copy()
@@ -56,9 +57,9 @@ class Layers:
 
 
 def layers(world: World, where: Mask, otherwise: Layers, *, still: bool = False) -> Layers:
-    """One ray through the centre of every pixel of `where` (height, width); `otherwise` elsewhere.
+    """Trace one ray through the centre of every pixel of `where` (height, width).
 
-    Of the still scene alone, if asked.
+    Other pixels are those of `otherwise`. With `still`, only the still scene is traced.
     """
     rows, columns = np.nonzero(where)
     if not len(rows):
@@ -67,7 +68,7 @@ def layers(world: World, where: Mask, otherwise: Layers, *, still: bool = False)
 
 
 def every_pixel(world: World, *, still: bool = False) -> Layers:
-    """The layers of a whole image."""
+    """Compute the layers of a whole image."""
     shape = (world.camera.height, world.camera.width)
     return layers(world, np.ones(shape, np.bool_), Layers.empty(*shape), still=still)
 
@@ -106,7 +107,7 @@ def _seen(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> L
 
 
 def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:
-    """Without wavefronts; what lies behind other things is not told."""
+    """Trace rays one by one, without wavefronts; `occlusion` is not computed."""
     scene, found = (world.still if still else world.scene), []
     for column, row in zip(columns, rows, strict=True):
         ray = world.optics.centre_ray(float(column), float(row))
@@ -128,7 +129,7 @@ def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool
 
 
 def _behind(world: World, ray: Any, si: Any, beam: Any, number: int) -> Any:
-    """Whether the beam lies behind what is seen first."""
+    """Test whether the beam is behind the first surface that a ray meets."""
     hidden = mi.Bool(False)
     looking = si.is_valid() & ~beam
     for _ in range(_DEEPEST):
@@ -140,7 +141,7 @@ def _behind(world: World, ray: Any, si: Any, beam: Any, number: int) -> Any:
 
 
 def _depth(world: World, points: Floats) -> Floats:
-    """Distance along the optical axis [m] of points (n, 3) in render coordinates."""
+    """Compute distances along the optical axis [m] of points (n, 3) in render coordinates."""
     pose = world.camera.camera_from_antenna
     metres = points * world.unit.unit + world.unit.origin
     return np.asarray(metres @ pose[2, :3] + pose[2, 3])

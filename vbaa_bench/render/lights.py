@@ -1,8 +1,8 @@
-"""Lights as Mitsuba's emitters. Places are in Sigma_a, in metres.
+"""Lights as Mitsuba's emitters. Positions are in Sigma_a, in metres.
 
-Only the ratios between lights matter: the camera's exposure follows the beam. So radiance and
-irradiance are in any one unit. Every light is one emitter, which a point of the unit square samples
-smoothly.
+Only the ratios between lights matter, because the camera's exposure is metered on the beam.
+Radiance and irradiance are therefore in one arbitrary unit. Every light is one emitter, which a
+point of the unit square samples smoothly.
 """
 
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply
 
-# A spot's rim fades from this share of its cone outwards.
+# Share of a spot's cone beyond which its intensity fades.
 EVEN_SHARE = 0.75
 
 
 @dataclass(frozen=True)
 class Lamp:
-    """A sheet that shines evenly, with `radiance`, from its facing side."""
+    """A sheet that emits a uniform `radiance` from its front side."""
 
     mesh: trimesh.Trimesh
     radiance: float = 1.0
@@ -29,9 +29,9 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Spot:
-    """A point that lights a cone, half as wide as `cone` [rad], about its aim.
+    """A point source that lights a cone of full angle `cone` [rad] about its aim.
 
-    `position` and `aim` (3,); `irradiance` is that of a sheet at the aim that faces the spot.
+    `position` and `aim` are (3,); `irradiance` is that on a sheet at the aim that faces the spot.
     """
 
     position: Floats
@@ -42,8 +42,11 @@ class Spot:
 
 @dataclass(frozen=True)
 class Projector:
-    """A point that throws a slide: `image` (height, width) of transmittances on a sheet that faces
-    it at `aim` (3,), `width` [m] wide there, whose rows run along `along` (3,)."""
+    """A point source that projects a slide, the `image` (height, width) of transmittances.
+
+    On a sheet at `aim` (3,) that faces the projector, the slide is `width` [m] wide and its rows
+    run along `along` (3,).
+    """
 
     position: Floats
     aim: Floats
@@ -55,9 +58,10 @@ class Projector:
 
 @dataclass(frozen=True)
 class Environment:
-    """Light from all around and infinitely far: `image` (height, width) of radiances.
+    """Infinitely distant light from all directions: `image` (height, width) of radiances.
 
-    The first row is straight up, +z, the last straight down; columns run from +x through +y around.
+    The first row is at +z, straight up, the last straight down; columns run from +x through +y
+    around.
     """
 
     image: Floats
@@ -67,8 +71,10 @@ Light = Lamp | Spot | Projector | Environment
 
 
 def emitter(light: Light, render_from_antenna: Floats) -> Any:
-    """Mitsuba's description of a light, where `render_from_antenna` (4, 4) is a uniform scale and a
-    shift."""
+    """Return Mitsuba's description of a light.
+
+    `render_from_antenna` (4, 4) is a uniform scale and a shift.
+    """
     match light:
         case Lamp():
             return _lamp(light, render_from_antenna)
@@ -85,7 +91,7 @@ def _lamp(lamp: Lamp, render_from_antenna: Floats) -> Any:
     glow = {"type": "area", "radiance": {"type": "rgb", "value": lamp.radiance}}
     place = apply(render_from_antenna, vertices)
     if len(vertices) == 4:
-        # Two triangles would be sampled apart, a rectangle as one.
+        # Mitsuba samples a rectangle as one shape, but two triangles separately.
         return {
             "type": "rectangle",
             "to_world": _transform(_rectangle(place, faces)),
@@ -102,7 +108,7 @@ def _lamp(lamp: Lamp, render_from_antenna: Floats) -> Any:
 
 
 def _rectangle(corners: Floats, faces: np.ndarray) -> Floats:
-    """Mitsuba's rectangle spans -1..1 in x and y and faces +z."""
+    """Compute the pose of Mitsuba's rectangle, which spans -1..1 in x and y and faces +z."""
     first, second, third = corners[faces[0]]
     pose = np.eye(4)
     pose[:3, 0] = (second - first) / 2
@@ -117,11 +123,11 @@ def _spot(spot: Spot, render_from_antenna: Floats) -> dict[str, Any]:
     position, aim = apply(render_from_antenna, np.array([spot.position, spot.aim]))
     distance = float(np.linalg.norm(aim - position))
     half = float(np.rad2deg(spot.cone / 2))
-    # A cone is round: any direction that is not its own will do.
+    # A cone is round: any direction not parallel to its axis will do.
     slanting = np.eye(3)[np.abs(aim - position).argmin()]
     return {
         "type": "spot",
-        # Intensity is per solid angle: in the renderer's unit it takes the distance there.
+        # Intensity is per solid angle: the distance must be in render coordinates.
         "intensity": {"type": "rgb", "value": spot.irradiance * distance**2},
         "cutoff_angle": half,
         "beam_width": EVEN_SHARE * half,
@@ -146,7 +152,7 @@ def _projector(slide: Projector, render_from_antenna: Floats) -> dict[str, Any]:
 
 
 def _environment(environment: Environment) -> dict[str, Any]:
-    # Mitsuba's map has y up and runs the other way round.
+    # Mitsuba's map has y up, and its columns run in the opposite direction.
     image = np.ascontiguousarray(environment.image[:, ::-1, None], dtype=np.float32)
     turn = np.eye(4)
     turn[:3, :3] = [[0, 0, -1], [-1, 0, 0], [0, 1, 0]]
@@ -162,10 +168,10 @@ def _bitmap(image: np.ndarray) -> dict[str, Any]:
 
 
 def _looking(position: Floats, aim: Floats, along: Floats) -> Floats:
-    """World_from_emitter (4, 4): +z towards the aim, the slide's rows along `along`."""
+    """Compute world_from_emitter (4, 4): +z towards the aim, the slide's rows along `along`."""
     ahead = (aim - position) / np.linalg.norm(aim - position)
     across = along - (along @ ahead) * ahead
-    # Mitsuba's x runs to the left of who looks along +z.
+    # Mitsuba's x points to the left when looking along +z.
     left = -across / np.linalg.norm(across)
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([left, np.cross(ahead, left), ahead])

@@ -9,18 +9,19 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.spec.paint import Paint
 
-# Refractive index and extinction of iron at 550 nm (Johnson and Christy 1974): it mirrors 52 %.
+# Refractive index and extinction coefficient of iron at 550 nm (Johnson and Christy 1974): its
+# specular reflectance is 52 %.
 IRON = (2.95, 2.93)
-# What a matt black paint sends back.
+# Reflectance of matt black paint.
 BLACK = 0.03
 
 
 @dataclass(frozen=True)
 class Texture:
-    """Reflectances `image` (height, width), and where they lie: `uv` (vertices, 2).
+    """Reflectances `image` (height, width) and their texture coordinates `uv` (vertices, 2).
 
-    The image spans 0..1 in u along its rows and in v along its columns; outside it is continued by
-    its rim, or repeated.
+    The image spans 0..1 in u along its rows and in v along its columns. Outside it is continued by
+    its border values, or repeated.
     """
 
     image: Floats
@@ -31,13 +32,13 @@ class Texture:
 def bsdf(
     paint: Paint, reflectance: float, roughness: float, texture: Texture | None = None
 ) -> dict[str, Any]:
-    """Mitsuba's description of a paint: matt; gloss, as painted steel; bare steel; matt black.
+    """Return Mitsuba's description of a paint: matt, gloss (painted steel), bare steel or black.
 
-    `reflectance` is the share of light that matt and gloss paint send back diffusely, unless a
-    `texture` says it; `roughness` is the alpha of the rough surface of gloss and bare.
+    `reflectance` is the diffuse reflectance of matt and gloss paint, unless there is a `texture`;
+    `roughness` is the alpha of the rough surface of gloss and bare.
     """
     if paint == "bare":
-        # Beckmann's slopes hide less light from each other than others: none up to alpha 0.4.
+        # The Beckmann distribution has less self-shadowing than others: none up to alpha 0.4.
         steel = {"type": "roughconductor", "distribution": "beckmann", "alpha": roughness}
         eta, k = ({"type": "spectrum", "value": value} for value in IRON)
         return {"type": "twosided", "bsdf": {**steel, "eta": eta, "k": k}}
@@ -56,6 +57,6 @@ def _bitmap(texture: Texture) -> dict[str, Any]:
         "bitmap": mi.Bitmap(image),
         "raw": True,
         "wrap_mode": "repeat" if texture.repeated else "clamp",
-        # Exact interpolation: a graphics processor's own has eight bits.
+        # Exact interpolation: that of GPU hardware has eight bits.
         "accel": False,
     }

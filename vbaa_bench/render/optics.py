@@ -1,6 +1,6 @@
-"""From a place on the film to a ray: point spread, lens distortion, aperture.
+"""Camera rays from film positions: point spread, lens distortion, aperture.
 
-Rays are warped, images are never resampled. The sensor that Mitsuba brings makes the ideal ray.
+Rays are warped; images are never resampled. Mitsuba's sensor generates the ideal ray.
 """
 
 import math
@@ -16,16 +16,16 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 
-# Beyond so many sigmas a Gaussian spread is not followed.
+# A Gaussian point spread is cut off at this number of sigmas.
 _SIGMAS = 5.0
 
 
 @dataclass(frozen=True)
 class Lens:
-    """What a real lens adds to a pinhole.
+    """A real lens: point spread and defocus.
 
     `spread_px` is the sigma of its Gaussian point spread, `aperture` the radius of its entrance
-    pupil and `focus` the depth that it shows sharp, both in one unit of length.
+    pupil and `focus` the depth in focus, both in the same unit of length.
     """
 
     spread_px: float = 0.0
@@ -33,19 +33,19 @@ class Lens:
     focus: float = 1.0
 
     def scaled(self, factor: float) -> "Lens":
-        """The same lens in another unit of length."""
+        """Convert the lens to another unit of length."""
         return replace(self, aperture=self.aperture * factor, focus=self.focus * factor)
 
     def blur_px(self, camera: Camera, nearest: float, farthest: float) -> int:
-        """How many pixels away a point may show, if it lies between two depths [m]."""
-        # The cone through a point, where it meets the plane of focus.
+        """Bound the blur radius [px] of points between two depths [m]."""
+        # Radius of the cone through a point, in the plane of focus.
         widest = self.aperture * max(abs(1 - self.focus / z) for z in (nearest, farthest))
         disc = camera.fx * widest / (1 if camera.telecentric else self.focus)
         return math.ceil(_SIGMAS * self.spread_px + disc)
 
 
 class Optics:
-    """Rays of a camera whose ideal pinhole or telecentric part is Mitsuba's `sensor`."""
+    """Ray generator of a camera whose ideal pinhole or telecentric part is Mitsuba's `sensor`."""
 
     def __init__(self, camera: Camera, lens: Lens, sensor: Any, lens_axis: Floats) -> None:
         """`lens_axis` (3,) is the optical axis, a unit vector in render coordinates."""
@@ -54,12 +54,14 @@ class Optics:
 
     @property
     def dimensions(self) -> int:
-        """Pairs of random numbers that a ray takes: place, and spread and pupil, if any."""
+        """Number of random pairs per ray: place in the pixel, point spread and pupil, if any."""
         return 1 + (self.lens.spread_px > 0) + (self.lens.aperture > 0)
 
     def ray(self, column: Any, row: Any, u: Sequence[Any]) -> Any:
-        """A ray through a place of pixels, chosen by points `u` of the unit square; `column` and
-        `row` are Dr.Jit floats."""
+        """Generate rays through pixels, at places chosen by points `u` of the unit square.
+
+        `column` and `row` are Dr.Jit floats.
+        """
         inside, *others = u[: self.dimensions]
         x, y = column + inside.x, row + inside.y
         if self.lens.spread_px > 0:
@@ -68,11 +70,11 @@ class Optics:
         return self._through(x, y, others.pop(0) if others else None)
 
     def centre_ray(self, column: Any, row: Any) -> Any:
-        """The ray through the middle of pixels and of the lens."""
+        """Generate the ray through the centres of pixels and of the lens."""
         return self._through(column + 0.5, row + 0.5, None)
 
     def _through(self, x: Any, y: Any, pupil: Any) -> Any:
-        """A ray through film coordinates [px], counted from the image's corner."""
+        """Generate a ray through film coordinates [px], counted from the image's corner."""
         camera = self.camera
         if camera.distortion:
             x, y = self._undistorted(x, y)
@@ -80,8 +82,8 @@ class Optics:
         ray, _ = self._sensor.sample_ray(0.0, 0.0, film, mi.Point2f(0.5))
         if pupil is None:
             return ray
-        # A thin lens brings all rays of a film point together in the plane of focus. The ideal
-        # ray starts on the near clip plane; every plane across the axis serves as well as any.
+        # A thin lens focuses all rays of a film point in the plane of focus. The ideal ray starts
+        # on the near clip plane; any plane perpendicular to the axis would do.
         along = dr.dot(ray.d, self._axis)
         frame = mi.Frame3f(self._axis)
         offset = frame.to_world(_disk(pupil) * self.lens.aperture)
@@ -96,7 +98,7 @@ class Optics:
         return float(self._sensor.near_clip())
 
     def _undistorted(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Where a lens free of distortion would show a film point, bilinear between corners."""
+        """Undistort a film point, bilinearly between pixel corners."""
         width = self.camera.width + 1 + 2 * self._margin
         height = self.camera.height + 1 + 2 * self._margin
         across = dr.clip(x + self._margin, 0, width - 1.001)
@@ -119,7 +121,7 @@ class Optics:
 
     @cached_property
     def _shifts(self) -> Any:
-        """How far the corners of pixels are moved by the lens [px], row by row.
+        """Undistortion shifts of the pixel corners [px], row by row.
 
         Between corners the shift is linear to a millionth of a pixel.
         """

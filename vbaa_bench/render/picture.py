@@ -1,7 +1,7 @@
-"""A whole image: what stands still is rendered once, and what moves changes it.
+"""Rendering of a whole image: a static layer rendered once, plus the pixels that motion affects.
 
-The number of samples of a pixel follows from the noise that is wanted there. Pilot samples tell
-how noisy it is; they are thrown away, or the choice would bias the mean.
+Samples per pixel are chosen to reach noise targets. Pilot samples estimate the variance of each
+pixel; they are discarded, because reusing them would bias the mean.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,19 +17,19 @@ from vbaa_bench.render.tracing import SETS, Asked, trace
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
-# Sizes of a set of samples; a pixel gets SETS of them.
+# Samples per set: of a pilot, and the maximum. Each pixel gets SETS sets.
 PILOT, MOST = 4, 512
-# With fewer, one sample in a shadow would stand out as a dark speck, rare but far off.
+# Minimum samples per set. With fewer, one sample in a shadow gives a rare but large dark outlier.
 LEAST = 3
-# Where the renderer only makes whole images: of every pixel.
+# Samples per set of every pixel, for variants that only render whole images.
 EVEN = 32
-# The variance of a stratified mean falls faster than its samples grow, as this power of them,
-# where a beam's edge crosses the pixel. Beside a beam its shadow on a lamp is so narrow that more
-# points meet it by chance alone, and at first not even that.
+# The variance of a stratified mean falls as N^-1.5 where a beam's edge crosses the pixel, as N^-1
+# in shadows, and as N^-0.85 in the narrow penumbra near the beam, where the beam occludes so small
+# a part of a lamp that additional points hit that part only by chance.
 FALL, FALL_OF_SHADOW, FALL_NEAR = 1.5, 1.0, 0.85
-# Near the beam, and where one surface ends before another, every pixel has a pilot of so many sets;
-# there the worst of a pixel's neighbours counts, but of shadows, which are soft, the mean of some.
-# Elsewhere there is one in every so many pixels.
+# Near the beam and at edges between surfaces, every pixel has a pilot of _PILOT_SETS sets; the
+# largest variance among its neighbours is used, but in shadows, which are smooth, the mean over
+# _NEIGHBOURS^2 pixels. Elsewhere one pixel in _SPARSE^2 has a pilot, averaged over _REACH^2 pixels.
 _PILOT_SETS = 8
 _NEIGHBOURS = 5
 _SPARSE, _REACH = 4, 17
@@ -39,8 +39,11 @@ Noise = Callable[[Floats], Floats]
 
 @dataclass(frozen=True)
 class Wanted:
-    """The render's standard deviation that is wanted, over the sensor's: within `near_px` of the
-    beam, elsewhere, and of the still plate. `noise` gives the sensor's of radiances."""
+    """Noise targets: ratio of the render's standard deviation to the sensor's.
+
+    `near` holds within `near_px` of the beam, `elsewhere` for other pixels, `plate` for the static
+    layer. `noise` maps radiances to the sensor's standard deviations.
+    """
 
     noise: Noise
     near_px: int = 4
@@ -49,16 +52,16 @@ class Wanted:
     plate: float = 1 / 10
 
     def scaled(self, factor: float) -> "Wanted":
-        """With so many times the noise, but for the plate."""
+        """Scale the noise targets by a factor, except that of the static layer."""
         return replace(self, near=factor * self.near, elsewhere=factor * self.elsewhere)
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Radiance (height, width) and the variance of what is random in it from picture to picture.
+    """Radiance (height, width) and the variance of its part that is sampled anew in every picture.
 
-    `coverage` (height, width) is the share of a pixel that the beam covers, `samples` how many it
-    got.
+    `coverage` (height, width) is the share of each pixel that the beam covers, `samples` (height,
+    width) the number of samples per pixel.
     """
 
     radiance: Floats
@@ -69,12 +72,14 @@ class Picture:
 
     @property
     def core(self) -> Mask:
-        """Pixels (height, width) that the beam covers about as much as any: none may be covered
-        whole, and none hit at its centre."""
+        """Pixels (height, width) with at least half the largest beam coverage.
+
+        A thin beam may cover no pixel completely and no pixel centre.
+        """
         return np.asarray((self.coverage > 0) & (self.coverage >= 0.5 * self.coverage.max()))
 
     def by_name(self) -> dict[str, np.ndarray]:
-        """Everything that may be kept of a frame, as a scene's `layers` name it."""
+        """Return all layers that can be saved for a frame, keyed as in a scene's `layers`."""
         found = self.layers
         return {
             "radiance": self.radiance,
@@ -91,14 +96,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class Plate:
-    """What the still scene shows; the same in every picture of a world."""
+    """The static layer: image of the surfaces that do not move, the same in every picture."""
 
     radiance: Floats
     layers: Layers
 
 
 def plate(world: World, wanted: Wanted, seed: int) -> Plate:
-    """Render what stands still, its noise a small share of the sensor's."""
+    """Render the static layer, with noise well below the sensor's."""
     everywhere = np.ones((world.camera.height, world.camera.width), np.bool_)
     shape = everywhere.shape
     found, made = every_pixel(world, still=True), _Canvas(*shape)
@@ -109,7 +114,7 @@ def plate(world: World, wanted: Wanted, seed: int) -> Plate:
 
 
 def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Picture:
-    """The world as it stands now: the plate, and what moves on it; without a plate, all of it."""
+    """Render the current state of the world: the affected pixels on the plate, or all without."""
     shape = (world.camera.height, world.camera.width)
     nothing, blur = np.zeros(shape), world.blur_px
     made = _Canvas(*shape)
@@ -117,14 +122,14 @@ def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Pic
     if plate is None:
         found, whole, change = every_pixel(world), nothing == 0, nothing > 0
     else:
-        # All that is touched, not what is met at its centre: a thin beam passes between centres.
+        # All pixels that a surface touches: a thin beam can pass between pixel centres.
         others = world.moving - world.sliding - {"beam"}
         whole = beam | world.view.hulls(world.bodies(others), blur)
         found = every_pixel(world) if world.sliding else layers(world, whole, plate.layers)
         if world.sliding:
             whole |= _grown(_slid(found, plate.layers), 1 + blur)
         change = _shaded(world, plate) & ~whole
-    # A touched pixel is up to one beyond those whose centres the beam meets.
+    # `beam` extends up to one pixel beyond the pixels whose centres the beam covers.
     near = _grown(beam, wanted.near_px - 1)
     share = np.where(near, wanted.near, wanted.elsewhere)
     rims = near | _grown(_seams(found.object_index), 1 + blur)
@@ -133,13 +138,13 @@ def picture(world: World, plate: Plate | None, wanted: Wanted, seed: int) -> Pic
         goal = Goal(wanted.noise, share, plate.radiance, near)
         made.add(world, "change", change, goal, seed + (1 << 30))
         made.radiance += np.where(whole, 0, plate.radiance)
-    # A scalar variant has no coverage to tell: there a pixel's centre stands for its area.
+    # A scalar variant measures no coverage: use the value at the pixel centre.
     coverage = found.beam_mask.astype(float) if is_scalar() else made.coverage
     return Picture(made.radiance, made.variance, found, coverage, made.samples)
 
 
 def together(pictures: Sequence[Picture]) -> Picture:
-    """The mean of pictures taken one after the other, with the layers of the middle one."""
+    """Average successive pictures; the layers are those of the middle one."""
     middle = pictures[len(pictures) // 2]
     if len(pictures) == 1:
         return middle
@@ -153,13 +158,13 @@ def together(pictures: Sequence[Picture]) -> Picture:
 
 
 class _Canvas:
-    """Images (height, width) that fill up as parts of them are sampled."""
+    """Images (height, width) that are filled part by part."""
 
     def __init__(self, height: int, width: int) -> None:
         self.radiance, self.variance, self.coverage, self.samples = np.zeros((4, height, width))
 
     def add(self, world: World, asked: Asked, where: Mask, goal: "Goal", seed: int) -> None:
-        """Sample the pixels of `where` as finely as the goal asks."""
+        """Sample the pixels of `where` until they reach the noise target."""
         if not where.any():
             return
         size = np.full(np.count_nonzero(where), EVEN)
@@ -180,10 +185,10 @@ class _Canvas:
 
 @dataclass(frozen=True)
 class Goal:
-    """Standard deviations that are wanted: `share` (height, width) of the sensor's `noise` at a
-    radiance that `base` (height, width) adds to what is sampled.
+    """The noise target of each pixel, as a standard deviation.
 
-    Pixels of `dense` get a pilot each, others share them.
+    It is `share` (height, width) times the sensor's `noise` at the sampled radiance plus `base`
+    (height, width). Each pixel of `dense` has its own pilot; the others share pilots.
     """
 
     noise: Noise
@@ -193,14 +198,14 @@ class Goal:
 
 
 def _excess(world: World, asked: Asked, where: Mask, goal: Goal, seed: int) -> Floats:
-    """The variance (n,) that pilots tell of the pixels `where`, over that which is wanted."""
+    """Estimate the ratio (n,) of the pilot variance to the target variance in pixels of `where`."""
     pilots = where & goal.dense
     pilots[::_SPARSE, ::_SPARSE] |= where[::_SPARSE, ::_SPARSE]
     rows, columns = np.nonzero(pilots)
     pixels, size = np.column_stack([columns, rows]), np.full(len(rows), PILOT)
     found = trace(world, pixels, size, seed, asked, _PILOT_SETS)
     sigma = goal.share[pilots] * goal.noise(goal.base[pilots] + found.radiance)
-    # As it would be of as many sets as are taken.
+    # Variance for SETS sets instead of the pilot's.
     excess = _PILOT_SETS / SETS * found.variance / np.maximum(sigma**2, 1e-30)
     image, count = np.zeros(where.shape, np.float32), pilots.astype(np.float32)
     image[pilots] = excess
@@ -214,7 +219,7 @@ def _excess(world: World, asked: Asked, where: Mask, goal: Goal, seed: int) -> F
 
 
 def _shaded(world: World, plate: Plate) -> Mask:
-    """Where what moves may cast a shadow on what does not."""
+    """Mark the pixels of static surfaces on which moving surfaces may cast a shadow."""
     index, bodies = plate.layers.object_index, world.bodies(world.moving - world.sliding)
     blur, ground = world.blur_px, world.ground
     thrown = shadows(bodies, world.lights, ground)
@@ -227,13 +232,13 @@ def _shaded(world: World, plate: Plate) -> Mask:
 
 
 def _slid(found: Layers, still: Layers) -> Mask:
-    """Where a pattern that slides differs from how it lies in the still scene."""
+    """Mark the pixels where a sliding pattern differs from the still scene."""
     differs = found.object_index != still.object_index
     return np.asarray(differs | _seams(found.object_index) | _seams(still.object_index))
 
 
 def _seams(index: np.ndarray) -> Mask:
-    """Where neighbouring pixels show different surfaces."""
+    """Mark the pixels whose neighbours show a different surface."""
     few = index.astype(np.uint8)
     around = np.ones((3, 3), np.uint8)
     return np.asarray(cv2.dilate(few, around) != cv2.erode(few, around))

@@ -1,4 +1,4 @@
-"""The whole frame by Mitsuba alone: what a picture costs without this project's own sampling."""
+"""Rendering of a whole frame by Mitsuba alone, as a reference for this project's own sampling."""
 
 from collections.abc import Callable
 from typing import Final, Literal
@@ -16,10 +16,10 @@ SAMPLERS: Final[tuple[Sampler, ...]] = ("multijitter", "independent")
 
 
 class Plain:
-    """Renders frames of a world with `mi.render`: same meshes, lights, camera, box filter and
-    length of paths, the same number of samples in every pixel.
+    """A renderer of a world's frames by `mi.render`, with the same number of samples in all pixels.
 
-    It knows nothing of `world.lens` and of the camera's distortion.
+    Meshes, lights, camera, box filter and path length are those of the world. `world.lens` and the
+    camera's distortion are ignored.
     """
 
     def __init__(self, world: World, sampler: Sampler) -> None:
@@ -29,9 +29,9 @@ class Plain:
         self._sensor = mi.load_dict({**described, "sampler": {"type": sampler}})
 
     def radiance(self, samples: int, seed: int) -> Floats:
-        """Radiance (height, width), of so many samples a pixel; a square suits multijitter."""
+        """Render the radiance (height, width); for multijitter, choose a square of `samples`."""
         world = self._world
-        # A literal seed would be compiled into the kernel, and every frame into one of its own.
+        # A literal seed would be compiled into the kernel: each frame would need a new kernel.
         opaque_seed = dr.opaque(mi.UInt32, seed % 2**32)
         film = mi.render(
             world.scene,
@@ -44,7 +44,7 @@ class Plain:
 
 
 def seconds_in_kernels(work: Callable[[], object]) -> float:
-    """How long compiled kernels run while `work` is done; it must wait for their results."""
+    """Measure the run time [s] of compiled kernels in `work`, which must wait for their results."""
     dr.kernel_history_clear()
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         work()

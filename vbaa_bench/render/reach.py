@@ -1,6 +1,6 @@
-"""Which pixels what moves can change: where it may be seen, and where it may cast a shadow.
+"""Pixels that moving surfaces can affect: where they may be visible, and where they cast shadows.
 
-Both are told from above, by convex hulls: a pixel outside shows exactly what the still scene does.
+Both are upper bounds from convex hulls: a pixel outside is identical to that of the still scene.
 """
 
 import math
@@ -16,21 +16,24 @@ from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from vbaa_bench.render.lights import Environment, Lamp, Light
 
-# OpenCV draws in 16 bits of whole pixels.
+# OpenCV draws with 16-bit integer pixel coordinates.
 _FARTHEST_PX = 30_000
-# A mesh is cut into pieces of so many faces, each with its own hull.
+# Faces per piece of a mesh; each piece has its own hull.
 _FACES = 2000
 
 
 def pieces(faces: np.ndarray) -> list[np.ndarray]:
-    """The vertices of consecutive runs of faces (n, 3)."""
+    """Return the vertex indices of consecutive runs of faces (n, 3)."""
     return [np.unique(run) for run in np.array_split(faces, math.ceil(len(faces) / _FACES))]
 
 
 class _Flat(NamedTuple):
-    """An image free of distortion: the place [px] of its first pixel and its size (width, height);
-    the row and column (height, width) of every camera pixel in it, None where it is the camera's
-    own image; and by how much it is larger than that, at most."""
+    """An image free of distortion that contains the camera's view.
+
+    `low` is the position [px] of its first pixel, `size` its (width, height). `where` holds the row
+    and column (height, width) of every camera pixel in it; it is None if the camera has no
+    distortion. `stretch` is the largest magnification against the camera's image.
+    """
 
     low: Floats
     size: tuple[int, int]
@@ -40,19 +43,21 @@ class _Flat(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """Fills hulls in the image of a camera."""
+    """Rasteriser of convex hulls in the image of a camera."""
 
     camera: Camera
 
     def hulls(self, bodies: Iterable[Floats], margin: int) -> Mask:
-        """Mark every pixel (height, width) that any of some convex bodies touches, however little,
-        and those up to `margin` pixels farther: each body is the hull of points (n, 3) [m] in
-        Sigma_a."""
+        """Mark every pixel (height, width) within `margin` pixels of the image of a convex body.
+
+        Each body is the hull of points (n, 3) [m] in Sigma_a. A pixel that a body touches only
+        partly is marked as well.
+        """
         flat = self._flat
-        # A polygon is drawn to 1 px: its corners are rounded, and its sides are. A pixel's own
-        # half adds to the margin; looked up in an image free of distortion, it is rounded too.
+        # Drawing is accurate to 1 px: corners and sides of a polygon are rounded. Half a pixel is
+        # added to the margin. The look-up in an image free of distortion rounds by 0.5 px more.
         grown = math.floor(flat.stretch * (margin + 0.5) + (1.0 if flat.where is None else 1.5))
-        # What is drawn just outside the image grows into it.
+        # Polygons just outside the image are dilated into it.
         size = np.add(flat.size, 2 * grown)
         canvas = np.zeros(size[::-1], np.uint8)
         everywhere = np.ones((self.camera.height, self.camera.width), np.bool_)
@@ -77,7 +82,7 @@ class View:
 
     @cached_property
     def _flat(self) -> "_Flat":
-        """An image free of distortion that holds all that the camera sees."""
+        """The image free of distortion that contains all camera pixels."""
         camera = self.camera
         if not camera.distortion:
             return _Flat(np.zeros(2), (camera.width, camera.height), None, 1.0)
@@ -95,8 +100,10 @@ class View:
 def shadows(
     bodies: Iterable[Floats], lights: Iterable[Light], ground: float
 ) -> list[Floats] | None:
-    """Hulls of the shadows that bodies cast on the plane z = `ground` [m]; None: they may be
-    anywhere. Bodies are hulls of points (n, 3) in Sigma_a [m]."""
+    """Compute hulls of the shadows that bodies cast on the plane z = `ground` [m].
+
+    Bodies are hulls of points (n, 3) in Sigma_a [m]. Return None if a shadow may fall anywhere.
+    """
     found = []
     boxes = [_box(points) for points in bodies]
     for light in lights:
@@ -113,13 +120,13 @@ def shadows(
             start, end = lamp[:, None], box[None]
             share = (start[..., 2] - ground) / (start[..., 2] - end[..., 2])
             thrown = (start + share[..., None] * (end - start)).reshape(-1, 3)
-            # What stands on the ground shades the ground under it.
+            # A body that touches the ground shades the ground under it.
             found.append(np.vstack([thrown, np.column_stack([box[:, :2], np.full(8, ground)])]))
     return found
 
 
 def _box(points: Floats) -> Floats:
-    """The eight corners of the box about points (n, 3)."""
+    """Return the eight corners of the bounding box of points (n, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     return np.array(
         [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]

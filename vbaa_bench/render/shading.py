@@ -1,9 +1,9 @@
 """Light that reaches the camera by one bounce: lamp, surface, camera.
 
-What a lamp would do if nothing stood before it is smooth over the lamp, so a randomly shifted
-lattice of points tells it well, and no ray need be traced for it; what stands before it is asked
-of the lattice's first point alone, and the loss taken off. Both are unbiased, whatever the number
-of points.
+The unoccluded contribution of a lamp is smooth over the lamp. A randomly shifted lattice of points
+integrates it with little noise and without shadow rays. Visibility is tested for the first lattice
+point only; the occluded contribution is subtracted. Both estimates are unbiased for any number of
+points.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ import mitsuba as mi
 
 from vbaa_bench.render import lattice
 
-# Points by which a lamp is seen from a surface that the camera looks at.
+# Lattice points per lamp for a surface that the camera sees.
 LAMP_POINTS = 8
 
 
 def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[Any, Any]:
-    """Radiance along a ray, and the surface interaction there."""
+    """Compute the radiance along a ray, and the surface interaction it meets."""
     si = scene.ray_intersect(ray, active)
     radiance = si.emitter(scene, active).eval(si, active)[0]
     hit = active & si.is_valid()
@@ -34,8 +34,11 @@ def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[An
 
 
 def shadow(scene: Any, still: Any, si: Any, shifts: Sequence[Any], points: Any, active: Any) -> Any:
-    """What a surface loses, as radiance towards the camera, by what hides lamps from it in `scene`
-    but not in `still`; every lamp that is no point itself is asked at so many `points`."""
+    """Compute the radiance that a surface loses to shadows in `scene` that are not in `still`.
+
+    The radiance is that towards the camera. Every lamp that is not a point is sampled at `points`
+    points.
+    """
     lost = mi.Float(0)
     material = si.bsdf()
     for emitter, shift in zip(scene.emitters(), shifts, strict=True):
@@ -51,7 +54,7 @@ def _is_point(emitter: Any) -> bool:
 def _from_point(
     emitter: Any, si: Any, material: Any, shift: Any, number: Any, points: Any, active: Any
 ) -> tuple[Any, Any]:
-    """Light (radiance towards the camera) of a lattice's point, and its place."""
+    """Compute the radiance towards the camera from one lattice point of a lamp, and its place."""
     u = lattice.pair(shift, number, points)
     sample, weight = emitter.sample_direction(si, u, active)
     value = material.eval(mi.BSDFContext(), si, si.to_local(sample.d), active)
@@ -62,7 +65,7 @@ def _from_point(
 def _unhidden(
     emitter: Any, si: Any, material: Any, shift: Any, points: Any, active: Any
 ) -> tuple[Any, Any, Any]:
-    """Mean light from an emitter with nothing before it, that of the first point, and its place."""
+    """Average an emitter's unoccluded light; return it, the first point's light and position."""
     first, place = _from_point(emitter, si, material, shift, mi.UInt32(0), points, active)
     total, number = mi.Float(first), mi.UInt32(1)
     while number < points:
@@ -83,7 +86,7 @@ def _lost(
     points: Any,
     active: Any,
 ) -> Any:
-    """Mean light from an emitter's points that are hidden in `scene` but not in `still`."""
+    """Average the light of an emitter's points that are occluded in `scene` but not in `still`."""
     total, number = mi.Float(0), mi.UInt32(0)
     while number < points:
         light, place = _from_point(emitter, si, material, shift, number, points, active)

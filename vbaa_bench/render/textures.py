@@ -1,4 +1,4 @@
-"""Reflectances that change from place to place on a flat sheet. Lengths are [m]."""
+"""Textures: reflectances that vary over a flat sheet. Lengths are [m]."""
 
 import numpy as np
 
@@ -11,10 +11,12 @@ LARGEST = 2048
 
 
 def graded(places: Floats, near: float, far: float, azimuth: float, length: float) -> Texture:
-    """Reflectance from `near` to `far` over `length` about the origin of `places` (n, 2), evenly
-    along `azimuth` [rad]; constant beyond."""
+    """Create a linear gradient of reflectance from `near` to `far` along `azimuth` [rad].
+
+    It extends over `length`, centred on the origin of `places` (n, 2), and is constant beyond.
+    """
     share = 0.5 + places @ np.array([np.cos(azimuth), np.sin(azimuth)]) / length
-    # Between the middles of two texels a bilinear texture is a straight line.
+    # A bilinear texture is linear between the centres of two texels.
     uv = np.column_stack([0.25 + 0.5 * share, np.full(len(places), 0.5)])
     return Texture(np.array([[near, far]]), uv)
 
@@ -27,17 +29,18 @@ def grown(
     extent: float,
     random: np.random.Generator,
 ) -> Texture:
-    """A random texture that lies at `places` (n, 2) and repeats itself after `extent`.
+    """Create a random texture at `places` (n, 2) that repeats after `extent`.
 
     The logarithm of reflectance is a Gaussian field whose correlation at a distance (x, y) is
-    exp(-r), r^2 = (x/a)^2 + (y/b)^2, with `correlation` (a, b): it has grain of every size up to
-    those, as grown and poured stuff has. Reflectance has the given `mean` and, as `contrast`,
-    standard deviation over mean, but is cut off at 1.
+    exp(-r), r^2 = (x/a)^2 + (y/b)^2, with `correlation` (a, b). It has grain of every size up to
+    these lengths, like natural and cast materials. Reflectance has the given `mean`; `contrast` is
+    its standard deviation over its mean. It is clipped at 1.
     """
     texels = np.array(correlation) * TEXEL
-    # The finest textures repeat themselves sooner.
+    # The size is limited to LARGEST texels: the finest textures repeat sooner.
     columns, rows = np.minimum(np.ceil(extent / texels), LARGEST).astype(int)
-    # White noise takes the square root of the spectrum of exp(-r), (1 + (2 pi f)^2)^(-3/2).
+    # White noise is multiplied by the square root of the spectrum of exp(-r), which is
+    # (1 + (2 pi f)^2)^(-3/2).
     fx, fy = np.fft.rfftfreq(columns, texels[0]), np.fft.fftfreq(rows, texels[1])
     a, b = correlation
     squared = (2 * np.pi) ** 2 * ((a * fx[None, :]) ** 2 + (b * fy[:, None]) ** 2)

@@ -1,8 +1,8 @@
 """Radiance of chosen pixels, traced through Mitsuba's sensor, emitters, BSDFs and integrators.
 
-A pixel's value is the mean of two independent sets of samples, each a randomly shifted lattice;
-the spread between the two tells its variance. More sets would tell it better, but one lattice of
-twice the points has less noise than two lattices together.
+A pixel's value is the mean of two independent sets of samples, each a randomly shifted lattice.
+The difference between the two estimates its variance. More sets would estimate the variance better,
+but one lattice with twice the points has less noise than two lattices together.
 """
 
 from dataclasses import dataclass
@@ -19,19 +19,20 @@ from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 SETS = 2
-# Sets in one call. A set's samples are taken one after the other, so their number needs no memory.
+# Maximum number of sets per call. Memory does not depend on samples per set: they are sequential.
 LARGEST_WAVEFRONT = 1 << 20
 
-# whole: everything that a pixel shows. still: what the still scene alone shows. change: by how
-# much a pixel differs from it; exactly zero where a sample meets nothing that moves, on its way to
-# the surface or to a lamp.
+# whole: radiance of the complete scene. still: radiance of the still scene alone. change: their
+# difference; exactly zero where no moving surface is on a sample's way to the surface or to a lamp.
 Asked = Literal["whole", "still", "change"]
 
 
 @dataclass(frozen=True)
 class Traced:
-    """Radiance (n,) of pixels, its variance (n,), of one degree of freedom, and the share (n,) of
-    each that the beam covers."""
+    """Radiance (n,) of pixels, its variance (n,) and the share (n,) of each that the beam covers.
+
+    With two sets the variance has one degree of freedom.
+    """
 
     radiance: Floats
     variance: Floats
@@ -46,11 +47,11 @@ def trace(
     asked: Asked,
     sets: int = SETS,
 ) -> Traced:
-    """Radiance of `pixels` (n, 2), integer (column, row), over the area of each.
+    """Estimate the mean radiance over the area of each of `pixels` (n, 2), integer (column, row).
 
-    `set_size` (n,) samples a set, `sets` times as many a pixel. A pixel's value depends on `seed`,
-    on its place in the list and on its own number of samples. On a scalar variant whole images
-    are rendered, with the largest of the numbers.
+    `set_size` (n,) is the number of samples per set; each pixel gets `sets` sets. A pixel's value
+    depends on `seed`, on its place in the list and on its own number of samples. On a scalar
+    variant whole images are rendered, with the largest number of samples.
     """
     if is_scalar():
         return _films(world, pixels, int(set_size.max(initial=1)), seed, asked)
@@ -64,7 +65,7 @@ def trace(
 
 
 def _films(world: World, pixels: np.ndarray, samples: int, seed: int, asked: Asked) -> Traced:
-    """Without wavefronts single rays are slow from Python: render everything, in Mitsuba."""
+    """Render whole images in Mitsuba: without wavefronts, single rays are slow from Python."""
     sets = np.zeros((SETS, world.camera.height, world.camera.width))
     for number in range(SETS):
         each = mi.UInt32((seed + number) % 2**32)
@@ -74,7 +75,7 @@ def _films(world: World, pixels: np.ndarray, samples: int, seed: int, asked: Ask
             still = np.asarray(mi.render(world.still, spp=samples, seed=each))[:, :, 0]
             sets[number] += still if asked == "still" else -still
     chosen = sets[:, pixels[:, 1], pixels[:, 0]].T
-    # What the beam covers is not told.
+    # Coverage is not measured.
     covered = np.zeros(len(pixels))
     return Traced(chosen.mean(axis=1), chosen.var(axis=1, ddof=1) / SETS, covered)
 
@@ -82,7 +83,7 @@ def _films(world: World, pixels: np.ndarray, samples: int, seed: int, asked: Ask
 def _wavefront(
     world: World, pixels: np.ndarray, set_size: np.ndarray, seed: int, asked: Asked, sets: int
 ) -> np.ndarray:
-    """Radiance and cover (2, n, sets) of each set."""
+    """Estimate radiance and coverage (2, n, sets) of each set."""
     lanes = len(pixels) * sets
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed % 2**32, lanes)
@@ -105,7 +106,7 @@ def _wavefront(
 def _mean(
     world: World, scene: Any, column: Any, row: Any, sampler: Any, count: Any
 ) -> tuple[Any, Any]:
-    """Mean radiance of `count` samples, and of one where the beam is met."""
+    """Average radiance over `count` samples, and the share of samples that meet the beam."""
     shifts = _shifts(world, scene, sampler)
     value, covered, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
     while number < count:
@@ -118,14 +119,14 @@ def _mean(
 
 
 def _shifts(world: World, scene: Any, sampler: Any) -> list[Any]:
-    """Random pairs, for the ray and then for each emitter."""
+    """Draw random pairs for the ray, then one for each emitter."""
     return [sampler.next_2d() for _ in range(world.optics.dimensions + len(scene.emitters()))]
 
 
 def _sample(
     world: World, scene: Any, column: Any, row: Any, sampler: Any, u: list[Any]
 ) -> tuple[Any, Any]:
-    """Radiance of one sample of pixels, and one where it meets the beam."""
+    """Trace one sample per pixel: its radiance, and 1 where it meets the beam, else 0."""
     ray, lamps = world.optics.ray(column, row, u), u[world.optics.dimensions :]
     if world.bounces == 1:
         seen, si = shaded(scene, ray, lamps, mi.Bool(True))
@@ -135,9 +136,9 @@ def _sample(
 
 
 def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
-    """How much a pixel shows more than in the still scene, and one where it shows the beam.
+    """Estimate a pixel's radiance minus the still scene's; also 1 where the beam is met, else 0.
 
-    Shadows are soft: a set asks at one place of a pixel, but at `count` points of the lamp.
+    Shadows are smooth: a set samples one place in a pixel, but `count` points of each lamp.
     """
     optics = world.optics
     shifts = _shifts(world, world.scene, sampler)
@@ -152,7 +153,7 @@ def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tu
 
 
 def _cover(world: World, si: Any) -> Any:
-    """One where the beam is met."""
+    """Return 1 where the beam is met, else 0."""
     if "beam" not in world.names:
         return dr.zeros(mi.Float, dr.width(si.t))
     return dr.select(world.index_of(si) == world.names.index("beam") + 1, mi.Float(1), 0)

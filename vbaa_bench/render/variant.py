@@ -1,7 +1,7 @@
-"""Which of Mitsuba's variants runs on this machine.
+"""Choice of the Mitsuba variant that runs on this machine.
 
-A libLLVM that Dr.Jit cannot use may abort the whole process, which no `except` catches, so
-every variant is tried in a child process first.
+A libLLVM that Dr.Jit cannot use may abort the whole process, which no `except` catches. Every
+variant is therefore tried in a child process first.
 """
 
 import json
@@ -37,7 +37,7 @@ print("probe", json.dumps({"mitsuba": mi.__version__, "finite": bool((image >= 0
 
 @dataclass(frozen=True)
 class Probe:
-    """Whether a variant rendered in its child process, and if not, the last line it said."""
+    """Result of rendering with a variant in a child process; `said` is the version or the error."""
 
     variant: str
     works: bool
@@ -57,7 +57,7 @@ def probe(variant: str) -> Probe:
     except subprocess.TimeoutExpired:
         return Probe(variant, False, "gave no answer in 120 s")
     lines = (child.stderr.strip() or child.stdout.strip()).splitlines()
-    # A missing library is the cause of all that is said after it.
+    # A missing library causes all later messages.
     missing = [line for line in lines if "cannot open shared object file" in line]
     said = (missing or lines[-1:] or [""])[0].strip()
     answers = [line for line in child.stdout.splitlines() if line.startswith("probe ")]
@@ -68,26 +68,26 @@ def probe(variant: str) -> Probe:
 
 
 def activate(variant: str, threads: int) -> None:
-    """Set Mitsuba's variant for this process, and how many threads its kernels use."""
+    """Set Mitsuba's variant for this process, and the number of threads of its kernels."""
     import drjit  # imported late: choosing a variant must not load the renderer
     import mitsuba
 
     mitsuba.set_variant(variant)
-    mitsuba.set_log_level(mitsuba.LogLevel.Error)  # or its progress bars cross ours
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)  # else its progress bars mix with ours
     drjit.set_thread_count(threads)
 
 
 def is_scalar() -> bool:
-    """Whether the active variant traces one ray at a time."""
+    """Return whether the active variant traces one ray at a time."""
     import mitsuba  # imported late, as above
 
     return str(mitsuba.variant()).startswith("scalar")
 
 
 def choose(asked: str | None = None) -> str:
-    """The variant to render with: the one asked for, else the fast one, else the plain one.
+    """Choose the variant to render with: the requested one, else the first of FAST, PLAIN to work.
 
-    Raises InputError if the one asked for, or none at all, works here.
+    Raises InputError if the requested variant does not work here, or none does.
     """
     if asked is not None and asked not in VARIANTS:
         raise InputError(f"variant '{asked}' is unknown, allowed is one of {', '.join(VARIANTS)}")

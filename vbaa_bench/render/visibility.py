@@ -1,7 +1,7 @@
-"""How much of the beam an image shows, from the share of every pixel that the beam covers.
+"""Visible share of the beam in an image, from the beam's coverage of every pixel.
 
-A thin beam misses the centres of many pixels; its centreline is always within pixels that it
-covers, unless something hides it there.
+A thin beam misses the centres of many pixels. The pixels along its centreline have nonzero
+coverage, unless something hides the beam there.
 """
 
 from dataclasses import dataclass
@@ -11,20 +11,20 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 
-# The length is judged in this many equal segments, each at points no farther apart than this [px].
+# Number of equal segments of the length, and maximum spacing [px] of test points in a segment.
 _STRETCHES = 100
 _APART_PX = 0.5
-# Flanks of the beam that are looked at beside its middle, in radii: what covers the middle alone
-# hides nothing.
+# Test points across the beam, in radii: an occluder that covers only the middle hides nothing.
 _ACROSS = (-0.5, 0.0, 0.5)
 
 
 @dataclass(frozen=True)
 class Visibility:
-    """The visible part of the beam, in even hundredths of its length.
+    """The visible part of the beam, in equal hundredths of its length.
 
-    `visible_share` of the whole length; `availability`, the paper's ratio AR (eq. 32), of what
-    would be seen if nothing hid it; `hidden_stretches` (n, 2), from and to as shares of the length.
+    `visible_share` is relative to the whole length; `availability`, the paper's ratio AR (eq. 32),
+    is relative to the part that is within the image; `hidden_stretches` (n, 2) holds start and end
+    of each hidden stretch as shares of the length.
     """
 
     visible_share: float
@@ -33,10 +33,11 @@ class Visibility:
 
 
 def visibility(coverage: Floats, camera: Camera, centreline: Floats, radius: float) -> Visibility:
-    """Compare the beam's `coverage` (height, width) of pixels with where the beam is.
+    """Compare the beam's `coverage` (height, width) of pixels with its projected position.
 
-    `centreline` (n, 4): arc length and place [m] in Sigma_a; `radius` [m]. A stretch is visible if
-    the beam covers any part of a pixel there, hidden if it covers none of those in the image.
+    `centreline` (n, 4) holds arc length and position [m] in Sigma_a; `radius` is in [m]. A segment
+    is visible if the beam covers any part of a pixel there, and hidden if it is in the image and
+    the beam covers none of its pixels.
     """
     scale = float(camera.pixels_per_metre(centreline[:, 1:]).max())
     length = float(centreline[-1, 0])
@@ -62,7 +63,7 @@ def visibility(coverage: Floats, camera: Camera, centreline: Floats, radius: flo
 
 
 def _looked_up(coverage: Floats, pixels: Floats) -> tuple[Mask, Mask]:
-    """Whether places (n, 2) [px] are in the image, and in a pixel that is covered."""
+    """Test whether places (n, 2) [px] are in the image, and in a covered pixel."""
     height, width = coverage.shape
     column, row = np.rint(np.clip(pixels, -1e6, 1e6)).astype(int).T
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)

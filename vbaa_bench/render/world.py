@@ -1,8 +1,8 @@
 """A Mitsuba scene that is loaded once; afterwards only vertices move.
 
-Mitsuba displaces rays from surfaces by about 1e-4 of the coordinates' size, whatever the unit:
-in metres that would be a quarter of the beam's radius. So the scene is built in units of that
-radius, with the origin at the beam's middle.
+Mitsuba offsets rays from surfaces by about 1e-4 of the size of the coordinates, whatever the unit.
+In metres this would be a quarter of the beam's radius. The scene is therefore built in units of
+that radius, with the origin at the beam's middle.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -25,7 +25,7 @@ from vbaa_bench.render.reach import View, pieces
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.spec.paint import Paint
 
-# Depths within which a lens may be out of focus, over that of its focus.
+# Range of depths for which defocus is computed, as ratios to the depth of focus.
 _NEAR, _FAR = 0.3, 3.0
 
 
@@ -33,7 +33,7 @@ _NEAR, _FAR = 0.3, 3.0
 class Surface:
     """A mesh (in Sigma_a, metres) and its paint; see render/materials.py.
 
-    `arc_length` (vertices,) [m] is given for the beam alone, which has no `texture`.
+    Only the beam has an `arc_length` (vertices,) [m]; it has no `texture`.
     """
 
     mesh: trimesh.Trimesh
@@ -45,7 +45,7 @@ class Surface:
 
     @property
     def texcoords(self) -> Floats | None:
-        """Texture coordinates (vertices, 2): the texture's, or arc length [mm] and nothing."""
+        """Texture coordinates (vertices, 2): the texture's, or arc length [mm] and 0."""
         if self.arc_length is not None:
             return _texcoords(self.arc_length)
         return None if self.texture is None else self.texture.uv
@@ -53,7 +53,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class RenderUnit:
-    """Render coordinates are (metres - origin) / unit."""
+    """The unit and origin of render coordinates, which are (metres - origin) / unit."""
 
     unit: float
     origin: Floats
@@ -71,13 +71,13 @@ class RenderUnit:
 
 
 class World:
-    """Surfaces under one or several lights before a camera, and apart what of them stands still.
+    """The full scene of surfaces, lights and a camera, and the still scene without moving surfaces.
 
-    `variant` must be set in Mitsuba beforehand (`mi.set_variant`). The index of a surface in the
-    truth layers is its place in `surfaces`, from 1; 0 is nothing. Surfaces named in `still` do
-    not move against the camera. Those in `sliding` do, but only in the plane in which it or
-    another of them lies: a patterned ground that turns under the camera; given is how they lie in
-    the still scene. `bounces` of light, more than one on request. `lens` is in metres.
+    Mitsuba's variant must be set beforehand (`mi.set_variant`). The index of a surface in the
+    truth layers is its place in `surfaces`, counted from 1; 0 means no surface. Surfaces named in
+    `still` do not move against the camera. Those in `sliding` move only within the common plane of
+    these surfaces, such as a patterned ground that turns under the camera; `sliding` holds them as
+    they are in the still scene. `bounces` is the number of bounces of light. `lens` is in metres.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class World:
         self.pieces = {name: pieces(surfaces[name].mesh.faces) for name in self.moving}
 
     def _scene(self, meshes: Mapping[str, Any]) -> Any:
-        """The lights and some meshes as Mitsuba's scene."""
+        """Load the lights and some meshes as a Mitsuba scene."""
         matrix = self.unit.render_from_antenna
         sensor = sensor_dict(self.camera, matrix)
         sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
@@ -130,24 +130,24 @@ class World:
 
     @property
     def blur_px(self) -> int:
-        """How many pixels away what moves may show."""
+        """Largest distance [px] by which the lens blurs a moving surface."""
         pose = self.camera.camera_from_antenna[2]
         depths = [self.vertices[name] @ pose[:3] + pose[3] for name in self.moving]
         if not depths:
             return 0
-        # What lies farther off than any scene is deep is out of view.
+        # Surfaces beyond these depths are out of view.
         nearest = max(min(d.min() for d in depths), _NEAR * self.lens.focus)
         farthest = min(max(d.max() for d in depths), _FAR * self.lens.focus)
         return self.lens.blur_px(self.camera, float(nearest), float(farthest))
 
     @property
     def ground(self) -> float:
-        """Height [m] of the lowest that stands still."""
+        """Height [m] of the lowest point of the still scene."""
         lowest = [self.vertices[name][:, 2].min() for name in self._standing]
         return float(min(lowest, default=0.0))
 
     def index_of(self, si: Any, *, still: bool = False) -> Any:
-        """The index (Dr.Jit, UInt32) of the surface that was met, in the scene or the still one."""
+        """Find the index (Dr.Jit, UInt32) of the surface met, in the full or the still scene."""
         found = mi.UInt32(0)
         meshes = self._standing if still else self._meshes
         for index, name in enumerate(self.names, start=1):
@@ -156,27 +156,27 @@ class World:
         return found
 
     def scalar_index(self, si: Any, *, still: bool = False) -> int:
-        """The same of a single interaction, on a scalar variant."""
+        """Find the index of the surface met by a single interaction, on a scalar variant."""
         meshes = self._standing if still else self._meshes
         found = (i for i, n in enumerate(self.names, 1) if n in meshes and si.shape == meshes[n])
         return next(found, 0) if si.is_valid() else 0
 
     def moves(self, index: Any) -> Any:
-        """Whether surfaces of a Dr.Jit index move."""
+        """Test whether the surfaces of a Dr.Jit index move; sliding ones do not count."""
         found = mi.Bool(False)
         for name in self.moving - self.sliding:
             found |= index == self.names.index(name) + 1
         return found
 
     def bodies(self, names: Collection[str]) -> list[Floats]:
-        """Vertices (n, 3) [m] of the pieces of moving surfaces, each to be taken by its hull."""
+        """Return the vertices (n, 3) [m] of each piece of moving surfaces, for convex hulls."""
         return [self.vertices[name][piece] for name in names for piece in self.pieces[name]]
 
     def move(self, vertices: Mapping[str, Floats], arc_length: Floats | None = None) -> None:
-        """New vertices (n, 3) [m] for some surfaces, and with them the beam's arc lengths [m].
+        """Set new vertices (n, 3) [m] of some surfaces, and the beam's arc lengths [m].
 
-        The topology stays; raises ValueError if the number of vertices does not. Of surfaces that
-        stand still nothing is taken.
+        The topology is kept; raises ValueError if the number of vertices changes. Vertices of still
+        surfaces are ignored.
         """
         for name, new in vertices.items():
             if len(new) != len(self.vertices[name]):
@@ -210,7 +210,7 @@ def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
 
 
 def _texcoords(arc_length: Floats) -> Floats:
-    """Arc length in millimetres as the first texture coordinate."""
+    """Convert arc length to texture coordinates: millimetres in the first, 0 in the second."""
     return np.column_stack([arc_length * 1e3, np.zeros_like(arc_length)])
 
 

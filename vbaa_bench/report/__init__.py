@@ -1,1 +1,1 @@
-"""The report: one HTML page that fetches nothing, and its figures."""
+"""The report: one self-contained HTML page, and its figures."""

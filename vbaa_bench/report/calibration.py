@@ -1,4 +1,4 @@
-"""Charts of what methods state of their own errors, and of the errors of psi and compliance."""
+"""Charts of stated sigmas against errors, and of the errors of psi and compliance."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -23,10 +23,10 @@ def _colour(scores: pl.DataFrame, colours: Mapping[str, str]) -> alt.Color:
 
 
 def calibrations(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart]:
-    """For each quantity whose error is stated: the share of frames within so many sigmas.
+    """Plot the share of frames within n stated sigmas, for each quantity with stated sigmas.
 
-    The black line is what honest Gaussian errors give; above it sigmas are too large, below it
-    too small.
+    The black line is the share for consistent Gaussian errors; above it sigmas are too large, below
+    it too small.
     """
     stated = [one for one in JUDGED if one.name in _SHOWN and one.in_sigmas in scores.columns]
     return [
@@ -55,7 +55,7 @@ def _coverage(scores: pl.DataFrame, one: Judged, colours: Mapping[str, str]) -> 
 
 
 def further_errors(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart]:
-    """Errors of psi against psi and of compliance against compliance, where they are answered."""
+    """Plot errors of psi against psi and of compliance against compliance, if estimated."""
     return [
         chart
         for chart in (
@@ -80,7 +80,7 @@ def _dots(
     *,
     logarithmic: bool = False,
 ) -> Chart | None:
-    """A dot at (truth, error) for each of few frames, the error's size on a logarithmic axis."""
+    """Plot |error| on a logarithmic axis against truth, for at most MOST_DOTS frames."""
     rows = scores.drop_nulls([true[0], error[0]]).select(
         "method", pl.col(true[0]).alias("true"), pl.col(error[0]).abs().alias("error")
     )

@@ -1,4 +1,4 @@
-"""One frame of every scene on one picture: what the scenes are, at a glance."""
+"""Contact sheet: one frame of every scene in one picture."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ from vbaa_bench.spec.trials import Trial
 from vbaa_bench.studio import Pose
 
 TILE_PX, CAPTION_PX, COLUMNS = 360, 26, 6
-# The surroundings of the contact are shown this much enlarged, in the tile's lower corner.
+# Magnification and half size of the inset at the contact, in the tile's lower right corner.
 ZOOM, HALF_PX = 5, 14
 PAPER, INK = 245, 30
 
@@ -57,7 +57,7 @@ def _tile(file: SceneFile, variant: str) -> np.ndarray:
 
 
 def photograph(file: SceneFile, variant: str) -> tuple[Grey, Bench, Pose]:
-    """The frame of a scene that shows most, as 8 bits, the bench it was made on, and its pose."""
+    """Render the frame of a scene that shows most; return it as 8 bits, its bench and its pose."""
     work = plan(file)
     folder = file.path.parent.resolve()
     bench = Bench(file.scene, work.rig, folder, Layout(Path()), variant, threads=0)
@@ -67,7 +67,7 @@ def photograph(file: SceneFile, variant: str) -> tuple[Grey, Bench, Pose]:
 
 
 def _telling(work: Plan, bench: Bench) -> Trial:
-    """The frame that shows most: pushed far, hidden most, contact in the middle."""
+    """Choose the frame that shows most: large push, largest occlusion, contact in the middle."""
     trials = list(work.trials)
     hidden = min((t.cover.availability for t in trials if t.cover is not None), default=1.0)
     chosen = [t for t in trials if t.cover is None or t.cover.availability == hidden]
@@ -89,7 +89,7 @@ def _contact_pixel(pose: Pose, bench: Bench) -> Floats:
 
 
 def _surroundings(image: Grey, pixel: Floats) -> Grey:
-    """The image about a pixel, enlarged."""
+    """Crop the image around a pixel, and enlarge it."""
     u, v = np.rint(pixel).astype(int)
     left = int(np.clip(u - HALF_PX, 0, image.shape[1] - 2 * HALF_PX))
     top = int(np.clip(v - HALF_PX, 0, image.shape[0] - 2 * HALF_PX))
@@ -99,6 +99,6 @@ def _surroundings(image: Grey, pixel: Floats) -> Grey:
 
 
 def brightened(image: Grey) -> Grey:
-    """An image for a page, which is not looked at as a sensor is."""
+    """Brighten an image of linear sensor values for display."""
     bright: Grey = np.rint(255 * (image / 255) ** 0.6).astype(np.uint8)
     return bright

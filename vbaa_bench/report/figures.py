@@ -1,4 +1,4 @@
-"""The report's charts."""
+"""Charts of the report."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,22 +14,22 @@ Chart = alt.LayerChart | alt.FacetChart
 
 _PUSH = alt.Color("push:N", title="pushed to", sort=None).legend(orient="bottom")
 _WIDTH, _HEIGHT = 430, 300
-# From one label's middle to the next, of letters 12 px high.
+# Distance between the centres of labels, for letters 12 px high.
 LABEL_GAP_PX = 16
 MOST_PUSHES, CLASSES = 12, 6
-# Chosen: a chart of this many dots takes 0.36 MB of the page; more of them lie on each other.
+# Chosen: a chart of this many dots takes 0.36 MB of the page; more of them overlap.
 MOST_DOTS = 1000
 
 
 def few_dots(rows: pl.DataFrame) -> pl.DataFrame:
-    """Thin rows out to MOST_DOTS, drawn by chance but always the same, in their order."""
+    """Reduce rows to a random sample of MOST_DOTS, always the same, in their order."""
     if rows.height <= MOST_DOTS:
         return rows
     return rows[np.sort(np.random.default_rng(0).permutation(rows.height)[:MOST_DOTS])]
 
 
 def few_pushes(scores: pl.DataFrame) -> pl.DataFrame:
-    """The same scores; of more pushes than a legend can hold, classes of equal deflection."""
+    """Relabel pushes by equal classes of deflection if there are more than MOST_PUSHES."""
     if scores["push"].n_unique() <= MOST_PUSHES:
         return scores
     width = float(np.ptp(scores["deflection_pct"].to_numpy())) / CLASSES or 1.0
@@ -39,7 +39,7 @@ def few_pushes(scores: pl.DataFrame) -> pl.DataFrame:
 
 
 def is_fig8(scores: pl.DataFrame) -> bool:
-    """Whether a rigid, upright object was pushed to few angles or deflections, as in Fig. 8."""
+    """Return whether scores are of one rigid, upright object at few pushes, as in Fig. 8."""
     one_object = scores["normal_deg"].n_unique() == 1 and scores["k_s_n_m"].is_null().all()
     upright = one_object and scores["normal_deg"][0] == 0
     touched = scores["true_x_c_mm"].is_not_null().all()
@@ -47,14 +47,14 @@ def is_fig8(scores: pl.DataFrame) -> bool:
 
 
 def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
-    """Milliseconds per frame against the median error of x_c, with 95 % bootstrap intervals.
+    """Plot the median error of x_c against the time per frame, with 95 % bootstrap intervals.
 
-    `colours` gives each method's, as CSS writes it. Labels stand in a column beside the plot.
+    `colours` maps each method to its CSS colour. Labels are in a column beside the plot.
     """
     rows = []
     for name, found in summary["methods"].items():
         time, error = found["ms_per_frame_median"], found["x_c_median_abs_pct_L"]
-        if not time or not error:  # a predictions file states no time; an exact one has no error
+        if not time or not error:  # a user's predictions may lack times; exact ones have error 0
             continue
         times = found["ms_per_frame_median_95"] or [time, time]
         errors = found["x_c_median_abs_pct_L_95"] or [error, error]
@@ -106,7 +106,7 @@ def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
 
 
 def fig8_contact_distance(scores: pl.DataFrame, method: str) -> Chart:
-    """Fig. 8 (a): estimated against true contact distance; the line is the truth."""
+    """Plot Fig. 8 (a): estimated against true contact distance; the line is the truth."""
     rows = few_dots(_answered(scores, method))
     line = alt.Chart(rows).mark_line(color="black", strokeWidth=1)
     dots = alt.Chart(rows).mark_point(size=22)
@@ -118,7 +118,7 @@ def fig8_contact_distance(scores: pl.DataFrame, method: str) -> Chart:
 
 
 def fig8_force(scores: pl.DataFrame, method: str, length_mm: float, rigidity_n_mm2: float) -> Chart:
-    """Fig. 8 (b): contact force; lines are theory, exact (full) and linear (dashed)."""
+    """Plot Fig. 8 (b): contact force; lines are theory, exact (solid) and linear (dashed)."""
     rows = few_dots(_answered(scores, method))
     pushes = scores.sort("deflection_pct").group_by("push", maintain_order=True)
     theory = pl.concat(
@@ -139,7 +139,7 @@ def fig8_force(scores: pl.DataFrame, method: str, length_mm: float, rigidity_n_m
         alt.Chart(exact)
         .mark_line(strokeWidth=1.2)
         .encode(x=x, y=alt.Y("true_force_n:Q"), color=_PUSH),
-        # Estimates beyond the axis, which a mean of pairs can give, are cut off.
+        # Estimates beyond the axis, which a mean of pairs can give, are clipped.
         alt.Chart(rows.filter(pl.col("force_n") > 0))
         .mark_point(size=22, clip=True)
         .encode(x=x, y="force_n:Q", color=_PUSH),
@@ -154,7 +154,7 @@ def _linear_theory(
     length_mm: float,
     rigidity_n_mm2: float,
 ) -> pl.DataFrame:
-    """Force against contact distance by (9) and (10), for a tip deflection or a pushing angle."""
+    """Compute force against contact distance, eqs. (9), (10), for a tip deflection or an angle."""
     x_c = np.linspace(0.2, 0.97, 200) * length_mm
     if push.endswith("%"):  # (10) at the tip: y_tip = f x_c^2 (3 L - x_c) / (6 EI)
         tip = deflection_pct / 100 * length_mm
@@ -165,7 +165,7 @@ def _linear_theory(
 
 
 def error_against_distance(scores: pl.DataFrame, method: str) -> Chart:
-    """Signed error of the contact distance: every frame a dot, the mean a line."""
+    """Plot the signed error of the contact distance: a dot per frame, a line for the mean."""
     rows = _answered(scores, method).with_columns(place=(pl.col("true_x_c_mm") / 10).round())
     x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
     error = "x_c_error_pct_L"
@@ -193,7 +193,7 @@ def _answered(scores: pl.DataFrame, method: str) -> pl.DataFrame:
 
 
 def _decades(values: list[float], room: float) -> list[float]:
-    """A logarithmic axis that leaves room, a factor, for labels after the values."""
+    """Choose the range of a logarithmic axis; `room` is the factor above the largest value."""
     if not values:
         return [0.1, 10.0]
     return [min(values) / 3, max(values) * room]

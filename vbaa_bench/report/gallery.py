@@ -1,4 +1,4 @@
-"""Frames with the truth and the estimates drawn on them."""
+"""Drawing of the truth and the estimates on frames."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -11,10 +11,10 @@ from solver.instrument.arrays import Floats
 from solver.instrument.centreline import Flag
 from vbaa_bench.scoring.overlay import Overlay
 
-# BGR. Truth is green, measured points yellow; methods take the others in order.
+# BGR. Truth is green, measured points are yellow; methods use the colours of METHODS in order.
 TRUTH: Final = (90, 200, 60)
 POINTS: Final = (40, 220, 255)
-# Where the beam should be and was not measured, by the reason.
+# Expected positions of the beam without a measured point, by reason.
 REJECTED: Final = {
     Flag.HIDDEN: (255, 140, 40),
     Flag.SATURATED: (0, 150, 255),
@@ -40,14 +40,15 @@ Colours = Mapping[str, tuple[int, int, int]]
 
 
 def colours_of(methods: Sequence[str]) -> dict[str, tuple[int, int, int]]:
-    """One colour a method, the same in every picture; they repeat after the tenth."""
+    """Assign a colour to each method, the same in every picture; they repeat after the tenth."""
     return {name: METHODS[i % len(METHODS)] for i, name in enumerate(methods)}
 
 
 def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 14) -> np.ndarray:
-    """The beam's part of the frame, enlarged: truth, and a ring for each method's contact.
+    """Draw the beam's part of the frame, enlarged: truth, and a ring for each method's contact.
 
-    Of what was measured only rejected points and the tip are shown: the others cover the beam.
+    Of the measured centreline only rejected points and the tip are drawn: other points would cover
+    the beam.
     """
     _, low = overlay.centreline.min(axis=0)
     _, high = overlay.centreline.max(axis=0)
@@ -63,12 +64,12 @@ def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 1
 
 
 def whole(overlay: Overlay, scale: int) -> np.ndarray:
-    """The whole frame, enlarged, with truth and contacts."""
+    """Draw the whole frame, enlarged, with the truth; `overlay` must contain no estimates."""
     return strip(overlay, {}, scale, margin_px=max(overlay.image.shape))
 
 
 def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int = 24) -> np.ndarray:
-    """The surroundings of the contact, much enlarged, with all that the solver measures there."""
+    """Draw the surroundings of the contact, strongly enlarged, with all measured points."""
     half_px = min(half_px, (min(overlay.image.shape) - 1) // 2)
     middle = overlay.centreline[-1] if overlay.contact is None else overlay.contact
     u, v = np.rint(middle).astype(int)
@@ -86,13 +87,13 @@ def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int =
 
 
 def webp_uri(canvas: np.ndarray) -> str:
-    """An image (height, width, 3) as a data URI."""
+    """Encode an image (height, width, 3) as a data URI."""
     _, data = cv2.imencode(".webp", canvas, [cv2.IMWRITE_WEBP_QUALITY, 80])
     return "data:image/webp;base64," + base64.b64encode(bytes(data)).decode("ascii")
 
 
 def colour_name(colour: tuple[int, int, int]) -> str:
-    """A BGR colour as CSS writes it."""
+    """Format a BGR colour for CSS."""
     blue, green, red = colour
     return f"rgb({red},{green},{blue})"
 
@@ -105,7 +106,7 @@ def _contacts(view: "_View", overlay: Overlay, colours: Colours, radius_px: floa
 
 
 def _rejected(view: "_View", overlay: Overlay, radius_px: float) -> None:
-    """Places where the beam should be and was not measured, and the tip, a small square."""
+    """Draw the rejected points, and the tip as a small square."""
     measured = overlay.measured
     if measured is None:
         return
@@ -116,21 +117,21 @@ def _rejected(view: "_View", overlay: Overlay, radius_px: float) -> None:
 
 
 class _View:
-    """A part of an image enlarged by a whole factor; draws in the image's own pixels."""
+    """Part of an image, enlarged by a whole factor; coordinates are the image's own pixels."""
 
     def __init__(
         self, image: np.ndarray, corner: tuple[int, int], size: tuple[int, int], scale: int
     ) -> None:
         (left, top), (width, height) = corner, size
         part = image[top : top + height, left : left + width]
-        # A display's gamma: linear sensor values look too dark on a screen.
+        # Gamma of a display: linear sensor values appear too dark on a screen.
         shown = np.rint(255 * (part / 255.0) ** (1 / 2.2)).astype(np.uint8)
         large = cv2.resize(shown, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
         self.canvas = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
         self._corner, self._scale = np.array(corner), scale
 
     def _place(self, pixels: Floats) -> np.ndarray:
-        """Enlarged pixels: a pixel's centre stays the centre of its enlarged square."""
+        """Map pixels to the canvas; a pixel's centre is the centre of its enlarged square."""
         large = (np.asarray(pixels) - self._corner + 0.5) * self._scale - 0.5
         return np.asarray(np.rint(large * 2**_FRACTION_BITS), dtype=np.int32)
 

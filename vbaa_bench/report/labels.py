@@ -1,4 +1,4 @@
-"""Labels beside a plot, as near to their points as they can be without touching."""
+"""Placement of labels beside a plot, as near to their points as possible without overlap."""
 
 import numpy as np
 from scipy.optimize import isotonic_regression
@@ -7,10 +7,10 @@ from solver.instrument.arrays import Floats
 
 
 def spread(wanted: Floats, gap: float) -> Floats:
-    """Places (n,) at least `gap` apart, in the order of `wanted` (n,), nearest to it.
+    """Compute places (n,) at least `gap` apart, in the order of `wanted` (n,) and nearest to it.
 
-    Nearest in the sum of squares: with i gaps taken off, places must only not fall, which is
-    isotonic regression.
+    The sum of squared distances is minimised: after subtracting i * gap from the i-th place, places
+    must not decrease, which is isotonic regression.
     """
     order = np.argsort(wanted, kind="stable")
     steps = gap * np.arange(len(order))

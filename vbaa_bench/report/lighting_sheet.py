@@ -1,4 +1,4 @@
-"""Lights by materials and backgrounds on one picture, the same push under each light."""
+"""Lighting sheet: one picture of the same push under each light, by material and background."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from vbaa_bench.spec.rendering import RenderSpec
 from vbaa_bench.spec.scene import PushSpec, Scene
 
 TILE_PX, GAP_PX = 288, 4
-# Nearer than a scene's own camera and from aslant, as one takes a photograph of a rig.
+# Nearer than a scene's own camera and oblique, as in a photograph of a rig.
 CAMERA = CameraSpec(
     width_px=TILE_PX,
     height_px=TILE_PX,
@@ -26,9 +26,9 @@ CAMERA = CameraSpec(
 )
 BOARD = CalibrationSpec(square_mm=3, center_mm=(55.0, 6.0))
 PUSH = PushSpec(contact_distance_mm=(80,), deflection_pct=(20,))
-# Bare steel is black but for what it mirrors.
+# Three bounces: bare steel is black except for its reflections.
 RENDER = RenderSpec(bounces=3, noise_near_beam=0.5, noise_elsewhere=1.0, noise_still=0.5)
-# What differs in each column from the scene.
+# Changes to the scene in each column.
 LOOKS: dict[str, dict[str, dict[str, Any]]] = {
     "painted, plain": {},
     "bare, plain": {
@@ -103,7 +103,7 @@ def _tile(
 
 
 def dressed(scene: Scene, look: dict[str, dict[str, Any]]) -> Scene:
-    """The scene in another look, seen by the sheet's own camera; all else as it is."""
+    """Change a scene to another look and to the sheet's own camera, board, push and rendering."""
     changes: dict[str, Any] = {
         part: getattr(scene, part).model_copy(update=update) for part, update in look.items()
     }

@@ -1,4 +1,4 @@
-"""Scores -> report.html and the figures of the README."""
+"""Write report.html and the figures of the README from scores."""
 
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ GALLERY_FRAMES = 6
 
 
 def report(results: Results) -> Path:
-    """Write the report of a scored dataset; the path of the page. Raises InputError."""
+    """Write the report of a scored dataset; return the path of the page. Raises InputError."""
     truth = open_truth(results.dataset.truth)
     if not (results.scores / "summary.json").is_file():
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
@@ -93,7 +93,7 @@ def report(results: Results) -> Path:
 
 
 def _chosen_frames(truth: Truth) -> list[str]:
-    """Frames spread over deflection and contact distance, the most bent one last."""
+    """Choose frames spread over deflection and contact distance, the most bent one last."""
     ordered = truth.frames.sort(pl.col("deflection_pct").round(1), "x_c_mm")["frame_id"]
     count = min(GALLERY_FRAMES, len(ordered))
     return [ordered[int(place)] for place in np.linspace(0, len(ordered) - 1, count)]
@@ -107,7 +107,7 @@ def _failures(scores: pl.DataFrame) -> dict[str, Any]:
 
 
 def _picture(seen: Overlay, colours: gallery.Colours) -> np.ndarray:
-    """The frame and its contact enlarged, side by side, for the README."""
+    """Draw the frame and its enlarged contact side by side, for the README."""
     wide, near = gallery.strip(seen, colours), gallery.close_up(seen, colours, scale=6)
     height = max(len(wide), len(near))
     canvases = []
@@ -144,6 +144,9 @@ def _png(chart: figures.Chart) -> bytes:
 
 
 def _json(chart: figures.Chart) -> str:
-    """The chart with its data: dots are few already, curves of many methods may have many rows."""
+    """Convert a chart and its data to JSON, also with more rows than Altair's limit.
+
+    Dots are limited elsewhere; the curves of many methods may have many rows.
+    """
     with alt.data_transformers.disable_max_rows():
         return chart.to_json()

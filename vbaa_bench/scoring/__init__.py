@@ -1,1 +1,1 @@
-"""Running methods behind the truth wall, and judging what they answer."""
+"""Running methods without access to the truth, and scoring their estimates."""

@@ -1,4 +1,4 @@
-"""Scored datasets -> one table: a row for each scene and method."""
+"""Accuracy table of scored datasets: one row per scene and method."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from vbaa_bench.scoring.summary import facts
 
 Row = dict[str, Any]
 
-# Heads of the Markdown table and where their numbers stand in a row.
+# Headings of the Markdown table, and the keys of their numbers in a row.
 _COLUMNS: Final = {
     "x_c RMSE, % of L": "x_c_rmse_pct_L",
     "unanswered as L/2": "x_c_rmse_all_pct_L",
@@ -32,16 +32,16 @@ _COLUMNS: Final = {
     "sigma / RMSE": "x_c_sigma_over_rmse",
     "honest, %": "honest_pct",
 }
-# Whose stated errors the table tells.
+# Quantities whose stated sigmas are compared with errors in the table.
 _STATED: Final = ("x_c", "psi", "compliance_last")
 
 
 def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
-    """How each method did on each dataset, and with `by` for each value of one of CONDITIONS.
+    """Tabulate each method's accuracy on each dataset; `by` splits by one of CONDITIONS.
 
-    A row holds all that `summary.facts` tells; the shares of x_c, psi and a push's last compliance
-    within three stated sigmas [%], and of x_c these sigmas over the RMSE, stand beside it by
-    themselves. Ratios of stiffness are gathered by decades: they differ with every frame. Raises
+    A row contains the values of `summary.facts`. Separate columns repeat the shares of x_c, psi and
+    a push's last compliance within three stated sigmas [%], and the ratio of stated sigma to RMSE
+    for x_c. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
     InputError for a dataset that is not scored, and for an unknown condition.
     """
     if by is not None and by not in CONDITIONS:
@@ -52,7 +52,7 @@ def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
 def _rows(results: Results, by: str | None) -> list[Row]:
     scores = read_scores(results)
     if by is not None:
-        # What the scene asks for comes back as equilibria have it, equal but for the last digits.
+        # Conditions are computed from equilibria; those of one setting differ in the last digits.
         scores = scores.with_columns((selectors.by_name(by) & selectors.float()).round_sig_figs(9))
         scores = scores.with_columns(_label(by))
     scene = open_truth(results.dataset.truth).manifest["scene"]
@@ -75,7 +75,7 @@ def _rows(results: Results, by: str | None) -> list[Row]:
 
 
 def _label(by: str) -> pl.Expr:
-    """A condition as the table tells it: a spring's stiffness, or that the object is rigid."""
+    """Label a condition for the table: a spring's stiffness, or "rigid"."""
     given = pl.col(by)
     if by == "k_s_over_k_beam":
         decade = given.log10().floor()
@@ -104,7 +104,7 @@ def _row(rows: pl.DataFrame) -> Row:
 
 
 def markdown(rows: Sequence[Row], by: str | None = None) -> str:
-    """The table, columns without a number left out, and below it the remarks on its scenes."""
+    """Format the table without empty columns, followed by the remarks on its scenes."""
     columns = {
         head: key for head, key in _COLUMNS.items() if any(row[key] is not None for row in rows)
     }
@@ -127,7 +127,7 @@ def _percent(share: float | None) -> float | None:
 
 
 def _sortable(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Numbers by size, texts such as '10 %' by the number they begin with, nothing last."""
+    """Make a sort key: numbers by size, texts such as '10 %' by their first number, None last."""
 
     def key(value: Any) -> tuple[int, float, str]:
         if value is None:

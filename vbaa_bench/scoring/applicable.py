@@ -1,11 +1,11 @@
-"""Which of the solver's methods a dataset has the readings for."""
+"""Selection of the solver's methods for which a dataset has the readings."""
 
 from solver.instrument.observation import Observations
 from solver.methods import METHODS
 
 
 def applicable(observations: Observations) -> list[str]:
-    """Names of METHODS, without those that need a sensor or a sequence that is not there."""
+    """List the names of METHODS, without those that need a missing sensor or frame sequence."""
     sensors = observations.rig.sensors
     pushes = [frame.push_id for frame in observations]
     lacking = set()

@@ -1,4 +1,4 @@
-"""Run a method in its own process, which is given a copy of the observations and nothing else."""
+"""Run a method in its own process, which receives only a copy of the observations."""
 
 import json
 import os
@@ -24,24 +24,24 @@ from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 from vbaa_bench.scoring.user_modules import copy_sources
 
-# A method that takes longer than this for a frame, repeats included, has given no answer [s].
+# Time limit for one frame, repeats included [s]; a method that takes longer has crashed.
 LONGEST_FRAME_S: Final = 60.0
-# What a method may allocate [GB]. Chosen: the solver itself takes less than one, and an ordinary
-# computer has this much beside the judge.
+# Memory limit of a method [GB]. Chosen: the solver itself needs less than 1 GB, and an ordinary
+# computer has this much beside the scoring process.
 MEMORY_GB: Final = 8.0
-# Of what a method prints so much is passed on [characters]. Chosen: a few hundred lines.
+# Limit of the printed output that is passed on [characters]. Chosen: a few hundred lines.
 MOST_OUTPUT: Final = 20_000
-# The folder, beside the observations, that a user's own sources are copied to.
+# The folder, beside the observations, to which a user's own sources are copied.
 _METHOD: Final = "method"
-# How long the supervisor may take to end after the request [s].
+# Time limit for the supervisor to end after the request [s].
 _LONGEST_END_S: Final = 10.0
-# And how long the last of what was printed may take to be read [s].
+# Time limit for reading the last of the printed output [s].
 _LONGEST_REST_S: Final = 2.0
 
 
 @dataclass(frozen=True)
 class MethodRun:
-    """How a method did: its table, frames in all, how many of them crashed, the first traceback."""
+    """Result of running a method: its table, number of frames, of crashed ones, first traceback."""
 
     table: Path
     frames: int
@@ -60,18 +60,18 @@ def solve(
     frame_s: float = LONGEST_FRAME_S,
     hear: Callable[[str], None] = lambda _line: None,
 ) -> MethodRun:
-    """Write `out`, the CSV of a method's estimates for every frame of a dataset's observations.
+    """Run a method on every frame of a dataset's observations; write its estimates to `out` as CSV.
 
-    A frame on which the method raises an error, brings its process down or takes longer than
-    `frame_s` has the outcome "crashed"; the others keep their answers. After three such frames in
-    a row of which the process did not survive, the rest is crashed too. The method, and each
-    process that it starts, may allocate `memory_gb`; 0 is no limit. `hear` is called with each
-    line that the method prints, up to MOST_OUTPUT characters. `centreline` names how the beam is
-    measured.
+    A frame has the outcome "crashed" if the method raises an error, terminates its process or takes
+    longer than `frame_s`; other frames keep their estimates. After three consecutive frames that
+    terminated the process, all remaining frames are crashed too. The method, and each process that
+    it starts, may allocate `memory_gb`; 0 means no limit. `hear` is called with each line that the
+    method prints, up to MOST_OUTPUT characters. `centreline` is the name of the extraction method
+    of the centreline.
 
-    Raises InputError for a method or a centreline that cannot be found, for rest images in which
-    that centreline sees no beam, for observations that are not what was generated, and for an
-    `out` or a temporary folder that cannot be written.
+    Raises InputError if the method or the centreline is unknown, if that centreline detects no beam
+    in the rest images, if the observations are not what was generated, or if `out` or a temporary
+    folder cannot be written.
     """
     make_room(out)
     check_complete(layout)
@@ -83,12 +83,12 @@ def solve(
         task = (str(copy), method, centreline, str(repeats), str(memory_gb), str(frame_s))
 
         def shown(text: str) -> str:
-            """A text in which files are named as the user has them."""
+            """Replace paths of copies by the user's own paths."""
             return text.replace(f"{folder / _METHOD}{os.sep}", "").replace(f"{folder}{os.sep}", "")
 
         with _supervisor(task, folder, lambda line: hear(shown(line))) as (orders, reports):
             _copy(layout, copy)
-            with suppress(BrokenPipeError):  # its own last words say why it died
+            with suppress(BrokenPipeError):  # its own output contains the reason
                 orders.write(b"\n")
                 orders.flush()
             for line in reports:
@@ -109,7 +109,7 @@ def solve(
 
 @contextmanager
 def _temporary_folder() -> Iterator[Path]:
-    """A folder that is removed in the end, whatever lies in it. Raises InputError."""
+    """Create a folder that is removed at the end with its contents. Raises InputError."""
     try:
         folder = Path(tempfile.mkdtemp(prefix="vbaa-solve-"))
     except OSError as error:
@@ -135,9 +135,9 @@ def _copy(layout: Layout, target: Path) -> None:
 def _supervisor(
     task: tuple[str, ...], folder: Path, hear: Callable[[str], None]
 ) -> Iterator[tuple[IO[bytes], IO[bytes]]]:
-    """The process that runs the method: its standard input and output.
+    """Start the process that runs the method; yield its standard input and output.
 
-    It ends, and the method with it, where its standard input ends: also with this process.
+    When its standard input ends, also because this process has ended, it ends with the method.
     """
     environment = _environment(task[1], folder)
     # -P: nothing is imported from the folder where it starts.
@@ -152,7 +152,7 @@ def _supervisor(
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=writable,
-        start_new_session=True,  # Ctrl-C is for the judge, who then ends the method
+        start_new_session=True,  # Ctrl-C reaches this process only, which then ends the method
     ) as process:
         os.close(writable)
         assert process.stdin is not None
@@ -166,12 +166,12 @@ def _supervisor(
                 process.wait(_LONGEST_END_S)
             except subprocess.TimeoutExpired:
                 process.kill()
-            # What has left the method's group may hold its standard error open for ever.
+            # A process that has left the method's group may keep standard error open for ever.
             listener.join(_LONGEST_REST_S)
 
 
 def _listen(readable: int, hear: Callable[[str], None]) -> None:
-    """Pass on what a method prints, line by line, to a limit; the rest is read and dropped."""
+    """Pass on the method's output, line by line, up to a limit; read and drop the rest."""
     left, dropped = MOST_OUTPUT, 0
     with open(readable, "rb") as stream:
         while line := stream.readline(MOST_OUTPUT):
@@ -185,18 +185,18 @@ def _listen(readable: int, hear: Callable[[str], None]) -> None:
 
 
 def _environment(method: str, folder: Path) -> dict[str, str]:
-    """No more than a process needs, and nothing that says where it was started from.
+    """Make a minimal environment, without the folder from which this process was started.
 
-    Somebody's own module is copied into `folder`: the place it came from may have truth beside
-    it. This keeps a method from meeting the truth by accident; it is no jail for one that
-    searches the disk. Raises InputError.
+    A user's own module is copied into `folder`, because its original folder may contain the truth.
+    This prevents a method from reading the truth by accident; it does not stop one that searches
+    the disk. Raises InputError.
     """
     kept = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
     environment = {name: os.environ[name] for name in kept if name in os.environ}
-    # One thread: times are of one core, whatever the machine.
+    # One thread: times are those of one core on every machine.
     environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
-    environment["PYTHONUNBUFFERED"] = "1"  # what is printed before a crash is shown
+    environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
     module, colon, _ = method.partition(":")
     if colon and method not in METHODS:
         target = folder / _METHOD

@@ -1,4 +1,4 @@
-"""The quantities that are judged: where an answer and where the truth hold them."""
+"""The scored quantities: their columns in predictions and in the truth."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -8,9 +8,9 @@ import polars as pl
 
 @dataclass(frozen=True)
 class Judged:
-    """One quantity: its columns in a predictions table, and its true value as of `Truth.frames`.
+    """Scored quantity: its columns in a predictions table, and its true value from `Truth.frames`.
 
-    `unit` ends the names of its columns in the scores: `<name>_error_<unit>`.
+    Names of its columns in the scores end with `unit`: `<name>_error_<unit>`.
     """
 
     name: str
@@ -19,31 +19,31 @@ class Judged:
 
     @property
     def column(self) -> str:
-        """The answer."""
+        """Column of the estimate."""
         return f"{self.name}_{self.unit}"
 
     @property
     def sigma(self) -> str:
-        """The answer's stated standard deviation."""
+        """Column of the estimate's stated standard deviation."""
         return f"{self.name}_sigma_{self.unit}"
 
     @property
     def truth(self) -> str:
-        """The truth, beside the answer."""
+        """Column of the true value."""
         return f"true_{self.column}"
 
     @property
     def error(self) -> str:
-        """The answer less the truth."""
+        """Column of the error, estimate minus truth."""
         return f"{self.name}_error_{self.unit}"
 
     @property
     def in_sigmas(self) -> str:
-        """The normalised error: over the stated standard deviation."""
+        """Column of the normalised error, error over stated standard deviation."""
         return f"{self.name}_error_in_sigmas"
 
 
-# A rigid object gives way by nothing; what is not touched has no compliance.
+# A rigid object has compliance 0; without contact the compliance is null.
 _TOUCHED = pl.col("x_c_mm").is_not_null()
 _COMPLIANCE = pl.when(_TOUCHED).then((1e3 / pl.col("k_s_n_m")).fill_null(0.0))
 COMPLIANCE: Final = Judged("compliance", "mm_per_n", _COMPLIANCE)
@@ -67,8 +67,8 @@ VECTORS: Final = (
 
 
 def components(name: str, unit: str, true: str) -> tuple[Judged, ...]:
-    """The three components of one of VECTORS, each judged by itself."""
-    vector = pl.col(true).cast(pl.List(pl.Float64))  # of no type where nothing is ever touched
+    """Make the three components of one of VECTORS, each a scored quantity."""
+    vector = pl.col(true).cast(pl.List(pl.Float64))  # the column has no type without any contact
     return tuple(Judged(f"{name}_{axis}", unit, vector.list.get(i)) for i, axis in enumerate("xyz"))
 
 

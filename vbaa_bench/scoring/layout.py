@@ -1,9 +1,9 @@
-"""Where answers and judgements lie beside a dataset.
+"""Paths of predictions, scores and reports within a dataset.
 
 DATASET/
-  predictions/<method>.csv      one row a frame, as solver/table.py says; of another centreline
-                                than the usual one <method>@<centreline>.csv; and files of
-                                somebody's own, CSV or Parquet, as they were handed in
+  predictions/<method>.csv      one row per frame, see solver/table.py; with another centreline
+                                than the usual one, <method>@<centreline>.csv; and a user's own
+                                files, CSV or Parquet, unchanged
   scores/scores.parquet, scores.csv, summary.json
   report/report.html and the figures of the README
 """
@@ -15,14 +15,14 @@ from typing import Final
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.layout import Layout
 
-# How the beam is measured where nobody asks for another way.
+# Default extraction method of the centreline.
 USUAL_CENTRELINE: Final = "profile_fit"
 
 
 def kept_as(method: str, centreline: str = USUAL_CENTRELINE) -> str:
-    """The name of a method's answers in files and tables, such as `two_point@area_weighted`.
+    """Name a method's predictions in files and tables, such as `two_point@area_weighted`.
 
-    Raises InputError for a method whose name leads elsewhere than to a file beside the others.
+    Raises InputError if the name contains a path.
     """
     name = method.replace(":", ".")
     if Path(name).name != name:
@@ -43,15 +43,15 @@ class Results:
 
     @property
     def predictions(self) -> Path:
-        """What methods answered."""
+        """Folder of the methods' predictions."""
         return self.root / "predictions"
 
     @property
     def scores(self) -> Path:
-        """How they were judged."""
+        """Folder of the scores."""
         return self.root / "scores"
 
     @property
     def report(self) -> Path:
-        """The page and its figures."""
+        """Folder of the report and its figures."""
         return self.root / "report"

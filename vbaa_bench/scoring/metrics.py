@@ -1,4 +1,4 @@
-"""Predictions against truth: errors per frame."""
+"""Comparison of predictions with the truth: errors per frame."""
 
 import codecs
 import io
@@ -19,9 +19,10 @@ _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
 
 
 def read_predictions(path: Path) -> pl.DataFrame:
-    """Predictions from CSV or Parquet: frame_id and what else there is, missing columns as null.
+    """Read predictions from CSV or Parquet; absent columns are added as null.
 
-    An `outcome` that is not stated is "contact" where x_c_mm is given. Raises InputError.
+    The columns frame_id and one of x_c_mm and force_n are required. A missing `outcome` is
+    "contact" if x_c_mm or force_n is given, else "crashed". Raises InputError.
     """
     return checked_predictions(parsed(read_file(path), path), str(path))
 
@@ -37,7 +38,7 @@ def read_file(path: Path) -> bytes:
 
 
 def parsed(data: bytes, path: Path) -> pl.DataFrame:
-    """The table in the bytes of a file: Parquet, or CSV with commas or semicolons, as Excel writes.
+    """Parse the bytes of a table: Parquet, or CSV with commas or with Excel's semicolons.
 
     All columns of a CSV are texts. Raises InputError.
     """
@@ -55,7 +56,7 @@ def parsed(data: bytes, path: Path) -> pl.DataFrame:
 
 
 def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
-    """The same of a table that was read from `source`."""
+    """Check and complete a table of predictions that was read from `source`. Raises InputError."""
     if "frame_id" not in table.columns:
         raise InputError(f"{source}: the column frame_id is missing")
     absent = [name for name in ("x_c_mm", "force_n") if name not in table.columns]
@@ -82,11 +83,11 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
         if n not in known
     ]
     table = table.with_columns(missing)
-    # inf, NaN and numbers beyond all sense are no answers.
+    # inf, NaN and absurdly large numbers count as missing.
     table = table.with_columns(
         pl.when(pl.col(name).abs() < _LARGEST).then(pl.col(name)).alias(name) for name in NUMBERS
     )
-    # A standard deviation that is not positive says nothing.
+    # A standard deviation that is not positive counts as missing.
     table = table.with_columns(
         pl.when(pl.col(one.sigma) > 0).then(pl.col(one.sigma)).alias(one.sigma) for one in _ALL
     )
@@ -102,7 +103,7 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
     ).select("frame_id", *NUMBERS, *_TEXTS)
 
 
-# What tells frames of a dataset apart, and goes with their scores.
+# Conditions in which frames of a dataset differ; they are part of the scores.
 CONDITIONS = (
     "push",
     "push_id",
@@ -120,23 +121,23 @@ CONDITIONS = (
 
 
 def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: str) -> pl.DataFrame:
-    """One row per true frame: what was, what was answered, and the errors.
+    """Score predictions: one row per true frame with truth, estimates and errors.
 
-    A frame without a prediction is a crashed one; one that lacks a quantity which the method
-    answers elsewhere has failed too. Where nothing is touched, "no contact" alone is right.
-    `refused` frames are failures whose outcome says that there is no number to give;
-    `rightly_refused` are those of which that is true, as `refusals` tells; `honest` are these, a
-    right "no contact", and an x_c within three stated sigmas. Errors are of frames
-    that have not failed: each quantity of `judged`, components of vectors among them, in its own
-    unit and in stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in
-    %, and the lengths of the errors of vectors. Raises InputError for frames that are not of this
-    dataset, or answered twice.
+    A frame without a prediction has crashed. A frame that lacks a quantity which the method
+    estimates in other frames has failed. Without contact, "no contact" is the only right outcome.
+    `refused` frames are failures with an outcome that states no values; `rightly_refused` are
+    those for which this is right according to `refusals`; `honest` are these, a right
+    "no contact", and an x_c within three stated sigmas. Errors are computed for frames that have
+    not failed: each quantity of `judged`, including components of vectors, in its own unit and in
+    stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in %, and the
+    norms of vector errors. Raises InputError for frames that are not in this dataset or are
+    predicted twice.
     """
     _refuse_strangers(truth, predictions, source)
     true = truth.frames.select(
         "frame_id",
         *CONDITIONS,
-        # Where no frame touches anything the columns have no type.
+        # If no frame has a contact, the columns have no type.
         *(one.true.cast(pl.Float64).alias(one.truth) for one in _ALL),
     ).join(right_refusals(truth), on="frame_id")
     joined = true.join(predictions, on="frame_id", how="left").with_columns(
@@ -178,7 +179,7 @@ def _refuse_strangers(truth: Truth, predictions: pl.DataFrame, source: str) -> N
 
 
 def _verdicts(predictions: pl.DataFrame) -> dict[str, pl.Expr]:
-    # What a method answers anywhere it must answer everywhere, or it could choose its frames.
+    # A quantity estimated in any frame is required in all; a method must not choose its frames.
     owed = [name for name in ("x_c_mm", "force_n") if predictions[name].is_not_null().any()]
     lacking = pl.any_horizontal(pl.lit(not owed), *(pl.col(name).is_null() for name in owed))
     free = pl.col("true_x_c_mm").is_null()
@@ -200,7 +201,7 @@ def _verdicts(predictions: pl.DataFrame) -> dict[str, pl.Expr]:
 
 def _error(one: Judged) -> pl.Expr:
     error = pl.col(one.column) - pl.col(one.truth)
-    if one.unit == "deg":  # the shorter way round
+    if one.unit == "deg":  # wrapped to +-180 degrees
         error = (error + 180) % 360 - 180
     return pl.when(~pl.col("failed")).then(error).alias(one.error)
 
@@ -210,7 +211,7 @@ def _in_sigmas(one: Judged) -> pl.Expr:
 
 
 def _shares(length_mm: float) -> list[pl.Expr]:
-    """Errors in per cent."""
+    """Make the expressions of the errors in per cent."""
     spring = pl.col("k_s_n_m").is_not_null()
     return [
         (100 * pl.col("x_c_error_mm") / length_mm).alias("x_c_error_pct_L"),
@@ -224,7 +225,7 @@ def _shares(length_mm: float) -> list[pl.Expr]:
 
 
 def _vector_error(name: str, unit: str, true: str) -> pl.Expr:
-    """The length of the error of a vector, of which all three components are answered."""
+    """Make the expression of a vector error's norm; null unless all components are estimated."""
     squares = [pl.col(one.error) ** 2 for one in components(name, unit, true)]
     error = pl.sum_horizontal(squares, ignore_nulls=False).sqrt()
     return error.alias(f"{name}_vector_error_{unit}")

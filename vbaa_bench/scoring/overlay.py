@@ -1,4 +1,4 @@
-"""What the solver saw in a frame, beside what was: for pictures."""
+"""Data of an overlay picture: truth, measured centreline and estimates in one frame."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,9 +25,12 @@ from vbaa_bench.scoring.stage import camera_frame_from_clamp
 
 @dataclass(frozen=True)
 class Overlay:
-    """Pixels (u, v): true centreline (n, 2), true contact (2,) or None where nothing is touched,
-    what the solver's own extraction measures, None where it measures nothing, and the estimated
-    contact of each method (2,), put on the true centreline at the estimated x_c."""
+    """Truth, measurement and estimates of one frame, in pixels (u, v).
+
+    `centreline` (n, 2) is the true centreline, `contact` (2,) the true contact, None without
+    contact. `measured` is the solver's own centreline, None if it cannot be measured. `estimates`
+    (2,) are the methods' contacts, drawn on the true centreline at the estimated x_c.
+    """
 
     frame_id: str
     title: str
@@ -45,10 +48,10 @@ def overlay(
     frame_id: str,
     antenna: Antenna | None = None,
 ) -> Overlay:
-    """The overlay of one frame.
+    """Make the overlay of one frame.
 
-    `antenna` is what the solver has set up from the dataset's observations; without it nothing is
-    measured. Raises InputError where the image is missing.
+    `antenna` is set up by the solver from the dataset's observations; without it no centreline is
+    measured. Raises InputError if the image is missing.
     """
     paths = list(results.dataset.observations.glob(f"shard_*/{frame_id}.png"))
     if not paths:
@@ -70,7 +73,7 @@ def overlay_of(
 ) -> Overlay:
     """Project the truth of a frame, a row of `truth.frames`, and estimates of x_c onto its image.
 
-    Of `truth` the manifest is used.
+    Only the manifest of `truth` is used, which includes the camera.
     """
     x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
     stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
@@ -98,9 +101,9 @@ def overlay_of(
 
 
 def antenna_of(results: Results) -> tuple[Antenna | None, str]:
-    """What the solver learns from the observations, once; or None, and why it cannot.
+    """Set up the solver's antenna from the observations; if that fails, return None and the reason.
 
-    Raises DamageError where the observations are not what was generated.
+    Raises DamageError if the observations are not what was generated.
     """
     try:
         return set_up(open_observations(results.dataset.observations)), ""
@@ -111,7 +114,7 @@ def antenna_of(results: Results) -> tuple[Antenna | None, str]:
 
 
 def _measured(antenna: Antenna, image: Grey) -> Centreline | None:
-    """The usual centreline of this image; None where it cannot be measured."""
+    """Extract the usual centreline of this image; return None if it cannot be measured."""
     try:
         return extract_centreline(antenna, image)
     except (InputError, ValueError):  # the methods answer "invalid" here

@@ -1,4 +1,4 @@
-"""Warn of predictions that seem to be written in other columns or units than those that count."""
+"""Warnings about predictions that seem to use other columns or units than the scored ones."""
 
 import difflib
 import math
@@ -13,8 +13,9 @@ from solver.table import COLUMNS
 from vbaa_bench.scoring.judged import NUMBERS
 
 _KNOWN: Final = ("frame_id", "outcome", "message", *NUMBERS)
-# Median answer over median truth, or the inverse, from which a unit is doubted: the geometric mean
-# of one and the nearest wrong unit's factor, 10 for centimetres, 57.3 for radians, 1000 for mN.
+# Threshold of the ratio of median estimate to median truth, or its inverse, for a warning: the
+# geometric mean of 1 and the factor of the nearest wrong unit, 10 for centimetres, 57.3 for
+# radians, 1000 for mN.
 _DOUBTED: Final = {
     "x_c_mm": math.sqrt(10),
     "s_c_mm": math.sqrt(10),
@@ -38,7 +39,7 @@ def unknown_columns(columns: Sequence[str], source: str) -> Iterator[str]:
 
 
 def doubtful_units(scores: pl.DataFrame, source: str) -> Iterator[str]:
-    """Yield a sentence for each quantity whose size differs from the truth's as units do."""
+    """Yield a warning for each quantity that differs from the truth by a unit's factor."""
     for column, factor in _DOUBTED.items():
         both = scores.select(pl.col(column).abs(), pl.col(f"true_{column}").abs()).drop_nulls()
         if both.is_empty():

@@ -1,12 +1,15 @@
-"""Where an answer without numbers is a right one: what even a good method cannot tell from a frame.
+"""Right refusals: frames from which even a good method cannot estimate the contact.
 
-Of such a frame numbers with honest sigmas are right too. What is allowed follows from the truth:
+For such a frame, values with consistent sigmas are also right. Allowed outcomes follow from the
+truth:
 
-- nothing is touched: "no contact", and nothing else;
-- the bend is lost in noise: "no contact" below `LEAST_SNR`, "not identifiable" below `SURE_SNR`;
-- little of the beam is seen: "not identifiable";
-- the camera looks along the plane in which the beam bends, eqs. (7), (8): "edge-on";
-- a second object is touched, so that no point contact makes the shape: "invalid".
+- no contact: only "no contact";
+- a bend below the noise: "no contact" below `LEAST_SNR`, "not identifiable" below `SURE_SNR`;
+- a small visible part of the beam: "not identifiable";
+- a camera that looks along the plane in which the beam bends, eqs. (7), (8): "edge-on" or
+  "not identifiable";
+- a second contact, so that no single point contact explains the shape: "invalid" or
+  "not identifiable".
 """
 
 from typing import Any, Final
@@ -20,20 +23,20 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.stage import camera_frame_from_clamp
 
-# The tip's shift over the error of the mean of all columns, if one column errs by COLUMN_SIGMA_PX,
-# as the paper's area-weighted average does: below five a bend is not seen, and from sixty on the
-# information limit of x_c is better than a seventh of the beam.
+# Signal-to-noise ratio: the tip's shift over the standard error of the mean of all columns, if one
+# column has a sigma of COLUMN_SIGMA_PX, as the paper's area-weighted average has. Below 5 a bend
+# cannot be detected; from 60 on the information limit of x_c is below a seventh of the beam.
 LEAST_SNR: Final = 5.0
 SURE_SNR: Final = 60.0
 COLUMN_SIGMA_PX: Final = 0.05
-# Less of the beam than this share, and the rest of it can lie anywhere.
+# With a visible share below this, the position of the hidden part is undetermined.
 LEAST_VISIBLE: Final = 0.25
 # A line of sight this close to the deformation plane [deg] is edge-on.
 EDGE_ON_DEG: Final = 15.0
 
 
 def right_refusals(truth: Truth) -> pl.DataFrame:
-    """For each frame_id: `snr` of its bend, and `may_say`, the outcomes without numbers allowed."""
+    """Compute for each frame_id the `snr` of its bend and `may_say`, the right refusals."""
     rows = [
         {"frame_id": row["frame_id"], "snr": snr, "may_say": _may_say(truth, row, snr)}
         for row in truth.frames.iter_rows(named=True)
@@ -46,7 +49,7 @@ def right_refusals(truth: Truth) -> pl.DataFrame:
 
 
 def _snr(truth: Truth, row: dict[str, Any]) -> float:
-    """The tip's shift in the image, over what all visible columns together err by."""
+    """Compute the tip's shift in the image over the standard error of all visible columns."""
     length = truth.manifest["true_rig"]["beam_length_mm"] * MILLIMETRE
     psi = (row["psi_deg"] or 0.0) * DEGREE
     shift = row["deflection_pct"] / 100 * length * np.array([np.cos(psi), np.sin(psi)])
@@ -73,13 +76,13 @@ def _may_say(truth: Truth, row: dict[str, Any], snr: float) -> list[str]:
 
 
 def _visible(row: dict[str, Any]) -> float:
-    """The share of the beam that is seen; all of it where no layer tells."""
+    """Return the visible share of the beam; 1 if it was not recorded."""
     share = row.get("visible_share")
     return 1.0 if share is None else float(share)
 
 
 def _sight_against_plane_deg(truth: Truth, row: dict[str, Any]) -> float:
-    """The angle between the ray to the contact and the deformation plane."""
+    """Compute the angle [deg] between the ray to the contact and the deformation plane."""
     stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
     viewpoint = invert(stage) @ truth.camera.viewpoint
     psi = row["psi_deg"] * DEGREE

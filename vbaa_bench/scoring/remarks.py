@@ -1,10 +1,10 @@
-"""What a scene breaks that the data hardly tell, in a sentence each, for tables of results."""
+"""Remarks on violated assumptions that are hard to detect in the data, for tables of results."""
 
 from typing import Any
 
 
 def remarks(scene: dict[str, Any]) -> list[str]:
-    """Sentences on a scene, as its manifest holds it; none where all assumptions are kept."""
+    """List remarks on a scene from a manifest; the list is empty if all assumptions hold."""
     beam, touched = scene["beam"], scene["object"]
     pushes, sampling = scene["pushes"] or {}, scene["sampling"] or {}
     angles = pushes.get("pushing_angle_deg") or []

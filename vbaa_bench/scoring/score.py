@@ -1,4 +1,4 @@
-"""Judge every predictions file of a dataset."""
+"""Score all predictions of a dataset."""
 
 import io
 import json
@@ -21,11 +21,11 @@ from vbaa_bench.scoring.summary import summarise
 
 
 def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
-    """Write scores.parquet, scores.csv and summary.json for named prediction files; the summary.
+    """Score named prediction files; write scores.parquet, scores.csv and summary.json.
 
-    Files from elsewhere are kept in `predictions/` by their names, so that the next scoring finds
-    them. `warnings` of the summary are sentences on columns and sizes that seem to be mistakes.
-    Raises InputError, also where the truth is not what was generated.
+    Return the summary; its `warnings` are sentences on columns and magnitudes that seem to be
+    mistakes. Files from elsewhere are copied to `predictions/` under their names, so that they are
+    included in the next scoring. Raises InputError, also if the truth is not what was generated.
     """
     truth = open_truth(results.dataset.truth)
     if not predictions:
@@ -55,12 +55,12 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def _keep(results: Results, name: str, path: Path, data: bytes) -> None:
-    """Write a copy of a predictions file into `predictions/`, unless it lies there."""
+    """Write a copy of a predictions file into `predictions/`, unless it is already there."""
     target = results.predictions / f"{name}{_suffix(path)}"
     if path.resolve() == target.resolve():
         return
     write(target, data)
-    for suffix in {".csv", ".parquet"} - {target.suffix}:  # of the same name, and replaced
+    for suffix in {".csv", ".parquet"} - {target.suffix}:  # remove an older file of this name
         target.with_suffix(suffix).unlink(missing_ok=True)
 
 
@@ -69,10 +69,10 @@ def _suffix(path: Path) -> str:
 
 
 def with_own(results: Results, own: Sequence[Path]) -> dict[str, Path]:
-    """Find all predictions of a dataset, and add files of somebody's own by their stems.
+    """Find all predictions of a dataset, and add a user's own files by their stems.
 
-    A file that was kept before is replaced. Raises InputError for a stem that is a name of solve's,
-    and for two files of one stem.
+    An own file replaces an earlier one of the same stem. Raises InputError for a stem that is the
+    name of a method of `solve`, and for two files of one stem.
     """
     found = found_predictions(results)
     stems = [path.stem for path in own]
@@ -88,7 +88,7 @@ def with_own(results: Results, own: Sequence[Path]) -> dict[str, Path]:
 
 
 def read_scores(results: Results) -> pl.DataFrame:
-    """The table that `score` wrote. Raises InputError where there is none, or an older one."""
+    """Read the table written by `score`. Raises InputError if there is none, or an older one."""
     table = results.scores / "scores.parquet"
     if not table.is_file():
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
@@ -102,9 +102,9 @@ def read_scores(results: Results) -> pl.DataFrame:
 
 
 def found_predictions(results: Results) -> dict[str, Path]:
-    """The prediction files beside the dataset, by method or name; the solver's methods first.
+    """Find the prediction files of a dataset, by method or name; the solver's methods first.
 
-    What a method makes of another centreline stands next to it.
+    Predictions of a method with another centreline follow those with the usual one.
     """
     paths = sorted(results.predictions.glob("*.csv")) + sorted(
         results.predictions.glob("*.parquet")

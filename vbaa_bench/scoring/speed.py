@@ -1,4 +1,4 @@
-"""What `checks.speed_solve` has measured, joined with the truth."""
+"""Errors for the measurements of `checks.speed_solve`, from a comparison with the truth."""
 
 import io
 from dataclasses import replace
@@ -10,7 +10,7 @@ from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
 from vbaa_bench.scoring.summary import facts, machine
 
-# Of all that sums up a method's answers, what stands beside its speed.
+# Values of `facts` that are listed beside a method's speed.
 _SHOWN = (
     "x_c_rmse_pct_L",
     "x_c_median_abs_pct_L",
@@ -24,7 +24,7 @@ _SHOWN = (
 
 
 def judged(truth: Truth, measured: dict[str, Any]) -> dict[str, Any]:
-    """A record of speeds in which errors stand where the answers stood."""
+    """Replace the predictions in a record of speeds by their errors."""
     methods = {}
     for name, found in measured["methods"].items():
         table = pl.read_csv(io.StringIO(found["predictions"]), infer_schema=False)

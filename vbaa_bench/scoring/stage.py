@@ -1,4 +1,4 @@
-"""Where the camera stands against the clamp."""
+"""Pose of the camera relative to the clamp."""
 
 import numpy as np
 
@@ -9,8 +9,10 @@ from vbaa_bench.dataset.readers import Truth
 
 
 def camera_frame_from_clamp(truth: Truth, motor_angle: float) -> Floats:
-    """From the clamp's frame, the motor at an angle [rad], into that in which the true camera
-    stands still (4, 4)."""
+    """Make the transform (4, 4) from the clamp's frame to the frame in which the camera is fixed.
+
+    `motor_angle` is in rad; the camera is the true one.
+    """
     scene = truth.manifest["scene"]
     base = np.array(truth.manifest["true_rig"]["base_position_mm"]) * MILLIMETRE
     stage = np.eye(4)

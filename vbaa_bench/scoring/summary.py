@@ -1,4 +1,4 @@
-"""Scores of all frames -> one record a method."""
+"""Summary of scores: one record per method."""
 
 import os
 import platform
@@ -18,15 +18,15 @@ from vbaa_bench.scoring.refusals import SURE_SNR
 
 CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
 _TWO_SIDED_95 = 1.96
-# Chosen: guessing the middle of the beam errs by no more, so that leaving a frame out never pays
-# for a method that is better than that.
+# Chosen: the largest error of guessing the middle of the beam, so that leaving a frame out is no
+# advantage for a method that is better than this guess.
 _UNANSWERED_PCT_L = 50.0
 
 
 def summarise(scores: pl.DataFrame) -> dict[str, Any]:
-    """`methods.<name>` with errors, failure rate and time; the machine and versions beside it.
+    """Summarise errors, failure rate and time as `methods.<name>`; add machine and versions.
 
-    Failures count in `failure_rate` and `n`; errors are of the frames that were answered, null
+    Failures count in `failure_rate` and `n`; errors are computed from frames with an estimate, null
     if there is none. Intervals are 95 % bootstrap intervals of the medians over pushes.
     """
     methods = {
@@ -37,18 +37,18 @@ def summarise(scores: pl.DataFrame) -> dict[str, Any]:
 
 
 def facts(rows: pl.DataFrame) -> dict[str, Any]:
-    """All numbers that sum up some frames of one method, but for bootstrap intervals.
+    """Summarise frames of one method, without bootstrap intervals.
 
-    Rates are shares of all frames, 0 to 1, but for `false_contact_rate`, of the frames that touch
-    nothing, and `detection_rate`, of those that touch something with a bend of SURE_SNR or more:
-    null where there are none. `refused_rate` counts outcomes that say there is no number to give,
-    `rightly_refused_rate` those of them of which that is true, `crashed_rate` frames without any
-    answer; all three are part of `failure_rate`. `honest_rate` is the share of frames that were
-    answered by an outcome that is right, or by an x_c within three stated sigmas; null where no
-    sigma is stated. `x_c_rmse_all_pct_L` is the RMSE in which a frame without an answer counts as
-    one that is wrong by half the beam's length, unless it touches nothing or is rightly refused;
-    null for a method of forces alone. `compliance_last_rmse_pct` and other `last` values are of
-    the last frames of pushes.
+    Rates are shares of all frames, 0 to 1, with two exceptions: `false_contact_rate` is a share of
+    the frames without contact, and `detection_rate` of the frames with contact and an SNR of
+    SURE_SNR or more; both are null if there are no such frames. `refused_rate` counts outcomes that
+    state no values, `rightly_refused_rate` those of them that are right, `crashed_rate` frames
+    without any prediction; all three are part of `failure_rate`. `honest_rate` is the share of
+    frames with a right outcome or an x_c within three stated sigmas; null if no sigma is stated.
+    `x_c_rmse_all_pct_L` is an RMSE in which a frame without an estimate counts as an error of half
+    the beam's length, unless it has no contact or is rightly refused; null for a method that
+    estimates only forces. `compliance_last_rmse_pct` and other `last` values are computed from the
+    last frames of pushes.
     """
     x_c, force = np.abs(_values(rows, "x_c_error_pct_L")), _values(rows, "force_error_pct")
     psi, compliance = _values(rows, "psi_error_deg"), _values(rows, "compliance_error_pct")
@@ -99,11 +99,11 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
 
 
 def calibration(rows: pl.DataFrame, one: Judged) -> dict[str, Any] | None:
-    """Stated standard deviations against errors; None where the method states none.
+    """Compare stated standard deviations with errors; return None if none is stated.
 
-    Of honest Gaussian errors `coverage_95`, the share within 1.96 sigmas, is 0.95,
+    For consistent Gaussian errors `coverage_95`, the share within 1.96 sigmas, is 0.95,
     `within_3_sigma` 0.997 and `nees`, the mean squared error in sigmas, 1. `sigma_over_rmse` is
-    the mean stated sigma over the RMSE: 1 if all frames are alike, else less.
+    the mean stated sigma over the RMSE: 1 if all frames have the same sigma, else less.
     """
     stated = rows.drop_nulls(one.in_sigmas)
     if stated.is_empty():
@@ -120,14 +120,18 @@ def calibration(rows: pl.DataFrame, one: Judged) -> dict[str, Any] | None:
 
 
 def _honest(rows: pl.DataFrame) -> float | None:
-    """The share of honest frames; None where numbers were answered, but never with a sigma."""
+    """Compute the share of `honest` frames; None if x_c was estimated, but never with a sigma."""
     answered = rows.drop_nulls("x_c_error_mm")
     unstated = answered.height > 0 and answered["x_c_sigma_mm"].is_null().all()
     return None if unstated else _share(rows, "honest")
 
 
 def _rmse_all(touched: pl.DataFrame) -> float | None:
-    """The RMSE of x_c over all frames that owe an answer, _UNANSWERED_PCT_L for those without."""
+    """Compute the RMSE of x_c over all frames in `touched` that are not rightly refused.
+
+    A frame without an estimate counts as _UNANSWERED_PCT_L. Return None for a method that estimates
+    only forces.
+    """
     if touched["x_c_error_pct_L"].is_null().all() and touched["force_error_n"].count():
         return None
     owed = touched.filter(~pl.col("rightly_refused"))
@@ -135,7 +139,7 @@ def _rmse_all(touched: pl.DataFrame) -> float | None:
 
 
 def _share(rows: pl.DataFrame, condition: str | pl.Expr) -> float | None:
-    """The share of rows that meet a condition; None of no rows."""
+    """Compute the share of rows that meet a condition; return None if there are no rows."""
     return None if rows.is_empty() else rows.filter(condition).height / rows.height
 
 
@@ -147,10 +151,10 @@ def _intervals(rows: pl.DataFrame) -> dict[str, Any]:
 
 
 def median_interval(groups: Sequence[Floats]) -> list[float] | None:
-    """95 % bootstrap interval of the median of |values|; None for fewer than two groups.
+    """Compute the 95 % bootstrap interval of the median of |values|; None for fewer than 2 groups.
 
-    Whole groups are drawn, each the repeats of one push: repeats err alike, and counting them
-    as independent would make the interval too narrow.
+    Whole groups are resampled, each the repeats of one push: errors of repeats are correlated, and
+    treating them as independent would make the interval too narrow.
     """
     if len(groups) < 2:
         return None
@@ -174,14 +178,14 @@ def median_interval(groups: Sequence[Floats]) -> list[float] | None:
 
 
 def _grouped(rows: pl.DataFrame, column: str) -> list[Floats]:
-    """Values of a column, one array a push: the same object at the same place, pushed as far."""
+    """Group the values of a column by push: same object, same place, same pushing distance."""
     same = ("push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
     pushes = rows.drop_nulls(column).group_by(*same, maintain_order=True)
     return [_values(group, column) for _, group in pushes]
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores and system on which the times were taken."""
+    """Describe the machine on which times were measured: processor, cores and system."""
     model = platform.processor() or platform.machine()
     listing = Path("/proc/cpuinfo")
     if listing.is_file():

@@ -1,11 +1,11 @@
-"""Run a method over all frames in worker processes, and go on after each that is lost.
+"""Run a method on all frames in worker processes, and continue after the loss of a worker.
 
 `python -m vbaa_bench.scoring.supervisor OBSERVATIONS METHOD CENTRELINE REPEATS MEMORY_GB FRAME_S`
 
 Waits for a line on standard input, then prints one line of JSON for each frame on standard output:
-its `index`, its `row` and, where the method raised, the `traceback`; or one line `refused`. Where
-standard input ends, the judge is gone: the workers are killed and the folder above OBSERVATIONS is
-removed.
+its `index`, its `row` and, if the method raised an error, the `traceback`; or one line `refused`.
+When standard input ends, the parent process has ended: the workers are killed and the folder above
+OBSERVATIONS is removed.
 """
 
 import json
@@ -28,18 +28,18 @@ from solver.instrument.observation import Observations
 from solver.table import row
 from vbaa_bench.scoring.worker import Task, opened, work
 
-# From its start until a worker is ready, compilation included [s]. Chosen: a first compilation of
+# Time limit for the start of a worker, compilation included [s]. Chosen: a first compilation of
 # the solver took 110 s on a loaded machine.
 LONGEST_START_S: Final = 300.0
-# Lost one after the other, and the method is given up. Chosen: an endless loop ends after three
-# minutes, and a method that fails in one configuration out of many goes on.
+# Number of consecutive losses after which the method is given up. Chosen: an endless loop ends
+# after three minutes, and a method that fails in one configuration out of many continues.
 MOST_LOST_IN_A_ROW: Final = 3
-# How long a worker's death may go unnoticed [s].
+# Interval at which a worker's death is checked [s].
 _TICK_S: Final = 0.05
 
 Message = dict[str, Any]
 
-# A forked worker inherits the calibration; elsewhere than on Linux forking is not safe.
+# A forked worker inherits the calibration; forking is safe on Linux only.
 _CONTEXT: Final[ForkContext | SpawnContext] = (
     multiprocessing.get_context("fork")
     if sys.platform == "linux"
@@ -48,11 +48,11 @@ _CONTEXT: Final[ForkContext | SpawnContext] = (
 
 
 class _LostError(Exception):
-    """A worker died or gave no answer in time; its text says which."""
+    """Error for a worker that died or timed out; its text is the reason."""
 
 
 class _Worker:
-    """A process that solves frames, and what it says."""
+    """Process that solves frames, and the connection for its messages."""
 
     def __init__(self, *job: Any) -> None:
         self._receiver, sender = _CONTEXT.Pipe(duplex=False)
@@ -65,7 +65,7 @@ class _Worker:
         deadline = time.monotonic() + limit_s
         while time.monotonic() < deadline:
             alive = self._process.is_alive()
-            # Asked after its death again: the last message may have come just before.
+            # Poll once more after its death: the last message may have arrived just before.
             if self._receiver.poll(_TICK_S if alive else 0):
                 try:
                     message: Message = json.loads(self._receiver.recv_bytes())
@@ -78,7 +78,7 @@ class _Worker:
         raise _LostError(f"timed out: no answer within {limit_s:g} s")
 
     def kill(self) -> None:
-        """End the process and whatever it has started."""
+        """Kill the process and all processes that it has started."""
         if self._process.pid is not None and hasattr(os, "killpg"):
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
@@ -87,7 +87,7 @@ class _Worker:
 
 
 class _Workers:
-    """At most one worker at a time, and none once the judge is gone."""
+    """At most one worker at a time, and none after the parent process has ended."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._lock = folder, threading.Lock()
@@ -95,7 +95,7 @@ class _Workers:
 
     @contextmanager
     def one(self, *job: Any) -> Iterator[_Worker]:
-        """A worker, killed in the end with whatever it has started."""
+        """Start a worker; kill it at the end with all processes that it has started."""
         with self._lock:
             self._worker = _Worker(*job)
         try:
@@ -104,10 +104,10 @@ class _Workers:
             self._worker.kill()
 
     def end_with_the_judge(self) -> None:
-        """Wait until standard input ends; then leave nothing behind."""
+        """Wait until standard input ends; then kill the worker, remove the folder and exit."""
         while os.read(0, 64):
             pass
-        with self._lock:  # for ever: no other worker is started
+        with self._lock:  # never released, so that no other worker is started
             if self._worker is not None:
                 self._worker.kill()
             shutil.rmtree(self._folder, ignore_errors=True)
@@ -115,13 +115,13 @@ class _Workers:
 
 
 def supervise(task: Task, observations: Observations, workers: _Workers) -> Iterator[Message]:
-    """Solve all frames; each gets one message, an answer or why it is lost."""
+    """Solve all frames; yield one message per frame, an estimate or the reason of its loss."""
     frames = observations.frames
-    known: dict[int, Outcome] = {}  # frames with an answer
+    known: dict[int, Outcome] = {}  # frames with a message from a worker
     rest = set(range(len(frames)))
     push, reason, in_a_row, warm = "", "", 0, True
     while rest:
-        # The push in which a worker was lost is seen again from its start.
+        # The push in which a worker was lost is replayed from its start.
         replayed = {i: outcome for i, outcome in known.items() if frames[i].push_id == push}
         indices = sorted(rest | replayed.keys())
         at: int | None = None
@@ -156,7 +156,7 @@ def supervise(task: Task, observations: Observations, workers: _Workers) -> Iter
             for index in sorted(rest):
                 yield _lost(frames[index].frame_id, index, f"not tried, {why}; last {reason}")
             return
-        # Perhaps the bent beam of the warm-up was too much; a second failed start is the last.
+        # The warm-up itself may have failed: try once more without it.
         warm = warm and started
 
 
@@ -165,7 +165,7 @@ def _lost(frame_id: str, index: int, reason: str) -> Message:
 
 
 def _end(status: int | None) -> str:
-    """How a process ended, in words."""
+    """Describe how a process ended."""
     if status is None or status >= 0:
         return f"exit status {status}"
     name = signal.Signals(-status).name
@@ -174,7 +174,7 @@ def _end(status: int | None) -> str:
 
 
 def main() -> None:
-    """Run what the command line says."""
+    """Run the task given on the command line."""
     observations, method, centreline, repeats, memory_gb, frame_s = sys.argv[1:]
     task = Task(
         Path(observations), method, centreline, int(repeats), float(memory_gb), float(frame_s)

@@ -1,4 +1,4 @@
-"""Copy a user's method, as Python sources alone, to where its process finds it."""
+"""Copy the Python sources of a user's method to a folder on the import path of its process."""
 
 import ast
 import os
@@ -8,16 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-# What every process finds by itself. A copy of the solver would also be compiled anew.
+# Modules that every process can import. A copy of the solver would also be compiled anew.
 _FOUND_ANYWAY: Final = sys.stdlib_module_names | {"solver", "vbaa_bench"}
 
 
 def copy_sources(module: str, target: Path) -> None:
-    """Copy a module and the neighbours that it imports into the folder `target`.
+    """Copy a module and the local modules that it imports into the folder `target`.
 
-    Modules and packages are looked for in the current folder and on PYTHONPATH; those that are
-    installed are not copied. Only `*.py` is copied: a dataset inside a package stays where it is.
-    Raises OSError.
+    Modules and packages are searched in the current folder and on PYTHONPATH; installed ones are
+    not copied. Only `*.py` files are copied: a dataset inside a package is not. Raises OSError.
     """
     elsewhere = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     places = [Path.cwd(), *(Path(name) for name in elsewhere if name)]
@@ -34,7 +33,7 @@ def copy_sources(module: str, target: Path) -> None:
 
 
 def _sources(name: str, places: list[Path]) -> Iterator[tuple[Path, Path]]:
-    """The place and the path of each source of a top-level module, as Python would choose them."""
+    """Yield the folder and path of each source of a top-level module, by Python's import order."""
     if not name.isidentifier():
         return
     for place in places:
@@ -50,10 +49,10 @@ def _sources(name: str, places: list[Path]) -> Iterator[tuple[Path, Path]]:
 
 
 def _imported(source: Path) -> set[str]:
-    """Top-level names that a source imports; none where it is not Python."""
+    """Find the top-level names that a source imports; return none if it is not valid Python."""
     try:
         tree = ast.parse(source.read_bytes())
-    except (SyntaxError, ValueError, RecursionError, MemoryError):  # its own process says so
+    except (SyntaxError, ValueError, RecursionError, MemoryError):  # its own process reports this
         return set()
     names = set[str]()
     for node in ast.walk(tree):

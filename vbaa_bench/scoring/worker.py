@@ -1,4 +1,4 @@
-"""Solve frames with a method that may do anything: the process that the supervisor can lose."""
+"""Worker process that solves frames with an untrusted method and may crash."""
 
 import faulthandler
 import functools
@@ -26,15 +26,19 @@ from solver.set_up import set_up
 from solver.table import Row
 
 GIGABYTE: Final = 1e9
-# Chosen: a message is one cell of a table, a traceback one page; a method may send megabytes.
+# Longest texts [characters]. Chosen: a message is one cell of a table, a traceback one page; a
+# method may send megabytes.
 LONGEST_MESSAGE: Final = 1000
 LONGEST_TRACEBACK: Final = 8000
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be solved, and with what: `memory_gb` is the limit, 0 for none; `frame_s` the
-    time allowed for a frame, repeats included."""
+    """Task of a worker: observations, method, centreline, repeats and limits.
+
+    `memory_gb` is the memory limit, 0 for none; `frame_s` is the time limit for a frame, repeats
+    included.
+    """
 
     observations: Path
     method: str
@@ -60,13 +64,13 @@ def work(
 ) -> None:
     """Solve the frames at `indices`, and send one JSON message for each step.
 
-    Frames in `replayed` have an answer already: the method is not called for them, they only give
-    the frames after them the past of their push. Messages: `ready`; for each other frame
-    `begin` and `row` with its index, and the `traceback` where the method raised; `refused` for a
-    method that cannot be found.
+    Frames in `replayed` have been solved before: the method is not called for them; they only
+    serve as previous frames of their push. Messages: `ready`; for each other frame `begin`, and
+    `row` with its `index` and the `traceback` if the method raised an error; `refused` for a method
+    that cannot be found.
     """
     if hasattr(os, "setsid"):
-        os.setsid()  # whatever the method starts ends with this group
+        os.setsid()  # processes started by the method are killed with this group
     os.dup2(2, 1)  # standard output is the supervisor's channel; prints go to standard error
     faulthandler.enable()
 
@@ -86,7 +90,7 @@ def work(
     send(ready=True)
 
     class Resumed:
-        """The shots, where those that are replayed are marked for the method."""
+        """Source of the shots; it announces each shot to the method, replayed or not."""
 
         live, rate = False, Files.rate
 
@@ -96,7 +100,7 @@ def work(
                 method.expect(replayed.get(index))
                 if index not in replayed:
                     send(begin=index)
-                    # A method that hangs shows where, just before it is killed.
+                    # Print where a method hangs, just before it is killed.
                     faulthandler.dump_traceback_later(0.98 * task.frame_s)
                 yield shot
 
@@ -108,7 +112,7 @@ def work(
 
 
 class _Watched:
-    """A method that keeps the traceback of its last error and is not called for replayed frames."""
+    """Wrapper that stores the traceback of a method's last error and skips replayed frames."""
 
     def __init__(self, method: Method, memory_gb: float) -> None:
         self._method, self._memory_gb, self._process = method, memory_gb, os.getpid()
@@ -116,12 +120,12 @@ class _Watched:
         self.traceback = ""
 
     def expect(self, replayed: Outcome | None) -> None:
-        """Announce the next frame: one with this outcome, or a new one."""
+        """Announce the next frame: a replayed one with this outcome, or None for a new one."""
         self._replayed, self.traceback = replayed, ""
 
     def __call__(self, measurement: Measurement) -> Estimate:
         if self._replayed is not None:
-            # Only "no contact" ends a push; other outcomes are alike to the frames that follow.
+            # Only "no contact" ends a push; for later frames all other outcomes are equivalent.
             free = self._replayed is Outcome.NO_CONTACT
             return Estimate(Outcome.NO_CONTACT if free else Outcome.INVALID)
         try:
@@ -135,12 +139,12 @@ class _Watched:
                 raise MemoryError(limit) from error
             raise
         finally:
-            if os.getpid() != self._process:  # a fork of the method's that came back
+            if os.getpid() != self._process:  # a process forked by the method that returned
                 os._exit(0)
 
 
 def _sendable(row: Row) -> Row:
-    """A row that JSON and UTF-8 hold, whatever a method put into its estimate."""
+    """Convert a row to values that JSON and UTF-8 can represent, whatever the method returned."""
     plain: Row = {}
     for name, value in row.items():
         if value is None or isinstance(value, int | float):
@@ -152,18 +156,18 @@ def _sendable(row: Row) -> Row:
 
 
 def _shortened(text: str, longest: int) -> str:
-    """A text, its middle left out where it is longer than allowed."""
+    """Shorten a text to about `longest` characters by leaving out its middle."""
     half = longest // 2
     return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
 
 
 def _limit_memory(gigabytes: float) -> None:
-    """Limit what this process, and each that it starts, may allocate; nothing on Windows."""
+    """Limit the memory of this process, and of each that it starts; do nothing on Windows."""
     if sys.platform == "win32":
         return
     import resource
 
-    # Data, not address space: compilers and GPU libraries reserve addresses they never use.
+    # Limit data, not address space: compilers and GPU libraries reserve addresses they never use.
     size = int(gigabytes * GIGABYTE)
     resource.setrlimit(resource.RLIMIT_DATA, (size, size))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

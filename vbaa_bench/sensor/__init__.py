@@ -1,1 +1,1 @@
-"""Radiance -> exposure -> electrons -> gray values."""
+"""Image sensors: radiance -> exposure -> electrons -> gray values."""

@@ -1,4 +1,4 @@
-"""Fixed pattern noise: no two pixels are alike, and each is the same in every frame."""
+"""Fixed pattern noise: differences between pixels that are the same in every frame."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from vbaa_bench.sensor.quantise import Image
 
 @dataclass(frozen=True)
 class FixedPattern:
-    """Each pixel's `response` (h, w), about 1, and its `offset` (h, w) [electrons], about 0."""
+    """The `response` (h, w), near 1, and `offset` (h, w) [electrons], near 0, of each pixel."""
 
     response: Image
     offset: Image
@@ -18,9 +18,9 @@ class FixedPattern:
     def draw(
         cls, shape: tuple[int, int], prnu: float, dsnu: float, random: np.random.Generator
     ) -> "FixedPattern":
-        """Normal over the pixels: standard deviations `prnu`, a share, and `dsnu` [electrons].
+        """Draw a normal pattern with standard deviations `prnu` (relative) and `dsnu` [electrons].
 
-        No pixel's response is negative.
+        Responses are clipped at 0.
         """
         response = 1 + prnu * random.standard_normal(shape, dtype=np.float32)
         offset = dsnu * random.standard_normal(shape, dtype=np.float32)

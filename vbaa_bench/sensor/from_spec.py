@@ -1,4 +1,4 @@
-"""The image sensor that a scene asks for."""
+"""Construction of the image sensor that a scene specifies."""
 
 import numpy as np
 
@@ -11,10 +11,11 @@ from vbaa_bench.spec.image_sensor import SensorSpec
 
 
 def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
-    """Exposure that puts `peak_radiance` at the beam's share of full scale, black level, dark
-    current and gamma included: photons, or of an ideal sensor full scales, per unit of radiance.
+    """Compute the exposure that puts `peak_radiance` at the beam's share of full scale.
 
-    Raises InputError if the peak is not positive.
+    Black level, dark current and gamma are taken into account. The unit is photons per unit of
+    radiance, or full scales per unit of radiance for an ideal sensor. Raises InputError if the peak
+    is not positive.
     """
     if not peak_radiance > 0:
         raise InputError("no light reaches the beam and the camera: see light or lights")
@@ -27,7 +28,7 @@ def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
 def fixed_pattern(
     spec: SensorSpec, shape: tuple[int, int], random: np.random.Generator
 ) -> FixedPattern | None:
-    """The pattern (h, w) of one sensor, to be kept for all of its frames; None if it has none."""
+    """Draw the pattern (h, w) of one sensor, used for all its frames; None if it has none."""
     if spec.prnu_pct == spec.dsnu_e == 0:
         return None
     return FixedPattern.draw(shape, spec.prnu_pct * PERCENT, spec.dsnu_e, random)
@@ -36,7 +37,7 @@ def fixed_pattern(
 def image_sensor(
     spec: SensorSpec, exposure: float, pattern: FixedPattern | None = None
 ) -> Sensor | Ideal:
-    """The sensor, exposed as `metered_exposure` says."""
+    """Build the sensor, with the exposure of `metered_exposure`."""
     if spec.kind == "ideal":
         return Ideal(exposure, spec.bits)
     return Sensor(

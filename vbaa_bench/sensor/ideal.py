@@ -1,4 +1,4 @@
-"""An ideal image sensor, which is none: gray values are radiance."""
+"""An ideal image sensor: gray values are proportional to radiance."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from vbaa_bench.sensor.quantise import full_scale, quantise
 
 @dataclass(frozen=True)
 class Ideal:
-    """`exposure` [full scales per unit of radiance]; adds nothing but rounding to `bits`."""
+    """A noise-free sensor of `exposure` [full scales per unit of radiance], rounding to `bits`."""
 
     exposure: float
     bits: int = 8
@@ -21,10 +21,10 @@ class Ideal:
         random: np.random.Generator,  # noqa: ARG002 - what a real sensor takes
         render_variance: Floats | None = None,  # noqa: ARG002
     ) -> Grey:
-        """One frame (h, w) of a radiance image (h, w), the same for every `random`."""
+        """Expose one frame (h, w) to a radiance image (h, w); `random` is not used."""
         return quantise(radiance * self.exposure, self.bits)
 
     def noise_sigma(self, radiance: Floats) -> Floats:
-        """That of rounding, in radiance (h, w): a uniform error of one gray value."""
+        """Compute the rounding noise (h, w) in radiance: error uniform over one gray value."""
         step = 1 / (full_scale(self.bits) * self.exposure)
         return np.full(radiance.shape, step / np.sqrt(12))

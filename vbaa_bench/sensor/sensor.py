@@ -2,11 +2,11 @@
 
 The linear model of EMVA Standard 1288, release 4.0 (2021), section 2, in its order: photons,
 quantum efficiency, shot noise of light and dark current, non-uniformity of the pixels, full
-well, read noise, gain and black level, quantisation. A gamma, which the standard has not, comes
-before the last.
+well, read noise, gain and black level, quantisation. Gamma, which is not in the standard, is
+applied before quantisation.
 
-A renderer draws its samples anew for every frame, so its images are noisy themselves. Noise is
-noise: what is in the radiance already, the sensor does not add again.
+A renderer draws new samples for every frame, so its images are noisy themselves. The sensor adds
+only the noise that the radiance does not contain already.
 """
 
 from dataclasses import dataclass
@@ -21,11 +21,12 @@ from vbaa_bench.sensor.shot_noise import poisson
 
 @dataclass(frozen=True)
 class Sensor:
-    """`exposure` [photons per unit of radiance]; `full_well`, `read_noise` [electrons].
+    """The parameters of a real image sensor.
 
-    `dark_signal` [electrons] is the mean of a frame in the dark, `gain` [electrons per gray
-    value]; without one the full well is full scale. `black_level` [gray values] is added before
-    gamma: gray over full scale is the linear value to the power of 1 / `gamma`.
+    `exposure` [photons per unit of radiance]; `full_well`, `read_noise` [electrons]. `dark_signal`
+    [electrons] is the mean of a dark frame. `gain` is in [electrons per gray value]; without it the
+    full well is full scale. `black_level` [gray values] is added before gamma: gray over full scale
+    is the linear value to the power of 1 / `gamma`.
     """
 
     exposure: float
@@ -45,10 +46,10 @@ class Sensor:
         random: np.random.Generator,
         render_variance: Floats | None = None,
     ) -> Grey:
-        """One frame (h, w) of a radiance image (h, w): uint8 of 8 bits, uint16 of more.
+        """Expose one frame (h, w) to a radiance image (h, w): uint8 for 8 bits, else uint16.
 
-        `render_variance` (h, w) [radiance^2] is how much of the radiance varies from frame to
-        frame; it counts towards shot noise and, where it exceeds that, read noise.
+        `render_variance` (h, w) [radiance^2] is the variance of the radiance from frame to frame.
+        It is subtracted from the shot noise and, if it exceeds that, from the read noise.
         """
         mean = self._mean_electrons(radiance)
         shot: Image = mean
@@ -66,7 +67,7 @@ class Sensor:
         return quantise(self._share(electrons), self.bits)
 
     def noise_sigma(self, radiance: Floats) -> Floats:
-        """Standard deviation (h, w) of one frame, in radiance: shots, reading and rounding."""
+        """Compute the standard deviation (h, w) in radiance: shot noise, read noise, rounding."""
         mean = self._mean_electrons(radiance)
         variance = mean + self.read_noise**2 + self._step(mean) ** 2 / 12
         return np.asarray(np.sqrt(variance) / self._response, dtype=np.float64)
@@ -82,7 +83,7 @@ class Sensor:
         return self.gain or self.full_well / (full_scale(self.bits) - self.black_level)
 
     def _mean_electrons(self, radiance: Floats) -> Image:
-        """Of light and of the dark, whose shots add up to those of one Poisson process."""
+        """Compute the mean electrons of light plus dark current, together one Poisson process."""
         light = np.maximum(radiance.astype(np.float32), 0.0) * self._response
         return np.asarray(light + self.dark_signal, dtype=np.float32)
 
@@ -97,7 +98,7 @@ class Sensor:
         return np.asarray(np.clip(linear, 0.0, 1.0) ** (1 / self.gamma))
 
     def _step(self, electrons: Image) -> Image | float:
-        """Electrons per gray value, after gamma."""
+        """Compute the electrons per gray value, after gamma."""
         if self.gamma == 1:
             return self._gain
         share = self._share(electrons)

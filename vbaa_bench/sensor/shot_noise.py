@@ -1,19 +1,19 @@
-"""Shot noise: how many electrons a pixel counts where so many are expected."""
+"""Shot noise: Poisson counts of electrons."""
 
 import numpy as np
 
 from vbaa_bench.sensor.quantise import Image
 
-# From so many on, counts are drawn from the normal distribution bent into a Poisson's shape.
+# From this mean on, counts are drawn from a transformed normal distribution.
 MANY = 30
 
 
 def poisson(mean: Image, random: np.random.Generator) -> Image:
-    """Poisson counts (h, w) of the means (h, w).
+    """Draw Poisson counts (h, w) of the means (h, w).
 
-    Exact below MANY. Above, in half the time: the Cornish-Fisher expansion of a Poisson's
-    quantiles, with its skewness, rounded to whole counts. Mean and variance are exact; the
-    distribution function is out by at most 3e-4 at MANY, and by 0.01 / mean further up.
+    They are exact below MANY. Above, in half the time, they follow the Cornish-Fisher expansion of
+    the Poisson quantiles with skewness, rounded to whole counts. Mean and variance are exact; the
+    error of the distribution function is at most 3e-4 at MANY, and 0.01 / mean above.
     """
     counts = np.empty_like(mean)
     few = mean < MANY

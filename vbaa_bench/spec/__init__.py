@@ -1,1 +1,1 @@
-"""scenes/*.yaml -> Scene -> Trials: what is to be simulated, and with which random numbers."""
+"""Scenes from scenes/*.yaml, and their trials: the frames to simulate, with random numbers."""

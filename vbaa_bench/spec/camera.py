@@ -11,10 +11,10 @@ from vbaa_bench.spec.part import Part, Positive, Triple
 
 
 class CameraSpec(Part):
-    """Above plane C; roll and a look-at off the beam's axis as in any mount.
+    """Camera above plane C, with a roll and a look-at off the beam's axis as in any mount.
 
-    It rides on the antenna, or stands in the world: then its place is that in Sigma_a at motor
-    angle zero, and no encoder tells the motor's angle (section III-A). A telecentric lens has a
+    It is fixed to the antenna or to the world. In the world its pose is that in Sigma_a at motor
+    angle zero, and no encoder reads the motor's angle (section III-A). A telecentric lens has a
     magnification in place of a focal length.
     """
 
@@ -54,7 +54,7 @@ class CameraSpec(Part):
         return self
 
     def _rim(self) -> np.ndarray:
-        """Points (n, 2) a little beyond the image's rim, over the focal length from the axis."""
+        """Compute points (n, 2) a little beyond the image's rim, over the focal length."""
         half = 0.55 * np.array([self.width_px, self.height_px])
         along = np.linspace(-1, 1, 33)[:, None]
         sides = [np.hstack([along, np.full_like(along, end)]) for end in (-1.0, 1.0)]
@@ -63,9 +63,9 @@ class CameraSpec(Part):
 
 
 class CalibrationSpec(Part):
-    """A target of points that lie square_mm apart; view 0 lies in plane C, the others tilt it.
+    """Calibration target with points square_mm apart; view 0 is in plane C, the others are tilted.
 
-    The points are a chessboard's inner corners, those of a ChArUco board, whose markers are of
+    The points are a chessboard's inner corners, those of a ChArUco board, whose markers are from
     `dictionary`, or the crossings of a network of dark lines, line_width_mm wide (section VI-A).
     """
 
@@ -76,7 +76,7 @@ class CalibrationSpec(Part):
     dictionary: Literal["4x4_50", "4x4_100", "4x4_250", "4x4_1000"] = "4x4_250"
     line_width_mm: Positive | None = None
     center_mm: tuple[float, float] = (120.0, 18.0)
-    # A telecentric camera needs view 0 alone, any other at least three.
+    # A telecentric camera needs only view 0, any other at least three views.
     views: Annotated[int, Field(ge=1, le=100)] = 10
     tilt_deg: Annotated[float, Field(gt=0, le=45)] = 25
 

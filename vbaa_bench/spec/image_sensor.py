@@ -7,16 +7,16 @@ from pydantic import Field, model_validator
 from solver.instrument.units import PERCENT
 from vbaa_bench.spec.part import NonNegative, Part
 
-# What an ideal sensor still has; all else stays as it is by default.
+# Fields that an ideal sensor may set; all others keep their defaults.
 _IDEAL = ("bits", "beam_peak_pct", "rest_images", "exposure_s")
 
 
 class SensorSpec(Part):
-    """The image sensor, exposed so that the resting beam, or what is brighter than it in a tenth of
-    the image, peaks at `beam_peak_pct` of full scale.
+    """Image sensor, exposed so that the resting beam peaks at `beam_peak_pct` of full scale.
 
-    The words are those of EMVA Standard 1288. An ideal one is none at all: its gray is radiance,
-    rounded and cut at full scale.
+    If a tenth of the image is brighter than the beam, that part peaks there instead. The terms
+    are those of EMVA Standard 1288. The gray values of an ideal sensor are radiance, rounded and
+    clipped at full scale.
     """
 
     kind: Literal["real", "ideal"] = "real"
@@ -26,7 +26,7 @@ class SensorSpec(Part):
     read_noise_e: NonNegative = 10
     beam_peak_pct: Annotated[float, Field(gt=0, le=100)] = 70
     rest_images: Annotated[int, Field(ge=1, le=1000)] = 4
-    # As the beam's peak is given, a poorer one asks for more light and leaves the image as it is.
+    # As the beam's peak is prescribed, a lower one needs more light and does not change the image.
     quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = 1.0
     dark_current_e_s: NonNegative = 0.0
     # Integration time.
@@ -34,16 +34,16 @@ class SensorSpec(Part):
     # Photo-response and dark-signal non-uniformity: standard deviations over the pixels.
     prnu_pct: Annotated[float, Field(ge=0, le=20)] = 0.0
     dsnu_e: NonNegative = 0.0
-    # Without one, the full well is full scale.
+    # By default, the full well is at full scale.
     gain_e_per_gray: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
-    # Gray values that darkness shows.
+    # Gray value of a dark pixel.
     black_level_gray: Annotated[float, Field(ge=0, lt=65535)] = 0.0
     # Gray over full scale is its linear value to the power of 1 / gamma.
     gamma: Annotated[float, Field(ge=1, le=4)] = 1.0
 
     @property
     def full_scale(self) -> int:
-        """The largest gray value."""
+        """Largest gray value."""
         return int(2**self.bits - 1)
 
     @property
@@ -53,12 +53,12 @@ class SensorSpec(Part):
 
     @property
     def dark_signal(self) -> float:
-        """Mean electrons of a pixel after a frame in the dark."""
+        """Mean number of electrons of a pixel after a dark frame."""
         return self.dark_current_e_s * self.exposure_s
 
     @property
     def peak_signal(self) -> float:
-        """Electrons, those of the dark included, of a pixel where the resting beam peaks."""
+        """Electrons, dark signal included, of a pixel where the resting beam peaks."""
         return self.gain * (self._linear_peak - self.black_level_gray)
 
     @property
@@ -88,7 +88,7 @@ class SensorSpec(Part):
                 f"black_level_gray is {black:g}, allowed is below {peak:g}, the beam's gray value "
                 "before gamma"
             )
-        # A full well at full scale may be out by a rounding error.
+        # A full well at full scale may be off by a rounding error.
         if self.peak_signal > self.full_well_e * (1 + 1e-12):
             raise ValueError(
                 f"beam_peak_pct is {self.beam_peak_pct:g}, with this gain {self.peak_signal:g} "

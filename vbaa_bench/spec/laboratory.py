@@ -13,19 +13,19 @@ class HubSpec(PaintedPart):
 
     radius_mm: Positive = 3
     top_mm: Positive = 2
-    # Without a bottom it stands on the background.
+    # By default it stands on the background.
     bottom_mm: Below | None = None
     reflectance: Share = 0.10
 
 
 class ForceSensorSpec(Part):
-    """Force and moment at the clamp, as the conventional antenna of section VII measures them."""
+    """Sensor of force and moment at the clamp, as in the conventional antenna of section VII."""
 
     force_sigma_n: Annotated[float, Field(gt=0, le=1e3)] = 1e-3
     moment_sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = 0.1
 
 
 class MomentSensorSpec(Part):
-    """The moment m_y about Sigma_a's y axis at the clamp (section V-C)."""
+    """Sensor of the moment m_y about Sigma_a's y axis at the clamp (section V-C)."""
 
     sigma_n_mm: Annotated[float, Field(gt=0, le=1e6)] = 0.1

@@ -1,4 +1,4 @@
-"""Light, and what lies under the beam."""
+"""Lamps, and the background under the beam."""
 
 from typing import Annotated, Literal
 
@@ -10,21 +10,21 @@ Sides = tuple[Positive, Positive]
 
 
 class LightSpec(Part):
-    """A square lamp facing plane C, about the camera's axis and behind the camera."""
+    """Square lamp that faces plane C, about the camera's axis and behind the camera."""
 
     side_mm: Positive = 700
     height_mm: Positive = 420
 
 
 class _LampSpec(Part):
-    """One of several lights. They stand as the camera does, and aim at what it looks at."""
+    """One of several lamps, fixed to the same frame as the camera and aimed at its look-at."""
 
-    # Of a sheet at the aim that faces the light. Only ratios matter: exposure follows the beam.
+    # Of a sheet at the aim that faces the lamp. Only ratios matter: the beam sets the exposure.
     irradiance: Positive = 1.0
 
 
 class AreaSpec(_LampSpec):
-    """A rectangular lamp anywhere; its first side runs along the beam as far as it can."""
+    """Rectangular lamp anywhere; its first side is as parallel to the beam as possible."""
 
     kind: Literal["area"]
     position_mm: Triple = (120.0, -250.0, 420.0)
@@ -33,7 +33,7 @@ class AreaSpec(_LampSpec):
 
 
 class SideSpec(_LampSpec):
-    """A rectangular lamp low at the side; azimuth is counted from +x to +y, in plane C."""
+    """Rectangular lamp low at the side; azimuth is measured from +x to +y, in plane C."""
 
     kind: Literal["side"]
     azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = -90
@@ -43,7 +43,7 @@ class SideSpec(_LampSpec):
 
 
 class RingSpec(_LampSpec):
-    """A ring about the lens, across the camera's axis; its radii."""
+    """Ring lamp about the lens, perpendicular to the camera's axis, with two radii."""
 
     kind: Literal["ring"]
     inner_mm: Positive = 35
@@ -59,7 +59,7 @@ class RingSpec(_LampSpec):
 
 
 class BackSpec(_LampSpec):
-    """A luminous panel that lies on the background, `lift_mm` above it, and shines upwards.
+    """Luminous panel that is `lift_mm` above the background and shines upwards.
 
     `irradiance` is that of plane C from below.
     """
@@ -70,7 +70,7 @@ class BackSpec(_LampSpec):
 
 
 class StripeSpec(_LampSpec):
-    """A projector that throws a bright stripe along the beam: the paper's artificial light.
+    """Projector of a bright stripe along the beam: the paper's artificial light.
 
     Length and width are those at the aim, across the light; the edges fade over `edge_mm`.
     """
@@ -92,7 +92,7 @@ class StripeSpec(_LampSpec):
 
 
 class SpotSpec(_LampSpec):
-    """A small lamp that lights a cone, and casts hard shadows."""
+    """Small lamp that lights a cone and casts hard shadows."""
 
     kind: Literal["spot"]
     position_mm: Triple = (0.0, -200.0, 350.0)
@@ -101,9 +101,9 @@ class SpotSpec(_LampSpec):
 
 
 class EnvironmentSpec(_LampSpec):
-    """Light from all around: a laboratory with a window and lamps at its ceiling, or a picture.
+    """Light from all around: a laboratory with a window and lamps at its ceiling, or an image.
 
-    The picture is an OpenEXR file beside the scene that maps longitude and latitude, its top row
+    The image is an OpenEXR file beside the scene that maps longitude and latitude, its top row
     towards +z, its columns from +x through +y around. `irradiance` is that of plane C.
     """
 
@@ -119,10 +119,10 @@ LampSpec = Annotated[
 
 
 class BackgroundSpec(Part):
-    """A matt sheet below plane C, wider than the camera sees.
+    """Matt sheet below plane C, wider than the camera's view.
 
-    Plain; with darker squares; graded, from `reflectance` on one side of the view to
-    `far_reflectance` on the other; or textured at random, like cork, wood or foam.
+    It is plain; has darker squares; is graded, from `reflectance` on one side of the view to
+    `far_reflectance` on the other; or is textured at random, like cork, wood or foam.
     """
 
     distance_mm: Positive = 30
@@ -131,13 +131,13 @@ class BackgroundSpec(Part):
     square_mm: Positive = 15
     square_reflectance: Share = 0.02
     far_reflectance: Share = 0.30
-    # Where it becomes `far_reflectance`, from +x to +y; and over which length.
+    # Direction, from +x to +y, of the change to `far_reflectance`, and the length of the change.
     gradient_deg: Annotated[float, Field(ge=-360, le=360)] = 90
     gradient_mm: Positive = 200
     # Standard deviation over mean.
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.4
-    # Across the grain: where the correlation has fallen to 1/e; along it, +x, `grain` times as far.
+    # Distance at which the correlation is 1/e, across the grain; along it, +x, `grain` times that.
     correlation_mm: Positive = 2.0
     grain: Annotated[float, Field(ge=1, le=100)] = 1.0
-    # Fixed to the antenna's base plate, or lying in the world, where it turns past the camera.
+    # Fixed to the antenna's base plate, or to the world, where it turns past the camera.
     lies_in: Literal["antenna", "world"] = "antenna"

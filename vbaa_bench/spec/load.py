@@ -1,4 +1,4 @@
-"""YAML 1.2 -> Scene. Every mistake in the file is listed at once, with its place."""
+"""Load a scene from YAML 1.2. All mistakes in the file are listed at once, with their places."""
 
 import difflib
 import functools
@@ -24,20 +24,20 @@ Key = str | int
 LARGEST_FILE: Final = 100_000
 DEEPEST: Final = 20
 MOST_VALUES: Final = 10_000
-# Chosen: of a list of mistakes, what a terminal shows.
+# Chosen: the length of a list of mistakes that a terminal shows.
 MOST_MISTAKES: Final = 20
 
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A scene with the file it came from, so that later findings can name their line."""
+    """Scene with its source file, so that later messages can name a line."""
 
     path: Path
     scene: Scene
     _document: Any = field(repr=False)
 
     def complaint(self, key: Sequence[Key], sentence: str) -> str:
-        """`file:line:column: key: sentence` for the value at `key`, or the nearest above it."""
+        """Return `file:line:column: key: sentence` for `key`, or for the nearest key above it."""
         return _complaint(self.path, self._document, key, sentence)
 
 
@@ -53,9 +53,9 @@ def load_scene(path: Path | str, seed: int | None = None) -> SceneFile:
 
 
 def check_scene(keys: Mapping[str, Any]) -> SceneFile:
-    """Check a scene given as keys and values of Python, as a file would hold them.
+    """Check a scene given as keys and values of Python, as in a file.
 
-    Files that it names are looked for in the current folder. Raises InputError with all mistakes.
+    Paths in it are relative to the current folder. Raises InputError with all mistakes.
     """
     return _checked(Path("Scene"), _as_document(keys), {})
 
@@ -80,7 +80,7 @@ def _checked(path: Path, document: CommentedMap, replaced: Mapping[str, Any]) ->
 
 def _text(path: Path) -> str:
     try:
-        # A pipe or a device may never end; a folder's own error says that it is one.
+        # A pipe or a device may never end; a folder raises its own error.
         if path.exists() and not path.is_file() and not path.is_dir():
             raise InputError(f"{path}: cannot be read (it is no file)")
         with path.open("rb") as stream:
@@ -95,10 +95,10 @@ def _text(path: Path) -> str:
 
 
 def _document(path: Path, text: str) -> Any:
-    """The parsed document, with the places of its keys."""
+    """Parse a document, with the places of its keys."""
     try:
         depth = 0
-        # Events come one by one: the parser's own recursion never sees a deep document.
+        # Events come one by one, so that the parser never recurses into a deep document.
         for event in YAML(typ="rt").parse(io.StringIO(text)):
             depth += isinstance(event, CollectionStartEvent)
             depth -= isinstance(event, CollectionEndEvent)
@@ -113,7 +113,7 @@ def _document(path: Path, text: str) -> Any:
         raise InputError(f"{path}: is not YAML ({cut(str(error))})") from error
     except InputError:
         raise
-    except Exception as error:  # odd tags, keys and numbers end in errors of any type
+    except Exception as error:  # odd tags, keys and numbers raise errors of any type
         raise InputError(
             f"{path}: is not YAML that a scene can hold ({cut(str(error))})"
         ) from error
@@ -147,13 +147,13 @@ def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
         else:
             written = list(value) if isinstance(value, tuple) else value
             sentence = f"is {shown(written)}, {_allowed(document, key) or mistake['msg']}"
-        # A value that may be of two kinds is wrong as either, and is said once.
+        # A value that may be of two types is wrong as either, and is reported once.
         lines.setdefault(key, _complaint(path, document, key, sentence))
     return list(lines.values())
 
 
 def _written(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
-    """The key as the file has it, without the steps between that are the model's own."""
+    """Return the key as in the file, without the model's own intermediate steps."""
     key: list[Key] = []
     node = document
     for number, part in enumerate(location):
@@ -168,7 +168,7 @@ def _written(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[
 
 
 def _allowed(document: Any, key: Sequence[Key]) -> str | None:
-    """The allowed values at `key`, from the scene's own JSON schema."""
+    """Describe the allowed values at `key`, from the scene's JSON schema."""
     schema = _schema()
     node: dict[str, Any] = schema
     written = document
@@ -214,7 +214,7 @@ def _schema() -> dict[str, Any]:
 
 
 def _resolved(schema: dict[str, Any], node: dict[str, Any], written: Any) -> dict[str, Any]:
-    """Follow references; of a choice take what is neither null nor a word, or what `kind` says."""
+    """Follow references; take the option that is neither null nor a word, or named by `kind`."""
     for option in node.get("anyOf", []):
         if option.get("type") != "null" and "const" not in option:
             node = option
@@ -234,7 +234,7 @@ def _known_keys(document: Any, section: Sequence[Key]) -> list[str]:
 
 
 def _options(document: Any, section: Sequence[Key]) -> tuple[list[type[BaseModel]], Any]:
-    """The models of what may stand at a place of the file, and what does."""
+    """Return the models allowed at a place of the file, and the value written there."""
     found: list[type[BaseModel]] = [Scene]
     written = document
     for part in section:
@@ -245,7 +245,7 @@ def _options(document: Any, section: Sequence[Key]) -> tuple[list[type[BaseModel
 
 
 def _chosen(options: list[type[BaseModel]], written: Any) -> type[BaseModel]:
-    """The model that a section's `kind` names, if there are several."""
+    """Return the model that a section's `kind` names, if there are several; else the first."""
     kind = written.get("kind") if isinstance(written, CommentedMap) else None
     tagged = [model for model in options if len(options) > 1 and kind == _kind(model)]
     return (tagged or options)[0]
@@ -256,7 +256,7 @@ def _kind(model: type[BaseModel]) -> str:
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
-    """The sections that an annotation allows."""
+    """List the sections that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for option in get_args(annotation) for model in _models(option)]
@@ -274,7 +274,7 @@ def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> 
             else:
                 break
             node = node[part]
-        except (KeyError, TypeError):  # a place the parser did not note
+        except (KeyError, TypeError):  # the parser recorded no place
             break
     name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
     label = f"{cut(name.lstrip('.'))} " if name else ""
@@ -284,9 +284,9 @@ def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> 
 
 
 class _Plain:
-    """Plain Python of a parsed document: lists become tuples, as the scene's strict types ask.
+    """Converter of a parsed document to plain Python, with tuples for lists as in the models.
 
-    An alias counts as often as it is used: a few lines of aliases of aliases make millions of
+    An alias counts each time it is used: a few lines of aliases of aliases make millions of
     values. Raises InputError.
     """
 
@@ -294,7 +294,7 @@ class _Plain:
         self._path, self._values = path, 0
 
     def of(self, node: Any, depth: int = 1) -> Any:
-        """The same of a part of the document, `depth` levels down."""
+        """Convert a part of the document, `depth` levels down."""
         self._values += 1
         if self._values > MOST_VALUES:
             raise InputError(f"{self._path}: holds too many values, allowed are {MOST_VALUES:,}")

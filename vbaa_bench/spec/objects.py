@@ -1,7 +1,7 @@
-"""What the beam is pushed against, and what hides it from the camera.
+"""Objects that the beam is pushed against, and occluders that hide it from the camera.
 
-An object stands fixed in the world but for its drift. It gives way along its own normal where
-`pushes.stiffness_n_m` says so, and drags along the beam where it has friction.
+An object is fixed in the world but for its drift. It yields along its own normal with the
+stiffness in `pushes.stiffness_n_m`, and drags along the beam where it has friction.
 """
 
 from typing import Annotated, Literal
@@ -15,16 +15,16 @@ from vbaa_bench.spec.part import Below, NonNegative, Part, Positive, Share, Trip
 class _ObjectSpec(PaintedPart):
     # Coulomb's coefficient; zero is the paper's extremely slippery object.
     friction: Annotated[float, Field(ge=0, le=1)] = 0.0
-    # How far the object has moved from one step of a push to the next, along the axes of the
-    # antenna at first contact.
+    # Motion of the object from one step of a push to the next, along the axes of the antenna at
+    # first contact.
     drift_mm: Triple = (0.0, 0.0, 0.0)
 
 
 class UprightSpec(_ObjectSpec):
-    """An object with an upright front, from its bottom to its top."""
+    """Object with an upright front, from its bottom to its top."""
 
     top_mm: NonNegative = 0.4
-    # Without a bottom it stands on the background.
+    # By default it stands on the background.
     bottom_mm: Below | None = None
 
 
@@ -68,7 +68,7 @@ class KnifeEdgeSpec(_ObjectSpec):
 class WallSpec(UprightSpec):
     """A flat wall beside the beam, `gap_mm` from it and parallel to it at the angle of contact.
 
-    The beam lies along it from the tip inwards and lifts off at 3 gap / dtheta (Fig. 5).
+    The beam touches it from the tip inwards and lifts off at 3 gap / dtheta (Fig. 5).
     """
 
     kind: Literal["wall"]
@@ -98,7 +98,7 @@ class PadSpec(UprightSpec):
 
 
 class MeshSpec(_ObjectSpec):
-    """Any closed mesh, STL, OBJ or PLY, named from the scene's own folder.
+    """Any closed mesh in an STL, OBJ or PLY file; its path is relative to the scene's folder.
 
     Its +y axis points to the beam and +z to the camera. It is moved along y until it touches a
     straight beam, and along x until it does so at the contact distance.
@@ -141,12 +141,12 @@ class SecondPegSpec(PaintedPart):
 
 
 class OcclusionSpec(PaintedPart):
-    """What hides the beam: every frame is repeated for every kind, place and availability.
+    """Occlusions of the beam: every frame is repeated for every kind, place and availability.
 
     Availability is the paper's AR (eq. 32): the share of the beam's length that stays visible.
-    The hidden stretch begins at the clamp, lies about the contact or the middle, or ends at the
-    tip. `removed` hides nothing in the image, but tells the solver to leave that stretch out, as
-    the paper did; the others stand between beam and camera.
+    The hidden stretch begins at the clamp, is about the contact or the middle, or ends at the
+    tip. `removed` hides nothing in the image, but makes the solver leave that stretch out, as in
+    the paper; the others are bodies between beam and camera.
     """
 
     kind: Annotated[tuple[Literal["removed", "sheet", "bars", "leaves"], ...], Field(min_length=1)]
@@ -158,7 +158,7 @@ class OcclusionSpec(PaintedPart):
     ] = (0.6,)
     height_mm: Positive = 8
     reflectance: Share = 0.12
-    # Bars leave gaps between them, and leaves lie as they fall.
+    # Number of bars, with gaps between them, or of leaves, at random places.
     count: Annotated[int, Field(ge=1, le=200)] = 6
 
     @model_validator(mode="after")
@@ -172,5 +172,5 @@ class OcclusionSpec(PaintedPart):
 
     @property
     def body(self) -> str | None:
-        """What stands in the way, in frames whose cover is not `removed`."""
+        """Kind of the occluding body in frames whose cover is not `removed`, or None."""
         return next((kind for kind in self.kind if kind != "removed"), None)

@@ -1,4 +1,4 @@
-"""What a real lens does beside projecting. All off unless asked."""
+"""Effects of a real lens other than projection. All are off by default."""
 
 from typing import Annotated
 
@@ -12,9 +12,9 @@ class OpticsSpec(Part):
 
     # Sigma of a Gaussian point spread.
     spread_px: Annotated[float, Field(ge=0, le=20)] = 0.0
-    # Diameter of the entrance pupil, and the depth that is sharp: without, that of the point
-    # looked at.
+    # Diameter of the entrance pupil, and the depth in focus: by default that of the look-at
+    # point.
     aperture_mm: NonNegative = 0.0
     focus_mm: Positive | None = None
-    # How much darker the image's corners are than its middle.
+    # Darkening of the image's corners relative to its middle.
     vignetting_pct: Annotated[float, Field(ge=0, le=90)] = 0.0

@@ -1,4 +1,4 @@
-"""How things look."""
+"""Paint and reflectance of parts."""
 
 from typing import Annotated, Literal
 
@@ -11,13 +11,13 @@ Paint = Literal["matt", "gloss", "bare", "black"]
 
 
 class PaintedPart(Part):
-    """A thing with its paint; its `reflectance` is that of matt and gloss paint.
+    """Part with a paint; its `reflectance` is that of matt and gloss paint.
 
-    Bare steel mirrors what iron does, and matt black has 0.03.
+    Bare steel has the reflectance of iron, and matt black has 0.03.
     """
 
     paint: Paint = "matt"
     reflectance: Share = 0.16
-    # Alpha of the rough surface of gloss and bare: a narrower mirror image could not be sampled, a
-    # rougher surface would lose light between its own slopes.
+    # Alpha of the rough surface of gloss and bare. Below, the narrow reflection could not be
+    # sampled; above, the surface would lose light between its own slopes.
     roughness: Annotated[float, Field(ge=0.1, le=0.6)] = 0.3

@@ -1,4 +1,4 @@
-"""What all sections of a scene share: immutable, no unknown keys, no inf or NaN."""
+"""Common base of all sections of a scene: immutable, no unknown keys, no inf or NaN."""
 
 from typing import Annotated
 
@@ -17,14 +17,14 @@ Tilt = Annotated[float, Field(gt=-90, lt=90)]
 
 
 Turn = Annotated[float, Field(ge=-360, le=360)]
-# The motor's angle at first contact is drawn, push by push, from low to high [deg]: were it always
-# the same, an encoder and the tip would tell where the contact is.
+# The motor's angle at first contact is drawn, push by push, from low to high [deg]. If it were
+# always the same, the contact could be computed from the encoder and the tip.
 Onset = tuple[Turn, Turn]
 ONSET: Onset = (-10.0, 10.0)
 
 
 class Part(BaseModel):
-    """A section of a scene."""
+    """Section of a scene."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True

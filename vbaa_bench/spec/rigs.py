@@ -1,4 +1,4 @@
-"""The rig as the laboratory states it, and as it truly is."""
+"""The nominal rig, as the laboratory states it, and the true rig."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from vbaa_bench.spec.trials import random_generator
 
 @dataclass(frozen=True)
 class TrueRig:
-    """What no solver is told: beam, clamp and hub position (3,) [m], camera, board of view 0."""
+    """True rig, hidden from solvers: beam, clamp and hub position (3,) [m], camera, board pose."""
 
     beam: Beam
     base_position: Floats
@@ -28,11 +28,11 @@ class TrueRig:
 
 
 def nominal_rig(scene: Scene) -> Rig:
-    """The datasheet of a scene's rig, with the tolerances it claims."""
+    """Return the datasheet of a scene's rig, with the tolerances it states."""
     beam, claimed, card = scene.beam, scene.tolerances, scene.calibration
     moment, force = scene.moment_sensor, scene.force_sensor
     diameter, modulus = beam.diameter_mm * MILLIMETRE, beam.youngs_modulus_gpa * 1e9
-    # Of bending along the section's thickness.
+    # Rigidity of bending along the section's thickness.
     rigidity = circular_rigidity(modulus, diameter) * beam.aspect
     if beam.section == "strip":
         rigidity = modulus * beam.aspect * diameter**4 / 12
@@ -64,7 +64,7 @@ def nominal_rig(scene: Scene) -> Rig:
 
 
 def _sag(scene: Scene, rigidity: float) -> float:
-    """How far the tip hangs below plane C by the beam's weight, as one would work it out [m]."""
+    """Compute the tip's sag [m] below plane C under the nominal weight, by linear theory."""
     beam, diameter = scene.beam, scene.beam.diameter_mm * MILLIMETRE
     area = diameter**2 * beam.aspect * (1.0 if beam.section == "strip" else math.pi / 4)
     weight = -scene.gravity_m_s2[2] * beam.density_kg_m3 * area
@@ -81,7 +81,7 @@ def _board(card: CalibrationSpec) -> Board:
 
 
 def true_rig(scene: Scene) -> TrueRig:
-    """The rig as it stands: on its nominal values, or off them by draws from the tolerances."""
+    """Return the true rig: at its nominal values, or off them by draws from the tolerances."""
     rig, spec = nominal_rig(scene), scene.camera
     scale = spec.focal_length_px
     if spec.magnification_px_per_mm is not None:

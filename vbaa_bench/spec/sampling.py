@@ -15,9 +15,9 @@ Percent = Annotated[float, Field(gt=0, lt=60)]
 class SamplingSpec(Part):
     """`count` pushes, each of one step, drawn from the stated ranges; a range may be one point.
 
-    Uniform draws are independent; the grid has as many values on each axis, as near to `count`
-    as that allows; a Latin hypercube (McKay 1979) has one sample in each of `count` layers of
-    every axis. Log-uniform draws are spread over the logarithms of all axes that are positive.
+    Uniform draws are independent; the grid has the same number of values on each axis, as near
+    to `count` as that allows; a Latin hypercube (McKay 1979) has one sample in each of `count`
+    layers of every axis. Log-uniform draws are spread over the logarithms of all positive axes.
     """
 
     method: Literal["uniform", "log_uniform", "grid", "latin_hypercube"] = "latin_hypercube"
@@ -25,9 +25,9 @@ class SamplingSpec(Part):
     contact_distance_mm: tuple[Positive, Positive]
     deflection_pct: tuple[Percent, Percent]
     normal_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
-    # Of the object; without it, it is rigid. Stiffnesses are always spread over their logarithms.
+    # Of the object, by default rigid. Stiffnesses are always spread over their logarithms.
     stiffness_n_m: tuple[Positive, Positive] | None = None
-    # Drawn uniformly by a stream of its own, whatever the method.
+    # Drawn uniformly from a separate random stream, whatever the method.
     motor_angle_at_contact_deg: Onset = ONSET
 
     @model_validator(mode="after")
@@ -43,7 +43,7 @@ class SamplingSpec(Part):
         return self
 
     def draw(self, random: np.random.Generator) -> list[dict[str, float]]:
-        """The pushes, each with a value for every axis that has a range."""
+        """Draw the pushes, each with a value for every axis that has a range."""
         axes = {name: getattr(self, name) for name in AXES if getattr(self, name) is not None}
         free = [name for name, (low, high) in axes.items() if low < high]
         shares = dict(zip(free, self._shares(len(free), random).T, strict=True))
@@ -57,7 +57,7 @@ class SamplingSpec(Part):
         ]
 
     def _shares(self, axes: int, random: np.random.Generator) -> Floats:
-        """Points (n, axes) of the unit cube."""
+        """Draw points (n, axes) of the unit cube."""
         if axes == 0:
             return np.empty((self.count, 0))
         if self.method == "grid":

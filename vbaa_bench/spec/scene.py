@@ -1,4 +1,4 @@
-"""The scene: every number of a simulated experiment, as its YAML file states it.
+"""The scene: every number of a simulated experiment, as in its YAML file.
 
 Units are in the names. Defaults describe the paper's rig (section VI).
 """
@@ -30,11 +30,11 @@ from vbaa_bench.spec.sampling import SamplingSpec
 
 
 class BeamSpec(PaintedPart):
-    """The beam and its paint; section VI's by default, and straight, round and even."""
+    """Beam and its paint; by default that of section VI: straight, round and uniform."""
 
     paint: Paint = "gloss"
     length_mm: Positive = 240
-    # Of a strip: its thickness.
+    # For a strip this is its thickness.
     diameter_mm: Positive = 0.8
     youngs_modulus_gpa: Positive = 200
     yield_stress_mpa: Positive = 1500
@@ -47,12 +47,12 @@ class BeamSpec(PaintedPart):
     section_angle_deg: Tilt = 0.0
     # A tapered beam's diameter at the tip over that at the clamp.
     tip_ratio: Annotated[float, Field(ge=0.1, le=3)] = 1.0
-    # The middle's distance from the chord of a beam that was never straight, towards +y.
+    # Bow of the unloaded beam: its middle's distance from its chord, towards +y.
     bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
     density_kg_m3: Positive = 7930
     # Whether it stretches under its axial force.
     extensible: bool = False
-    # Its centreline is told by so many pieces.
+    # Number of segments of the centreline.
     pieces: Annotated[int, Field(ge=16, le=10_000)] = 480
 
     @model_validator(mode="after")
@@ -68,9 +68,9 @@ class BeamSpec(PaintedPart):
 
 
 class ToleranceSpec(Part):
-    """What the laboratory believes of its rig's accuracy: one sigma, written to rig.json.
+    """Accuracy of the rig as the laboratory states it: one sigma, written to rig.json.
 
-    The encoder's readings always err by its sigma, and are whole numbers of its step.
+    The encoder's readings always have errors of its sigma, and are multiples of its step.
     """
 
     beam_length_mm: Tolerance = 0.1
@@ -91,11 +91,11 @@ Angle = Annotated[float, Field(gt=-60, lt=60)]
 
 
 class PushSpec(Part):
-    """The grid of pushes: contact distances x normals x stiffnesses x repeats, step after step.
+    """Grid of pushes: contact distances x normals x stiffnesses x repeats, step after step.
 
-    Contact distance is where the beam at rest first touches; deflection is how far the tip has
-    moved across the beam, over L. The deflections, or pushing angles, are the steps of one push
-    in their order; an angle that is not positive has not reached contact yet.
+    Contact distance is where the beam at rest first touches; deflection is the tip's displacement
+    across the beam, over L. The deflections, or pushing angles, are the steps of one push in
+    their order; a step whose angle is not positive is before contact.
     """
 
     contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
@@ -103,7 +103,7 @@ class PushSpec(Part):
     pushing_angle_deg: tuple[Angle, ...] | None = None
     # Tilt nu of the touched edge's normal out of plane C.
     normal_deg: Annotated[tuple[Tilt, ...], Field(min_length=1)] = (0.0,)
-    # Of the object, along its normal.
+    # Stiffness of the object along its normal.
     stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = (
         "rigid",
     )
@@ -130,24 +130,24 @@ class PushSpec(Part):
 
 
 class Scene(Part):
-    """One experiment. With its seed it determines the truth to the last byte."""
+    """One experiment. Together with its seed it determines every byte of the truth."""
 
     title: Annotated[str, Field(min_length=1)]
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     # A grid of pushes, or random ones.
     pushes: PushSpec | None = None
     sampling: SamplingSpec | None = None
-    # The exact beam, or the paper's own, (9) and (10), whose methods are unbiased on it.
+    # The exact beam, or the paper's, (9) and (10), on which the paper's methods are unbiased.
     mechanics: Literal["exact", "linear"] = "exact"
     beam: BeamSpec = BeamSpec()
     # In the world, which is Sigma_a at motor angle zero; the motor's axis is along z.
     gravity_m_s2: Triple = (0.0, 0.0, 0.0)
-    # Where the beam's clamp stands, counted from the motor's axis.
+    # Position of the beam's clamp relative to the motor's axis.
     adaptor_mm: Triple = (0.0, 0.0, 0.0)
     tolerances: ToleranceSpec = ToleranceSpec()
     camera: CameraSpec = CameraSpec()
     optics: OpticsSpec = OpticsSpec()
-    # While the shutter is open (sensor.exposure_s, all pixels at once) the motor turns so fast.
+    # Motor speed while the shutter is open (sensor.exposure_s, all pixels at once).
     motor_speed_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 0.0
     calibration: CalibrationSpec = CalibrationSpec()
     light: LightSpec = LightSpec()

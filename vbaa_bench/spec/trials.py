@@ -1,4 +1,4 @@
-"""Scene -> trials: every frame with its opaque names and its own random numbers."""
+"""Trials of a scene: every frame with its opaque names and its own random numbers."""
 
 import hashlib
 import itertools
@@ -15,14 +15,17 @@ from vbaa_bench.spec.scene import PushSpec, Scene
 
 @dataclass(frozen=True)
 class Goal:
-    """How far a step of a push goes: until the tip has moved across the beam by `deflection` of
-    its length, or until the motor has turned by `pushing_angle` [rad]; one of the two is None."""
+    """Target of one step of a push: a tip deflection or a pushing angle.
+
+    `deflection` is the tip's displacement across the beam over its length; `pushing_angle` [rad]
+    is the motor's rotation. One of the two is None.
+    """
 
     deflection: float | None
     pushing_angle: float | None
 
     def __str__(self) -> str:
-        """The same, as a plot's legend says it."""
+        """Format the target for a plot's legend."""
         if self.deflection is not None:
             return f"{self.deflection / PERCENT:.6g} %"
         return f"{(self.pushing_angle or 0.0) / DEGREE:.6g}°"
@@ -30,9 +33,12 @@ class Goal:
 
 @dataclass(frozen=True)
 class Push:
-    """One push: first contact at `contact_distance` [m] (None against a wall), with an object
-    whose normal is tilted by `normal` [rad] and which yields by `compliance` [m/N]; then on from
-    goal to goal. All is seen from the antenna at first contact, so is `gravity` (3,) [m/s^2]."""
+    """One push: first contact, then one goal after another.
+
+    First contact is at `contact_distance` [m] (None against a wall), with an object whose normal
+    is tilted by `normal` [rad] and which yields by `compliance` [m/N]. All, with `gravity` (3,)
+    [m/s^2], is in the frame of the antenna at first contact.
+    """
 
     contact_distance: float | None
     normal: float
@@ -43,7 +49,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Cover:
-    """What is hidden in a frame, how and where, and the share of the beam that stays visible."""
+    """Occlusion of a frame: its kind and place, and the share of the beam that stays visible."""
 
     kind: str
     place: str
@@ -52,11 +58,10 @@ class Cover:
 
 @dataclass(frozen=True)
 class Trial:
-    """One frame to be made: `step` of a push, seen `repeat` times, behind a `cover` or none.
+    """One frame to make: `step` of a push, in its repetition `repeat`, behind a `cover` or none.
 
-    `index` counts the grid of the scene; `frame_id` and `push_id` tell nothing, but that frames
-    of one repetition of a push share the latter, and `onset`, the motor's angle [rad] at first
-    contact.
+    `index` counts the frames in the scene's grid. `frame_id` and `push_id` are opaque. Frames of
+    one repetition of a push share `push_id` and `onset`, the motor's angle [rad] at first contact.
     """
 
     index: int
@@ -70,20 +75,22 @@ class Trial:
 
     @property
     def goal(self) -> Goal:
-        """How far it is pushed."""
+        """Target of this frame's step."""
         return self.push.goals[self.step]
 
     def motor_angle(self, pushing_angle: float) -> float:
-        """True motor angle [rad]: seen from the camera it turns clockwise, bending the beam to
-        +y."""
+        """Compute the true motor angle [rad].
+
+        Seen from the camera the motor turns clockwise, which bends the beam to +y.
+        """
         return self.onset - pushing_angle
 
 
 def trials(scene: Scene) -> list[Trial]:
-    """All trials of a scene, in the order of their opaque names, which is that of the files."""
-    # A title names nothing, and frames keep their names when more are drawn.
+    """List all trials of a scene in the order of their opaque names, which is that of the files."""
+    # Names do not depend on the title, nor on the number of random pushes.
     identity = scene.model_dump_json(exclude={"title": True, "sampling": {"count"}})
-    # The scene is long and the frames are many: it is hashed once.
+    # The scene is long and there are many frames, so it is hashed once.
     push_names, frame_names = (
         hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
     )
@@ -91,9 +98,9 @@ def trials(scene: Scene) -> list[Trial]:
     repeats = range(scene.pushes.repeats if scene.pushes else 1)
     hidden = list(_covers(scene))
     made: list[Trial] = []
-    # A push behind another cover is another push: its frames are no twins for a method to pair.
+    # A push behind another cover counts as another push, so that no method can pair their frames.
     combinations = itertools.product(pushes, repeats, hidden)
-    # A stream of its own, so that nothing else that is drawn depends on it.
+    # This is a separate random stream, so that no other draw depends on it.
     onsets, draw = _onsets(scene), random_generator(scene, "onset")
     for number, (push, repeat, cover) in enumerate(combinations):
         push_id = _name(push_names, number)
@@ -139,14 +146,14 @@ def _samples(scene: Scene, spec: SamplingSpec | None) -> Iterator[Push]:
 
 
 def _onsets(scene: Scene) -> tuple[float, float]:
-    """Between which the motor's angle [deg] at first contact is drawn."""
+    """Return the range of the motor's angle [deg] at first contact."""
     pushes = scene.pushes or scene.sampling
     assert pushes is not None
     return pushes.motor_angle_at_contact_deg
 
 
 def _seen_at(vector: tuple[float, float, float], motor_angle: float) -> tuple[float, float, float]:
-    """A vector of the world, along the axes of the antenna at a motor angle [rad]."""
+    """Rotate a vector of the world to the axes of the antenna at a motor angle [rad]."""
     x, y, z = vector
     cos, sin = math.cos(motor_angle), math.sin(motor_angle)
     return (cos * x + sin * y, cos * y - sin * x, z)
@@ -164,17 +171,17 @@ def _covers(scene: Scene) -> Iterator[Cover | None]:
 
 
 def random_generator(scene: Scene, stage: str, trial: int = 0) -> np.random.Generator:
-    """The generator of one stage of one trial: the same whatever else is made, and by whom."""
+    """Make the generator of one stage of one trial, independent of all other draws."""
     return np.random.default_rng([scene.seed, trial, int.from_bytes(_digest(stage)[:8])])
 
 
 def render_seed(scene: Scene, stage: str, trial: int = 0) -> int:
-    """A 32-bit seed for the renderer, from the same derivation."""
+    """Derive a 32-bit seed for the renderer in the same way."""
     return int(random_generator(scene, stage, trial).integers(2**32))
 
 
 def _name(begun: "hashlib.blake2b", number: int) -> str:
-    """An opaque name: the digest of what was begun, with a number at its end."""
+    """Make an opaque name: the digest of `begun` with a number appended."""
     digest = begun.copy()
     digest.update(str(number).encode())
     return digest.digest()[:8].hex()

@@ -56,6 +56,23 @@ def test_points_ring_and_arrow_lie_on_the_beam(antenna: Antenna, answered: list[
         assert abs(arrow[:, 0].mean() - at[0]) < 20
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.6])
+def test_a_camera_in_the_world_sees_the_force_turn_with_the_motor(
+    antenna: Antenna, answered: list[Answer], angle: float
+) -> None:
+    fixed = replace(antenna, rig=replace(antenna.rig, camera_mount="world"))
+    values = {"contact_world_x_m": 0.12, "contact_world_y_m": 0.0, "contact_world_z_m": 0.0}
+    values |= {"force_x_n": 0.0, "force_y_n": 0.05, "force_n": 0.05, "motor_angle_rad": angle}
+    estimate = Estimate(Outcome.CONTACT, values=values)
+    solved = replace(answered[0].solved, estimate=estimate)
+    picture = draw(fixed, replace(answered[0], solved=solved, row=row("a", estimate, 1.0)))
+    ring, arrow = painted(picture, CONTACT), painted(picture, FORCE)
+    at = (ring.max(axis=0) + ring.min(axis=0)) / 2
+    # The arrow comes from the object; up in the image is +y.
+    u, v = at - arrow.mean(axis=0)
+    assert np.arctan2(-u, -v) == pytest.approx(angle, abs=0.1)
+
+
 def test_more_force_is_a_longer_arrow(antenna: Antenna, answered: list[Answer]) -> None:
     lengths = {}
     for given in answered:

@@ -1,1 +1,1 @@
-"""What ordinary cameras and laboratories do wrong, and what the solver makes of it."""
+"""Stress test: the solver's results under common errors of cameras and laboratories."""

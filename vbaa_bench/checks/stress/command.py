@@ -1,4 +1,4 @@
-"""The command: draw and render rigs, try every row, hold the table against what is wanted."""
+"""The command: draw and render rigs, run every row, compare the table with its targets."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -14,7 +14,7 @@ from vbaa_bench.spec.load import SceneFile
 
 @dataclass(frozen=True)
 class Plan:
-    """How many rigs and frames of which scene, drawn by which seed; rows (none: all); a method."""
+    """Scene, numbers of rigs and frames, seed, rows (none: all) and method of a stress test."""
 
     file: SceneFile
     rigs: int
@@ -31,7 +31,7 @@ def stress(
     workers: int,
     progress: Callable[[str, int, int], None],
 ) -> Record:
-    """Make the datasets in `work` that are not there yet, and measure all rows.
+    """Make the missing datasets in `work`, and measure all rows.
 
     `progress(stage, done, total)` counts images of the stage "rendering" and trials of the stage
     "solving". Raises InputError for an unknown row or method, a scene that has no pushes to draw
@@ -42,7 +42,7 @@ def stress(
         raise InputError(
             f"method '{plan.method}' is unknown, allowed is one of {', '.join(METHODS)}"
         )
-    # Of one seed in one folder: another seed does not disturb the rigs that are there.
+    # One folder per seed: another seed does not affect the existing rigs.
     folder = work / f"seed_{plan.seed}_frames_{plan.frames}"
     files = [drawn_rig(plan.file, plan.seed, n, plan.frames) for n in range(plan.rigs)]
     layouts = render(files, folder, variant, workers, lambda *at: progress("rendering", *at))

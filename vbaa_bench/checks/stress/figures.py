@@ -17,7 +17,7 @@ _CONFIDENCE_PCT: Final = 95.0
 
 @dataclass(frozen=True)
 class Figure:
-    """A value with its 95 % interval; None where there is nothing to compute them from.
+    """Value with its 95 % interval; each is None if it cannot be computed.
 
     A single rig has no interval.
     """
@@ -30,8 +30,9 @@ class Figure:
 def figures(rigs: Sequence[RigResult], seed: int) -> dict[str, Figure]:
     """Compute a row's figures over all frames of all rigs.
 
-    In % of frames: answered, honest, detected, false. Of the answered ones, in % of L: rmse,
-    median. And sigma_ratio, the RMS of the stated sigmas over the RMSE.
+    Figures in % of frames are answered, honest, detected and false. Figures of the answered
+    frames in % of L are rmse and median. sigma_ratio is the RMS of the stated sigmas over the
+    RMSE.
     """
     table = [_numbers(rig.frames) for rig in rigs]
     random = np.random.default_rng(seed)
@@ -46,7 +47,7 @@ def figures(rigs: Sequence[RigResult], seed: int) -> dict[str, Figure]:
 
 
 def missed(found: dict[str, Figure], wanted: Wanted) -> tuple[str, ...]:
-    """Names of the wanted figures that were not reached, by their values."""
+    """List the names of the target figures that the values do not reach."""
     upper = {"rmse": "rmse", "sigma_ratio": "sigma_ratio", "alarmed": "detected", "false": "false"}
     names = []
     for name, bound in wanted.record().items():
@@ -57,7 +58,7 @@ def missed(found: dict[str, Figure], wanted: Wanted) -> tuple[str, ...]:
 
 
 def _numbers(frames: Sequence[FrameResult]) -> Floats:
-    """Rows (n, 5): error, sigma [% of L, NaN where there is none], honest, detected, false."""
+    """Make rows (n, 5): error, sigma [% of L, NaN if there is none], honest, detected, false."""
     rows = [
         (
             np.nan if one.error_pct is None else one.error_pct,

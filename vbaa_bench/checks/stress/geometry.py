@@ -1,10 +1,10 @@
-"""Perturbations that move the image: knocked cameras, bent beams, turned and cut pictures.
+"""Geometric perturbations: knocked cameras, bent beams, turned and cropped images.
 
-An image between pixels must keep its noise, or the solver would meet images that are smoother than
-any camera's. Uniform shifts are made in the Fourier domain, which leaves white noise white and as
-large as it was; other warps interpolate by quintic splines, which leave at least 92 % of its
-standard deviation. Beyond its border an image goes on as its own reflection. Results are rounded to
-gray values again.
+Resampling must keep an image's noise, or the solver would get images that are smoother than any
+camera's. Uniform shifts are made in the Fourier domain, which keeps white noise white and its
+standard deviation the same; other warps interpolate by quintic splines, which keep at least 92 %
+of the standard deviation. Beyond its border an image continues as its own reflection. Results are
+rounded to gray values again.
 """
 
 from dataclasses import replace
@@ -29,7 +29,7 @@ _RIM = 32
 
 
 def shifted(image: Grey, shift: Floats) -> Grey:
-    """Move the picture by `shift` (2,) [px], as (u, v)."""
+    """Shift the image by `shift` (2,) [px], as (u, v)."""
     wide = np.pad(image.astype(float), _RIM, mode="symmetric")
     spectrum = ndimage.fourier_shift(np.fft.fft2(wide), (shift[1], shift[0]))
     moved = np.fft.ifft2(spectrum).real[_RIM:-_RIM, _RIM:-_RIM]
@@ -37,13 +37,13 @@ def shifted(image: Grey, shift: Floats) -> Grey:
 
 
 def warped(image: Grey, source: Floats) -> Grey:
-    """Take every pixel from the place `source` (2, height, width), as (u, v), of the image."""
+    """Sample every pixel at the position `source` (2, height, width), as (u, v), of the image."""
     values = ndimage.map_coordinates(image.astype(float), source[::-1], order=5, mode="mirror")
     return requantised(values, image)
 
 
 def knocked_across(pixels: float) -> Perturbation:
-    """Shift the frames across the beam at rest, as a camera that was knocked after calibration."""
+    """Shift the frames across the beam at rest, as if the camera was knocked after calibration."""
     return lambda recording, _random: _knocked(recording, _across(recording) * pixels)
 
 
@@ -53,7 +53,7 @@ def knocked_along(pixels: float) -> Perturbation:
 
 
 def stabilised(pixels: float) -> Perturbation:
-    """Shift every image of the beam at random, by up to so many pixels in u and in v."""
+    """Shift every image of the beam at random, by up to `pixels` in u and in v."""
 
     def perturb(recording: Recording, random: np.random.Generator) -> Recording:
         return recording.beams(lambda image: shifted(image, random.uniform(-pixels, pixels, 2)))
@@ -62,7 +62,7 @@ def stabilised(pixels: float) -> Perturbation:
 
 
 def zoomed(factor: float) -> Perturbation:
-    """Enlarge all images of the beam about their middle; the board was seen before."""
+    """Enlarge all images of the beam about their middle; the board's images are from before."""
 
     def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
         return recording.beams(lambda image: warped(image, _enlarging(image, factor)))
@@ -78,7 +78,7 @@ def zoomed(factor: float) -> Perturbation:
 def bent_rests(tip_mm: float, touched: int | None = None) -> Perturbation:
     """Bend the beam of the rest images as a force at its tip does, by `tip_mm` there.
 
-    `touched` names the only image that is bent; all are, where it is None.
+    `touched` is the number of the only image to bend; with None all are bent.
     """
 
     def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
@@ -96,8 +96,8 @@ def bent_rests(tip_mm: float, touched: int | None = None) -> Perturbation:
 def turned(quarters: int) -> Perturbation:
     """Turn all images clockwise by quarter-turns, and state the board as it then appears.
 
-    The rig's board has its first row at the top of the image: turned with the camera, its rows
-    become columns, and its axes other directions of the antenna.
+    The rig's board has its first row at the top of the image. Turned with the camera, its rows
+    become columns, and its axes have other directions in the antenna's frame.
     """
 
     def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
@@ -147,12 +147,12 @@ def mirrored(recording: Recording, _random: np.random.Generator) -> Recording:
 
 
 def cropped(recording: Recording, _random: np.random.Generator) -> Recording:
-    """Cut a few pixels off every side of all images, of an odd number to leave odd sizes."""
+    """Crop all images by a few pixels on every side, by an odd number in total for odd sizes."""
     return recording.each(lambda image: image[2:-1, 3:-2])
 
 
 def resized(factor: float) -> Perturbation:
-    """Resize all images, as a program does that stores them smaller or larger."""
+    """Resize all images, like a program that stores them smaller or larger."""
     by = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
 
     def resize(image: Grey) -> Grey:
@@ -166,7 +166,7 @@ def _knocked(recording: Recording, shift: Floats) -> Recording:
 
 
 def _along(recording: Recording) -> Floats:
-    """Unit vector (2,) of the image along the beam at rest, from its clamp to its tip."""
+    """Return the unit vector (2,) of the image along the beam at rest, from clamp to tip."""
     x, y, _ = recording.rig.base_position
     length = recording.rig.beam.length
     along = recording.in_image(x + length, y) - recording.in_image(x, y)
@@ -179,7 +179,7 @@ def _across(recording: Recording) -> Floats:
 
 
 def _bending(recording: Recording, tip: float) -> Floats:
-    """Places (2, height, width) in the straight beam's image of the pixels of the bent one's."""
+    """Map pixels of the bent beam's image to positions (2, height, width) in the straight one's."""
     camera, rig = recording.camera, recording.rig
     here = _pixels(recording.rests[0])
     rays = camera.normalised(here.reshape(2, -1).T)
@@ -191,7 +191,7 @@ def _bending(recording: Recording, tip: float) -> Floats:
 
 
 def _pixels(image: Grey) -> Floats:
-    """Coordinates (2, height, width) of all pixels, as (u, v)."""
+    """Return the coordinates (2, height, width) of all pixels, as (u, v)."""
     v, u = np.mgrid[: image.shape[0], : image.shape[1]].astype(float)
     return np.stack([u, v])
 

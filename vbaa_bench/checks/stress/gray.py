@@ -10,8 +10,8 @@ import numpy as np
 from solver.instrument.arrays import Grey
 from vbaa_bench.checks.stress.recording import Perturbation, Recording, requantised
 
-# A phone's processing, by eye like one: stronger, and the beam's own texture goes; weaker, and
-# nothing is left to see of it.
+# Strength of a phone's processing, chosen by eye. Stronger processing removes the beam's own
+# texture; weaker processing is not visible.
 _DENOISE_H: Final = 5.0
 _SHARPEN_SIGMA_PX: Final = 1.5
 _SHARPEN_AMOUNT: Final = 0.8
@@ -36,7 +36,7 @@ def curved(gamma: float) -> Callable[[Grey], Grey]:
 
 
 def frames_curved(gamma: float) -> Perturbation:
-    """Change the tone curve of the frames only, as a program that edits photographs."""
+    """Change the tone curve of the frames only, like a program that edits photographs."""
     return lambda recording, _random: recording.only_frames(curved(gamma))
 
 
@@ -58,7 +58,7 @@ def flickering(share: float) -> Perturbation:
 
 
 def coloured(recording: Recording, _random: np.random.Generator) -> Recording:
-    """See all images through a Bayer mosaic: raw, demosaiced, balanced to white, made gray."""
+    """Pass all images through a Bayer mosaic: raw, demosaiced, white-balanced, made gray."""
     return recording.each(_through_mosaic)
 
 

@@ -18,14 +18,14 @@ Images = tuple[Grey, ...]
 
 
 class NotApplicableError(Exception):
-    """A perturbation that this computer or this rig does not allow; the message says why."""
+    """Error for a perturbation that this computer or rig does not allow, with the reason."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """The stated rig, and the images of the board, of the beam at rest and of the pushes.
+    """Stated rig, and the images of the board, of the beam at rest and of the pushes.
 
-    `camera` is the true one before any perturbation: it says where in the image the beam is.
+    `camera` is the true one before any perturbation; it gives the beam's position in the image.
     """
 
     rig: Rig
@@ -59,7 +59,7 @@ class Recording:
         return np.asarray(self.camera.project(np.array([[x, y, 0.0]]))[0])
 
 
-# A perturbation draws all that is random from the generator: the same one gives the same images.
+# A perturbation takes all random numbers from the generator: equal ones give equal images.
 Perturbation = Callable[[Recording, np.random.Generator], Recording]
 
 
@@ -99,7 +99,7 @@ def write_recording(recording: Recording, observations: Path, target: Path) -> N
 
 
 def requantised(values: Floats, like: Grey) -> Grey:
-    """Round values to the gray values of `like`'s type; those beyond its range are cut."""
+    """Round values to the gray values of `like`'s type, and clip them to its range."""
     return np.clip(np.rint(values), 0, np.iinfo(like.dtype).max).astype(like.dtype)
 
 

@@ -73,7 +73,7 @@ def render(
 
 def _images(scene: Scene) -> int:
     assert scene.sampling is not None
-    # The exposure is measured from one more.
+    # The exposure is measured from one more image.
     return scene.calibration.views + scene.sensor.rest_images + scene.sampling.count + 1
 
 

@@ -1,4 +1,4 @@
-"""The rows of the table: what is done, what names it, and the figures that are wanted."""
+"""Rows of the table: perturbations, the signs that identify them, and target figures."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Final
@@ -6,11 +6,11 @@ from typing import Any, Final
 from vbaa_bench.checks.stress import geometry, gray, stated, video
 from vbaa_bench.checks.stress.recording import Perturbation
 
-# How the solver names what it detects: names of findings of `check`, and outcomes of frames.
+# The solver's names for what it detects: findings of `check`, and outcomes of frames.
 CAMERA_MOVED: Final = frozenset({"camera_moved", "camera moved"})
 SCALE: Final = frozenset({"scale_inconsistent"})
 POSE: Final = frozenset({"pose_inconsistent", "rest_direction"})
-# Findings that say what cannot be known, and no alarm.
+# Findings that report what cannot be determined; they are no alarm.
 UNKNOWN: Final = frozenset({"camera_shift_unknown", "bow_undecided"})
 
 
@@ -31,16 +31,16 @@ class Wanted:
     false: float | None = None
 
     def record(self) -> dict[str, Any]:
-        """Those that there are, by name."""
+        """Return the bounds that are set, by name."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row: its name, what was done in words, the perturbation and the wanted figures.
+    """One row: its name, a description, the perturbation and the target figures.
 
-    `signs` are the findings, outcomes and words of messages that name what was done. Where there
-    are none, nothing is wrong that should be detected, and any finding is a false alarm.
+    `signs` are the findings, outcomes and words of messages that identify the perturbation. In a
+    row without signs nothing should be detected, and any finding is a false alarm.
     """
 
     name: str
@@ -51,10 +51,10 @@ class Row:
 
 
 def _usable(answered: float | None = None, rmse: float | None = None) -> Wanted:
-    """Of images that a solver must cope with: honest, and without alarm.
+    """Return the targets for images that a solver must handle: honest, and without alarm.
 
-    Honest is 95 % within 3 sigma with sigmas up to twice the error (the issue's own figures). An
-    alarm at 3 sigma is by chance: one in 370 for each of a handful of tests.
+    Honest is 95 % within 3 sigma with sigmas up to twice the error (the issue's own figures).
+    Alarms at 3 sigma occur by chance: one in 370 for each of a handful of tests.
     """
     return Wanted(answered, rmse, honest=95, sigma_ratio=2, alarmed=5)
 

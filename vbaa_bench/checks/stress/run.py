@@ -1,4 +1,4 @@
-"""The whole table: every row on every rig, in parallel, as a record and as lines to be read."""
+"""Run the whole table: every row on every rig, in parallel, as a record and as text lines."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -34,7 +34,7 @@ HEADS: Final = (
 
 
 def chosen_rows(names: Sequence[str]) -> tuple[Row, ...]:
-    """Find the rows of these names, all if there are none. Raises InputError for an unknown one."""
+    """Find the rows of these names, or all without names. Raises InputError for an unknown one."""
     for name in names:
         if name not in NAMES:
             raise InputError(f"row '{name}' is unknown, allowed is one of {', '.join(NAMES)}")
@@ -49,11 +49,11 @@ def measure(
     workers: int,
     progress: Callable[[int, int], None],
 ) -> list[Record]:
-    """Try every row on the datasets of all rigs; one record a row, with every frame's result.
+    """Run every row on the datasets of all rigs; one record per row, with every frame's result.
 
     Raises WorkerDiedError if a process dies, and InputError for an incomplete dataset.
     """
-    # Rig after rig, so that images just read are read again.
+    # Rig after rig, so that images are read again soon after the first time.
     jobs = [
         ("attempt", (root, number, row.name)) for number, root in enumerate(roots) for row in rows
     ]
@@ -63,7 +63,7 @@ def measure(
 
 
 class Trials:
-    """What a worker process does: one row on one rig after another."""
+    """Task of a worker process: one row on one rig after another."""
 
     def __init__(self, method: str, seed: int) -> None:
         self._method, self._seed = method, seed
@@ -72,8 +72,8 @@ class Trials:
     def attempt(
         self, piece_done: Callable[[], None], root: Path, number: int, name: str
     ) -> RigResult:
-        """Try the row of this name on rig `number`, whose dataset is at `root`."""
-        # By its name: a perturbation is a closure, which cannot be sent to another process.
+        """Run the row of this name on rig `number`, whose dataset is at `root`."""
+        # A row is passed by name: its perturbation is a closure, which no process can receive.
         (row,) = chosen_rows([name])
         result = stress_rig(root, number, row, self._method, self._seed)
         piece_done()

@@ -1,4 +1,4 @@
-"""Perturbations of rig.json: what a laboratory states wrongly of its rig."""
+"""Perturbations of rig.json: wrong statements of a laboratory about its rig."""
 
 from dataclasses import replace
 

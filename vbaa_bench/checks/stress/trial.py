@@ -1,4 +1,4 @@
-"""One row on one rig: perturb, set up, solve every frame, compare with the truth."""
+"""Run one row on one rig: perturb, set up, solve every frame, compare with the truth."""
 
 import tempfile
 import zlib
@@ -28,15 +28,15 @@ from vbaa_bench.dataset.readers import open_truth
 
 # Fewer visible points than this justify a refusal (the project's definition of honest).
 FEWEST_POINTS = 8
-# In place of an outcome, where `set_up` refused the whole rig.
+# Replaces an outcome where `set_up` refused the whole rig.
 REFUSED = "refused"
 
 
 @dataclass(frozen=True)
 class FrameResult:
-    """One frame: what was answered, the error and the stated sigma of x_c in % of L.
+    """Result of one frame: its outcome, and error and stated sigma of x_c in % of L.
 
-    Both are None where nothing was answered; `sigma_pct` also where none was stated. `honest`,
+    Both are None if there is no estimate; `sigma_pct` also if none was stated. `honest`,
     `detected` and `false` are verdicts, see `judged`.
     """
 
@@ -53,9 +53,10 @@ class FrameResult:
 
 @dataclass(frozen=True)
 class RigResult:
-    """One row on one rig. `findings` are those of `check`; `refusal` is why `set_up` failed.
+    """Result of one row on one rig.
 
-    Frames whose truth touches nothing are left out. `skipped` says why the row was not tried.
+    `findings` are those of `check`; `refusal` is why `set_up` failed. Frames without a true
+    contact are left out. `skipped` is the reason why the row was not run.
     """
 
     rig: int
@@ -67,7 +68,7 @@ class RigResult:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the solver said of one frame, or of the whole rig, and of how many visible points."""
+    """Result of the solver for one frame, or for the whole rig, with its number of points."""
 
     outcome: str
     message: str = ""
@@ -77,7 +78,7 @@ class Answer:
 
 
 def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> RigResult:
-    """Perturb the dataset at `root`, rig `number`, and solve it by the ordinary road.
+    """Perturb the dataset at `root`, rig `number`, and solve it in the ordinary way.
 
     Raises InputError if the dataset is incomplete.
     """
@@ -112,7 +113,10 @@ def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> Rig
 
 
 def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mapping[str, Answer]]:
-    """Names of the findings of `check`, why `set_up` refused ("" if not), answers by frame."""
+    """Solve observations; return findings of `check`, why `set_up` refused ("" if not), answers.
+
+    Findings are given by name, answers by frame.
+    """
     try:
         opened = open_observations(observations)
         antenna = set_up(opened)
@@ -139,13 +143,13 @@ def judged(
     row: Row,
     findings: tuple[str, ...],
 ) -> FrameResult:
-    """Judge one answer.
+    """Score one answer as detected, false or honest.
 
     Detected: `set_up` refused, or a finding or the outcome is one of the row's signs, or the
-    message holds one; of a row without signs, any finding, a refusal or a moved camera. False:
-    answered, and more than 3 sigma off; or "no contact", for the truth of every frame is a
-    contact. Honest: answered within 3 sigma; or not answered because what was done was detected,
-    or because fewer than 8 points are visible.
+    message contains one; in a row without signs, any finding, a refusal or a moved camera. False:
+    answered, and more than 3 sigma off; or "no contact", as every frame has a true contact.
+    Honest: answered within 3 sigma; or not answered because the perturbation was detected, or
+    because fewer than 8 points are visible.
     """
     error = None if answer.x_c is None else 100 * (answer.x_c - true_x_c) / length
     sigma = None if answer.sigma is None else 100 * answer.sigma / length

@@ -1,4 +1,4 @@
-"""Perturbations by video: images go through a codec and come back as the solver reads videos."""
+"""Perturbations by video: encode images, and decode them as the solver reads videos."""
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -54,7 +54,7 @@ def _filmed(encode: Encode, suffix: str, rest_from_video: bool) -> Perturbation:
 def through(encode: Encode, suffix: str, images: Images) -> Images:
     """Encode images as a video and read it as the solver does.
 
-    Codecs want even sizes: the last column or row is repeated, and cut off again.
+    Codecs need even sizes: the last column or row is repeated, and removed again.
     """
     height, width = images[0].shape
     even = [np.pad(image, ((0, height % 2), (0, width % 2)), mode="edge") for image in images]
@@ -85,7 +85,7 @@ def _encode_h264(images: Sequence[Grey], path: Path, crf: int) -> None:
 
 
 def _luma(image: Grey) -> npt.NDArray[np.uint8]:
-    """Planes (3/2 height, width) of 4:2:0 video: luma from 16 to 235, and no colour.
+    """Make planes (3/2 height, width) of 4:2:0 video: luma from 16 to 235, and no colour.
 
     FFmpeg's own conversion of gray values is up to one level too dark.
     """
