@@ -84,7 +84,7 @@ def test_a_folder_of_observations_gives_a_table_in_its_own_order(
     assert ended.status == 0
     assert "4 estimates in estimates_exact_fit.csv" in ended.out
     rows = table(Path("estimates_exact_fit.csv"))
-    assert [row["frame_id"] for row in rows] == [f.frame_id for f in open_observations(root)]
+    assert [row["frame_id"] for row in rows] == [f.frame_id for f in open_observations(root).frames]
     assert {row["outcome"] for row in rows} == {"contact"}
 
 

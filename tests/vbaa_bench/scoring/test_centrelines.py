@@ -62,7 +62,7 @@ def test_the_process_of_a_method_measures_as_was_asked_for(
         PushTracker(antenna, METHODS["two_point"])
         .solve(frame.image(), frame.readings)
         .estimate.values
-        for frame in observations
+        for frame in observations.frames
     ]
     found = pl.read_csv(solved.predictions / f"{name}.csv")["x_c_mm"].fill_null(math.nan)
     expected = [1e3 * values.get("x_c_m", math.nan) for values in here]
