@@ -1,8 +1,6 @@
 """Command line of the solver: `python -m solver OBSERVATIONS --method exact_fit`."""
 
-import importlib
 import sys
-import traceback
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +11,7 @@ import typer
 from rich.console import Console
 
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity
-from solver.centreline.extractors import EXTRACTORS
+from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.images import CHANNELS, png_bytes
@@ -30,7 +28,8 @@ from solver.lab.shots import Files, Source
 from solver.lab.sources import open_source
 from solver.lab.target import svg
 from solver.lab.writing import make_room, write
-from solver.methods import METHODS, Method
+from solver.methods import METHODS
+from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from solver.table import Row, csv_text
 from solver.to_measurement import to_measurement
@@ -96,11 +95,7 @@ def solve(
     quiet: Annotated[bool, typer.Option(help="no table, no progress")] = False,
 ) -> None:
     """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
-    function = find_method(method)
-    if centreline not in EXTRACTORS:
-        raise InputError(
-            f"centreline '{centreline}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
-        )
+    function, learn = find_method(method), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
     opened, source = _open(sources, rig, readings, channel, controls)
     target = out or (
@@ -109,7 +104,7 @@ def solve(
     if target:
         make_room(target)
     with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
-        antenna = set_up(opened, EXTRACTORS[centreline])
+        antenna = set_up(opened, learn)
         warm_up(antenna, function, next(opened.read_rest_images()))
     rows: dict[int, Row] = {}
     interrupted = False
@@ -272,30 +267,6 @@ def _channel(name: str | None) -> str | None:
     if name is not None and name not in CHANNELS:
         raise InputError(f"--channel is '{name}', allowed is one of {', '.join(CHANNELS)}")
     return name
-
-
-def find_method(name: str) -> Method:
-    """Return a method by its name in METHODS or as package.module:function. Raises InputError."""
-    if name in METHODS:
-        return METHODS[name]
-    module, colon, function = name.partition(":")
-    if not (module and colon and function):
-        raise InputError(
-            f"method '{name}' is unknown, allowed is one of {', '.join(METHODS)}, "
-            "or package.module:function"
-        )
-    try:
-        found = getattr(importlib.import_module(module), function)
-    except Exception as error:
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        where = f"{Path(last.filename).name}:{last.lineno}"
-        raise InputError(
-            f"method '{name}' cannot be imported: {type(error).__name__} at {where}: {error}"
-        ) from error
-    if not callable(found):
-        raise InputError(f"method '{name}' is a {type(found).__name__}, allowed is a function")
-    method: Method = found
-    return method
 
 
 def main() -> None:

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solver.antenna import Antenna
-from solver.centreline.extractors import EXTRACTORS
+from solver.centreline.extractors import find_extractor
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError
 from solver.instrument.observation import open_rig as open_rig_files
 from solver.lab.check import Checked, checked
 from solver.lab.live import warm_up
-from solver.methods import METHODS, Method
+from solver.methods import Method
+from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from solver.tracker import PushTracker
 
@@ -30,15 +30,10 @@ class CalibratedRig:
 
         `warm` compiles all code for a frame beforehand. Raises InputError for an unknown name.
         """
-        if isinstance(method, str):
-            if method not in METHODS:
-                raise InputError(
-                    f"method '{method}' is unknown, allowed is one of {', '.join(METHODS)}"
-                )
-            method = METHODS[method]
+        function = find_method(method) if isinstance(method, str) else method
         if warm:
-            warm_up(self.antenna, method, self.rest_image)
-        return PushTracker(self.antenna, method)
+            warm_up(self.antenna, function, self.rest_image)
+        return PushTracker(self.antenna, function)
 
     def check(self) -> Checked:
         """Return the calibration's quality, and contradictions of rest images and rig.json."""
@@ -50,9 +45,5 @@ def open_rig(path: str | Path, centreline: str = "profile_fit") -> CalibratedRig
 
     `centreline` is the name of an extractor. Raises InputError where files are missing or wrong.
     """
-    if centreline not in EXTRACTORS:
-        raise InputError(
-            f"centreline '{centreline}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
-        )
-    files = open_rig_files(Path(path))
-    return CalibratedRig(set_up(files, EXTRACTORS[centreline]), next(files.read_rest_images()))
+    learn, files = find_extractor(centreline), open_rig_files(Path(path))
+    return CalibratedRig(set_up(files, learn), next(files.read_rest_images()))

@@ -31,3 +31,12 @@ EXTRACTORS: Final[dict[str, Callable[[Sequence[Grey], Guide], Extractor]]] = {
     "background_subtracted": learn_centroid,
     "area_weighted": learn_area_weighted,
 }
+
+
+def find_extractor(name: str) -> Callable[[Sequence[Grey], Guide], Extractor]:
+    """Return what learns an extractor from images at rest. Raises InputError."""
+    if name not in EXTRACTORS:
+        raise InputError(
+            f"centreline '{name}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"
+        )
+    return EXTRACTORS[name]

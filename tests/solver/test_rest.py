@@ -96,7 +96,7 @@ def test_errors_that_repeat_from_image_to_image_count_in_the_covariance() -> Non
     place = np.linspace(0, BEAM.length, 50)
     for _ in range(150):
         slope = random.uniform(4e-3, 9e-3)
-        rows = slope * 455  # of so many columns
+        rows = slope * 455  # the image has 455 columns
         phase = random.uniform(0, 2 * np.pi)
         shared = 0.02 * np.sqrt(0.5 / (rows + 1)) * random.standard_normal()
         wrong = []

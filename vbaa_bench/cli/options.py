@@ -6,6 +6,7 @@ from typing import Annotated, Final
 import typer
 
 from solver.instrument.errors import InputError
+from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 
 # Copied for help texts, because importing the originals takes seconds. A test compares them.
@@ -22,20 +23,6 @@ METHODS: Final = (
     "force_sensor",
 )
 CENTRELINES: Final = ("profile_fit", "background_subtracted", "area_weighted")
-CONDITIONS: Final = (
-    "push",
-    "push_id",
-    "step",
-    "contact_distance_at_rest_mm",
-    "deflection_pct",
-    "pushing_angle_deg",
-    "normal_deg",
-    "k_s_n_m",
-    "k_s_over_k_beam",
-    "hidden_by",
-    "hidden_place",
-    "availability_asked",
-)
 # Memory that a method may allocate [GB].
 MEMORY_GB: Final = 8.0
 

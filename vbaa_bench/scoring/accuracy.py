@@ -9,8 +9,8 @@ from polars import selectors
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.metrics import CONDITIONS
 from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.score import read_scores
 from vbaa_bench.scoring.summary import facts

@@ -9,6 +9,7 @@ import polars as pl
 from solver.instrument.errors import InputError, cut, shown
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.judged import COMPONENTS, JUDGED, NUMBERS, VECTORS, Judged, components
 from vbaa_bench.scoring.refusals import right_refusals
 
@@ -101,23 +102,6 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
         .then(contact)
         .otherwise(crashed)
     ).select("frame_id", *NUMBERS, *_TEXTS)
-
-
-# Conditions in which frames of a dataset differ; they are part of the scores.
-CONDITIONS = (
-    "push",
-    "push_id",
-    "step",
-    "contact_distance_at_rest_mm",
-    "deflection_pct",
-    "pushing_angle_deg",
-    "normal_deg",
-    "k_s_n_m",
-    "k_s_over_k_beam",
-    "hidden_by",
-    "hidden_place",
-    "availability_asked",
-)
 
 
 def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: str) -> pl.DataFrame:

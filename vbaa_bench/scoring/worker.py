@@ -12,7 +12,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final
 
-from solver.__main__ import find_method
 from solver.antenna import Antenna
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.errors import InputError
@@ -22,6 +21,7 @@ from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import answers, warm_up
 from solver.lab.shots import Files, Shot
 from solver.methods import Method
+from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from solver.table import Row
 

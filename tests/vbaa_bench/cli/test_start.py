@@ -13,7 +13,7 @@ from solver.centreline.extractors import EXTRACTORS
 from solver.methods import METHODS
 from vbaa_bench import cli
 from vbaa_bench.cli import options
-from vbaa_bench.scoring import child, metrics
+from vbaa_bench.scoring import child
 
 # Importing these takes tenths of a second to seconds. Typer itself brings pydantic.
 SLOW = {"altair", "cv2", "drjit", "mitsuba", "numba", "numpy", "polars", "scipy"}
@@ -54,7 +54,6 @@ def test_a_start_imports_nothing_slow_and_changes_nothing(words: list[str]) -> N
 def test_names_in_help_texts_are_those_of_the_code() -> None:
     assert tuple(METHODS) == options.METHODS
     assert tuple(EXTRACTORS) == options.CENTRELINES
-    assert options.CONDITIONS == metrics.CONDITIONS
     assert options.MEMORY_GB == child.MEMORY_GB
 
 

@@ -143,7 +143,7 @@ ROWS: Final = (
     ),
     Row(
         "points_left",
-        "beam points left, rig not told",
+        "beam points left, rig.json unchanged",
         geometry.untold_half_turn,
         _TOLD,
         POSE,

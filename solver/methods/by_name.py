@@ -1,0 +1,32 @@
+"""Methods by name: those of the solver, and functions of other modules."""
+
+import importlib
+import traceback
+from pathlib import Path
+
+from solver.instrument.errors import InputError
+from solver.methods import METHODS, Method
+
+
+def find_method(name: str) -> Method:
+    """Return a method by its name in METHODS or as package.module:function. Raises InputError."""
+    if name in METHODS:
+        return METHODS[name]
+    module, colon, function = name.partition(":")
+    if not (module and colon and function):
+        raise InputError(
+            f"method '{name}' is unknown, allowed is one of {', '.join(METHODS)}, "
+            "or package.module:function"
+        )
+    try:
+        found = getattr(importlib.import_module(module), function)
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(last.filename).name}:{last.lineno}"
+        raise InputError(
+            f"method '{name}' cannot be imported: {type(error).__name__} at {where}: {error}"
+        ) from error
+    if not callable(found):
+        raise InputError(f"method '{name}' is a {type(found).__name__}, allowed is a function")
+    method: Method = found
+    return method
