@@ -26,12 +26,12 @@ from solver.lab.live import answers, json_line, warm_up
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.shots import Files, Source
 from solver.lab.sources import open_source
+from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import make_room, write
 from solver.methods import METHODS
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
-from solver.table import Row, csv_text
 from solver.to_measurement import to_measurement
 from solver.tracker import extract_centreline
 

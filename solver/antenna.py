@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from solver.at_rest import AtRest
+from solver.at_rest.learn import AtRest
+from solver.at_rest.pose import Rest
 from solver.calibrate import Calibration
 from solver.centreline import Extractor
 from solver.instrument.arrays import Floats
@@ -14,9 +15,8 @@ from solver.instrument.gray_scale import EIGHT_BIT, GrayScale
 from solver.instrument.measurement import Tip
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert
-from solver.plane import on_plane
-from solver.rest import Rest
-from solver.sag import correct_for_sag, scale_error
+from solver.planes.plane_c import on_plane
+from solver.planes.sag import correct_for_sag, scale_error
 
 # Prior sigma [rad] of the motor angle where the camera is fixed in the world.
 ANY_TILT = 0.5

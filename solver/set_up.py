@@ -3,7 +3,7 @@
 import numpy as np
 
 from solver.antenna import Antenna
-from solver.at_rest import Learn, learn_at_rest
+from solver.at_rest.learn import Learn, learn_at_rest
 from solver.calibrate import calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.centreline.extractor import learn_beam

@@ -7,14 +7,14 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from solver.antenna import Antenna
+from solver.at_rest.pose import Rest
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.instrument.observation import NOTHING_READ, Readings
 from solver.instrument.rig import Rig
-from solver.plane import on_plane
-from solver.rest import Rest
-from solver.sag import correct_for_sag
+from solver.planes.plane_c import on_plane
+from solver.planes.sag import correct_for_sag
 
 # Powers of the distance that describe a bent beam across its direction at the clamp (the first two
 # for a short stretch), and the fewest points of such a fit.

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from vbaa_bench.generation import generate
+from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import choose
-from vbaa_bench.spec.load import load_scene
+from vbaa_bench.scene.load import load_scene
 
 # The same examples on every machine, and no deadline on a loaded one.
 settings.register_profile("fixed", derandomize=True, deadline=None, max_examples=60)

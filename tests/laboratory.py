@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from solver.antenna import Antenna
-from solver.at_rest import AtRest, learn_at_rest
+from solver.at_rest.learn import AtRest, learn_at_rest
 from solver.calibrate import Calibration
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from vbaa_bench.api.results import Scores, score, solve
     from vbaa_bench.api.scene import Scene
     from vbaa_bench.dataset.readers import open_truth
-    from vbaa_bench.spec.load import load_scene
+    from vbaa_bench.scene.load import load_scene
 
 __all__ = [
     "Dataset",
@@ -56,7 +56,7 @@ _MODULES: Final = {
     "Scores": "vbaa_bench.api.results",
     "forecast": "vbaa_bench.api.forecast",
     "generate": "vbaa_bench.api.data",
-    "load_scene": "vbaa_bench.spec.load",
+    "load_scene": "vbaa_bench.scene.load",
     "open_truth": "vbaa_bench.dataset.readers",
     "read_exr": "vbaa_bench.api.data",
     "render_frame": "vbaa_bench.api.frame",

@@ -10,7 +10,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert, rigid
-from solver.plane import on_plane
+from solver.planes.plane_c import on_plane
 
 
 class CalibrationUncertainty(NamedTuple):

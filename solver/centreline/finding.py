@@ -16,9 +16,9 @@ from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
 from solver.centreline.smooth import CUT, curve
-from solver.dot_products import FAST
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 
 # Number of scan lines over the beam's length, and trial contact distances over that length.
 LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)

@@ -8,7 +8,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
-from solver.plane import apply_homography
+from solver.planes.plane_c import apply_homography
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from solver.centreline.columns import read_column, tabulated
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
-from solver.dot_products import FAST
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 
 STEPS = 5
 CLOSE_ENOUGH_PX = 1e-4

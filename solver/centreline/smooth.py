@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from solver.dot_products import FAST, dot
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST, dot
 
 FEWEST = 8
 ROUNDS = 12

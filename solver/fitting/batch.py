@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from solver.dot_products import FAST
 from solver.fitting.frame_fit import CHI2, KEPT, STATUS, WIDENING, settle
 from solver.fitting.minimise import CONVERGED, DEFICIENT
 from solver.fitting.problem import base_whitening, view_row
@@ -26,6 +25,7 @@ from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.dot_products import dot
 from solver.fitting.correlation import integrated_correlation
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import dot
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from solver.beam_models.exact import BEND_GENTLE, BEND_STEEP, GENTLE, STEEP, bend_at
-from solver.dot_products import FAST
 from solver.fitting.residuals import (
     DX,
     DY,
@@ -30,6 +29,7 @@ from solver.fitting.residuals import (
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 
 
 @njit(cache=True, error_model="numpy")

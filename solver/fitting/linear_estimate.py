@@ -15,7 +15,7 @@ from solver.fitting.verdict import judged
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
-from solver.plane_d import known_plane
+from solver.planes.plane_d import known_plane
 
 # Order of the errors in `LinearContact.covariance`: contact distance [m], load [1/m^2], psi, the
 # clamp's dx, dy [m] and tilt, relative error of all lengths, relative error of EI.

@@ -4,7 +4,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.dot_products import FAST, dot
 from solver.fitting.constraints import add_constraints
 from solver.fitting.in_plane_c import plane_equations
 from solver.fitting.residuals import (
@@ -19,6 +18,7 @@ from solver.fitting.residuals import (
 from solver.fitting.robust import tukey
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST, dot
 
 CONVERGED, STOPPED, DEFICIENT = range(3)
 # Stop after a step shorter than this many sigmas, or after a short one (_SHORT) if Gauss-Newton's

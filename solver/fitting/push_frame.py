@@ -30,7 +30,7 @@ _OWN: Final = [Q, LEVER, DX, DY, TILT]
 
 
 @dataclass(frozen=True)
-class Frame:
+class PushFrame:
     """Bent frame: motor angle [rad], points, and variance inflation `widening` of the points.
 
     `begins` is True if the beam was free before.

@@ -18,7 +18,7 @@ from scipy.linalg import lstsq
 
 from solver.beam_models import frictional
 from solver.fitting.gauss_newton import Linearised
-from solver.fitting.push_frame import Frame
+from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_geometry import touch
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
@@ -56,7 +56,7 @@ class Push:
     `grip_matrix` (n, m) maps m unknowns to the frames' grips; m is zero without friction.
     """
 
-    frames: tuple[Frame, ...]
+    frames: tuple[PushFrame, ...]
     rig: Rig
     base_covariance: Floats
     grip_matrix: Floats

@@ -29,9 +29,9 @@ from solver.beam_models.exact import (
     bend_at,
     horner,
 )
-from solver.dot_products import FAST
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 
 Q, LEVER, PSI, DX, DY, TILT, STRETCH, RIGIDITY = range(8)
 PARAMETERS: Final = 8

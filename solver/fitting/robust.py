@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from solver.dot_products import FAST
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 
 # Residuals from here on have no weight; the efficiency for white noise is 95 %.
 CUT: Final = 4.685

@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.dot_products import FAST
 from solver.fitting.minimise import DEFICIENT, minimise
 from solver.fitting.residuals import (
     LEVER,
@@ -24,6 +23,7 @@ from solver.fitting.residuals import (
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 
 _COARSE: Final = 32
 _DISTANCES: Final = 20

@@ -12,7 +12,7 @@ from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_deflect
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement
-from solver.plane_d import unproject
+from solver.planes.plane_d import unproject
 
 STRETCHES = 24
 LEAST_SEPARATION = 1 / 12  # of the beam's length, of neighbours in a triple

@@ -8,14 +8,14 @@ friction, to first order, is added to its covariance.
 import numpy as np
 
 from solver.fitting.problem import fit_from, problem_of, start_of, without
-from solver.fitting.push_frame import Frame
+from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_joint import DRY
 from solver.fitting.residuals import DX, DY, LEVER, TILT, Q
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import judged
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
-from solver.plane_d import known_plane
+from solver.planes.plane_d import known_plane
 
 
 def curved_by_grip(force: float, grip: float, sigma: float) -> float:
@@ -41,7 +41,7 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     fit = fit_from(problem, start, psi_free=False)
     length = measurement.rig.beam.length
     p = fit.p[[Q, LEVER, DX, DY, TILT]] * [length**-2, length, length, length, 1.0]
-    frame = Frame(0.0, without(problem, fit.kept), fit.variance_inflation)
+    frame = PushFrame(0.0, without(problem, fit.kept), fit.variance_inflation)
     rows = frame.points(p[:2], p[2:], length, grip=0.0)
     if rows is None:
         return alone

@@ -57,7 +57,7 @@ NOTHING_READ = Readings()
 
 
 @dataclass(frozen=True)
-class Frame:
+class ImageFrame:
     """One image of the pushing beam: its path and the readings taken with it.
 
     Frames of one push share `push_id` and are ordered by `step`. `channel` is the channel read from
@@ -84,9 +84,9 @@ class Observations:
     rig: Rig
     board_views: tuple[Path, ...]
     rest_images: tuple[Path, ...]
-    frames: tuple[Frame, ...]
+    frames: tuple[ImageFrame, ...]
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[ImageFrame]:
         """Iterate over the frames, ordered by push and step."""
         return (self.frames[place] for place in push_order(self.frames))
 
@@ -99,7 +99,7 @@ class Observations:
         return (read_grey(path, self.rig.channel) for path in self.rest_images)
 
 
-def push_order(frames: Sequence[Frame]) -> list[int]:
+def push_order(frames: Sequence[ImageFrame]) -> list[int]:
     """Sort the indices of frames by push, in the order of their first frames, then by step."""
     first = {frame.push_id: place for place, frame in reversed(list(enumerate(frames)))}
     return sorted(
@@ -138,7 +138,7 @@ def open_observations(root: str | Path) -> Observations:
     return replace(opened, frames=frames)
 
 
-def _refuse_other_depth(rest_image: Path, frames: Sequence[Frame]) -> None:
+def _refuse_other_depth(rest_image: Path, frames: Sequence[ImageFrame]) -> None:
     """Raise InputError if none of the first frames has the depth of the rest image.
 
     A single frame that differs or cannot be read is reported in its own estimate.
@@ -198,7 +198,7 @@ def open_rig(path: Path) -> Observations:
     return Observations(root, rig, views, rests, ())
 
 
-def read_frames(table: Path) -> Iterator[Frame]:
+def read_frames(table: Path) -> Iterator[ImageFrame]:
     """Read the frames of a metadata.csv, which is in the folder of their images.
 
     Columns are separated by commas or, as written by some versions of Excel, by semicolons.
@@ -230,7 +230,7 @@ def read_frames(table: Path) -> Iterator[Frame]:
             if moment is None
             else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
         )
-        yield Frame(
+        yield ImageFrame(
             frame_id=cells.name("frame_id") or path.stem,
             path=path,
             readings=readings,

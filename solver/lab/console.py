@@ -12,7 +12,7 @@ from rich.table import Table
 
 from solver.lab.live import Answer
 from solver.lab.shots import Source
-from solver.table import Row
+from solver.lab.table import Row
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solver.antenna import Antenna
+from solver.at_rest.landmarks import FARTHEST
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.instrument.units import DEGREE, MILLIMETRE
-from solver.landmarks import FARTHEST
 
 # Two values that differ by more than this number of their combined sigmas are a finding.
 CONTRADICTION = 3.0

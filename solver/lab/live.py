@@ -14,8 +14,8 @@ from solver.instrument.arrays import Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View
 from solver.lab.shots import Shot, Source
+from solver.lab.table import Row, row
 from solver.methods import Method
-from solver.table import Row, row
 from solver.to_measurement import to_measurement
 from solver.tracker import (
     PushTracker,

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.observation import NOTHING_READ, Frame, Readings, push_order
+from solver.instrument.observation import NOTHING_READ, ImageFrame, Readings, push_order
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Files:
     live = False
     rate = 25.0
 
-    def __init__(self, frames: Sequence[Frame]) -> None:
+    def __init__(self, frames: Sequence[ImageFrame]) -> None:
         self._frames = [(place, frames[place]) for place in push_order(frames)]
 
     def __len__(self) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from solver.instrument.errors import InputError
-from solver.instrument.observation import Frame, read_frames
+from solver.instrument.observation import ImageFrame, read_frames
 from solver.lab.capture import CameraStream, Video, open_capture
 from solver.lab.controls import NO_CONTROLS, Controls, set_controls
 from solver.lab.shots import Files, Source
@@ -52,7 +52,7 @@ def open_source(
         if readings is not None and known is None:
             raise InputError(f"{readings}: holds no row for {path.name}")
         frames.append(
-            Frame(str(path), path, channel=channel)
+            ImageFrame(str(path), path, channel=channel)
             if known is None
             else replace(known, frame_id=str(path), path=path, channel=channel)
         )

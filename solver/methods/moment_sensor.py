@@ -41,7 +41,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 from solver.methods.two_point import LEAST_POINTS, MeanOfPairs, mean_of_pairs
-from solver.plane_d import on_deformation_plane, unproject
+from solver.planes.plane_d import on_deformation_plane, unproject
 
 MOST_ITERATIONS = 40
 TOLERANCE = 1e-9  # rad

@@ -35,7 +35,7 @@ from solver.beam_models.linear import unit_deflection
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.gauss_newton import Fit, gauss_newton
 from solver.fitting.problem import fit_from, problem_of, start_of, without
-from solver.fitting.push_frame import Frame
+from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_joint import BASE, DRY, PUSH, Push
 from solver.fitting.residuals import LEVER
 from solver.fitting.sliding import grip_matrix
@@ -105,7 +105,7 @@ def _of_last(alone: Estimate, why: str) -> Estimate:
     return replace(alone, message=message)
 
 
-def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
+def _bent(measurement: Measurement) -> tuple[list[PushFrame], float]:
     """Return the frames with contact and a motor angle, without outliers, and the best lever [m].
 
     Each frame is fitted by itself first, which gives the outliers, the variance inflation of the
@@ -123,7 +123,7 @@ def _bent(measurement: Measurement) -> tuple[list[Frame], float]:
         if fit is None or one.motor_angle is None or refusal is not None:
             continue
         kept = problem if fit.kept.all() else without(problem, fit.kept)
-        frames.append(Frame(one.motor_angle, kept, fit.variance_inflation, begins))
+        frames.append(PushFrame(one.motor_angle, kept, fit.variance_inflation, begins))
         begins = False
         if fit.covariance[LEVER, LEVER] < best:
             best, lever = fit.covariance[LEVER, LEVER], fit.p[LEVER]

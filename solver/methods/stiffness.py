@@ -31,7 +31,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.two_point import MeanOfPairs, mean_of_pairs, two_point
-from solver.plane_d import known_plane
+from solver.planes.plane_d import known_plane
 
 # With a compliance above this many sigmas an object is distinguished from a rigid one.
 SOFT: Final = 2.0

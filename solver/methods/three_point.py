@@ -50,7 +50,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 from solver.methods.two_point import MeanOfPairs, mean_of_pairs
-from solver.plane_d import on_deformation_plane, opening, unproject
+from solver.planes.plane_d import on_deformation_plane, opening, unproject
 
 LEAST_POINTS = 3 * STRETCHES
 GRID = np.radians(np.arange(-89.0, 89.5, 1.0))

@@ -9,12 +9,12 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.experiment import Experiment
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.generation.plan import plan
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.plan import plan
-from vbaa_bench.spec.load import load_scene
-from vbaa_bench.spec.objects import PadSpec
-from vbaa_bench.studio import Pose, Studio
+from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scene.objects import PadSpec
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").rglob("*.yaml"))
 MICROMETRE = 1e-6
@@ -53,7 +53,7 @@ def test_beam_and_object_touch_and_do_not_intersect(path: Path) -> None:
     file = load_scene(path)
     scene, work = file.scene, plan(file)
     touching = 0
-    pushes = list(dict.fromkeys(trial.push for trial in work.trials))
+    pushes = list(dict.fromkeys(trial.push for trial in work.frame_specs))
     for push in pushes[:: max(len(pushes) // 3, 1)]:
         experiment = Experiment(scene, work.rig, push, path.parent)
         states = experiment.states()
@@ -92,7 +92,7 @@ def test_a_second_peg_stands_upright_and_touches() -> None:
     pose = max(
         (
             Pose(experiment, trial, experiment.states()[trial.step])
-            for trial in work.trials
+            for trial in work.frame_specs
             if trial.repeat == 0
             for experiment in [Experiment(scene, work.rig, trial.push, path.parent)]
         ),
@@ -101,7 +101,7 @@ def test_a_second_peg_stands_upright_and_touches() -> None:
     assert len(pose.state.contacts) == 2
     second = pose.state.contacts[1]
     assert second.force[1] < 0  # it holds the beam back
-    peg = dict(Studio(scene, work.rig, path.parent).things(pose))["second_peg"].mesh
+    peg = dict(SceneAssembler(scene, work.rig, path.parent).things(pose))["second_peg"].mesh
     assert peg.bounds[:, 2] == pytest.approx([-0.03, 0.4e-3])
     around = CubicSpline(pose.state.centreline[:, 0], pose.state.centreline[:, 1:])(
         np.linspace(second.s - 1e-3, second.s + 1e-3, 401)

@@ -28,12 +28,12 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.readers import copy_observations, open_truth
 from vbaa_bench.dataset.writer import ShardWriter
-from vbaa_bench.generation import generate
+from vbaa_bench.generation.generate import generate
 from vbaa_bench.report.report import report
+from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scene.trials import frame_specs
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
-from vbaa_bench.spec.load import load_scene
-from vbaa_bench.spec.trials import trials
 
 
 def flip(path: Path) -> None:
@@ -339,7 +339,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
     check_refused(copied.root, r"\(seed is 11 there and 12 here\)", SMALL_SCENE.replace("11", "12"))
     with locked(copied.lock):
         check_refused(copied.root, "is being written by process")
-    monkeypatch.setattr(identity, "code_digests", lambda: {"vbaa_bench.truth": "0"})
+    monkeypatch.setattr(identity, "code_digests", lambda: {"vbaa_bench.generation.truth": "0"})
     with pytest.raises(InputError, match=r"another version of the code.*solve, score and report"):
         generate(file, copied.root, variant, 1, quiet)
     open_truth(copied.truth)
@@ -361,7 +361,7 @@ def test_a_grown_count_is_refused_by_name(
     monkeypatch.setattr(generating, "plan", lambda *_: pytest.fail("not refused"))
     with pytest.raises(InputError, match=r"sampling\.count is 3 there and 4 here"):
         generate(four, layout.root, variant, 1, quiet)
-    first, second = ({t.index: t.frame_id for t in trials(f.scene)} for f in (three, four))
+    first, second = ({t.index: t.frame_id for t in frame_specs(f.scene)} for f in (three, four))
     assert first.items() <= second.items()  # a frame keeps its name when more are drawn
 
 

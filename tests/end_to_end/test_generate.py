@@ -15,17 +15,17 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
-from solver.plane import on_plane
+from solver.planes.plane_c import on_plane
 from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.generation import generate
+from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.workers import Pool, WorkerDiedError
 from vbaa_bench.render.variant import FAST, PLAIN
-from vbaa_bench.spec.load import load_scene
-from vbaa_bench.workers import Pool, WorkerDiedError
+from vbaa_bench.scene.load import load_scene
 
 
 def digests(root: Path) -> dict[str, str]:

@@ -13,14 +13,14 @@ from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.conftest import SMALL_SCENE
+from vbaa_bench.benchmarks.contact_sheet import contact_sheet
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.generation import generate
-from vbaa_bench.report.contact_sheet import contact_sheet
+from vbaa_bench.generation.generate import generate
+from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import overlay
-from vbaa_bench.spec.load import load_scene
 
 
 def quiet(_done: int, _total: int) -> None:

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from solver.antenna import Antenna
-from solver.at_rest import AtRest
+from solver.at_rest.landmarks import learn_landmarks
+from solver.at_rest.learn import AtRest
+from solver.at_rest.pose import Rest
 from solver.centreline import Centreline, down_columns
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import invert
-from solver.landmarks import learn_landmarks
-from solver.rest import Rest
 from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn

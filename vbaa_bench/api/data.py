@@ -9,13 +9,13 @@ import numpy as np
 
 from solver.instrument.observation import Observations, open_observations
 from vbaa_bench.api.scene import AnyScene, scene_file
-from vbaa_bench.console import console, progress_bars
 from vbaa_bench.dataset import exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.generation import generate as generate_dataset
+from vbaa_bench.generation.generate import generate as generate_dataset
+from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
-from vbaa_bench.workers import cores
+from vbaa_bench.report.console import console, progress_bars
 
 
 @dataclass(frozen=True)

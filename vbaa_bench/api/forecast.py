@@ -11,12 +11,12 @@ from typing import Any, Final, NamedTuple
 
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.scene import AnyScene, scene_file
-from vbaa_bench.bench import Bench
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.plan import plan
-from vbaa_bench.spec.load import SceneFile
-from vbaa_bench.spec.trials import Trial, in_shards, trials
-from vbaa_bench.workers import Pool, cores
+from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.plan import plan
+from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.trials import FrameSpec, frame_specs, in_shards
 
 # Frames that each worker renders after a first one, in which kernels are compiled. Chosen: takes
 # seconds, and gives a rough estimate of the variation between frames.
@@ -75,7 +75,7 @@ def forecast(
     """
     file, chosen = scene_file(scene), usable_variant(variant)
     count = worker_count(workers, chosen)
-    made = trials(file.scene)
+    made = frame_specs(file.scene)
     shards = len(in_shards(file.scene, made))
     pushes = len({trial.push for trial in made})
     first, *probes = _spread(made, 1 + PROBES * count)
@@ -127,16 +127,20 @@ class _ProbedFrame(NamedTuple):
     memory_bytes: int | None
 
 
-class _ProbedBench(Bench):
-    """A Bench that times its frames."""
+class _ProbedBench(FrameRenderer):
+    """A FrameRenderer that times its frames."""
 
     _first_s: float | None = None
 
     def probe(
-        self, tick: Callable[[], None], number: int, trials: tuple[Trial, Trial], exposure: float
+        self,
+        tick: Callable[[], None],
+        number: int,
+        frames: tuple[FrameSpec, FrameSpec],
+        exposure: float,
     ) -> _ProbedFrame:
         """Make a shard of the second trial; render the first trial before, once per worker."""
-        first, trial = trials
+        first, trial = frames
         begun = time.perf_counter()
         if self._first_s is None:
             self.frame(first, exposure)
@@ -156,15 +160,15 @@ def _peak_memory() -> int | None:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def _spread(made: Sequence[Trial], most: int) -> list[Trial]:
-    """Choose trials evenly spread over a scene's pushes."""
+def _spread(made: Sequence[FrameSpec], most: int) -> list[FrameSpec]:
+    """Choose frames evenly spread over a scene's pushes."""
     by_index = sorted(made, key=lambda trial: trial.index)
     count = min(most, len(made))
     return [by_index[(2 * place + 1) * len(made) // (2 * count)] for place in range(count)]
 
 
 def _probe(
-    file: SceneFile, first: Trial, probes: Sequence[Trial], variant: str, workers: int
+    file: SceneFile, first: FrameSpec, probes: Sequence[FrameSpec], variant: str, workers: int
 ) -> _Probe:
     clock = time.perf_counter
     begun = clock()

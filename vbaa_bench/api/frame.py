@@ -14,14 +14,14 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant
 from vbaa_bench.api.scene import AnyScene, scene_file
-from vbaa_bench.bench import Bench
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.plan import plan
+from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.plan import plan
+from vbaa_bench.generation.truth import dataset_facts
 from vbaa_bench.report.gallery import whole
+from vbaa_bench.scene.trials import frame_specs
 from vbaa_bench.scoring.overlay import Overlay, overlay_of
-from vbaa_bench.spec.trials import trials
-from vbaa_bench.truth import dataset_facts
 
 # Narrower images are enlarged by 2 for display. Chosen: they still fit a screen.
 _NARROW_PX: Final = 1000
@@ -78,13 +78,15 @@ def render_frame(scene: AnyScene, number: int = 0, *, variant: str | None = None
     ((88, 256), 120.1, ['arc_length', 'beam_mask'])
     """
     file = scene_file(scene)
-    made = trials(file.scene)
+    made = frame_specs(file.scene)
     if not 0 <= number < len(made):
         raise InputError(f"frame {number} does not exist, allowed is 0 to {len(made) - 1}")
     trial = next(trial for trial in made if trial.index == number)
     rig = plan(file, of=[trial]).rig
     chosen = usable_variant(variant)
-    bench = Bench(file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen, threads=0)
+    bench = FrameRenderer(
+        file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen, threads=0
+    )
     exposure = bench.measure_exposure(lambda: None)
     rendered = bench.frame(trial, exposure)
     row = {"frame_id": trial.frame_id, **rendered.truth}

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from vbaa_bench.spec.load import SceneFile, check_scene, load_scene
+from vbaa_bench.scene.load import SceneFile, check_scene, load_scene
 
 AnyScene = SceneFile | Path | str
 

@@ -4,7 +4,7 @@ The modules of this package define names, options and help texts, and import lit
 imports what it needs when it runs, so that help and version appear at once.
 """
 
-from vbaa_bench.interrupt import importing
+from vbaa_bench.cli.interrupt import importing
 
 with importing():
     from vbaa_bench.cli.main import app, main

@@ -7,9 +7,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Out, Picture, ScenePath, Seed, Variant, Workers
-from vbaa_bench.console import console, progress_bars, say
-from vbaa_bench.interrupt import importing
+from vbaa_bench.report.console import console, progress_bars, say
 
 
 def preview(
@@ -28,7 +28,7 @@ def preview(
     with importing():
         from solver.lab.writing import make_room, write
         from vbaa_bench.api.frame import render_frame
-        from vbaa_bench.spec.load import load_scene
+        from vbaa_bench.scene.load import load_scene
 
     target = out or Path(f"{scene.stem}_{frame}.png")
     file = load_scene(scene, seed)
@@ -52,7 +52,7 @@ def plan(
     """
     with importing():
         from vbaa_bench.api.forecast import forecast
-        from vbaa_bench.spec.load import load_scene
+        from vbaa_bench.scene.load import load_scene
 
     file = load_scene(scene, seed)
     with console.status("probing a few frames"):
@@ -80,7 +80,7 @@ def generate_dataset(
     """Render a scene with progress bars, and return the dataset's folder."""
     with importing():
         from vbaa_bench.api import data
-        from vbaa_bench.spec.load import load_scene
+        from vbaa_bench.scene.load import load_scene
 
     file, root = load_scene(scene, seed), out or Path("runs") / scene.stem
     try:
@@ -103,9 +103,9 @@ def contact_sheet(
     """Render one frame of every scene in a folder onto one picture."""
     with importing():
         from solver.instrument.errors import InputError
+        from vbaa_bench.benchmarks.contact_sheet import contact_sheet as write_sheet
+        from vbaa_bench.benchmarks.lighting_sheet import lighting_sheet
         from vbaa_bench.render.variant import choose
-        from vbaa_bench.report.contact_sheet import contact_sheet as write_sheet
-        from vbaa_bench.report.lighting_sheet import lighting_sheet
 
     found = sorted(scenes.rglob("*.yaml"))
     out = out or Path("results/lighting.png" if lights else "results/scenes.png")
@@ -122,9 +122,9 @@ def contact_sheet(
 def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = False) -> None:
     """Calibrate from a scene's rendered calibration images, and compare with the true camera."""
     with importing():
-        from vbaa_bench.checks import check_camera as camera
+        from vbaa_bench.benchmarks import check_camera as camera
         from vbaa_bench.render.variant import choose
-        from vbaa_bench.spec.load import load_scene
+        from vbaa_bench.scene.load import load_scene
 
     file, chosen = load_scene(scene), choose(variant)
     with progress_bars() as progress:

@@ -10,7 +10,7 @@ from rich.console import Console
 from solver.instrument.errors import InputError
 from vbaa_bench.cli import data, measure, results
 from vbaa_bench.cli.speed import speed_app
-from vbaa_bench.workers import WorkerDiedError
+from vbaa_bench.generation.workers import WorkerDiedError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
 app.command()(results.run)

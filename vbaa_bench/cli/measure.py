@@ -7,15 +7,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, ScenePath, Variant, Workers
-from vbaa_bench.console import console, progress_bars, say, show_table
-from vbaa_bench.interrupt import importing
+from vbaa_bench.report.console import console, progress_bars, say, show_table
 
 
 def stability(as_json: AsJson = False) -> None:
     """Measure each method's noise amplification, rounding sensitivity and condition number."""
     with importing():
-        from vbaa_bench.checks import stability as methods
+        from vbaa_bench.benchmarks import stability as methods
 
     with console.status("perturbing points"):
         record = methods.measure()
@@ -57,11 +57,11 @@ def stress(
     """
     with importing():
         from solver.lab.writing import make_room, write
-        from vbaa_bench.checks.stress import command
-        from vbaa_bench.checks.stress.run import HEADS, TITLE, lines
+        from vbaa_bench.benchmarks.stress import command
+        from vbaa_bench.benchmarks.stress.run import HEADS, TITLE, lines
+        from vbaa_bench.generation.workers import cores
         from vbaa_bench.render.variant import choose
-        from vbaa_bench.spec.load import load_scene
-        from vbaa_bench.workers import cores
+        from vbaa_bench.scene.load import load_scene
 
     if out:
         make_room(out)
@@ -102,7 +102,7 @@ def doctor(
     """Say what this machine can render with, and what to install."""
     # Import nothing that needs the renderer's libraries: this command must run without them.
     with importing():
-        from vbaa_bench.checks import doctor as checks
+        from vbaa_bench.cli import doctor as checks
 
     if install:
         console.print(checks.install_libraries())

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from vbaa_bench.cli.data import generate_dataset
+from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import (
     MEMORY_GB,
     AsJson,
@@ -25,8 +26,7 @@ from vbaa_bench.cli.options import (
     Variant,
     Workers,
 )
-from vbaa_bench.console import console, hear, outcomes, say, show_scores
-from vbaa_bench.interrupt import importing
+from vbaa_bench.report.console import console, hear, outcomes, say, show_scores
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
 
 if TYPE_CHECKING:

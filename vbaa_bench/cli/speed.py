@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Repeats, ScenePath, Variant
-from vbaa_bench.console import console, say, show_table
-from vbaa_bench.interrupt import importing
+from vbaa_bench.report.console import console, say, show_table
 
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
 
@@ -24,7 +24,7 @@ def mechanics(
 ) -> None:
     """Beams per second on one core, and how far they err; PyElastica beside them, if installed."""
     with importing():
-        from vbaa_bench.checks import speed_mechanics
+        from vbaa_bench.benchmarks import speed_mechanics
 
     with console.status("measuring on one core"):
         record = speed_mechanics.measure_apart(yardstick_seconds)
@@ -53,9 +53,9 @@ def render(
 ) -> None:
     """Seconds per frame against the error of its image, beside plain Mitsuba's."""
     with importing():
-        from vbaa_bench.checks import speed_curves, speed_render
+        from vbaa_bench.benchmarks import speed_curves, speed_render
         from vbaa_bench.render.variant import choose
-        from vbaa_bench.spec.load import load_scene
+        from vbaa_bench.scene.load import load_scene
 
     # Not in the scene's dataset folder, which must be empty when `generate` starts.
     root = out or Path("runs") / f"{scene.stem}_speed"
@@ -86,7 +86,7 @@ def solve(
 ) -> None:
     """Milliseconds of every method against its error: from an image in memory, and from points."""
     with importing():
-        from vbaa_bench.checks import speed_solve
+        from vbaa_bench.benchmarks import speed_solve
         from vbaa_bench.dataset.layout import Layout
         from vbaa_bench.dataset.readers import open_truth
         from vbaa_bench.scoring.speed import judged

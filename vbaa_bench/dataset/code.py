@@ -8,7 +8,7 @@ from typing import Final
 
 ROOT: Final = Path(__file__).parent.parent.parent
 # The module that makes images. Data depend on every module that it imports, directly or not.
-MAKER: Final = "vbaa_bench.bench"
+MAKER: Final = "vbaa_bench.generation.frame_renderer"
 # Imported by MAKER, but without effect on the bytes of any file.
 _WITHOUT_EFFECT: Final = {
     "solver.instrument.errors",

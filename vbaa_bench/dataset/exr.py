@@ -8,7 +8,7 @@ import numpy as np
 import OpenEXR
 
 from solver.instrument.files import write_bytes
-from vbaa_bench.openexr import channels
+from vbaa_bench.dataset.exr_channels import channels
 
 # Layer of a scene -> (channels, pixel type): half precision if eleven bits and its range, 6e-8 to
 # 65,504, suffice, else full. Radiance needs full: it scales with the scene's `irradiance`.

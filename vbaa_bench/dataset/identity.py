@@ -11,8 +11,8 @@ from solver.instrument.hashes import digest, parse_hashes
 from vbaa_bench.dataset.code import code_digests
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json, versions
-from vbaa_bench.spec.load import SceneFile
-from vbaa_bench.spec.objects import MeshSpec
+from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.objects import MeshSpec
 
 Identity = dict[str, Any]
 

@@ -8,7 +8,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
-from vbaa_bench.spec.scene import Scene
+from vbaa_bench.scene.schema import Scene
 
 # Margin beyond the camera's view, for the lens's blur.
 _BEYOND = 1.05

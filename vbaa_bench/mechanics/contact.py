@@ -31,7 +31,7 @@ class Obstacle:
 
 
 @dataclass(frozen=True)
-class Grip:
+class PreviousContact:
     """Contact in the previous step, as friction in the current step needs it.
 
     `s` is its arc length [m] and `point` (3,) [m] the touched point in the object's frame. With
@@ -83,7 +83,7 @@ def touch(
     section: Floats,
     s: float,
     force: Floats,
-    grip: Grip | None,
+    grip: PreviousContact | None,
 ) -> Touch:
     """Evaluate a contact at arc length `s` [m], with `force` (3,) [N] on the beam.
 

@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 
 from solver.instrument.transforms import apply, invert
-from vbaa_bench.mechanics.bench import Bench, Equilibrium, Motor, Step
 from vbaa_bench.mechanics.contact import Obstacle
-from vbaa_bench.mechanics.following import TWO_EDGES, free, reach
-from vbaa_bench.mechanics.meeting import DEEPEST, SCAN, check, deepest
+from vbaa_bench.mechanics.contact_checks import DEEPEST, SCAN, check, deepest
+from vbaa_bench.mechanics.continuation import TWO_EDGES, continue_from_first_contact, free
 from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.rod_contact import Equilibrium, Motor, RodContactProblem, Step
 from vbaa_bench.mechanics.sliding import first_grip, slide
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid
@@ -29,7 +29,9 @@ def rest(rod: Rod, intervals: int = 480) -> State:
     The centreline has `intervals` + 1 rows. Raises EquilibriumError if the weight is too large
     for the beam.
     """
-    return free(Bench(rod, Motor(), (), np.array([1.0, 0.0, 0.0])), Step(0.0)).state(intervals)
+    return free(RodContactProblem(rod, Motor(), (), np.array([1.0, 0.0, 0.0])), Step(0.0)).state(
+        intervals
+    )
 
 
 def push(
@@ -57,7 +59,7 @@ def push(
     if rod.shape == "rectangle" and not edge:
         raise ValueError("a beam of rectangular section can be pushed by one edge alone")
     resting = rest(rod, intervals)
-    bench = Bench(rod, motor, tuple(obstacles), resting.tip / rod.beam.length)
+    bench = RodContactProblem(rod, motor, tuple(obstacles), resting.tip / rod.beam.length)
     onset = first_grip(bench, contact_distance)
     grip, before = onset, None
     states = []
@@ -72,7 +74,7 @@ def push(
             if obstacles[0].friction:
                 grip, before = slide(bench, step, contact_distance, resting, grip, before)
             else:
-                before = reach(bench, step, contact_distance, resting)
+                before = continue_from_first_contact(bench, step, contact_distance, resting)
             _outside(bench, before)
             check(before)
         except EquilibriumError as error:
@@ -83,7 +85,7 @@ def push(
     return states
 
 
-def _short_of_wall(bench: Bench, step: Step) -> bool:
+def _short_of_wall(bench: RodContactProblem, step: Step) -> bool:
     """Test whether the beam has not yet turned far enough for its tip to reach a wall."""
     if not isinstance(bench.obstacles[0].surface, Flat):
         return False
@@ -110,7 +112,7 @@ def _clear(untouched: Equilibrium) -> None:
                 )
 
 
-def _outside(bench: Bench, found: Equilibrium) -> None:
+def _outside(bench: RodContactProblem, found: Equilibrium) -> None:
     """Raise EquilibriumError if the beam passes through one of `bench`'s meshes."""
     _, states, _ = found.traced(SCAN)
     for index, one in enumerate(bench.obstacles):

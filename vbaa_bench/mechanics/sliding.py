@@ -9,21 +9,21 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from vbaa_bench.mechanics.bench import Bench, Equilibrium, Step
-from vbaa_bench.mechanics.contact import Grip
-from vbaa_bench.mechanics.following import free, reach
-from vbaa_bench.mechanics.meeting import SCAN
+from vbaa_bench.mechanics.contact import PreviousContact
+from vbaa_bench.mechanics.contact_checks import SCAN
+from vbaa_bench.mechanics.continuation import continue_from_first_contact, free
+from vbaa_bench.mechanics.rod_contact import Equilibrium, RodContactProblem, Step
 from vbaa_bench.mechanics.state import EquilibriumError, State
 
 # Largest short step: pushing angle [rad], or deflection over L.
 FRICTION_STRIDE = 0.04
 
 
-def first_grip(bench: Bench, contact_distance: float) -> Grip:
+def first_grip(bench: RodContactProblem, contact_distance: float) -> PreviousContact:
     """Find the touched point at first contact: an inclined section does not touch at its middle."""
     first, length = bench.obstacles[0], bench.rod.beam.length
     if not first.friction:
-        return Grip(contact_distance, np.zeros(3))
+        return PreviousContact(contact_distance, np.zeros(3))
     untouched = free(bench, Step(0.0))
     rows, states, _ = untouched.traced(SCAN)
     s = contact_distance / length
@@ -32,17 +32,17 @@ def first_grip(bench: Bench, contact_distance: float) -> Grip:
     # Only the force's direction is used: the object has not yielded yet.
     unmoved = replace(bench, obstacles=(replace(first, compliance=0.0), *bench.obstacles[1:]))
     touched = unmoved.trial(untouched.clamp_from_world, 0, resting, s, force).touch
-    return Grip(contact_distance, touched.point)
+    return PreviousContact(contact_distance, touched.point)
 
 
 def slide(
-    bench: Bench,
+    bench: RodContactProblem,
     step: Step,
     contact_distance: float,
     resting: State,
-    grip: Grip,
+    grip: PreviousContact,
     before: Equilibrium | None,
-) -> tuple[Grip, Equilibrium]:
+) -> tuple[PreviousContact, Equilibrium]:
     """Solve one step with friction in short steps; repeat with finer ones if it is lost."""
     start = step.part(0.0) if before is None else before.step
     count = max(int(np.ceil(abs(step.size - start.size) / FRICTION_STRIDE)), 1)
@@ -61,11 +61,11 @@ def slide(
     raise failure
 
 
-def _solved(before: Equilibrium, step: Step, grip: Grip) -> Equilibrium:
+def _solved(before: Equilibrium, step: Step, grip: PreviousContact) -> Equilibrium:
     """Solve for the equilibrium near `before`, with its first contact held according to `grip`.
 
     Raises EquilibriumError if there is none, if it is only behind the object, which no beam can
-    reach, or if the object would have to pull.
+    continue_from_first_contact, or if the object would have to pull.
     """
     engaged = {**dict.fromkeys(before.contacts), 0: grip}
     found = before.bench.solve(step, engaged, before.unknown)
@@ -78,28 +78,32 @@ def _solved(before: Equilibrium, step: Step, grip: Grip) -> Equilibrium:
     return found
 
 
-def _next_grip(grip: Grip, last: Equilibrium | None, now: Equilibrium) -> Grip:
+def _next_grip(
+    grip: PreviousContact, last: Equilibrium | None, now: Equilibrium
+) -> PreviousContact:
     """Return the grip for the next step: where the contact is, and how it slid there."""
     contact = now.contacts[0]
     clamp_from_object = now.clamp_from_world @ now.bench.obstacles[0].world_from_object
     along = clamp_from_object[:3, :3].T @ contact.section[6:9]
     slid = contact.touch.point - grip.point - (contact.s - grip.s) * along
     start = 0.0 if last is None else last.step.size
-    return Grip(contact.s, contact.touch.point, slid, pace=now.step.size - start)
+    return PreviousContact(contact.s, contact.touch.point, slid, pace=now.step.size - start)
 
 
 def _settle(
-    bench: Bench,
+    bench: RodContactProblem,
     step: Step,
     contact_distance: float,
     resting: State,
-    grip: Grip,
+    grip: PreviousContact,
     before: Equilibrium | None,
 ) -> Equilibrium:
     """Solve one short step with friction: the contact slides, or it sticks."""
     friction = bench.obstacles[0].friction
     if before is None:
-        return _solved(reach(bench, step, contact_distance, resting), step, grip)
+        return _solved(
+            continue_from_first_contact(bench, step, contact_distance, resting), step, grip
+        )
     ratio = (step.size - before.step.size) / grip.pace
     onward = replace(grip, ratio=max(ratio, 0.0))  # after a reversal the path starts anew
     if ratio > 0:
@@ -123,4 +127,6 @@ def _settle(
             return _solved(yielding, step, replace(grip, ratio=0.0))
         except EquilibriumError:
             pass  # it slides too far from this start
-    return _solved(reach(bench, step, contact_distance, resting), step, onward)
+    return _solved(
+        continue_from_first_contact(bench, step, contact_distance, resting), step, onward
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from vbaa_bench.openexr import channels
+from vbaa_bench.dataset.exr_channels import channels
 
 HEIGHT, WIDTH = 128, 256
 # Samples along each side of a pixel: antialiases the edges of windows and lamps.

@@ -17,7 +17,7 @@ from vbaa_bench.render.environment import (
     turned,
 )
 from vbaa_bench.render.lights import Environment, Lamp, Light, Projector, Spot
-from vbaa_bench.spec.lighting import (
+from vbaa_bench.scene.lighting import (
     AreaSpec,
     BackSpec,
     EnvironmentSpec,
@@ -27,7 +27,7 @@ from vbaa_bench.spec.lighting import (
     SpotSpec,
     StripeSpec,
 )
-from vbaa_bench.spec.scene import Scene
+from vbaa_bench.scene.schema import Scene
 
 ALONG = np.array([1.0, 0.0, 0.0])
 UP = np.array([0.0, 0.0, 1.0])

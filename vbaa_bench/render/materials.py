@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.spec.paint import Paint
+from vbaa_bench.scene.paint import Paint
 
 # Refractive index and extinction coefficient of iron at 550 nm (Johnson and Christy 1974): its
 # specular reflectance is 52 %.

@@ -17,13 +17,13 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
+from vbaa_bench.render.affected_pixels import View, pieces
 from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.lights import Light, emitter
 from vbaa_bench.render.materials import Texture, bsdf
 from vbaa_bench.render.optics import Lens, Optics
-from vbaa_bench.render.reach import View, pieces
 from vbaa_bench.render.variant import is_scalar
-from vbaa_bench.spec.paint import Paint
+from vbaa_bench.scene.paint import Paint
 
 # Range of depths for which defocus is computed, as ratios to the depth of focus.
 _NEAR, _FAR = 0.3, 3.0

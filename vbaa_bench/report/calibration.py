@@ -9,7 +9,7 @@ import polars as pl
 from scipy.special import erf
 
 from vbaa_bench.report.figures import Chart, few_dots
-from vbaa_bench.scoring.judged import JUDGED, Judged
+from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES, ScoredQuantity
 
 _SHOWN: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
 _MOST_SIGMAS = 4.0
@@ -28,7 +28,9 @@ def calibrations(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart
     The black line is the share for consistent Gaussian errors; above it sigmas are too large, below
     it too small.
     """
-    stated = [one for one in JUDGED if one.name in _SHOWN and one.in_sigmas in scores.columns]
+    stated = [
+        one for one in SCORED_QUANTITIES if one.name in _SHOWN and one.in_sigmas in scores.columns
+    ]
     return [
         _coverage(scores.drop_nulls(one.in_sigmas), one, colours)
         for one in stated
@@ -36,7 +38,7 @@ def calibrations(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart
     ]
 
 
-def _coverage(scores: pl.DataFrame, one: Judged, colours: Mapping[str, str]) -> Chart:
+def _coverage(scores: pl.DataFrame, one: ScoredQuantity, colours: Mapping[str, str]) -> Chart:
     at = np.linspace(0, _MOST_SIGMAS, 81)
     curves = []
     for (name,), rows in scores.group_by("method", maintain_order=True):

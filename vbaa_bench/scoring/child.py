@@ -16,9 +16,9 @@ from typing import IO, Any, Final
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
+from solver.lab.table import Row, csv_text, row
 from solver.lab.writing import make_room, write
 from solver.methods import METHODS
-from solver.table import Row, csv_text, row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE

@@ -10,11 +10,18 @@ from solver.instrument.errors import InputError, cut, shown
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.conditions import CONDITIONS
-from vbaa_bench.scoring.judged import COMPONENTS, JUDGED, NUMBERS, VECTORS, Judged, components
 from vbaa_bench.scoring.refusals import right_refusals
+from vbaa_bench.scoring.scored_quantities import (
+    COMPONENTS,
+    NUMBERS,
+    SCORED_QUANTITIES,
+    VECTORS,
+    ScoredQuantity,
+    components,
+)
 
 _TEXTS = ("outcome", "message")
-_ALL = (*JUDGED, *COMPONENTS)
+_ALL = (*SCORED_QUANTITIES, *COMPONENTS)
 _LARGEST = 1e12
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
 
@@ -183,14 +190,14 @@ def _verdicts(predictions: pl.DataFrame) -> dict[str, pl.Expr]:
     }
 
 
-def _error(one: Judged) -> pl.Expr:
+def _error(one: ScoredQuantity) -> pl.Expr:
     error = pl.col(one.column) - pl.col(one.truth)
     if one.unit == "deg":  # wrapped to +-180 degrees
         error = (error + 180) % 360 - 180
     return pl.when(~pl.col("failed")).then(error).alias(one.error)
 
 
-def _in_sigmas(one: Judged) -> pl.Expr:
+def _in_sigmas(one: ScoredQuantity) -> pl.Expr:
     return (pl.col(one.error) / pl.col(one.sigma)).alias(one.in_sigmas)
 
 

@@ -19,8 +19,8 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.set_up import set_up
 from solver.tracker import extract_centreline
 from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
 from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.stage import camera_frame_from_clamp
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import polars as pl
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import cut
-from solver.table import COLUMNS
-from vbaa_bench.scoring.judged import NUMBERS
+from solver.lab.table import COLUMNS
+from vbaa_bench.scoring.scored_quantities import NUMBERS
 
 _KNOWN: Final = ("frame_id", "outcome", "message", *NUMBERS)
 # Threshold of the ratio of median estimate to median truth, or its inverse, for a warning: the

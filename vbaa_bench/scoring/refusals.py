@@ -21,7 +21,7 @@ from solver.instrument.estimate import Outcome
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.scoring.stage import camera_frame_from_clamp
+from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
 
 # Signal-to-noise ratio: the tip's shift over the standard error of the mean of all columns, if one
 # column has a sigma of COLUMN_SIGMA_PX, as the paper's area-weighted average has. Below 5 a bend

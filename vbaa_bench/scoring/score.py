@@ -13,10 +13,10 @@ from solver.instrument.files import write_bytes, write_text
 from solver.lab.writing import write
 from solver.methods import METHODS
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.judged import COMPONENTS, JUDGED
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
 from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
+from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES
 from vbaa_bench.scoring.summary import summarise
 
 
@@ -96,7 +96,9 @@ def read_scores(results: Results) -> pl.DataFrame:
         scores = pl.read_parquet(table)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise InputError(f"{table}: cannot be read") from error
-    if not {"honest", *(one.in_sigmas for one in (*JUDGED, *COMPONENTS))} <= set(scores.columns):
+    if not {"honest", *(one.in_sigmas for one in (*SCORED_QUANTITIES, *COMPONENTS))} <= set(
+        scores.columns
+    ):
         raise InputError(f"{table}: is of an older version; score the dataset again")
     return scores
 

@@ -13,8 +13,13 @@ from scipy.stats import bootstrap
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.manifest import versions
-from vbaa_bench.scoring.judged import COMPLIANCE, COMPONENTS, JUDGED, Judged
 from vbaa_bench.scoring.refusals import SURE_SNR
+from vbaa_bench.scoring.scored_quantities import (
+    COMPLIANCE,
+    COMPONENTS,
+    SCORED_QUANTITIES,
+    ScoredQuantity,
+)
 
 CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
 _TWO_SIDED_95 = 1.96
@@ -80,7 +85,7 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
         "contact_world_rmse_mm": _rms(_values(rows, "contact_world_vector_error_mm")),
         "force_vector_rmse_n": _rms(_values(rows, "force_vector_error_n")),
         "calibration": {
-            **{one.name: calibration(rows, one) for one in (*JUDGED, *COMPONENTS)},
+            **{one.name: calibration(rows, one) for one in (*SCORED_QUANTITIES, *COMPONENTS)},
             "compliance_rigid": calibration(rigid, COMPLIANCE),
             "compliance_last": calibration(last, COMPLIANCE),
         },
@@ -98,7 +103,7 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
     }
 
 
-def calibration(rows: pl.DataFrame, one: Judged) -> dict[str, Any] | None:
+def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | None:
     """Compare stated standard deviations with errors; return None if none is stated.
 
     For consistent Gaussian errors `coverage_95`, the share within 1.96 sigmas, is 0.95,

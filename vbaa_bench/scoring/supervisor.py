@@ -25,7 +25,7 @@ from typing import Any, Final
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
-from solver.table import row
+from solver.lab.table import row
 from vbaa_bench.scoring.worker import Task, opened, work
 
 # Time limit for the start of a worker, compilation included [s]. Chosen: a first compilation of

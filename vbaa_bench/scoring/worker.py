@@ -20,10 +20,10 @@ from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import answers, warm_up
 from solver.lab.shots import Files, Shot
+from solver.lab.table import Row
 from solver.methods import Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
-from solver.table import Row
 
 GIGABYTE: Final = 1e9
 # Longest texts [characters]. Chosen: a message is one cell of a table, a traceback one page; a

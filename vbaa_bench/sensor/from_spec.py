@@ -4,10 +4,10 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from solver.instrument.units import PERCENT
+from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.sensor.sensor import Sensor
-from vbaa_bench.spec.image_sensor import SensorSpec
 
 
 def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:

@@ -16,7 +16,7 @@ from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import camera_looking_at, rigid
-from solver.plane import on_plane
+from solver.planes.plane_c import on_plane
 from tests.drawn import drawn
 from tests.solver.calibrate.rigs import (
     BARREL,

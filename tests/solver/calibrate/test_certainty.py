@@ -3,7 +3,7 @@ import numpy as np
 from solver.calibrate import calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.instrument.board import Chessboard
-from solver.plane import on_plane
+from solver.planes.plane_c import on_plane
 from tests.drawn import drawn
 from tests.solver.calibrate.rigs import board_pose, camera, rig
 

@@ -6,7 +6,7 @@ from solver.instrument.board import Chessboard
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import camera_looking_at
-from solver.plane import on_plane
+from solver.planes.plane_c import on_plane
 from tests.drawn import drawn
 from tests.solver.calibrate.rigs import BOARD_POSE, board_pose, camera, rig
 

@@ -13,9 +13,9 @@ import pytest
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.hashes import HASHES
 from solver.instrument.images import png_bytes, read_grey
-from solver.instrument.observation import Frame, open_observations, open_rig, read_frames
+from solver.instrument.observation import ImageFrame, open_observations, open_rig, read_frames
+from vbaa_bench.dataset.exr_channels import channels
 from vbaa_bench.geometry.mesh_file import read_mesh
-from vbaa_bench.openexr import channels
 
 COLUMNS = (
     "file_name,frame_id,motor_angle_deg,push_id,step,removed_from_mm,removed_to_mm,"
@@ -35,7 +35,7 @@ def table(tmp_path: Path) -> Path:
     return tmp_path / "metadata.csv"
 
 
-def read(table: Path, text: str) -> list[Frame]:
+def read(table: Path, text: str) -> list[ImageFrame]:
     table.write_text(text, encoding="utf-8")
     return list(read_frames(table))
 

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from solver.instrument.estimate import Estimate, Outcome
 from solver.lab.console import short_names, table
-from solver.table import row
+from solver.lab.table import row
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from solver.lab.console import sentence
 from solver.lab.live import Answer, answers, json_line, warm_up
 from solver.lab.shots import Files
 from solver.lab.sources import open_source
+from solver.lab.table import COLUMNS
 from solver.methods import METHODS
-from solver.table import COLUMNS
 
 
 class Remembers:

@@ -17,8 +17,8 @@ from solver.lab.drawing import MEASURED, REJECTED
 from solver.lab.live import Answer, answers
 from solver.lab.overlay import CONTACT, FORCE, TIP, OverlayWriter, draw
 from solver.lab.shots import Files
+from solver.lab.table import row
 from solver.methods import METHODS
-from solver.table import row
 
 
 @pytest.fixture(scope="module")

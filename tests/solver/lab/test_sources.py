@@ -15,7 +15,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from solver.instrument.images import png_bytes
-from solver.instrument.observation import Frame, open_observations, open_rig, read_frames
+from solver.instrument.observation import ImageFrame, open_observations, open_rig, read_frames
 from solver.lab.capture import CameraStream, Video
 from solver.lab.controls import Controls
 from solver.lab.shots import Files
@@ -26,11 +26,11 @@ def test_frames_come_push_by_push_and_step_by_step(tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
     laid = [("p", 2), ("q", 1), ("p", 0), ("q", 0), ("p", 1)]
-    frames = [Frame(f"{push}{step}", path, push_id=push, step=step) for push, step in laid]
+    frames = [ImageFrame(f"{push}{step}", path, push_id=push, step=step) for push, step in laid]
     shots = list(Files(frames))
     assert [shot.name for shot in shots] == ["p0", "p1", "p2", "q0", "q1"]
     assert [shot.number for shot in shots] == [2, 4, 0, 3, 1]  # where each was laid
-    alone = [Frame(name, path) for name in "cab"]
+    alone = [ImageFrame(name, path) for name in "cab"]
     assert [shot.name for shot in Files(alone)] == ["c", "a", "b"]  # as named: no push, no step
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from solver.fitting.gauss_newton import gauss_newton
 from solver.fitting.problem import problem_of
-from solver.fitting.push_frame import Frame
+from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_geometry import Touch, touch
 from solver.fitting.push_joint import DRY, Push
 from solver.fitting.sliding import grip_matrix
@@ -531,7 +531,7 @@ def test_the_tension_of_a_single_object_is_chance(friction: float) -> None:
     for _ in range(40):
         last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles)
         frames = tuple(
-            Frame(one.motor_angle or 0.0, problem_of(one, with_tips=False), 1.0)
+            PushFrame(one.motor_angle or 0.0, problem_of(one, with_tips=False), 1.0)
             for one in (*last.earlier, last)
         )
         pushing = np.radians(angles)

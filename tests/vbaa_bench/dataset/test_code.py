@@ -23,7 +23,7 @@ def test_docstrings_comments_and_layout_are_no_code() -> None:
 
 def test_the_modules_that_make_data_are_found_and_no_others() -> None:
     found = code.code_digests()
-    makers = ["truth", "bench", "spec.scene", "spec.trials", "mechanics.rod", "geometry.tube"]
+    makers = ["truth", "bench", "spec.scene", "spec.frame_specs", "mechanics.rod", "geometry.tube"]
     makers += ["render.picture", "sensor.sensor", "dataset.writer", "dataset.exr"]
     assert {f"vbaa_bench.{name}" for name in makers} <= found.keys()
     assert {"solver.instrument.camera", "solver.instrument.rig"} <= found.keys()

@@ -8,10 +8,10 @@ import pytest
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from tests.conftest import SMALL_SCENE
+from vbaa_bench.generation.plan import plan
 from vbaa_bench.geometry.ground import MOST_SQUARES, chequered_side, finest_square
-from vbaa_bench.plan import plan
-from vbaa_bench.spec.load import SceneFile, load_scene
-from vbaa_bench.spec.rigs import true_rig
+from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.scene.rigs import true_rig
 
 
 def scene_of(folder: Path, background: str, *changes: tuple[str, str]) -> SceneFile:

@@ -20,7 +20,7 @@ from tests.vbaa_bench.mechanics.benches import (
     obstacle,
     push_one,
 )
-from vbaa_bench.mechanics import bench, planar
+from vbaa_bench.mechanics import planar, rod_contact
 from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
 from vbaa_bench.mechanics.rod import Rod, advance
 from vbaa_bench.mechanics.state import EquilibriumError, State
@@ -148,7 +148,7 @@ def test_a_state_that_is_not_accurate_is_refused(monkeypatch: pytest.MonkeyPatch
     def sloppy(y: Floats, start: float, end: float, steps: int, *given: Floats) -> Floats:
         return np.asarray(advance(y, start, end, steps, *given) + 1e-3 / steps)
 
-    monkeypatch.setattr(bench, "advance", sloppy)
+    monkeypatch.setattr(rod_contact, "advance", sloppy)
     with pytest.raises(EquilibriumError, match="residual"):
         push_one(ROD, touched, 0.12, deflection=0.2)
 

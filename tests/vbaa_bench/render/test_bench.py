@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.experiment import Experiment
-from vbaa_bench.plan import Plan, plan
-from vbaa_bench.render import picture as rendering
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.generation.plan import Plan, plan
+from vbaa_bench.render import frame as rendering
+from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame
 from vbaa_bench.render.layers import Layers, every_pixel
-from vbaa_bench.render.picture import Plate, Wanted, picture
 from vbaa_bench.render.tracing import SETS, trace
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import World
-from vbaa_bench.spec.load import load_scene
-from vbaa_bench.studio import Pose, Studio
+from vbaa_bench.scene.load import load_scene
 
 
 @pytest.fixture(scope="module")
@@ -28,20 +28,20 @@ def work(small_scene: Path) -> Plan:
 @pytest.fixture(scope="module")
 def poses(small_scene: Path, work: Plan) -> list[Pose]:
     file, made = load_scene(small_scene), []
-    for trial in sorted(work.trials, key=lambda trial: trial.index):
+    for trial in sorted(work.frame_specs, key=lambda trial: trial.index):
         experiment = Experiment(file.scene, work.rig, trial.push, file.path.parent)
         made.append(Pose(experiment, trial, experiment.states()[trial.step]))
     return made
 
 
 @pytest.fixture(scope="module")
-def studio(small_scene: Path, work: Plan, variant: str) -> Studio:
+def studio(small_scene: Path, work: Plan, variant: str) -> SceneAssembler:
     activate(variant, 2)
-    return Studio(load_scene(small_scene).scene, work.rig, small_scene.parent)
+    return SceneAssembler(load_scene(small_scene).scene, work.rig, small_scene.parent)
 
 
 @pytest.fixture(scope="module")
-def world(studio: Studio, poses: list[Pose]) -> World:
+def world(studio: SceneAssembler, poses: list[Pose]) -> World:
     return studio.bench(poses[0])
 
 
@@ -55,12 +55,12 @@ def coarse(radiance: Floats) -> Floats:
     return np.asarray(0.01 * np.sqrt(np.maximum(radiance, 1e-4)))
 
 
-WANTED = Wanted(coarse)
+WANTED = NoiseTarget(coarse)
 
 
 @pytest.fixture(scope="module")
-def ground(world: World) -> Plate:
-    return rendering.plate(world, WANTED, 1)
+def ground(world: World) -> StaticLayer:
+    return rendering.render_static_layer(world, WANTED, 1)
 
 
 def test_arc_length_and_depth_are_those_of_the_beam(
@@ -115,34 +115,34 @@ def test_the_variance_is_that_from_picture_to_picture(world: World, seen: Layers
 
 
 def test_the_same_seed_gives_the_same_bits_whatever_came_before(
-    studio: Studio, world: World, poses: list[Pose], seen: Layers, ground: Plate
+    studio: SceneAssembler, world: World, poses: list[Pose], seen: Layers, ground: StaticLayer
 ) -> None:
     first, *_, last = poses
-    one = picture(world, ground, WANTED, 5)
+    one = render_frame(world, ground, WANTED, 5)
     studio.repose(world, last)
-    assert (picture(world, ground, WANTED, 5).radiance != one.radiance).any()
+    assert (render_frame(world, ground, WANTED, 5).radiance != one.radiance).any()
     studio.repose(world, first)
-    again = picture(world, ground, WANTED, 5)
+    again = render_frame(world, ground, WANTED, 5)
     assert (again.layers.arc_length_mm == seen.arc_length_mm).all()
     assert (again.radiance == one.radiance).all()
     assert (again.variance == one.variance).all()
-    assert (picture(world, ground, WANTED, 6).radiance != one.radiance).any()
+    assert (render_frame(world, ground, WANTED, 6).radiance != one.radiance).any()
 
 
 def test_layers_traced_where_things_move_are_those_of_the_whole(
-    studio: Studio, world: World, poses: list[Pose], ground: Plate
+    studio: SceneAssembler, world: World, poses: list[Pose], ground: StaticLayer
 ) -> None:
     studio.repose(world, poses[-1])
-    found, whole = picture(world, ground, WANTED, 5).layers, every_pixel(world)
+    found, whole = render_frame(world, ground, WANTED, 5).layers, every_pixel(world)
     studio.repose(world, poses[0])
     for layer in ("object_index", "depth_mm", "normal", "arc_length_mm", "occlusion"):
         assert (getattr(found, layer) == getattr(whole, layer)).all(), layer
 
 
-def test_the_noise_near_the_beam_is_that_which_is_wanted(world: World, ground: Plate) -> None:
+def test_the_noise_near_the_beam_is_that_which_is_wanted(world: World, ground: StaticLayer) -> None:
     if is_scalar():
         pytest.skip("without wavefronts every pixel gets the same samples")
-    made = [picture(world, ground, WANTED, seed) for seed in range(12)]
+    made = [render_frame(world, ground, WANTED, seed) for seed in range(12)]
     radiance = np.array([seen.radiance for seen in made])
     near = cv2.dilate(made[0].layers.beam_mask.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     share = radiance.std(axis=0, ddof=1)[near] / coarse(radiance.mean(axis=0))[near]
@@ -157,15 +157,17 @@ def test_the_noise_near_the_beam_is_that_which_is_wanted(world: World, ground: P
     assert samples[:, ~never].min() >= SETS
 
 
-def test_the_beam_is_white_on_a_dark_ground(world: World, seen: Layers, ground: Plate) -> None:
-    image = picture(world, ground, WANTED, 1).radiance
+def test_the_beam_is_white_on_a_dark_ground(
+    world: World, seen: Layers, ground: StaticLayer
+) -> None:
+    image = render_frame(world, ground, WANTED, 1).radiance
     core, sheet = image[seen.beam_mask], image[seen.object_index == 4]
     assert np.median(core) > 8 * np.median(sheet)
     assert image.min() >= 0
 
 
-def test_a_picture_without_a_plate_is_that_with_one(world: World, ground: Plate) -> None:
-    alone, onto = (picture(world, still, WANTED, 3).radiance for still in (None, ground))
+def test_a_picture_without_a_plate_is_that_with_one(world: World, ground: StaticLayer) -> None:
+    alone, onto = (render_frame(world, still, WANTED, 3).radiance for still in (None, ground))
     assert alone.mean() == pytest.approx(onto.mean(), rel=0.003)
 
 

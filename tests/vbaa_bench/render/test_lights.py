@@ -14,7 +14,7 @@ from vbaa_bench.render.environment import laboratory, plane_irradiance
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Environment, Spot, emitter
 from vbaa_bench.render.variant import activate
-from vbaa_bench.spec.scene import Scene
+from vbaa_bench.scene.schema import Scene
 
 AIM = np.array([0.1206, 0.020, 0.0])
 # Where each light comes from, seen from the aim.

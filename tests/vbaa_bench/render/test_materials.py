@@ -9,7 +9,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.textures import graded, grown
 from vbaa_bench.render.variant import activate
-from vbaa_bench.spec.paint import Paint
+from vbaa_bench.scene.paint import Paint
 
 
 @pytest.fixture(scope="module", autouse=True)

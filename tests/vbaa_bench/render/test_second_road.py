@@ -13,14 +13,14 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_banded
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.bench import Bench
-from vbaa_bench.checks.image_error import Line, beam_line
+from vbaa_bench.benchmarks.image_error import Line, beam_line
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.plan import plan
+from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
-from vbaa_bench.spec.load import load_scene
+from vbaa_bench.scene.load import load_scene
 
 PIECES = 480
 # Samples a set of a tracing; mesh and curve are traced in pairs, with the same random numbers.
@@ -58,8 +58,8 @@ def roads_of(path: Path, variant: str, tolerance_px: float, folder: Path, pairs:
     work = plan(file)
     render = file.scene.render.model_copy(update={"mesh_tolerance_px": tolerance_px})
     scene = file.scene.model_copy(update={"render": render})
-    bench = Bench(scene, work.rig, path.parent, Layout(folder), variant, 2)
-    pose = bench.pose(min(work.trials, key=lambda trial: trial.index))
+    bench = FrameRenderer(scene, work.rig, path.parent, Layout(folder), variant, 2)
+    pose = bench.pose(min(work.frame_specs, key=lambda trial: trial.index))
     world, line = bench.pushed_world(pose), beam_line(bench.rig, pose)
     s, *place = pose.state.centreline.T
     centreline = CubicSpline(s, np.transpose(place) + bench.rig.base_position)

@@ -9,8 +9,8 @@ from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
+from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame, render_static_layer
 from vbaa_bench.render.lights import Lamp
-from vbaa_bench.render.picture import Plate, Wanted, picture, plate
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.world import RenderUnit, Surface, World
@@ -38,7 +38,7 @@ def noise(radiance: Floats) -> Floats:
     return np.asarray(0.01 * np.sqrt(np.maximum(radiance, 1e-3)))
 
 
-WANTED = Wanted(noise)
+WANTED = NoiseTarget(noise)
 
 
 def beam(width_px: float, angle_deg: float, shift_px: float) -> Floats:
@@ -72,18 +72,18 @@ def world(variant: str) -> World:
 
 
 @pytest.fixture(scope="module")
-def ground(world: World) -> Plate:
-    return plate(world, WANTED, 1)
+def ground(world: World) -> StaticLayer:
+    return render_static_layer(world, WANTED, 1)
 
 
 @pytest.mark.parametrize("width_px", WIDTHS_PX)
 def test_no_column_is_noisier_than_wanted_nor_biased(
-    world: World, ground: Plate, width_px: float
+    world: World, ground: StaticLayer, width_px: float
 ) -> None:
     worst, biases, chances = [], [], []
     for angle_deg, shift_px in PLACES:
         world.move({"beam": beam(width_px, angle_deg, shift_px)})
-        made = [picture(world, ground, WANTED, 100 + seed) for seed in range(PICTURES)]
+        made = [render_frame(world, ground, WANTED, 100 + seed) for seed in range(PICTURES)]
         radiance = np.array([one.radiance for one in made])
         covered = np.mean([one.coverage for one in made], axis=0) > 0
         near = cv2.dilate(covered.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0

@@ -10,15 +10,21 @@ import pytest
 from scipy import stats
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.bench import Bench
-from vbaa_bench.checks.image_error import Line, beam_line
+from vbaa_bench.benchmarks.image_error import Line, beam_line
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.plan import plan
+from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.camera import sensor_dict
-from vbaa_bench.render.picture import Picture, Plate, Wanted, picture, plate
+from vbaa_bench.render.frame import (
+    NoiseTarget,
+    RenderedRadiance,
+    StaticLayer,
+    render_frame,
+    render_static_layer,
+)
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
-from vbaa_bench.spec.load import load_scene
+from vbaa_bench.scene.load import load_scene
 
 Mask = npt.NDArray[np.bool_]
 
@@ -51,8 +57,8 @@ FINE = (0.3, 0.3, 0.1)
 
 @dataclass(frozen=True)
 class Seen:
-    """Pictures (n, h, w), each on a plate of its own, plain renders (m, h, w), both of one pose;
-    where what is seen; and where the beam runs."""
+    """Images (n, h, w), each on its own static layer, and plain renders (m, h, w), of one pose;
+    the regions of the image, and the beam's path."""
 
     pictures: Floats
     references: Floats
@@ -68,18 +74,18 @@ def seen(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Seen:
     path.write_text(SCENE, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    bench = Bench(file.scene, work.rig, path.parent, Layout(path.parent), variant, 2)
-    pose = bench.pose(next(work.trials))
+    bench = FrameRenderer(file.scene, work.rig, path.parent, Layout(path.parent), variant, 2)
+    pose = bench.pose(next(work.frame_specs))
     world = bench.pushed_world(pose)
     noise = bench.sensor(bench.measure_exposure(lambda: None)).noise_sigma
-    few, many = Wanted(noise, 4, *COARSE), Wanted(noise, 4, *FINE)
+    few, many = NoiseTarget(noise, 4, *COARSE), NoiseTarget(noise, 4, *FINE)
     pictures = [
-        picture(world, plate(world, few, 1000 + seed), few, seed).radiance
+        render_frame(world, render_static_layer(world, few, 1000 + seed), few, seed).radiance
         for seed in range(PICTURES)
     ]
     references = plain_renders(world)
-    ground = plate(world, many, 1)
-    regions = regions_of(world, picture(world, ground, many, 2), ground)
+    ground = render_static_layer(world, many, 1)
+    regions = regions_of(world, render_frame(world, ground, many, 2), ground)
     return Seen(np.array(pictures), references, regions, beam_line(bench.rig, pose))
 
 
@@ -98,7 +104,7 @@ def plain_renders(world: World) -> Floats:
     return np.array([np.asarray(film)[..., 0] for film in films], dtype=np.float64)
 
 
-def regions_of(world: World, seen: Picture, ground: Plate) -> dict[str, Mask]:
+def regions_of(world: World, seen: RenderedRadiance, ground: StaticLayer) -> dict[str, Mask]:
     """Masks (h, w): the inner pixels of every surface, and the edges that move."""
     index = seen.layers.object_index
     surface = {name: index == number for number, name in enumerate(world.names, start=1)}
@@ -124,7 +130,7 @@ def grown(mask: Mask) -> Mask:
 def biased(pictures: Floats, references: Floats, regions: dict[str, Mask]) -> dict[str, float]:
     """The relative difference of means wherever chance does not explain it.
 
-    Welch's t test of each region's mean, from picture to picture, with Bonferroni's limit.
+    Welch's t test of each region's mean, from image to image, with Bonferroni's limit.
     """
     found = {}
     for name, where in regions.items():

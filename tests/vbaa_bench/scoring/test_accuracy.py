@@ -11,10 +11,10 @@ from tests.sealing import reseal
 from tests.vbaa_bench.scoring.worlds import FREE, MANIFEST, truth
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.accuracy import accuracy, markdown
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
 from vbaa_bench.scoring.remarks import remarks
-from vbaa_bench.spec.load import load_scene
 
 SCENES = Path(__file__).parents[3] / "scenes"
 

@@ -1,7 +1,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from solver.instrument.observation import Frame, Observations
+from solver.instrument.observation import ImageFrame, Observations
 from solver.instrument.rig import Sensors
 from solver.methods import METHODS
 from tests.simulated import rig
@@ -9,7 +9,7 @@ from vbaa_bench.scoring.applicable import applicable
 
 
 def observations(tmp: str, sensors: Sensors, pushes: list[str]) -> Observations:
-    frames = tuple(Frame(str(i), Path(tmp), push_id=push) for i, push in enumerate(pushes))
+    frames = tuple(ImageFrame(str(i), Path(tmp), push_id=push) for i, push in enumerate(pushes))
     return Observations(Path(tmp), replace(rig(), sensors=sensors), (), (), frames)
 
 

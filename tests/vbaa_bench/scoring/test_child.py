@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
-from solver.table import csv_text, row
+from solver.lab.table import csv_text, row
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.api import results as api

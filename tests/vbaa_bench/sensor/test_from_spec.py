@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from solver.instrument.errors import InputError
+from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
 from vbaa_bench.sensor.ideal import Ideal
-from vbaa_bench.spec.image_sensor import SensorSpec
 
 SPECS = [
     SensorSpec(),

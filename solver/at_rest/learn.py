@@ -1,0 +1,159 @@
+"""Beam before contact, from the rest images: its appearance, its line, the landmarks about it.
+
+Copies of one image count once. An image that shows the beam in another place than the others,
+because it was touched or swinging, is left out.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solver.at_rest.landmarks import Landmarks, learn_landmarks
+from solver.at_rest.pose import Rest, disagreements, learn_rest
+from solver.calibrate import Calibration
+from solver.centreline import Centreline, Extractor
+from solver.centreline.extractor import BeamExtractor
+from solver.centreline.guide import Guide
+from solver.centreline.noise import noise_of
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.errors import InputError
+from solver.instrument.rig import Rig
+from solver.instrument.units import DEGREE
+
+# Learns a beam extractor from images of the beam at rest.
+Learn = Callable[[Sequence[Grey], Guide], Extractor]
+
+# Largest difference [px] among rest images: half of the motion to be detected.
+MOST_DISAGREEMENT_PX = 0.25
+# Margin [px] beside the beam without landmarks, for its immediate shadow.
+BESIDE_PX = 3.0
+# End of the beam's path for the landmarks, beyond its tip, over its length.
+BEYOND_TIP = 1.08
+# Largest angle [rad] between the beam and the rig's x axis: the search covers 0.12 rad, and a bow
+# adds to that.
+MOST_ASKEW = 0.17
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """Results learned from the rest images.
+
+    `copies` counts the images that repeat another one, `left_out` holds the indices, among the
+    distinct images, of those that disagree with the others, `disagreement_px` is the largest
+    difference among the images that were used. `tip` (2,) [px] is the image of the free end and
+    `tip_covariance` (2, 2) [px^2] its covariance; None where it is not detected.
+    """
+
+    extract: Extractor
+    rest: Rest
+    landmarks: Landmarks
+    tip: Floats | None
+    tip_covariance: Floats | None
+    copies: int
+    left_out: tuple[int, ...]
+    disagreement_px: float
+
+
+def learn_at_rest(
+    images: Sequence[Grey], guide: Guide, learn: Learn, calibration: Calibration, rig: Rig
+) -> AtRest:
+    """Learn the beam at rest from gray images (height, width) of it.
+
+    `learn` makes the extractor. Raises InputError where the images show no beam, or show it in
+    different places.
+    """
+    distinct = _distinct(images)
+    extract, lines = _learned(distinct, guide, learn)
+    off = disagreements(lines)
+    odd = tuple(int(i) for i in np.flatnonzero(off))
+    if odd and 2 * len(odd) < len(distinct):
+        used = [image for i, image in enumerate(distinct) if i not in odd]
+        extract, lines = _learned(used, guide, learn)
+        off = disagreements(lines)
+    else:
+        used, odd = distinct, ()
+    largest = float(off.max(initial=0.0))
+    if largest > MOST_DISAGREEMENT_PX:
+        raise _moving(largest)
+    noise = noise_of(used)
+    rest = learn_rest(lines, calibration, rig)
+    _check_direction(rest, extract, used[0], lines[0], rig)
+    landmarks = learn_landmarks(
+        used, _path(rest, calibration, rig), 4 * guide.radius_px + 2 * BESIDE_PX, noise
+    )
+    tip, tip_covariance = _mean_tip(lines)
+    copies = len(images) - len(distinct)
+    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, odd, largest)
+
+
+def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:
+    """Average the tip's pixel and covariance; the grid's error is the same in all images."""
+    tips = [line.tip for line in lines if line.tip is not None]
+    covariances = [line.tip_covariance for line in lines if line.tip_covariance is not None]
+    if 2 * len(tips) <= len(lines):
+        return None, None
+    return np.mean(tips, axis=0), np.mean(covariances, axis=0)
+
+
+def _check_direction(
+    rest: Rest, extract: Extractor, image: Grey, line: Centreline, rig: Rig
+) -> None:
+    """Reject a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
+    where = "board.antenna_from_board_rotation_vector_deg"
+    angle = math.atan(rest.slope)
+    if abs(angle) > MOST_ASKEW and rig.camera_mount == "antenna":
+        raise InputError(
+            f"the beam at rest lies at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
+            f"are {MOST_ASKEW / DEGREE:.0f}: correct the third number of {where} by as much"
+        )
+    if line.tip is None and isinstance(extract, BeamExtractor):
+        turned = replace(extract, guide=extract.guide.turned_about())
+        if turned(image).tip is not None:
+            raise InputError(
+                "the beam's free end is where the rig says that it is clamped: the rig's x axis "
+                f"runs from the clamp to the tip, so turn {where} by 180 degrees about z and "
+                "correct board.antenna_from_board_translation_mm"
+            )
+
+
+def _distinct(images: Sequence[Grey]) -> list[Grey]:
+    """Return the images without those that equal an earlier one."""
+    kept: list[Grey] = []
+    for image in images:
+        if not any(np.array_equal(image, one) for one in kept):
+            kept.append(image)
+    return kept
+
+
+def _learned(
+    images: Sequence[Grey], guide: Guide, learn: Learn
+) -> tuple[Extractor, list[Centreline]]:
+    """Learn the extractor, and extract the centreline of every image. Raises InputError."""
+    try:
+        extract = learn(images, guide)
+    except InputError:
+        # Where the camera moved between the images, each of them may show the beam well.
+        if len(images) > 1:
+            alone = learn(images[:1], guide)
+            largest = float(disagreements([alone(image) for image in images]).max(initial=0.0))
+            if largest > MOST_DISAGREEMENT_PX:
+                raise _moving(largest) from None
+        raise
+    return extract, [extract(image) for image in images]
+
+
+def _moving(largest: float) -> InputError:
+    return InputError(
+        f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
+        "camera or the beam moved, or image stabilisation is on; take them again with both at rest"
+    )
+
+
+def _path(rest: Rest, calibration: Calibration, rig: Rig) -> Floats:
+    """Compute pixels (n, 2) of the beam at rest, from its clamp to beyond its tip."""
+    x = np.linspace(0.0, BEYOND_TIP * rig.beam.length, 100)
+    y = rest.y_at_clamp + rest.slope * x + rest.bow_at(np.minimum(x, rest.length))[0]
+    points = np.column_stack([rig.base_position[0] + x, y, np.zeros_like(x)])
+    return calibration.camera.project(points)

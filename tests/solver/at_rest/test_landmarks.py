@@ -1,0 +1,155 @@
+"""A camera that was knocked, in scenes drawn in numpy: a dark hub on a textured ground."""
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from solver.at_rest.landmarks import Landmarks, Shift, learn_landmarks
+from solver.centreline.noise import noise_of
+from solver.instrument.arrays import Floats, Grey
+from tests.beam_images import Sensor
+
+HEIGHT, WIDTH = 100, 140
+SENSOR = Sensor()
+BEAM = np.array([[30.0, 50.0], [150.0, 50.0]])
+
+
+def scene(du: float = 0.0, dv: float = 0.0, texture: float = 0.06) -> Floats:
+    """Light (height, width) of a hub and waves on the ground, shifted by (du, dv) [px]."""
+    v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
+    u, v = u - du, v - dv
+    random = np.random.default_rng(8)
+    ground = np.full(u.shape, 0.4)
+    for _ in range(12):
+        angle, waves, phase = (
+            random.uniform(0, 2 * np.pi),
+            random.uniform(0.2, 0.7),
+            6 * random.uniform(),
+        )
+        ground += texture / 3 * np.cos(waves * (u * np.cos(angle) + v * np.sin(angle)) + phase)
+    hub = ndtr((18 - np.hypot(u - 35, v - 50)) / 0.8)
+    return np.asarray(ground * (1 - hub) + 0.08 * hub)
+
+
+def image(light: Floats, seed: int) -> Grey:
+    return SENSOR(light, np.random.default_rng(seed))
+
+
+def compressed(picture: Grey, quality: int) -> Grey:
+    """As JPEG, and back."""
+    _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), np.uint8)
+
+
+@cache
+def landmarks() -> Landmarks:
+    rests = [image(scene(), seed) for seed in range(4)]
+    return learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+
+
+def shift_of(light: Floats, seed: int = 100) -> Shift:
+    shift = landmarks().shift_of(image(light, seed))
+    assert shift is not None
+    return shift
+
+
+def covariance(shift: Shift) -> Floats:
+    return np.array([[shift.uu, shift.uv], [shift.uv, shift.vv]])
+
+
+def chi2(shift: Shift, du: float, dv: float) -> float:
+    error = np.array([shift.du - du, shift.dv - dv])
+    return float(error @ np.linalg.solve(covariance(shift), error))
+
+
+@pytest.mark.parametrize(("du", "dv"), [(0.5, 0.0), (0.0, 0.5), (2.0, -1.3), (5.0, 0.0)])
+def test_a_shift_is_found_within_its_sigma(du: float, dv: float) -> None:
+    shift = shift_of(scene(du, dv))
+    # The interpolation between pixels errs by some thousandths.
+    off = np.array([shift.du - du, shift.dv - dv])
+    sigma = np.sqrt(np.diag(covariance(shift)))
+    assert (np.abs(off) < 3 * sigma + 0.003).all()
+    assert sigma.max() < 0.1
+    assert shift.exceeds(0.0)
+
+
+def test_the_covariance_is_honest_and_noise_is_no_motion() -> None:
+    """Over the noise of the rest images and of the image alike."""
+    light, still, errors, exceeding = scene(), scene(0.3, -0.2), [], 0
+    for seed in range(0, 1500, 5):
+        rests = [image(light, seed + n) for n in range(2)]
+        marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+        unmoved, moved = (marks.shift_of(image(one, seed + 3)) for one in (light, still))
+        assert unmoved is not None
+        assert moved is not None
+        errors.append((chi2(unmoved, 0.0, 0.0), chi2(moved, 0.3, -0.2)))
+        exceeding += unmoved.exceeds(0.0)
+    # chi^2 of two degrees of freedom: 2 +- 0.12. Between pixels the interpolation adds some
+    # thousandths of a pixel.
+    of_unmoved, of_moved = np.mean(errors, axis=0)
+    assert 1.4 < of_unmoved < 2.6
+    assert 1.4 < of_moved < 4.0
+    assert exceeding < 0.02 * len(errors)
+
+
+def test_brighter_light_is_no_motion() -> None:
+    shift = shift_of(1.4 * scene())
+    assert np.hypot(shift.du, shift.dv) < 0.03
+    assert not shift.exceeds(0.0)
+    assert shift_of(1.4 * scene(0.5, 0.0)).exceeds(0.0)
+
+
+def test_landmarks_that_are_covered_say_nothing() -> None:
+    hidden = scene()
+    hidden[:, :90] = 0.5
+    for light in (hidden, np.full((HEIGHT, WIDTH), 0.4)):
+        assert landmarks().shift_of(image(light, 5)) is None
+
+
+@pytest.mark.parametrize("degrees", [4.0, 15.0, 40.0])
+def test_a_chequered_ground_that_turns_says_nothing(degrees: float) -> None:
+    """The camera rides on the motor, and the ground turns below it."""
+
+    def chequered(angle: float) -> Floats:
+        v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
+        x = (u - 30) * np.cos(angle) + (v - 50) * np.sin(angle)
+        y = (v - 50) * np.cos(angle) - (u - 30) * np.sin(angle)
+        squares = np.tanh(4 * np.sin(np.pi * x / 12)) * np.tanh(4 * np.sin(np.pi * y / 12))
+        return np.asarray(0.4 + 0.25 * squares)
+
+    rests = [image(chequered(0.0), seed) for seed in range(2)]
+    marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+    assert marks.known
+    assert marks.shift_of(image(chequered(np.deg2rad(degrees)), 7)) is None
+
+
+def test_an_even_scene_or_one_of_parallel_edges_has_no_landmarks() -> None:
+    v = np.mgrid[:HEIGHT, :WIDTH][0]
+    for light in (np.full((HEIGHT, WIDTH), 0.4), 0.4 + 0.2 * np.tanh((v - 75.0) / 2)):
+        rests = [image(light, seed) for seed in range(2)]
+        marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+        assert not marks.known
+        assert marks.shift_of(rests[0]) is None
+
+
+def test_what_compression_does_to_faint_edges_is_no_motion() -> None:
+    """The rest images are one still picture; every frame is compressed by itself."""
+    faint = 0.4 + 0.2 * (scene() - 0.4)
+    rests = [compressed(image(faint, 0), 95)] * 4
+    marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+    assert marks.processed
+    shifts = [marks.shift_of(compressed(image(faint, seed), 50)) for seed in range(20)]
+    assert sum(shift is not None and shift.exceeds(0.0) for shift in shifts) <= 1
+    # Twice as far as three sigmas reach.
+    far = marks.shift_of(compressed(image(0.4 + 0.2 * (scene(4.0, 0.0) - 0.4), 3), 50))
+    assert far is not None
+    assert far.exceeds(0.0)
+
+
+def test_the_beam_itself_is_no_landmark() -> None:
+    assert len(landmarks().rows) > 100
+    near = (np.abs(landmarks().rows - 50) < 4) & (landmarks().columns > 30)
+    assert not near.any()

@@ -1,0 +1,183 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.at_rest.pose import disagreements, learn_rest
+from solver.calibrate import Calibration
+from solver.centreline import Centreline, down_columns
+from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import camera_looking_at
+from tests.simulated import BEAM, rig
+from tests.solver.planes.test_sag import CAMERA
+
+# Whose rows run along the beam.
+LEVEL = replace(
+    CAMERA,
+    camera_from_antenna=camera_looking_at(
+        np.array([0.12, 0.0, 0.36]), np.array([0.12, 0.0, 0.0]), 0.0
+    ),
+)
+SIGMA_PX = 0.01
+# Of the camera LEVEL on plane C [m].
+PIXEL = 1 / float(LEVEL.pixels_per_metre(np.array([[0.12, 0.0, 0.0]]))[0])
+X = np.linspace(0.004, 0.238, 420)
+
+
+def lines(
+    y: np.ndarray, random: np.random.Generator, count: int = 4, camera: Camera = CAMERA
+) -> list[Centreline]:
+    """Images of a beam that lies along y(x) [m] on C: one point a column, with noise."""
+    pixels = camera.project(np.column_stack([X, y, np.zeros_like(X)]))
+    columns = np.arange(np.ceil(pixels[0, 0]), np.floor(pixels[-1, 0]))
+    rows = np.interp(columns, pixels[:, 0], pixels[:, 1])
+    sigma = np.full(len(columns), SIGMA_PX)
+    return [
+        down_columns(
+            np.column_stack([columns, rows + SIGMA_PX * random.standard_normal(len(rows))]), sigma
+        )
+        for _ in range(count)
+    ]
+
+
+def test_a_straight_beam_is_a_line_with_honest_covariance() -> None:
+    random, errors = np.random.default_rng(0), []
+    for _ in range(100):
+        rest = learn_rest(lines(2e-5 + 1e-3 * X, random), Calibration(CAMERA, 0.02), rig())
+        assert rest.straight
+        error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
+        errors.append(error @ np.linalg.solve(rest.line_covariance, error))
+    assert 1.4 < np.mean(errors) < 2.7  # chi^2 of two degrees of freedom: 2 +- 0.2
+
+
+def test_a_bow_is_found_and_told_apart_from_the_clamp() -> None:
+    random = np.random.default_rng(1)
+    bow = 3e-4 * (X / BEAM.length) ** 2
+    rest = learn_rest(lines(1e-3 * X + bow, random), Calibration(CAMERA, 0.02), rig())
+    assert not rest.straight
+    found, sigma = rest.bow_at(X)
+    whole = rest.y_at_clamp + rest.slope * X + found
+    assert np.abs(whole - 1e-3 * X - bow).max() < 2e-6
+    assert sigma.max() < 2e-6
+    # Slope and bow vary together; the line through the curve's error is known far better.
+    assert rest.line_covariance[1, 1] < rest.covariance[1, 1] / 25
+
+
+def test_too_few_columns_are_a_sentence() -> None:
+    few = [down_columns(np.array([[30.0, 250.0], [31.0, 250.0]]), np.full(2, SIGMA_PX))]
+    with pytest.raises(InputError, match="2 columns of the beam, needed are 10"):
+        learn_rest(few, Calibration(CAMERA, 0.02), rig())
+
+
+def test_an_image_in_which_the_beam_bends_is_named() -> None:
+    random = np.random.default_rng(2)
+    four = lines(1e-3 * X, random)
+    touched = four[2].points.copy()
+    touched[:, 1] += 0.5 * np.linspace(0, 1, len(touched)) ** 2
+    four[2] = down_columns(touched, four[2].sigma)
+    off = disagreements(four)
+    assert off[2] == pytest.approx(0.5, abs=0.02)
+    assert not off[[0, 1, 3]].any()
+
+
+def test_noise_alone_is_no_disagreement() -> None:
+    random = np.random.default_rng(3)
+    for _ in range(200):
+        assert not disagreements(lines(1e-3 * X, random)).any()
+
+
+def test_errors_that_repeat_from_image_to_image_count_in_the_covariance() -> None:
+    """They follow the pixel rows: a beam that crosses R rows shows R + 1 of them, at any number.
+
+    What they have in common the line cannot show.
+    """
+    random, chi2 = np.random.default_rng(4), []
+    place = np.linspace(0, BEAM.length, 50)
+    for _ in range(150):
+        slope = random.uniform(4e-3, 9e-3)
+        rows = slope * 455  # the image has 455 columns
+        phase = random.uniform(0, 2 * np.pi)
+        shared = 0.02 * np.sqrt(0.5 / (rows + 1)) * random.standard_normal()
+        wrong = []
+        for line in lines(slope * X, random, camera=LEVEL):
+            points = line.points.copy()
+            points[:, 1] += 0.02 * np.sin(2 * np.pi * points[:, 1] + phase) + shared
+            wrong.append(down_columns(points, line.sigma))
+        rest = learn_rest(wrong, Calibration(LEVEL, 0.02), rig())
+        off = rest.y_at_clamp + (rest.slope - slope) * place + rest.bow_at(place)[0]
+        error = np.polynomial.polynomial.polyfit(place, off, 1)
+        chi2.append(error @ np.linalg.solve(rest.line_covariance, error))
+    # chi^2 of two degrees of freedom; for independent errors alone it is 15.
+    assert 0.5 < np.mean(chi2) < 4.0
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_a_bow_is_found_beside_an_object(together: bool) -> None:
+    """The object moves a third of the points, each by itself or all to one side."""
+    random = np.random.default_rng(5)
+    bow = 3e-4 * (X / BEAM.length) ** 2
+    disturbed = []
+    for line in lines(1e-3 * X + bow, random):
+        points = line.points.copy()
+        third = len(points) // 3
+        each = np.random.default_rng(6).normal(0, 0.12, third)
+        points[third : 2 * third, 1] += 0.08 if together else each
+        disturbed.append(down_columns(points, line.sigma))
+    rest = learn_rest(disturbed, Calibration(CAMERA, 0.02), rig())
+    assert not rest.straight
+    found, _ = rest.bow_at(X)
+    whole = rest.y_at_clamp + rest.slope * X + found
+    assert np.abs(whole - 1e-3 * X - bow).max() < 1e-4
+
+
+def drawn_to_rows(line: Centreline, share: float) -> Centreline:
+    """The line as sharpening shows it: its centres are drawn towards the middles of their rows."""
+    points = line.points.copy()
+    points[:, 1] -= share / (2 * np.pi) * np.sin(2 * np.pi * points[:, 1])
+    return down_columns(points, line.sigma)
+
+
+@pytest.mark.parametrize("slope", [1.5e-3, 2e-3, 3e-3])
+def test_a_bow_that_the_pixel_rows_may_imitate_is_left_open(slope: float) -> None:
+    random = np.random.default_rng(7)
+    shown = [drawn_to_rows(one, 0.9) for one in lines(slope * X, random, camera=LEVEL)]
+    rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
+    assert rest.bow_undecided
+    assert not rest.bow.any()
+    _, sigma = rest.bow_at(X)
+    # The standard deviation about zero of what is uniform up to the bow that the rows imitate.
+    columns = shown[0].points[:, 0]
+    imitated = np.polynomial.Polynomial.fit(columns, shown[0].points[:, 1], 4)(columns)
+    imitated -= np.polynomial.Polynomial.fit(columns, imitated, 1)(columns)
+    imitated = np.abs(imitated).max() * PIXEL
+    assert 0.5 * imitated < np.sqrt(3) * sigma.max() < 2 * imitated
+
+
+def test_a_bow_of_more_than_half_a_pixel_is_none_of_the_rows() -> None:
+    random = np.random.default_rng(8)
+    bow = 4.8 * PIXEL * (X / BEAM.length) ** 2
+    shown = [drawn_to_rows(one, 0.9) for one in lines(2e-3 * X + bow, random, camera=LEVEL)]
+    rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
+    assert rest.bow.any()
+
+
+def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance() -> None:
+    """As those of a demosaiced image of a beam that crosses many rows do."""
+
+    def sigma(alternating: float) -> float:
+        random = np.random.default_rng(9)
+        shown = []
+        for line in lines(0.05 * X, random, camera=LEVEL):
+            points = line.points.copy()
+            points[::2, 1] += alternating
+            points[1::2, 1] -= alternating
+            shown.append(down_columns(points, line.sigma))
+        rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
+        assert rest.straight
+        return float(np.sqrt(rest.line_covariance[1, 1]))
+
+    # As many independent errors of that size would do at most.
+    columns = len(lines(0.05 * X, np.random.default_rng(9), camera=LEVEL)[0].points)
+    independent = 0.1 * PIXEL / BEAM.length * np.sqrt(12 / columns)
+    assert sigma(0.1) < 2 * independent

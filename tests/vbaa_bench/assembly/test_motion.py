@@ -1,0 +1,74 @@
+"""Motion blur: the poses that a frame shows, and that their mean is what they are average_poses."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.instrument.errors import InputError
+from solver.instrument.units import DEGREE
+from tests.conftest import SMALL_SCENE
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.motion import STEP_PX, exposed
+from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.generation.plan import plan
+from vbaa_bench.render.frame import RenderedRadiance, average_poses
+from vbaa_bench.render.layers import Layers
+from vbaa_bench.scene.load import SceneFile, load_scene
+
+MOVING = SMALL_SCENE + "motor_speed_deg_s: 20\nsensor: {rest_images: 2, exposure_s: 0.01}\n"
+
+
+def scene_file(tmp_path: Path, text: str) -> SceneFile:
+    path = tmp_path / "moving.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_scene(path)
+
+
+def pose_of(file: SceneFile) -> tuple[Pose, SceneFile]:
+    work = plan(file)
+    trial = next(iter(work.frame_specs))
+    experiment = Experiment(file.scene, work.rig, trial.push, file.path.parent)
+    return Pose(experiment, trial, experiment.states()[trial.step]), file
+
+
+def test_poses_stand_evenly_about_the_one_asked_for(tmp_path: Path) -> None:
+    text = MOVING.replace("sensor: {rest_images: 2}\n", "", 1)
+    pose, file = pose_of(scene_file(tmp_path, text))
+    poses = exposed(pose, file.scene, pose.experiment.rig)
+    angles = np.array([each.state.pushing_angle for each in poses])
+    middle = len(poses) // 2
+    assert poses[middle] is pose
+    assert angles + angles[::-1] == pytest.approx(2 * angles[middle])
+    # Each stands for an even share of the 0.2 degrees.
+    assert np.diff(angles) * len(poses) == pytest.approx(0.2 * DEGREE, rel=1e-6)
+    tips = np.array([each.state.tip for each in poses])
+    pixel = 0.36 / 700
+    assert np.linalg.norm(np.diff(tips, axis=0), axis=1).max() < 1.5 * STEP_PX * pixel
+    assert len(poses) > 3
+
+
+def test_a_motor_at_rest_blurs_nothing(tmp_path: Path) -> None:
+    pose, file = pose_of(scene_file(tmp_path, SMALL_SCENE))
+    assert exposed(pose, file.scene, pose.experiment.rig) == [pose]
+
+
+def test_blur_has_no_memory(tmp_path: Path) -> None:
+    text = SMALL_SCENE + "motor_speed_deg_s: 20\nobject: {kind: block, friction: 0.2}\n"
+    with pytest.raises(InputError, match="blur is that of a frictionless push"):
+        scene_file(tmp_path, text)
+
+
+def test_pictures_together_are_their_mean() -> None:
+    def flat(value: float) -> RenderedRadiance:
+        image = np.full((2, 3), value)
+        return RenderedRadiance(image, 0.1 * image, Layers.empty(2, 3), image / 10, image)
+
+    one, two, three = (flat(value) for value in (1.0, 2.0, 6.0))
+    mean = average_poses([one, two, three])
+    assert (mean.radiance == 3).all()
+    assert mean.variance == pytest.approx((0.1 + 0.2 + 0.6) / 9)
+    assert mean.layers is two.layers
+    assert (mean.samples == 9).all()
+    assert replace(average_poses([one])) == one

@@ -1,0 +1,112 @@
+"""Worker processes: they say why they cannot start, end with their parent, and bear Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.vbaa_bench.residents import InterruptedAtImport, Resident, broken
+from vbaa_bench.generation.workers import Pool, WorkerStartError, cores
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_a_worker_that_cannot_start_says_why() -> None:
+    with (
+        pytest.raises(WorkerStartError, match="could not start: OSError: the lamp is missing"),
+        Pool(1, broken, (OSError,)) as pool,
+    ):
+        pool.call("pid")
+
+
+def test_an_interrupt_while_workers_start_is_the_parents_alone(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with Pool(1, Resident, (InterruptedAtImport(),)) as pool:
+        assert pool.call("pid") != os.getpid()
+    assert capfd.readouterr().err == ""
+
+
+PARENT = """
+import os, signal
+from tests.vbaa_bench.residents import Resident
+from vbaa_bench.generation.workers import Pool
+
+if __name__ == "__main__":
+    with Pool(1, Resident, ()) as pool:
+        print(pool.call("pid"), flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_workers_end_with_a_parent_that_was_killed() -> None:
+    # The pipe's other end is the workers' too: it is at its end when all of them are.
+    done = subprocess.run(
+        [sys.executable, "-c", PARENT],
+        cwd=ROOT,
+        capture_output=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == -signal.SIGKILL
+    assert int(done.stdout) > 0
+
+
+SCRIPT = """
+from tests.vbaa_bench.residents import Resident
+from vbaa_bench.generation.workers import Pool
+
+with Pool(1, Resident, ()) as pool:
+    print(pool.call("pid") > 0)
+"""
+
+
+def test_workers_start_from_a_plain_script_and_do_not_run_it_again(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+
+
+IMPORTING = """
+import os, signal, sys
+
+class CtrlC:
+    def find_spec(self, name, path=None, target=None):
+        if name == "typer":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, CtrlC())
+from vbaa_bench.cli import main
+"""
+
+
+RUNNING = (
+    IMPORTING.replace('"typer"', '"mitsuba"')
+    + """
+sys.argv = ["vbaa-bench", "score", "dataset"]
+main()
+"""
+)
+
+
+@pytest.mark.parametrize("code", [IMPORTING, RUNNING], ids=["the_command", "what_it_needs"])
+def test_an_interrupt_while_importing_is_no_traceback(code: str) -> None:
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
+def test_only_the_cores_that_may_be_used_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda _pid: {3}, raising=False)
+    monkeypatch.setattr("os.process_cpu_count", lambda: 1, raising=False)
+    assert cores() == 1

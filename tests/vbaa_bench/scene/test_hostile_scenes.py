@@ -1,0 +1,99 @@
+"""Scenes that are damaged or malicious get one sentence each, at once, and never a traceback."""
+
+import os
+import random
+from pathlib import Path
+
+import pytest
+
+from solver.instrument.errors import LONGEST_SHOWN, InputError
+from tests.conftest import SMALL_SCENE
+from vbaa_bench.scene.load import LARGEST_FILE, MOST_MISTAKES, load_scene
+
+ODD = (
+    *("!!float b", "!!set x", "? key: [1]", "%FOO x", "!!omap [1]", "!!int x", "!!binary x"),
+    *("!!timestamp x", "!!pairs x", "!!set {a, b}", "&a [*a]", "<<: [1]", "*a", "? [1]: 2"),
+    *(".nan", "1e999", "9" * 5000, "[" * 30, "{a: " * 30, "- " * 30, "---", "...", "\0", "\t"),
+    *("'", '"', "|", ">", "`", "@", "[", "]", "{", "}", ": ", "#", "~", "null", "\u2028", "\x85"),
+)
+
+
+def refusal(path: Path, text: str) -> str:
+    """What is said of a scene; nothing where it is accepted."""
+    path.write_text(text, encoding="utf-8")
+    try:
+        load_scene(path)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def test_mutated_scenes_are_loaded_or_refused(tmp_path: Path) -> None:
+    chance = random.Random(12)
+    refused = 0
+    for _ in range(300):
+        lines = SMALL_SCENE.split("\n")
+        for _ in range(chance.randint(1, 3)):
+            at = chance.randrange(len(lines))
+            key, _, value = lines[at].partition(":")
+            where = chance.randrange(len(lines[at]) + 1)
+            odd = chance.choice(ODD)
+            lines[at] = chance.choice(
+                [f"{key}: {odd}", odd, f"{lines[at][:where]}{odd}{lines[at][where:]}", value]
+            )
+        refused += bool(refusal(tmp_path / "scene.yaml", "\n".join(lines)))
+    assert 100 < refused < 300
+
+
+def bomb() -> str:
+    """A list of nine values, nine times, nine times ...: 9^9 values in a few hundred bytes."""
+    lines = ["a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    for one, more in zip("abcdefgh", "bcdefghi", strict=True):
+        lines.append(f"{more}: &{more} [{', '.join([f'*{one}'] * 9)}]")
+    return "\n".join(lines) + SMALL_SCENE
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("seed: 11", "seed: !!float b", "could not convert string to float: 'b'"),
+        ("seed: 11", "seed: !!set x", "is not YAML that a scene can hold"),
+        ("seed: 11", "? key: [1]", "is not YAML that a scene can hold"),
+        ("title:", "%FOO x\ntitle:", "is not YAML"),
+        ("seed: 11", f"seed: {'[' * 1000}{']' * 1000}", ":3:1: is nested too deeply"),
+        ("seed: 11", f"seed: {'9' * 5000}", "is not YAML that a scene can hold"),
+        ("seed: 11", "seed: 11\nbeam: &a {beam: *a}", "beam.beam is an unknown key"),
+        ("[10, 20]", "[10, 20]\n  repeats: 1000000000", "repeats is 1000000000, allowed is"),
+        (
+            "[10, 20]",
+            "[10, 20]\n  repeats: 500000",
+            "2 contact distances x 500,000 repeats x 2 steps are 2,000,000 frames, allowed are",
+        ),
+        ("seed: 11", f"seed: {'x' * LARGEST_FILE}", "is too large, allowed are 100,000 bytes"),
+    ],
+)
+def test_hostile_scenes_are_refused_at_the_door(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    found = refusal(tmp_path / "scene.yaml", SMALL_SCENE.replace(old, new))
+    assert said in found
+    assert len(found) < 1000
+
+
+def test_aliases_of_aliases_are_counted(tmp_path: Path) -> None:
+    assert "holds too many values" in refusal(tmp_path / "scene.yaml", bomb())
+
+
+def test_long_values_and_long_lists_of_mistakes_are_shortened(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    assert len(refusal(path, SMALL_SCENE.replace("11", "x" * 50_000))) < 3 * LONGEST_SHOWN
+    assert len(refusal(path, f"{'k' * 500}: 1\n{SMALL_SCENE}")) < 1000
+    lines = refusal(path, SMALL_SCENE.replace("[100, 200]", f"[{'-1,' * 500}]")).splitlines()
+    assert len(lines) == MOST_MISTAKES + 1
+    assert lines[-1].endswith(" more mistakes")
+
+
+def test_a_pipe_is_no_scene(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "scene.yaml")
+    with pytest.raises(InputError, match="it is no file"):
+        load_scene(tmp_path / "scene.yaml")

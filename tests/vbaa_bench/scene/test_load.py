@@ -1,0 +1,216 @@
+from pathlib import Path
+
+import pytest
+
+from solver.instrument.errors import InputError
+from tests.conftest import SMALL_SCENE
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.generation.plan import plan
+from vbaa_bench.scene.load import load_scene
+
+SCENES = sorted((Path(__file__).parents[3] / "scenes").rglob("*.yaml"))
+
+
+def complaints(tmp_path: Path, text: str) -> list[str]:
+    path = tmp_path / "scene.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        plan(load_scene(path))
+    return str(caught.value).replace(str(tmp_path) + "/", "").splitlines()
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_every_scene_is_possible(path: Path) -> None:
+    work = plan(load_scene(path))
+    assert work.frames >= 18
+    assert work.worst_residual < 1e-8
+
+
+def test_fig8_is_the_papers_experiment() -> None:
+    path = next(path for path in SCENES if path.stem == "fig8_rigid")
+    work = plan(load_scene(path))
+    assert work.frames == 270
+    for push in {trial.push for trial in work.frame_specs}:
+        experiment = Experiment(load_scene(path).scene, work.rig, push, path.parent)
+        for goal, state in zip(push.goals, experiment.states(), strict=True):
+            assert 0.03 < state.pushing_angle < 0.2  # about 2 to 11 degrees
+            assert state.tip[1] / work.rig.beam.length == pytest.approx(goal.deflection, rel=1e-12)
+
+
+def test_every_mistake_is_listed_at_its_place(tmp_path: Path) -> None:
+    text = """title: ''
+seed: -1
+beam:
+  lenght_mm: 240
+  diameter_mm: 0
+camera: {roll_deg: abc}
+sensor:
+  bits: 9
+pushes:
+  contact_distance_mm: [60, -1]
+  deflection_pct: [10]
+layers: [dept]
+extra: 1
+"""
+    found = complaints(tmp_path, text)
+    assert found == [
+        "scene.yaml:1:1: title is '', allowed is a text of at least 1",
+        "scene.yaml:2:1: seed is -1, allowed is a whole number >= 0 < 9223372036854775808",
+        "scene.yaml:10:29: pushes.contact_distance_mm[1] is -1, "
+        "allowed is a number >= 1e-06 <= 1e+06",
+        "scene.yaml:5:3: beam.diameter_mm is 0, allowed is a number >= 1e-06 <= 1e+06",
+        "scene.yaml:4:3: beam.lenght_mm is an unknown key; did you mean length_mm?",
+        "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number >= -45 <= 45",
+        "scene.yaml:8:3: sensor.bits is 9, allowed is one of 8, 10, 12, 14, 16",
+        "scene.yaml:12:10: layers[0] is 'dept', allowed is one of radiance, variance, beam_mask, "
+        "coverage, arc_length, depth, normal, object_index, occlusion",
+        "scene.yaml:13:1: extra is an unknown key; known are title, seed, pushes, sampling, "
+        "mechanics, beam, gravity_m_s2, adaptor_mm, tolerances, camera, optics, "
+        "motor_speed_deg_s, calibration, light, lights, "
+        "background, object, second_peg, occlusion, hub, sensor, moment_sensor, force_sensor, "
+        "render, layers, frames_per_shard",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[100, 200]", "[100, 240]", "contact_distance_mm[1] is 240, allowed is before"),
+        ("[100, 200]", "[100, 239.9]", "is 239.9, pushed to 10 %, 20 %: the beam slips off"),
+        ("[100, 200]", "[2.5, 100]", "is 2.5, allowed is beyond the hub's radius of 3 mm"),
+        ("square_mm: 10", "square_mm: 20", "does not see the whole board in view 0"),
+        ("height_px: 176", "height_px: 60", "does not see the whole beam"),
+        ("[10, 20]", "[10, 59]", "MPa; push less, or set allow_above_yield: true"),
+        ("rows: 5", "rows: 6", "one must be even and one odd"),
+        ("deflection_pct: [10, 20]", "repeats: 2", "exactly one of deflection_pct and"),
+        ("deflection_pct: [10, 20]", "deflection_pct: []", "is empty"),
+        ("title: Four pushes for the tests\n", "", "title is missing"),
+        ("seed: 11", "seed: 11\nseed: 12", "is not YAML"),
+        ("pushes:", "pushes: [", "is not YAML"),
+        ("seed: 11", "seed: .nan", "seed is nan"),
+        ("seed: 11", "seed: yes", "seed is 'yes'"),  # YAML 1.2: yes is a text
+        ("seed: 11", "seed: 11\n1: 2", "Keys should be strings"),
+        ("[100, 200]", "[100, 250.2]", "contact_distance_mm[1] is 250.2, allowed is before"),
+        ("look_at_mm: [120.6, 22.0, 0.0]", "look_at_mm: [0, 22.0, 360.0]", "beam's own direction"),
+        ("look_at_mm: [120.6, 22.0, 0.0]", "look_at_mm: [120, 22, 720]", "look away from the beam"),
+        ("position_mm: [120.0, 22.0, 360.0]", "position_mm: [120, 22, 500]", "0 < camera < light"),
+        (
+            "position_mm: [120.0, 22.0, 360.0]",
+            "position_mm: [120, 22]",
+            "camera.position_mm[2] is missing",
+        ),
+        ("width_px: 512", "width_px: 512\n  focal_length_px: 60", "px wide, allowed is >= 0.25"),
+        ("seed: 11", "seed: 11\nbeam: {youngs_modulus_gpa: 1e300}", "<= 1e+06"),
+        (
+            "seed: 11",
+            "seed: 11\nobject: {kind: ball}",
+            "4:10: object.kind is 'ball', allowed is one of block, cylinder, peg, sphere, ",
+        ),
+        ("seed: 11", "seed: 11\nobject: {side_mm: 5}", "object.kind is missing, allowed is one of"),
+        (
+            "seed: 11",
+            "seed: 11\nobject: {kind: sphere, radius: 5}",
+            "object.radius is an unknown key; did you mean radius_mm?",
+        ),
+        (
+            "seed: 11",
+            "seed: 11\nobject: {kind: sphere, radius_mm: -5}",
+            "object.radius_mm is -5, allowed is a number >= 1e-06 <= 1e+06",
+        ),
+        (
+            "[10, 20]",
+            "[10, 20]\n  stiffness_n_m: [soft]",
+            "pushes.stiffness_n_m[0] is 'soft', allowed is a number >= 1e-06 <= 1e+06 or rigid",
+        ),
+        ("seed: 11", "seed: 11\nobject: {kind: wall, gap_mm: 5}", "but for a wall, which has none"),
+        ("seed: 11", "seed: 11\nobject: {kind: none}", "nothing is touched: pushing_angle_deg"),
+        ("seed: 11", "seed: 11\nmechanics: linear\nobject: {kind: peg}", "which knows nothing of"),
+        ("seed: 11", "seed: 11\nbeam: {section: strip}", "section strip with aspect 1"),
+        ("seed: 11", "seed: 11\nsampling: {count: 5}", "sampling.contact_distance_mm is missing"),
+        ("seed: 11", "seed: 11\nocclusion: {kind: [bars, leaves]}", "removed and one of sheet"),
+        (
+            "seed: 11",
+            "seed: 11\nobject: {kind: mesh, file: none.stl}",
+            "none.stl: cannot be read",
+        ),
+        (
+            "seed: 11",
+            "seed: 11\nobject: {kind: sphere, radius_mm: 10}",
+            "the beam would slip off the sphere sideways",
+        ),
+        (
+            "[10, 20]",
+            "[10, 20]\n  normal_deg: [-70]",
+            "the beam slides off the end of the object",
+        ),
+        ("width_px: 512", "width_px: 512\n  projection: telecentric", "magnification_px_per_mm"),
+    ],
+)
+def test_impossible_scenes_are_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
+    text = SMALL_SCENE
+    if "push less" in said:  # the whole beam in view, and a contact near the clamp
+        text = text.replace("[100, 200]", "[20, 100]").replace("height_px: 176", "height_px: 500")
+    found = complaints(tmp_path, text.replace(old, new))
+    assert any(said in line for line in found), found
+    assert all(line.startswith("scene.yaml:") for line in found)
+
+
+def test_above_yield_is_allowed_when_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    text = SMALL_SCENE.replace("[100, 200]", "[20]").replace("[10, 20]", "[40]")
+    text = text.replace("height_px: 176", "height_px: 400")
+    path.write_text(text + "beam: {allow_above_yield: true}\n", encoding="utf-8")
+    assert plan(load_scene(path)).frames == 1
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        load_scene(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_scene(tmp_path)
+    path = tmp_path / "scene.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8"):
+        load_scene(path)
+    path.write_text("- a list\n", encoding="utf-8")
+    with pytest.raises(InputError, match="allowed is a mapping"):
+        load_scene(path)
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        "{kind: area, position_mm: [120, 20, 200]}",
+        # Below the camera, it hides the tip alone.
+        "{kind: area, position_mm: [180, 20, 200], size_mm: [60, 60]}",
+        "{kind: side, azimuth_deg: 0, elevation_deg: 89, distance_mm: 200}",
+    ],
+)
+def test_a_lamp_before_the_camera_is_refused(tmp_path: Path, lamp: str) -> None:
+    extra = f"lights:\n  - {{kind: ring}}\n  - {lamp}\n"
+    assert complaints(tmp_path, SMALL_SCENE + extra) == [
+        f"scene.yaml:{SMALL_SCENE.count(chr(10)) + 3}:5: lights[1] stands between the camera and "
+        "the beam or the board, allowed is out of its sight"
+    ]
+
+
+def test_a_telecentric_camera_looks_along_parallel_lines(tmp_path: Path) -> None:
+    camera = "projection: telecentric\n  magnification_px_per_mm: 1.9\n  height_px: 176"
+    text = SMALL_SCENE.replace("height_px: 176", camera)
+    lamp = "lights: [{kind: area, position_mm: [X, 20, 200], size_mm: [60, 60]}]\n"
+    (message,) = complaints(tmp_path, text + lamp.replace("X", "230"))
+    assert "lights[0] stands between" in message
+    path = tmp_path / "beside.yaml"
+    path.write_text(text + lamp.replace("X", "290"), encoding="utf-8")
+    assert plan(load_scene(path)).frames == 4
+
+
+def test_the_motor_angles_of_first_contact_are_a_range(tmp_path: Path) -> None:
+    for ends, said in [
+        ("[5, -5]", "motor_angle_at_contact_deg is [5.0, -5.0], allowed is a range from low"),
+        ("7", "motor_angle_at_contact_deg is 7"),
+    ]:
+        (message,) = complaints(tmp_path, SMALL_SCENE.replace(
+            "pushes:\n", f"pushes:\n  motor_angle_at_contact_deg: {ends}\n"
+        ))  # fmt: skip
+        assert said in message

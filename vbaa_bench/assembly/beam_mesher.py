@@ -1,0 +1,63 @@
+"""Meshes of the beam's surface, as fine as the camera resolves."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import trimesh
+from scipy.interpolate import CubicSpline
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.geometry.rings import facets, ring_count, rings
+from vbaa_bench.geometry.tube import arc_length_of_vertices, strip, tube
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.scene.rigs import TrueRig
+from vbaa_bench.scene.schema import Scene
+
+# Scenes that allow stress above yield are meshed for this multiple of the curvature at yield.
+_ABOVE_YIELD = 4.0
+
+
+@dataclass(frozen=True)
+class BeamMesher:
+    """Mesher of one scene's beam; all meshes have the same topology."""
+
+    scene: Scene
+    rig: TrueRig
+
+    def mesh(self, state: State) -> tuple[trimesh.Trimesh, Floats]:
+        """Build the mesh in the clamp's frame [m], and the arc length [m] of its vertices."""
+        spec, beam = self.scene.beam, self.rig.beam
+        line, director = state.centreline, state.director
+        s = rings(line[:, 0], line[:, 1:], self._rings)
+        points = CubicSpline(line[:, 0], line[:, 1:])(s)
+        across = None if director is None else CubicSpline(line[:, 0], director)(s)
+        if spec.section == "strip":
+            assert across is not None
+            width = spec.aspect * beam.diameter
+            return strip(points, across, beam.diameter, width), arc_length_of_vertices(s, 4)
+        radius = beam.radius * (1 + (spec.tip_ratio - 1) * s / beam.length)
+        skin = tube(points, radius, self._facets, across, spec.aspect)
+        return skin, arc_length_of_vertices(s, self._facets)
+
+    @cached_property
+    def _facets(self) -> int:
+        beam = self.scene.beam
+        thickest = self.rig.beam.radius * max(beam.aspect, 1.0) * max(beam.tip_ratio, 1.0)
+        return facets(thickest, self._tolerance)
+
+    @cached_property
+    def _rings(self) -> int:
+        beam, spec = self.rig.beam, self.scene.beam
+        thinnest = beam.radius * min(spec.tip_ratio, 1.0)
+        sharpest = spec.yield_stress_mpa * 1e6 / (spec.youngs_modulus_gpa * 1e9 * thinnest)
+        if spec.allow_above_yield:
+            sharpest *= _ABOVE_YIELD
+        return min(ring_count(beam.length, sharpest, self._tolerance), spec.pieces + 1)
+
+    @property
+    def _tolerance(self) -> float:
+        """Mesh tolerance at the beam's middle [m], from the scene's tolerance in pixels."""
+        middle = np.array([[self.rig.beam.length / 2, 0.0, 0.0]])
+        pixel = 1 / float(self.rig.camera.pixels_per_metre(middle)[0])
+        return self.scene.render.mesh_tolerance_px * pixel

@@ -1,0 +1,203 @@
+"""A scene's objects as contact surfaces, for mechanics, and as meshes, for rendering."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import rigid
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.geometry import objects
+from vbaa_bench.geometry.mesh_file import read_mesh, touching
+from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid, Surface, ball, upright
+from vbaa_bench.scene.objects import (
+    BlockSpec,
+    CylinderSpec,
+    KnifeEdgeSpec,
+    MeshSpec,
+    NothingSpec,
+    ObjectSpec,
+    PadSpec,
+    PegSpec,
+    PlungerSpec,
+    SphereSpec,
+    UprightSpec,
+    WallSpec,
+)
+
+# Allowed extent of a mesh, in beam radii. Outside this range a wrong unit is likely.
+SMALLEST, LARGEST = 0.5, 2000.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """An object of a scene for a beam of radius `beam_radius` [m].
+
+    It stands on the `ground` [m], unless its spec sets its bottom. A mesh file is looked up
+    relative to `folder`.
+    """
+
+    spec: ObjectSpec
+    beam_radius: float
+    ground: float
+    folder: Path
+
+    @property
+    def _heights(self) -> tuple[float, float]:
+        """Bottom and top [m] of an upright object."""
+        assert isinstance(self.spec, UprightSpec)
+        bottom = self.spec.bottom_mm
+        return (
+            self.ground if bottom is None else bottom * MILLIMETRE,
+            self.spec.top_mm * MILLIMETRE,
+        )
+
+    def surface(self) -> Surface:
+        """Build the contact surface in the object's frame. Raises InputError if a mesh is bad."""
+        match self.spec:
+            case CylinderSpec() | PegSpec():
+                return upright(self.spec.radius_mm * MILLIMETRE)
+            case PlungerSpec():
+                return upright(self.spec.nose_radius_mm * MILLIMETRE)
+            case PadSpec():
+                return upright(self.spec.face_radius_mm * MILLIMETRE)
+            case SphereSpec():
+                return ball(self.spec.radius_mm * MILLIMETRE)
+            case WallSpec():
+                return Flat()
+            case MeshSpec():
+                return Solid(self.mesh(0.0))
+            case BlockSpec() | KnifeEdgeSpec() | NothingSpec():
+                return upright()
+
+    def misses(self, touched: Floats, tangent: Floats) -> str | None:
+        """Explain why a beam cannot touch the object at a point (3,) [m] with a given tangent.
+
+        Both are in the object's frame. Mechanics models an infinite edge, cylinder or wall. Return
+        None if the beam can touch the finite object there.
+        """
+        mm, spec, x, z = MILLIMETRE, self.spec, float(touched[0]), float(touched[2])
+        low, high, half, flank = -np.inf, np.inf, np.inf, np.pi / 2
+        match spec:
+            case KnifeEdgeSpec():
+                low, high = -spec.length_mm * mm / 2, spec.length_mm * mm / 2
+                flank = np.pi / 2 - spec.half_angle_deg * DEGREE
+            case BlockSpec():
+                flank = np.pi / 4
+            case WallSpec():
+                half = spec.length_mm * mm / 2
+            case PadSpec():
+                half = spec.width_mm * mm / 2
+        if isinstance(spec, UprightSpec):
+            low, high = self._heights
+        if not low <= z <= high:
+            return (
+                f"the beam slides off the end of the object, to {z / mm:.3g} mm along its edge, "
+                f"allowed is {low / mm:.4g} to {high / mm:.4g} mm"
+            )
+        if abs(x) > half:
+            return (
+                f"the beam touches {abs(x) / mm:.4g} mm from the object's middle, "
+                f"allowed is up to {half / mm:.4g} mm"
+            )
+        lean = abs(float(np.arctan2(tangent[1], tangent[0])))
+        if lean > flank:
+            return (
+                f"the beam leans by {lean / DEGREE:.3g} degrees, into the object's flank, "
+                f"allowed is {flank / DEGREE:.3g}"
+            )
+        return None
+
+    def mesh(self, give: float, slope: float = 0.0) -> trimesh.Trimesh:
+        """Build the mesh for rendering, in the object's frame [m].
+
+        The object is deformed by `give` [m] by a beam of the given slope against its x axis.
+        """
+        mm, spec = MILLIMETRE, self.spec
+        match spec:
+            case BlockSpec():
+                return objects.block(spec.side_mm * mm, *self._heights)
+            case CylinderSpec() | PegSpec():
+                return objects.cylinder(spec.radius_mm * mm, *self._heights)
+            case SphereSpec():
+                return objects.sphere(spec.radius_mm * mm)
+            case KnifeEdgeSpec():
+                return objects.knife_edge(
+                    spec.length_mm * mm, spec.depth_mm * mm, spec.half_angle_deg * DEGREE
+                )
+            case WallSpec():
+                return objects.wall(
+                    spec.length_mm * mm,
+                    spec.thickness_mm * mm,
+                    *self._heights,
+                )
+            case PlungerSpec():
+                return objects.plunger(
+                    spec.nose_radius_mm * mm,
+                    give,
+                    spec.free_length_mm * mm,
+                    *self._heights,
+                )
+            case PadSpec():
+                return objects.pad(
+                    spec.width_mm * mm,
+                    spec.thickness_mm * mm,
+                    spec.face_radius_mm * mm,
+                    *self._heights,
+                    give,
+                    self.beam_radius,
+                    slope,
+                )
+            case MeshSpec():
+                return _from_file(
+                    self.folder / spec.file, spec.unit_mm * mm, self.beam_radius
+                ).copy()
+            case NothingSpec():
+                raise ValueError("nothing has no mesh")
+
+
+@lru_cache(maxsize=4)
+def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
+    """Read a mesh and move its first point of contact with a beam along x to its frame's origin.
+
+    Raises InputError if its size is implausible.
+    """
+    mesh = touching(read_mesh(path, unit), beam_radius)
+    extent = float(mesh.extents.max())
+    if not SMALLEST * beam_radius < extent < LARGEST * beam_radius:
+        raise InputError(
+            f"{path}: is {extent / MILLIMETRE:.4g} mm across, before a beam of "
+            f"{2 * beam_radius / MILLIMETRE:.4g} mm; does object.unit_mm say what its numbers mean?"
+        )
+    low, high = (float(x) for x in mesh.bounds[:, 0])
+    along = np.linspace(low, high, 1001)
+    beam = np.column_stack([along, np.full(1001, beam_radius), np.zeros(1001)])
+    touched = Solid(mesh).touched_by(beam)
+    assert isinstance(touched, Line | Ball)
+    at = touched.point
+    if isinstance(touched, Line):  # the point on the edge that is nearest to the beam
+        across = touched.direction[1:]
+        size = float(across @ across)
+        share = float((beam[0, 1:] - at[1:]) @ across) / size if size > 0 else 0.0
+        at = at + share * touched.direction
+    mesh.apply_translation([-at[0], 0.0, 0.0])
+    return mesh
+
+
+def place(at: Floats, tangent: Floats, tilt: float, reach: float) -> Floats:
+    """Compute world_from_object (4, 4) of an object that touches the beam at rest.
+
+    The beam's centreline passes through `at` (3,) [m] along `tangent` (3,). The object's edge, its
+    z axis, is tilted by `tilt` [rad] from upright; its outward normal is perpendicular to both. The
+    beam's surface is `reach` [m] from the centreline.
+    """
+    edge = np.array([0.0, -np.sin(tilt), np.cos(tilt)])
+    outward = np.cross(edge, tangent)
+    outward /= np.linalg.norm(outward)
+    pose = rigid(np.zeros(3), at - reach * outward)
+    pose[:3, :3] = np.column_stack([np.cross(outward, edge), outward, edge])
+    return pose

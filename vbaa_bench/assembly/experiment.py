@@ -1,0 +1,252 @@
+"""Mechanics of one push of a scene: the rod, the motor and the obstacles."""
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import apply, invert
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.assembly.bodies import Body, place
+from vbaa_bench.mechanics import linear, planar
+from vbaa_bench.mechanics.contact import Obstacle
+from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
+from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.mechanics.surfaces import Line, upright
+from vbaa_bench.scene.objects import NothingSpec, PadSpec, PlungerSpec, WallSpec
+from vbaa_bench.scene.rigs import TrueRig, nominal_rig
+from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.trials import Push
+
+LINEAR = "linear, eqs. (9) and (10)"
+PLANAR = "exact, planar: round, weightless, frictionless"
+SPATIAL = "exact, in space"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A push of a scene with its true rig. `folder` contains the files that the scene names."""
+
+    scene: Scene
+    rig: TrueRig
+    push: Push
+    folder: Path
+
+    @cached_property
+    def rod(self) -> Rod:
+        """The beam with the scene's section, taper, weight, bow and extensibility."""
+        spec, beam = self.scene.beam, self.rig.beam
+        strip = spec.section == "strip"
+        area = (4.0 if strip else np.pi) * beam.radius**2 * spec.aspect
+        linear_density = spec.density_kg_m3 * area
+        x, y, z = self.push.gravity
+        return Rod(
+            beam,
+            shape="rectangle" if strip else "ellipse",
+            aspect=spec.aspect,
+            section_angle=spec.section_angle_deg * DEGREE,
+            tip_ratio=spec.tip_ratio,
+            weight=(linear_density * x, linear_density * y, linear_density * z),
+            bow=(8 * spec.bow_mm * MILLIMETRE / beam.length**2, 0.0),
+            extensible=spec.extensible,
+        )
+
+    @cached_property
+    def motor(self) -> Motor:
+        """The motor shaft; the clamp may be offset from its axis."""
+        x, y, z = (-v * MILLIMETRE for v in self.scene.adaptor_mm)
+        return Motor(point=(x, y, z))
+
+    @cached_property
+    def body(self) -> Body:
+        """The touched object."""
+        # If the beam sags, the object's frame moves with it; the ground does not.
+        place, _ = self._resting_at(self.push.contact_distance or 0.0)
+        ground = self.ground - float(place[2])
+        return Body(self.scene.object, self.rig.beam.radius, ground, self.folder)
+
+    @property
+    def ground(self) -> float:
+        """Height [m] of the background."""
+        return -self.scene.background.distance_mm * MILLIMETRE
+
+    @cached_property
+    def rest(self) -> State:
+        """The beam before contact."""
+        return rest(self.rod, self.scene.beam.pieces)
+
+    @property
+    def youngs_modulus(self) -> float:
+        """The true Young's modulus [Pa], in proportion to the beam's true flexural rigidity."""
+        nominal = nominal_rig(self.scene).beam.flexural_rigidity
+        true = self.rig.beam.flexural_rigidity
+        return self.scene.beam.youngs_modulus_gpa * 1e9 * true / nominal
+
+    @cached_property
+    def obstacles(self) -> list[Obstacle]:
+        """The object in its position, and the second peg if there is one."""
+        obstacles = [self._obstacle()]
+        peg = self.scene.second_peg
+        if peg is not None:
+            at, tangent = self._resting_at(peg.distance_mm * MILLIMETRE)
+            gap = (peg.gap_mm * MILLIMETRE) * np.array([0.0, 1.0, 0.0])
+            reach = self.rod.reach(peg.distance_mm * MILLIMETRE, np.pi)
+            # The peg is on the other side of the beam, so the tangent is reversed.
+            there = place(at + gap, -tangent, 0.0, reach)
+            obstacles.append(Obstacle(upright(peg.radius_mm * MILLIMETRE), there))
+        return obstacles
+
+    @property
+    def model(self) -> str:
+        """Name of the mechanical model that solves this push."""
+        if self.scene.mechanics == "linear":
+            return LINEAR
+        scene, first = self.scene, self.obstacles[0]
+        straight = isinstance(first.surface, Line) and self.push.normal == 0
+        drifts = any(getattr(scene.object, "drift_mm", ()))
+        bare = not (first.friction or drifts or scene.second_peg or any(scene.adaptor_mm))
+        return PLANAR if self.rod.plain and straight and bare else SPATIAL
+
+    def states(self) -> list[State]:
+        """Solve the equilibria of the push, one per step.
+
+        Raises EquilibriumError, and InputError for an object that is impossible or cannot deform
+        that far.
+        """
+        states = self._states()
+        gives = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
+        if isinstance(self.scene.object, PlungerSpec | PadSpec):  # check size and give
+            self.body.mesh(max(gives, default=0.0))
+        if not isinstance(self.scene.object, NothingSpec):
+            self._clear_of_hub()
+        for step, state in enumerate(states):
+            for contact in state.contacts[:1]:
+                object_from_clamp = invert(self.clamp_from_object(state, step))
+                touched = apply(object_from_clamp, (contact.point + contact.lever)[None])[0]
+                tangent = object_from_clamp[:3, :3] @ contact.tangent
+                reason = self.body.misses(touched, tangent)
+                if reason is not None:
+                    raise EquilibriumError(f"at {self.push.goals[step]} {reason}")
+        return states
+
+    def _clear_of_hub(self) -> None:
+        """Raise EquilibriumError if the object overlaps the hub about the motor's axis."""
+        first, hub = self.obstacles[0], self.scene.hub.radius_mm * MILLIMETRE
+        axis = apply(invert(first.world_from_object), np.array([self.motor.point]))[0]
+        clear, _ = first.surface.distance(axis)
+        # The distance to a sharp edge does not account for the object's width behind it.
+        edge = isinstance(first.surface, Line) and first.surface.radius == 0
+        if (abs(clear) if edge else clear) < hub:
+            raise EquilibriumError(
+                f"the object stands {clear / MILLIMETRE:.4g} mm from the motor's axis, "
+                f"allowed is beyond the hub's radius of {hub / MILLIMETRE:g} mm"
+            )
+
+    def _states(self) -> list[State]:
+        model, goals, pieces = self.model, self.push.goals, self.scene.beam.pieces
+        distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
+        if model == SPATIAL:
+            return push(self.rod, self.motor, self.obstacles, distance, self.steps, pieces)
+        if model == LINEAR:
+            solve = partial(linear.push, normal_angle=self.push.normal)
+        else:
+            assert isinstance(first.surface, Line)
+            solve = partial(planar.push, object_radius=first.surface.radius)
+        states = []
+        for goal in goals:
+            angle = goal.pushing_angle
+            if angle is not None and angle <= 0:
+                states += push(self.rod, self.motor, [first], distance, [Step(angle)], pieces)
+            else:
+                states.append(
+                    solve(
+                        self.rig.beam,
+                        distance,
+                        deflection=goal.deflection,
+                        pushing_angle=angle,
+                        compliance=first.compliance,
+                        intervals=pieces,
+                    )
+                )
+        return states
+
+    @cached_property
+    def steps(self) -> list[Step]:
+        """The goals of the push, with the object's drift at each."""
+        x, y, z = (v * MILLIMETRE for v in getattr(self.scene.object, "drift_mm", (0, 0, 0)))
+        return [
+            Step(goal.pushing_angle, goal.deflection, (i * x, i * y, i * z))
+            for i, goal in enumerate(self.push.goals)
+        ]
+
+    def clamp_from_object(self, state: State, step: int, index: int = 0) -> Floats:
+        """Compute clamp_from_object (4, 4) of an obstacle, displaced as the beam has pushed it."""
+        obstacle = self.obstacles[index]
+        world = self.motor.clamp_from_world(state.pushing_angle, self.steps[step].drift)
+        pose = world @ obstacle.world_from_object
+        for contact in state.contacts:
+            if contact.obstacle != index:
+                continue
+            if self.scene.mechanics == "linear":
+                # Use the contact of linear theory, which a rigid rotation does not reproduce.
+                across = contact.normal - (contact.normal @ contact.tangent) * contact.tangent
+                across *= self.rig.beam.radius / np.linalg.norm(across)
+                pose[:3, 3] = contact.point - across
+            else:
+                pose[:3, 3] += contact.object_shift
+        return pose
+
+    def touched_mesh(self, state: State, step: int) -> trimesh.Trimesh:
+        """Build the object's mesh as deformed by the beam, in the clamp's frame [m]."""
+        pose = self.clamp_from_object(state, step)
+        give, slope = 0.0, 0.0
+        if state.contacts:
+            give = float(np.linalg.norm(state.contact.object_shift))
+            along, up, _ = pose[:3, :3].T @ state.contact.tangent
+            slope = float(up / along)
+        mesh = self.body.mesh(give, slope)
+        mesh.vertices = apply(pose, np.asarray(mesh.vertices))
+        return mesh
+
+    def clamp_from_world(self, motor_angle: float) -> Floats:
+        """Compute clamp_from_world (4, 4) at a motor angle [rad]."""
+        return self.motor.clamp_from_world(-motor_angle, (0.0, 0.0, 0.0))
+
+    def camera_frame_from_clamp(self, motor_angle: float) -> Floats:
+        """Compute camera_frame_from_clamp (4, 4) at a motor angle [rad].
+
+        The camera is fixed in this frame: the clamp's or the world's, depending on its mount.
+        """
+        if self.scene.camera.mount == "antenna":
+            return np.eye(4)
+        return invert(self.clamp_from_world(motor_angle))
+
+    def _obstacle(self) -> Obstacle:
+        spec = self.scene.object
+        if isinstance(spec, WallSpec):
+            at = np.array([self.rig.beam.length / 2, -spec.gap_mm * MILLIMETRE, 0.0])
+            tangent = np.array([1.0, 0.0, 0.0])
+        else:
+            at, tangent = self._resting_at(self.push.contact_distance or 0.0)
+        reach = self.rod.reach(self.push.contact_distance or 0.0, self.push.normal)
+        there = place(at, tangent, self.push.normal, reach)
+        friction = 0.0 if isinstance(spec, NothingSpec) else spec.friction
+        return Obstacle(
+            self.body.surface(),
+            there,
+            compliance=self.push.compliance,
+            spring=there[:3, 1],
+            friction=friction,
+        )
+
+    def _resting_at(self, s: float) -> tuple[Floats, Floats]:
+        """Interpolate point and tangent (3,) of the beam at rest at arc length `s` [m]."""
+        line = self.rest.centreline
+        at = np.array([np.interp(s, line[:, 0], line[:, i]) for i in (1, 2, 3)])
+        i = int(np.clip(np.searchsorted(line[:, 0], s), 1, len(line) - 1))
+        step = line[i, 1:] - line[i - 1, 1:]
+        return at, step / np.linalg.norm(step)

@@ -1,0 +1,296 @@
+"""Assembly of a scene's meshes, lights and camera into worlds that can be rendered."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import apply, rigid
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.assembly.beam_mesher import BeamMesher
+from vbaa_bench.assembly.bodies import Body
+from vbaa_bench.assembly.cover import hidden_stretch, occluder
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.geometry.board import board, squares
+from vbaa_bench.geometry.ground import chequered_side
+from vbaa_bench.geometry.objects import adaptor, hub, sheet
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.lights import Light
+from vbaa_bench.render.materials import Texture
+from vbaa_bench.render.optics import Lens
+from vbaa_bench.render.textures import graded, grown
+from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.scene.objects import NothingSpec, PegSpec
+from vbaa_bench.scene.paint import PaintedPart
+from vbaa_bench.scene.rigs import TrueRig, nominal_rig
+from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.trials import FrameSpec, random_generator
+
+_GROUND = {"background", "background_squares"}
+# Reflectance of the board's card and of the ink on it.
+WHITE, BLACK = 0.7, 0.04
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One frame to be rendered: a step of a push, and its state.
+
+    A cover is placed for the state `covered`, if that is given.
+    """
+
+    experiment: Experiment
+    trial: FrameSpec
+    state: State
+    covered: State | None = None
+
+    @property
+    def motor_angle(self) -> float:
+        """True motor angle [rad]."""
+        return self.trial.motor_angle(self.state.pushing_angle)
+
+    @property
+    def camera_frame_from_clamp(self) -> Floats:
+        """Transform (4, 4) from the clamp's frame to the frame in which the camera is fixed."""
+        return self.experiment.camera_frame_from_clamp(self.motor_angle)
+
+    @property
+    def hidden(self) -> tuple[float, float] | None:
+        """The stretch [m] of the beam that is covered or removed."""
+        scene = self.experiment.scene
+        random = random_generator(scene, "cover", self.trial.index)
+        length = scene.beam.length_mm * MILLIMETRE
+        return hidden_stretch(self.trial.cover, self.covered or self.state, length, random)
+
+
+@dataclass(frozen=True)
+class SceneAssembler:
+    """Assembler of worlds of one scene's true rig, in the frame in which the camera is fixed."""
+
+    scene: Scene
+    rig: TrueRig
+    folder: Path
+
+    def rest(self, experiment: Experiment) -> World:
+        """Build the world of the beam at rest, without an object."""
+        return self._world(dict(self._standing(experiment, experiment.rest, 0.0)))
+
+    def bench(self, pose: Pose) -> World:
+        """Build the world of the beam pushed against its object."""
+        surfaces = self._surfaces(pose)
+        # The beam comes first: its index in the truth layers is 1.
+        surfaces = {"beam": surfaces.pop("beam"), **surfaces}
+        return self._world(surfaces)
+
+    def _surfaces(self, pose: Pose) -> dict[str, Surface]:
+        standing = self._standing(pose.experiment, pose.state, pose.motor_angle)
+        return {**dict(self.things(pose)), **dict(standing)}
+
+    def repose(self, world: World, pose: Pose) -> None:
+        """Move the vertices of a world, made by `bench`, to another pose."""
+        surfaces = self._surfaces(pose)
+        moving = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
+        world.move(moving, surfaces["beam"].arc_length)
+
+    def centreline(self, pose: Pose) -> Floats:
+        """Compute the beam's arc length and position (n, 4) [m] in the fixed camera's frame."""
+        line = pose.state.centreline
+        return np.column_stack(
+            [line[:, 0], apply(self._stage(pose.experiment, pose.motor_angle), line[:, 1:])]
+        )
+
+    def card(self, view: int) -> World:
+        """Build the world of the calibration board: in plane C in view 0, tilted in the others."""
+        antenna_from_board = self.rig.antenna_from_board @ self._tilt(view)
+        white, black = board(nominal_rig(self.scene).board)
+        for cells in (white, black):
+            cells.vertices = apply(antenna_from_board, np.asarray(cells.vertices))
+        surfaces = {"white": Surface(white, WHITE), "black": Surface(black, BLACK)}
+        # A luminous panel would be at the board's position.
+        return self._world(surfaces, lights(self.scene, self.folder, panels=False))
+
+    def _tilt(self, view: int) -> Floats:
+        """Draw a view's board pose relative to view 0: tilted about its own x and y axes."""
+        if view == 0:
+            return np.eye(4)
+        random = random_generator(self.scene, "board view", view)
+        most = self.scene.calibration.tilt_deg * DEGREE
+        # Tilt directions are spread evenly, and no tilt is near zero, as in careful calibration.
+        share = (view + random.uniform(-0.2, 0.2)) / (self.scene.calibration.views - 1)
+        compass = 2 * np.pi * share
+        lean = most * random.uniform(0.7, 1.0)
+        axis = np.array([np.cos(compass), np.sin(compass), 0.0])
+        # Tilting brings one side nearer to the camera; lower the card so that it stays in view.
+        away = random.uniform(0.12, 0.2) * self.scene.camera.position_mm[2] * MILLIMETRE
+        return rigid(lean * axis, np.array([0.0, 0.0, -away]))
+
+    def _standing(
+        self, experiment: Experiment, state: State, motor_angle: float
+    ) -> Iterator[tuple[str, Surface]]:
+        """Yield the surfaces of the antenna and of the background."""
+        scene, spec = self.scene, self.scene.beam
+        stage = self._stage(experiment, motor_angle)
+        steel, arc_length = self._skin.mesh(state)
+        yield "beam", replace(_painted(_set(steel, stage), spec), arc_length=arc_length)
+        clamp, mm = scene.hub, MILLIMETRE
+        bottom = experiment.ground if clamp.bottom_mm is None else clamp.bottom_mm * mm
+        shaft = hub(clamp.radius_mm * mm, bottom, clamp.top_mm * mm)
+        offset = np.array(scene.adaptor_mm) * mm
+        if offset.any():
+            shaft.apply_translation(-offset)
+            arm = adaptor(offset, clamp.radius_mm * mm / 2)
+            yield "adaptor", _painted(_set(arm, stage), clamp)
+        yield "hub", _painted(_set(shaft, stage), clamp)
+        yield from self._background(experiment, motor_angle)
+
+    def things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
+        """Yield the surfaces that the beam is pushed against, and the occluder."""
+        experiment, state, scene = pose.experiment, pose.state, self.scene
+        stage, top = self._stage(experiment, pose.motor_angle), 0.0
+        if not isinstance(scene.object, NothingSpec):
+            touched = experiment.touched_mesh(state, pose.trial.step)
+            top = float(touched.vertices[:, 2].max())
+            yield "object", _painted(_set(touched, stage), scene.object)
+        second = scene.second_peg
+        if second is not None:
+            spec = PegSpec(
+                kind="peg",
+                radius_mm=second.radius_mm,
+                top_mm=second.top_mm,
+                bottom_mm=second.bottom_mm,
+            )
+            placed = experiment.clamp_from_object(state, pose.trial.step, 1)
+            peg = Body(spec, self.rig.beam.radius, experiment.ground, self.folder).mesh(0.0)
+            yield "second_peg", _painted(_set(peg, stage @ placed), second)
+        hiding = scene.occlusion
+        if hiding is not None and hiding.body is not None:
+            cover = pose.trial.cover
+            hides = cover is not None and cover.kind != "removed"
+            stretch = pose.hidden if hides else None
+            random = random_generator(scene, "occluder", pose.trial.index)
+            camera = self.rig.camera
+            seen_from = camera.camera_from_antenna @ stage
+            covered = pose.covered or state
+            some = (0.0, 0.1 * self.rig.beam.length)
+            mesh = occluder(hiding, stretch or some, covered, camera, seen_from, top, random)
+            if stretch is None:  # shrunk to a point at the hub's foot, hides and shades nothing
+                mesh.vertices[:] = (0.0, 0.0, experiment.ground)
+            yield "occluder", _painted(_set(mesh, stage), hiding)
+
+    def _stage(self, experiment: Experiment, motor_angle: float) -> Floats:
+        """Compute the transform (4, 4) from the clamp's frame to that of the fixed camera."""
+        stage = experiment.camera_frame_from_clamp(motor_angle).copy()
+        stage[:3, 3] += self.rig.base_position
+        return stage
+
+    def _background(
+        self, experiment: Experiment, motor_angle: float
+    ) -> Iterator[tuple[str, Surface]]:
+        """Yield the surfaces of the ground at a motor angle [rad]."""
+        spec, mount = self.scene.background, self.scene.camera.mount
+        if spec.pattern == "plain" or spec.lies_in == mount:
+            # A plain ground looks the same at every angle.
+            yield from self._ground(np.eye(4))
+        elif mount == "antenna":
+            yield from self._ground(experiment.clamp_from_world(motor_angle))
+        else:
+            yield from self._ground(self._stage(experiment, motor_angle))
+
+    def _ground(self, stage: Floats) -> Iterator[tuple[str, Surface]]:
+        """Yield the surfaces of a ground so large that the camera never sees its border."""
+        spec, length = self.scene.background, self.rig.beam.length
+        middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
+        if spec.pattern != "squares":
+            whole = _set(sheet(middle, 20 * length, 1), stage)
+            yield "background", Surface(whole, spec.reflectance, texture=self._texture)
+            return
+        side = chequered_side(self.scene, self.rig.camera)
+        light, dark = squares(side, spec.square_mm * MILLIMETRE)
+        for name, cells, reflectance in (
+            ("background", light, spec.reflectance),
+            ("background_squares", dark, spec.square_reflectance),
+        ):
+            cells.apply_translation(middle)
+            yield name, Surface(_set(cells, stage), reflectance)
+
+    @cached_property
+    def _skin(self) -> BeamMesher:
+        return BeamMesher(self.scene, self.rig)
+
+    @cached_property
+    def _texture(self) -> Texture | None:
+        """Texture of the background, centred on the beam's middle."""
+        spec, length, mm = self.scene.background, self.rig.beam.length, MILLIMETRE
+        places = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
+        match spec.pattern:
+            case "graded":
+                azimuth, over = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
+                return graded(places, spec.reflectance, spec.far_reflectance, azimuth, over)
+            case "textured":
+                across, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
+                lengths = (across * spec.grain, across)
+                mean, contrast = spec.reflectance, spec.contrast
+                return grown(places, mean, contrast, lengths, 2 * length, random)
+        return None
+
+    @cached_property
+    def _lights(self) -> list[Light]:
+        return lights(self.scene, self.folder)
+
+    def _world(self, surfaces: dict[str, Surface], shining: list[Light] | None = None) -> World:
+        optics = self.scene.optics
+        lens = Lens(
+            optics.spread_px,
+            optics.aperture_mm / 2 * MILLIMETRE,
+            (optics.focus_mm or self._distance_mm) * MILLIMETRE,
+        )
+        return World(
+            self.rig.camera,
+            self._lights if shining is None else shining,
+            surfaces,
+            self._unit(),
+            still=self._still & set(surfaces),
+            sliding=dict(self._ground(np.eye(4))) if self._slides & set(surfaces) else None,
+            bounces=self.scene.render.bounces,
+            lens=lens,
+        )
+
+    @property
+    def _distance_mm(self) -> float:
+        """Distance from the lens to the point it looks at."""
+        camera = self.scene.camera
+        return math.dist(camera.position_mm, camera.look_at_mm)
+
+    @property
+    def _still(self) -> set[str]:
+        """Names of surfaces that do not move against the camera; a plain ground always counts."""
+        still = {"hub", "adaptor"} if self.scene.camera.mount == "antenna" else set()
+        background = self.scene.background
+        if background.lies_in == self.scene.camera.mount or background.pattern == "plain":
+            still |= _GROUND
+        return still
+
+    @property
+    def _slides(self) -> set[str]:
+        """Names of the surfaces of a chequered ground that turns under the camera."""
+        return _GROUND - self._still if self.scene.background.pattern == "squares" else set()
+
+    def _unit(self) -> RenderUnit:
+        beam = self.rig.beam
+        return RenderUnit(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
+
+
+def _set(mesh: trimesh.Trimesh, stage: Floats) -> trimesh.Trimesh:
+    """Transform a mesh in place; its vertices keep their order."""
+    mesh.vertices = apply(stage, np.asarray(mesh.vertices))
+    return mesh
+
+
+def _painted(mesh: trimesh.Trimesh, spec: PaintedPart) -> Surface:
+    """Combine a mesh with the paint of its section of the scene."""
+    return Surface(mesh, spec.reflectance, spec.paint, roughness=spec.roughness)

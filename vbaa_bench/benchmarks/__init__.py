@@ -1,0 +1,1 @@
+"""Measurements of the project itself: speed, stability, ordinary cameras, contact sheets."""

@@ -1,0 +1,104 @@
+"""Contact sheet: one frame of every scene in one picture."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.files import write_bytes
+from solver.instrument.images import eight_bit
+from solver.instrument.transforms import apply
+from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.plan import Plan, plan
+from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.scene.trials import FrameSpec
+
+TILE_PX, CAPTION_PX, COLUMNS = 360, 26, 6
+# Magnification and half size of the inset at the contact, in the tile's lower right corner.
+ZOOM, HALF_PX = 5, 14
+PAPER, INK = 245, 30
+
+
+def contact_sheet(
+    scenes: Sequence[Path], out: Path, variant: str, progress: Callable[[int, int], None]
+) -> None:
+    """Render a frame of every scene and write them as one PNG. Raises InputError."""
+    tiles = []
+    for number, path in enumerate(scenes):
+        tiles.append(_tile(load_scene(path), variant))
+        progress(number + 1, len(scenes))
+    tiles += [np.full_like(tiles[0], PAPER)] * (-len(tiles) % COLUMNS)
+    rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
+    written, data = cv2.imencode(".png", np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    assert written
+    write_bytes(out, data.tobytes())
+
+
+def _tile(file: SceneFile, variant: str) -> np.ndarray:
+    image, bench, pose = photograph(file, variant)
+    tile = np.full((CAPTION_PX + TILE_PX, TILE_PX), PAPER, np.uint8)
+    group = file.path.parent.name
+    name = file.path.stem if group == "scenes" else f"{group}/{file.path.stem}"
+    cv2.putText(tile, name, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+    scale = TILE_PX / max(image.shape)
+    resized = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    small = np.asarray(resized, dtype=np.uint8)
+    tile[CAPTION_PX : CAPTION_PX + small.shape[0], : small.shape[1]] = brightened(small)
+    if pose.state.contacts:
+        around = brightened(_surroundings(image, _contact_pixel(pose, bench)))
+        side = len(around)
+        tile[-side:, -side:] = around
+        cv2.rectangle(tile, (TILE_PX - side, len(tile) - side), (TILE_PX - 1, len(tile) - 1), 160)
+    return tile
+
+
+def photograph(file: SceneFile, variant: str) -> tuple[Grey, FrameRenderer, Pose]:
+    """Render the frame of a scene that shows most; return it as 8 bits, its bench and its pose."""
+    work = plan(file)
+    folder = file.path.parent.resolve()
+    bench = FrameRenderer(file.scene, work.rig, folder, Layout(Path()), variant, threads=0)
+    trial = _telling(work, bench)
+    image, _ = bench.photograph(trial, bench.measure_exposure(lambda: None))
+    return eight_bit(image), bench, bench.pose(trial)
+
+
+def _telling(work: Plan, bench: FrameRenderer) -> FrameSpec:
+    """Choose the frame that shows most: large push, largest occlusion, contact in the middle."""
+    trials = list(work.frame_specs)
+    hidden = min((t.cover.availability for t in trials if t.cover is not None), default=1.0)
+    chosen = [t for t in trials if t.cover is None or t.cover.availability == hidden]
+    chosen = [t for t in chosen if t.cover is None or t.cover.kind != "removed"] or chosen
+    farthest = {
+        t.push: max(t.push.goals, key=lambda g: g.pushing_angle or g.deflection or 0)
+        for t in chosen
+    }
+    chosen = [t for t in chosen if t.goal == farthest[t.push]]
+    chosen.sort(key=lambda t: (bench.pose(t).state.pushing_angle, t.index))
+    return chosen[len(chosen) // 2]
+
+
+def _contact_pixel(pose: Pose, bench: FrameRenderer) -> Floats:
+    stage = pose.camera_frame_from_clamp
+    point = apply(stage, pose.state.contact.point[None]) + bench.rig.base_position
+    pixel: Floats = bench.rig.camera.project(point)[0]
+    return pixel
+
+
+def _surroundings(image: Grey, pixel: Floats) -> Grey:
+    """Crop the image around a pixel, and enlarge it."""
+    u, v = np.rint(pixel).astype(int)
+    left = int(np.clip(u - HALF_PX, 0, image.shape[1] - 2 * HALF_PX))
+    top = int(np.clip(v - HALF_PX, 0, image.shape[0] - 2 * HALF_PX))
+    crop = image[top : top + 2 * HALF_PX, left : left + 2 * HALF_PX]
+    large: Grey = np.kron(crop, np.ones((ZOOM, ZOOM), np.uint8))
+    return large
+
+
+def brightened(image: Grey) -> Grey:
+    """Brighten an image of linear sensor values for display."""
+    bright: Grey = np.rint(255 * (image / 255) ** 0.6).astype(np.uint8)
+    return bright

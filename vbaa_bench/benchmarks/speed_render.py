@@ -1,0 +1,236 @@
+"""Measure seconds per frame against image error, for our renderer and for plain Mitsuba.
+
+A frame is end to end, for both: new vertices of all moving parts, render, truth layers, sensor,
+PNG and EXR; the mechanics are excluded. Our time includes each frame's share of the static layer,
+which is rendered once for all frames of the scene. Plain Mitsuba renders all
+pixels by `mi.render`; it computes no variance and coverage, for which its EXR holds zeros. Both run
+in this one process on all threads, with kernels compiled before, except plain points that there is
+time to make only once.
+"""
+
+import math
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_bytes
+from solver.instrument.images import png_bytes
+from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.benchmarks.image_error import Reference, beam_line, reference_of
+from vbaa_bench.benchmarks.speed_curves import TARGET, Record, at_equal_error, write
+from vbaa_bench.dataset.exr import write_exr
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.plan import plan
+from vbaa_bench.generation.workers import cores
+from vbaa_bench.render.frame import (
+    NoiseTarget,
+    RenderedRadiance,
+    StaticLayer,
+    render_frame,
+    render_static_layer,
+)
+from vbaa_bench.render.layers import every_pixel
+from vbaa_bench.render.plain import SAMPLERS, Plain, Sampler, seconds_in_kernels
+from vbaa_bench.render.variant import PLAIN
+from vbaa_bench.render.world import World
+from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.trials import random_generator
+
+# Ours: factors of the scene's noise targets. Plain: samples per pixel.
+_SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
+_SAMPLES = (4, 16, 64, 256, 1024)
+# Samples that fit into memory at a time.
+_LARGEST_FRAME = 1 << 28
+# Repetitions of each frame, if there is time; the median time and the mean squared error count.
+_REPEATS = 3
+# Warm-up frames. Dr.Jit traces one program to kernels of several orders by chance; each is
+# compiled when it first occurs.
+_WARM = 4
+# The reference may take this share of the time.
+_REFERENCE_SHARE = 0.25
+
+Shoot = Callable[[int], RenderedRadiance]
+
+
+@dataclass(frozen=True)
+class Stand:
+    """One pose on one bench, rendered repeatedly."""
+
+    bench: FrameRenderer
+    pose: Pose
+    exposure: float
+    folder: Path
+
+    def wanted(self, scale: float) -> NoiseTarget:
+        """Scale the scene's noise targets by `scale`, except that of the static layer."""
+        spec, noise = self.bench.scene.render, self.bench.sensor(self.exposure).noise_sigma
+        near, elsewhere = scale * spec.noise_near_beam, scale * spec.noise_elsewhere
+        return NoiseTarget(noise, spec.near_beam_px, near, elsewhere, spec.noise_still)
+
+    def frame(self, shoot: Shoot, seed: int) -> Floats:
+        """Make one frame, end to end, and return its radiance."""
+        bench = self.bench
+        bench.pushed_world(self.pose)
+        seen = shoot(seed)
+        noise = random_generator(bench.scene, "speed", seed)
+        image = bench.sensor(self.exposure).expose(seen.radiance, noise, seen.variance)
+        write_bytes(self.folder / "frame.png", png_bytes(image))
+        made = seen.by_name()
+        write_exr(self.folder / "frame.exr", {str(k): made[k] for k in bench.scene.layers})
+        return seen.radiance
+
+    def measured(self, shoot: Shoot, reference: Reference, deadline: float) -> Record:
+        """Measure the seconds of a frame, and its errors."""
+        seconds, squares = list[float](), list[tuple[float, float]]()
+        while not seconds or (len(seconds) < _REPEATS and perf_counter() < deadline):
+            start = perf_counter()
+            radiance = self.frame(shoot, len(seconds))
+            seconds.append(perf_counter() - start)
+            squares.append(reference.errors(radiance))
+        image, line = np.sqrt(np.mean(squares, axis=0)).tolist()
+        return {
+            "seconds": median(seconds),
+            "rmse_over_peak": image,
+            "centreline_rmse_px": line,
+            "repeats": len(seconds),
+        }
+
+    def kernel_share(self, shoot: Shoot) -> float:
+        """Measure the share of a frame's time in which compiled kernels run."""
+        start = perf_counter()
+        busy = seconds_in_kernels(lambda: self.frame(shoot, 0))
+        return busy / (perf_counter() - start)
+
+
+def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
+    """Measure curves of seconds per frame against error, for one pose of a scene.
+
+    This takes about `seconds`. Writes render_speed.csv and render_speed.png to `out`. Raises
+    InputError where plain Mitsuba cannot render the scene, and where `out` cannot be written.
+    """
+    _refuse(file, variant)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror})") from error
+    end = perf_counter() + seconds
+    work = plan(file)
+    folder, threads = file.path.parent.resolve(), cores()
+    bench = FrameRenderer(file.scene, work.rig, folder, Layout(out), variant, threads)
+    trial = sorted(work.frame_specs, key=lambda trial: trial.index)[work.frames // 2]
+    with tempfile.TemporaryDirectory() as aside:
+        exposure = bench.measure_exposure(lambda: None)
+        stand = Stand(bench, bench.pose(trial), exposure, Path(aside))
+        record = _compared(stand, work.frames, end)
+    record |= {"scene": file.path.stem, "threads": threads, "frame_id": trial.frame_id}
+    write(record, out, ["ours", *SAMPLERS])
+    return record
+
+
+def _refuse(file: SceneFile, variant: str) -> None:
+    """Raise InputError where plain Mitsuba cannot render the scene."""
+    scene = file.scene
+    if variant == PLAIN:
+        raise InputError(f"variant is {variant}, allowed are those that compile kernels")
+    asked = [key for key in ("spread_px", "aperture_mm") if getattr(scene.optics, key) > 0]
+    asked += ["distortion"] if any(scene.camera.distortion) else []
+    asked += ["motor_speed_deg_s"] if scene.motor_speed_deg_s else []
+    if asked:
+        said = f"has {', '.join(asked)}, allowed is a scene without, as plain Mitsuba has none"
+        raise InputError(f"{file.path}: {said}")
+
+
+def _compared(stand: Stand, frames: int, end: float) -> Record:
+    world, wanted = stand.bench.pushed_world(stand.pose), stand.wanted(1)
+    ground, plate_seconds = _timed_plate(world, wanted)
+    for seed in range(_WARM):
+        stand.frame(_ours(world, ground, wanted), seed)
+    seen = render_frame(world, ground, wanted, 0)
+    line = beam_line(stand.bench.rig, stand.pose)
+    share = _REFERENCE_SHARE * (end - perf_counter())
+    reference = reference_of(world, seen, line, share)
+    ours: list[Record] = []
+    for scale in _SCALES:
+        shoot = _ours(world, ground, stand.wanted(scale))
+        point: Record = {"renderer": "ours", "noise_wanted": scale, "samples_per_pixel": None}
+        ours.append(point | stand.measured(shoot, reference, math.inf))
+        ours[-1]["seconds"] += plate_seconds / frames
+    default = ours[_SCALES.index(1.0)]
+    curves = {"ours": ours}
+    for number, sampler in enumerate(SAMPLERS):
+        share = (end - perf_counter()) / (len(SAMPLERS) - number)
+        curves[sampler] = _plain(stand, world, sampler, reference, perf_counter() + share)
+    at_target = {name: at_equal_error(curve) for name, curve in curves.items()}
+    plain = min(at_target[name]["seconds"] for name in SAMPLERS)
+    as_fine = min(
+        at_equal_error(curves[name], default["rmse_over_peak"])["seconds"] for name in SAMPLERS
+    )
+    busy = stand.kernel_share(_ours(world, ground, wanted))
+    few = _shoot(world, SAMPLERS[0], _SAMPLES[1])
+    return {
+        "speedup_at_equal_rmse": plain / at_target["ours"]["seconds"],
+        # Nearly always extrapolated: plain Mitsuba would need minutes.
+        "speedup_at_scenes_noise": as_fine / default["seconds"],
+        "rmse_over_peak": default["rmse_over_peak"],
+        "centreline_rmse_px": default["centreline_rmse_px"],
+        "frames_per_s": 1 / default["seconds"],
+        "target_rmse_over_peak": TARGET,
+        "at_target": at_target,
+        "plate_seconds": plate_seconds,
+        "frames": frames,
+        "kernel_share": {"ours": busy, SAMPLERS[0]: stand.kernel_share(few)},
+        "reference_noise_over_peak": reference.noise_over_peak,
+        "curves": curves,
+    }
+
+
+def _timed_plate(world: World, wanted: NoiseTarget) -> tuple[StaticLayer | None, float]:
+    """Render and time the static layer; None if light goes between surfaces, as in a dataset."""
+    if world.bounces > 1:
+        return None, 0.0
+    render_static_layer(world, wanted, 0)  # compiles kernels
+    start = perf_counter()
+    return render_static_layer(world, wanted, 0), perf_counter() - start
+
+
+def _ours(world: World, ground: StaticLayer | None, wanted: NoiseTarget) -> Shoot:
+    return lambda seed: render_frame(world, ground, wanted, 1 + seed)
+
+
+def _shoot(world: World, sampler: Sampler, samples: int) -> Shoot:
+    plain = Plain(world, sampler)
+    nothing = np.zeros((world.camera.height, world.camera.width))
+
+    def shoot(seed: int) -> RenderedRadiance:
+        radiance = plain.radiance(samples, seed)
+        return RenderedRadiance(radiance, nothing, every_pixel(world), nothing, nothing + samples)
+
+    return shoot
+
+
+def _plain(
+    stand: Stand, world: World, sampler: Sampler, reference: Reference, end: float
+) -> list[Record]:
+    """Measure plain Mitsuba with four times the samples from point to point.
+
+    Stops when the target error is reached or time is up.
+    """
+    found: list[Record] = []
+    stand.frame(_shoot(world, sampler, _SAMPLES[0]), 0)  # compiles kernels
+    for samples in _SAMPLES:
+        lanes = samples * world.camera.width * world.camera.height
+        late = len(found) > 2 and perf_counter() + 4 * found[-1]["seconds"] > end
+        if late or lanes > _LARGEST_FRAME or (found and found[-1]["rmse_over_peak"] < TARGET):
+            break
+        point: Record = {"renderer": sampler, "noise_wanted": None, "samples_per_pixel": samples}
+        shoot = _shoot(world, sampler, samples)
+        found.append(point | stand.measured(shoot, reference, end))
+    return found

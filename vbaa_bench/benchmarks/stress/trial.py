@@ -1,0 +1,185 @@
+"""Run one row on one rig: perturb, set up, solve every frame, compare with the truth."""
+
+import tempfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.observation import open_observations
+from solver.instrument.units import MILLIMETRE
+from solver.lab.check import checked
+from solver.lab.shots import Files
+from solver.methods import METHODS
+from solver.set_up import set_up
+from solver.tracker import PushTracker
+from vbaa_bench.benchmarks.stress.recording import (
+    NotApplicableError,
+    read_recording,
+    write_recording,
+)
+from vbaa_bench.benchmarks.stress.rows import UNKNOWN, Row
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.readers import open_truth
+
+# Fewer visible points than this justify a refusal (the project's definition of honest).
+FEWEST_POINTS = 8
+# Replaces an outcome where `set_up` refused the whole rig.
+REFUSED = "refused"
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """Result of one frame: its outcome, and error and stated sigma of x_c in % of L.
+
+    Both are None if there is no estimate; `sigma_pct` also if none was stated. `honest`,
+    `detected` and `false` are verdicts, see `judged`.
+    """
+
+    frame_id: str
+    outcome: str
+    message: str
+    points: int
+    error_pct: float | None
+    sigma_pct: float | None
+    honest: bool
+    detected: bool
+    false: bool
+
+
+@dataclass(frozen=True)
+class RigResult:
+    """Result of one row on one rig.
+
+    `findings` are those of `check`; `refusal` is why `set_up` failed. Frames without a true
+    contact are left out. `skipped` is the reason why the row was not run.
+    """
+
+    rig: int
+    findings: tuple[str, ...] = ()
+    refusal: str = ""
+    skipped: str = ""
+    frames: tuple[FrameResult, ...] = ()
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Result of the solver for one frame, or for the whole rig, with its number of points."""
+
+    outcome: str
+    message: str = ""
+    points: int = 0
+    x_c: float | None = None
+    sigma: float | None = None
+
+
+def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> RigResult:
+    """Perturb the dataset at `root`, rig `number`, and solve it in the ordinary way.
+
+    Raises InputError if the dataset is incomplete.
+    """
+    layout = Layout(root)
+    truth = open_truth(layout.truth)
+    length = truth.manifest["true_rig"]["beam_length_mm"] * MILLIMETRE
+    true = {
+        frame_id: x_c * MILLIMETRE
+        for frame_id, x_c in truth.frames.select("frame_id", "x_c_mm").iter_rows()
+        if x_c is not None
+    }
+    recording = read_recording(layout.observations, truth.camera)
+    random = np.random.default_rng([seed, number, zlib.crc32(row.name.encode())])
+    try:
+        perturbed = row.perturb(recording, random)
+    except NotApplicableError as error:
+        return RigResult(number, skipped=str(error))
+    with tempfile.TemporaryDirectory(prefix="vbaa-stress-") as folder:
+        target = Path(folder) / "observations"
+        write_recording(perturbed, layout.observations, target)
+        findings, refusal, answers = solved(target, method)
+    refused = Answer(REFUSED, refusal)
+    return RigResult(
+        number,
+        findings,
+        refusal,
+        frames=tuple(
+            judged(frame_id, answers.get(frame_id, refused), x_c, length, row, findings)
+            for frame_id, x_c in sorted(true.items())
+        ),
+    )
+
+
+def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mapping[str, Answer]]:
+    """Solve observations; return findings of `check`, why `set_up` refused ("" if not), answers.
+
+    Findings are given by name, answers by frame.
+    """
+    try:
+        opened = open_observations(observations)
+        antenna = set_up(opened)
+        findings = tuple(finding.name for finding in getattr(checked(antenna), "findings", ()))
+    except InputError as error:
+        return (), str(error), {}
+    except Exception as error:  # noqa: BLE001 - a traceback of set_up is a result of this test
+        said = f"{type(error).__name__}: {error}"
+        return (), said, dict.fromkeys(_ids(observations), Answer(Outcome.CRASHED, said))
+    tracker = PushTracker(antenna, METHODS[method])
+    answers = {}
+    for shot in Files(opened.frames):
+        result = tracker.solve(shot.grey(), shot.readings, shot.push_id)
+        points = 0 if result.line is None else len(result.line.points)
+        answers[shot.name] = _answer(result.estimate, points)
+    return findings, "", answers
+
+
+def judged(
+    frame_id: str,
+    answer: Answer,
+    true_x_c: float,
+    length: float,
+    row: Row,
+    findings: tuple[str, ...],
+) -> FrameResult:
+    """Score one answer as detected, false or honest.
+
+    Detected: `set_up` refused, or a finding or the outcome is one of the row's signs, or the
+    message contains one; in a row without signs, any finding, a refusal or a moved camera. False:
+    answered, and more than 3 sigma off; or "no contact", as every frame has a true contact.
+    Honest: answered within 3 sigma; or not answered because the perturbation was detected, or
+    because fewer than 8 points are visible.
+    """
+    error = None if answer.x_c is None else 100 * (answer.x_c - true_x_c) / length
+    sigma = None if answer.sigma is None else 100 * answer.sigma / length
+    within = error is not None and sigma is not None and abs(error) <= 3 * sigma
+    said = {*findings, answer.outcome}
+    signs = row.signs or {*findings, Outcome.CAMERA_MOVED} - UNKNOWN
+    remarked = any(sign in answer.message for sign in row.signs)
+    detected = answer.outcome == REFUSED or bool(said & signs) or remarked
+    wrong = (Outcome.NO_CONTACT, Outcome.CRASHED)
+    named = detected and bool(row.signs)
+    few = answer.points < FEWEST_POINTS and answer.outcome != REFUSED
+    return FrameResult(
+        frame_id,
+        answer.outcome,
+        answer.message,
+        answer.points,
+        error,
+        sigma,
+        honest=within or (error is None and answer.outcome not in wrong and (named or few)),
+        detected=detected,
+        false=answer.outcome == Outcome.NO_CONTACT or (error is not None and not within),
+    )
+
+
+def _answer(estimate: Estimate, points: int) -> Answer:
+    x_c = estimate.values.get("x_c_m")
+    known = x_c is not None and estimate.covariance is not None
+    sigma = estimate.sigma("x_c_m") if known else None
+    return Answer(str(estimate.outcome), estimate.message, points, x_c, sigma)
+
+
+def _ids(observations: Path) -> list[str]:
+    return [frame.frame_id for frame in open_observations(observations)]

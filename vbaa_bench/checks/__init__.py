@@ -1,1 +1,0 @@
-"""Checks of a machine and of a rig, rather than of a method."""

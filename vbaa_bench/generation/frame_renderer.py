@@ -1,0 +1,222 @@
+"""Rendering of a dataset's images in one worker process: render, expose, write."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solver.instrument.arrays import Floats, Grey
+from solver.instrument.files import write_bytes
+from solver.instrument.hashes import digest
+from solver.instrument.images import png_bytes
+from solver.instrument.units import PERCENT
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.motion import exposed
+from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.generation.readings import readings
+from vbaa_bench.generation.truth import truth_row
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.render.frame import (
+    Noise,
+    NoiseTarget,
+    RenderedRadiance,
+    StaticLayer,
+    average_poses,
+    render_frame,
+    render_static_layer,
+)
+from vbaa_bench.render.variant import activate, is_scalar
+from vbaa_bench.render.visibility import visibility
+from vbaa_bench.render.world import World
+from vbaa_bench.scene.rigs import TrueRig
+from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.trials import FrameSpec, Push, random_generator, render_seed
+from vbaa_bench.sensor.fixed_pattern import FixedPattern
+from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
+from vbaa_bench.sensor.ideal import Ideal
+from vbaa_bench.sensor.sensor import Sensor
+
+# Noise target of the image for metering the exposure, relative to its radiance.
+METERING = 0.05
+# Number of pushes whose states a worker caches.
+LAST_PUSHES = 64
+
+
+class RenderedFrame(NamedTuple):
+    """The data written for a frame: gray image, columns of metadata.csv, truth row and layers."""
+
+    image: Grey
+    readings: dict[str, str | float | int]
+    truth: dict[str, Any]
+    layers: dict[str, np.ndarray]
+
+
+@dataclass
+class FrameRenderer:
+    """One worker's renderer, whose scene is loaded once. Its methods are the jobs."""
+
+    scene: Scene
+    rig: TrueRig
+    folder: Path
+    layout: Layout
+    variant: str
+    threads: int
+    _pushed: World | None = None
+    _still: StaticLayer | None = None
+
+    def __post_init__(self) -> None:
+        activate(self.variant, self.threads)
+        self.studio = SceneAssembler(self.scene, self.rig, self.folder)
+        # Frames are rendered in the order of their names: those of one push are not consecutive.
+        self.states = lru_cache(maxsize=LAST_PUSHES)(self._states)
+
+    def _states(self, push: Push) -> tuple[Experiment, list[State]]:
+        experiment = Experiment(self.scene, self.rig, push, self.folder)
+        return experiment, experiment.states()
+
+    @cached_property
+    def rest_world(self) -> World:
+        """World of the beam before contact, with the motor at angle zero."""
+        gravity = self.scene.gravity_m_s2
+        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
+        return self.studio.rest(Experiment(self.scene, self.rig, nothing, self.folder))
+
+    def pose(self, trial: FrameSpec) -> Pose:
+        """Compute the pose of a frame."""
+        experiment, states = self.states(trial.push)
+        return Pose(experiment, trial, states[trial.step])
+
+    def pushed_world(self, pose: Pose) -> World:
+        """Return the world in a pose; it is built once, then only its vertices are moved."""
+        if self._pushed is None:
+            self._pushed = self.studio.bench(pose)
+        self.studio.repose(self._pushed, pose)
+        return self._pushed
+
+    def measure_exposure(self, tick: Callable[[], None]) -> float:
+        """Meter the exposure on the brightest hundredth of the resting beam.
+
+        If the brightest tenth of the image is brighter, such as a panel behind the beam, it is used
+        instead. The exposure puts this radiance at the gray value that the scene sets.
+        """
+        seed = render_seed(self.scene, "exposure")
+        wanted = self._wanted(lambda radiance: METERING * radiance)
+        seen = render_frame(self.rest_world, None, wanted, seed)
+        light = self._vignetting * seen.radiance
+        beam = float(np.quantile(light[seen.core], 0.99))
+        peak = max(beam, float(np.quantile(light, 0.9)))
+        tick()
+        return metered_exposure(self.scene.sensor, peak)
+
+    def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
+        """Save one calibration or rest image, such as rest/rest_00.png; return its sha256."""
+        kind, _, number = PurePath(name).stem.partition("_")
+        made = {"view": self.board_image, "rest": self.rest_image}[kind](int(number), exposure)
+        data = png_bytes(made)
+        write_bytes(self.layout.observations / name, data)
+        tick()
+        return digest(data)
+
+    def board_image(self, view: int, exposure: float) -> Grey:
+        """Render one calibration image."""
+        seed = render_seed(self.scene, "board render", view)
+        wanted = self._wanted(self.sensor(exposure).noise_sigma)
+        seen = render_frame(self.studio.card(view), None, wanted, seed)
+        return self._expose(seen, exposure, "board sensor", view)
+
+    def rest_image(self, number: int, exposure: float) -> Grey:
+        """Render one image of the beam before contact."""
+        seed = render_seed(self.scene, "rest", number)
+        wanted = self._wanted(self.sensor(exposure).noise_sigma)
+        seen = render_frame(self.rest_world, None, wanted, seed)
+        return self._expose(seen, exposure, "rest sensor", number)
+
+    def shard(
+        self,
+        tick: Callable[[], None],
+        number: int,
+        trials: Sequence[FrameSpec],
+        exposure: float,
+    ) -> dict[str, str]:
+        """Render and save the frames of one shard; return the sha256 of its hashes.json by tree."""
+        with ShardWriter(self.layout, number) as writer:
+            for trial in trials:
+                writer.add(trial.frame_id, *self.frame(trial, exposure))
+                tick()
+        return writer.digests
+
+    def frame(self, trial: FrameSpec, exposure: float) -> RenderedFrame:
+        """Render one frame and collect its truth."""
+        pose = self.pose(trial)
+        image, seen = self.photograph(trial, exposure)
+        length_mm = self.scene.beam.length_mm
+        truth = truth_row(pose.experiment, trial, pose.state, pose.hidden)
+        line = self.studio.centreline(pose)
+        visible = visibility(seen.coverage, self.rig.camera, line, self.rig.beam.radius)
+        truth["visible_share"] = visible.visible_share
+        truth["availability_seen"] = visible.availability
+        truth["hidden_stretches_mm"] = (length_mm * visible.hidden_stretches).ravel().tolist()
+        told = readings(self.scene, trial, pose.state, pose.hidden)
+        made = seen.by_name()
+        kept = {str(layer): made[layer] for layer in self.scene.layers}
+        return RenderedFrame(image, told, truth, kept)
+
+    def photograph(self, trial: FrameSpec, exposure: float) -> tuple[Grey, RenderedRadiance]:
+        """Render one frame: its gray image, and the radiance it was exposed to."""
+        wanted = self._wanted(self.sensor(exposure).noise_sigma)
+        poses = exposed(self.pose(trial), self.scene, self.rig)
+        # The frame averages over its poses, so each may be noisier.
+        wanted = wanted.scaled(len(poses) ** 0.5)
+        seen = []
+        for number, pose in enumerate(poses):
+            world = self.pushed_world(pose)
+            seed = render_seed(self.scene, f"frame, pose {number}", trial.index)
+            seen.append(render_frame(world, self._plate(world, wanted), wanted, seed))
+        blurred = average_poses(seen)
+        return self._expose(blurred, exposure, "sensor", trial.index), blurred
+
+    def _plate(self, world: World, wanted: NoiseTarget) -> StaticLayer | None:
+        """Return the static layer, rendered once.
+
+        Return None if light is reflected between surfaces, so that moving surfaces affect all
+        pixels, or if the renderer only renders whole images.
+        """
+        if self.scene.render.bounces > 1 or is_scalar():
+            return None
+        if self._still is None:
+            self._still = render_static_layer(world, wanted, render_seed(self.scene, "plate"))
+        return self._still
+
+    def _wanted(self, noise: Noise) -> NoiseTarget:
+        spec = self.scene.render
+        shares = (spec.noise_near_beam, spec.noise_elsewhere, spec.noise_still)
+        return NoiseTarget(noise, spec.near_beam_px, *shares)
+
+    def sensor(self, exposure: float) -> Sensor | Ideal:
+        """Build the scene's image sensor."""
+        return image_sensor(self.scene.sensor, exposure, self._fixed_pattern)
+
+    @cached_property
+    def _fixed_pattern(self) -> FixedPattern | None:
+        camera, random = self.rig.camera, random_generator(self.scene, "fixed pattern")
+        return fixed_pattern(self.scene.sensor, (camera.height, camera.width), random)
+
+    def _expose(self, seen: RenderedRadiance, exposure: float, stage: str, number: int) -> Grey:
+        noise, light = random_generator(self.scene, stage, number), self._vignetting
+        sensor = self.sensor(exposure)
+        return sensor.expose(light * seen.radiance, noise, light**2 * seen.variance)
+
+    @cached_property
+    def _vignetting(self) -> Floats:
+        """Relative illumination (height, width): share of the light that the lens transmits."""
+        camera = self.rig.camera
+        rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
+        across, down = columns - (camera.width - 1) / 2, rows - (camera.height - 1) / 2
+        corner = np.hypot(camera.width, camera.height) / 2
+        darker = self.scene.optics.vignetting_pct * PERCENT
+        return np.asarray(1 - darker * (across**2 + down**2) / corner**2)

@@ -1,0 +1,169 @@
+"""Generation of a dataset: spec -> mechanics -> geometry -> render -> sensor -> dataset."""
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path, PurePath
+from typing import Any
+
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_bytes
+from solver.instrument.hashes import HASHES, digest
+from solver.instrument.rig import rig_to_json
+from vbaa_bench.dataset.identity import Identity, check_identity, identity_of, write_identity
+from vbaa_bench.dataset.inventory import Contents, surplus, take_inventory
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.lock import locked
+from vbaa_bench.dataset.manifest import read_json, seal
+from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.plan import plan
+from vbaa_bench.generation.truth import dataset_facts
+from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.rigs import nominal_rig, true_rig
+from vbaa_bench.scene.trials import FrameSpec, frame_specs, in_shards
+
+Progress = Callable[[int, int], None]
+Shards = tuple[tuple[FrameSpec, ...], ...]
+
+
+def _nothing(*_: object) -> None:
+    pass
+
+
+def generate(
+    file: SceneFile,
+    root: Path,
+    variant: str,
+    workers: int,
+    progress: Progress,
+    planning: Progress = _nothing,
+    remark: Callable[[str], None] = _nothing,
+) -> Layout:
+    """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
+
+    Every existing file is compared with its hash. Only missing or damaged files are generated, and
+    files that do not belong to observations/ and truth/ are removed. `planning(done, total)` is
+    called as pushes are solved, `progress(done, total)` as images are rendered, `remark(sentence)`
+    for every damaged or removed file. Raises InputError if the scene is impossible, and if `root`
+    is not writable, is being written by another process, or holds something else, such as data of
+    another scene or from another version of the code.
+    """
+    layout = Layout(root)
+    try:
+        identity = identity_of(file, variant)
+        check_identity(layout, identity)
+        with _claimed(layout):
+            # Check again: another process may have started here before we held the lock.
+            if not check_identity(layout, identity):
+                plan(file, planning)
+            _complete(file, layout, identity, (variant, workers), progress, remark)
+    except OSError as error:
+        raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
+    return layout
+
+
+@contextlib.contextmanager
+def _claimed(layout: Layout) -> Iterator[None]:
+    """Hold the folder's lock. A folder created for it is removed if it stays empty."""
+    new = not layout.root.exists()
+    layout.root.mkdir(parents=True, exist_ok=True)
+    try:
+        with locked(layout.lock):
+            yield
+    finally:
+        if new:
+            with contextlib.suppress(OSError):
+                layout.root.rmdir()
+
+
+def _complete(
+    file: SceneFile,
+    layout: Layout,
+    identity: Identity,
+    machine: tuple[str, int],
+    progress: Progress,
+    remark: Callable[[str], None],
+) -> None:
+    """Generate missing or damaged files in a locked folder, and seal the dataset."""
+    scene = file.scene
+    shards, rig = in_shards(scene, frame_specs(scene)), true_rig(scene)
+    contents = Contents(
+        images=(
+            *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
+            *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
+        ),
+        shards=tuple(tuple(trial.frame_id for trial in shard) for shard in shards),
+        layers=bool(scene.layers),
+    )
+    _remove_surplus(layout, contents, remark)
+    inventory = take_inventory(layout, contents)
+    for sentence in inventory.damage:
+        remark(f"{sentence}; it is made again")
+    whole = inventory.whole
+    whole["truth"][layout.identity.name] = write_identity(layout, identity)
+    for folder in {path.parent for path in map(PurePath, contents.images)}:
+        (layout.observations / folder).mkdir(parents=True, exist_ok=True)
+    whole["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
+    if _is_whole(layout, contents, whole):
+        exposure = float(read_json(layout.manifest)["exposure_per_radiance"])
+    else:
+        bench = (scene, rig, file.path.parent.resolve(), layout, machine[0])
+        exposure = _make(bench, machine[1], shards, contents, whole, progress)
+    seal(layout, dataset_facts(scene, rig, exposure, machine[0]), whole)
+
+
+def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
+    for path in list(surplus(layout, contents)):
+        path.unlink()
+        if not path.name.endswith(".part"):  # left by an interrupted write
+            remark(f"{path}: was not generated; it is removed")
+
+
+def _rig(layout: Layout, text: str) -> str:
+    """Write rig.json unless it exists with the right content; return its sha256."""
+    path, data = layout.observations / "rig.json", text.encode()
+    if not (path.is_file() and path.read_bytes() == data):
+        write_bytes(path, data)
+    return digest(data)
+
+
+def _shard_name(number: int) -> str:
+    return Layout(Path()).shard(Path(), number).joinpath(HASHES).as_posix()
+
+
+def _is_whole(layout: Layout, contents: Contents, whole: Mapping[str, Mapping[str, str]]) -> bool:
+    """Return whether nothing has to be rendered or metered: the manifest holds the exposure."""
+    shards = {_shard_name(number) for number in range(len(contents.shards))}
+    made = {*contents.images, *shards} <= whole["observations"].keys()
+    return made and {layout.manifest.name, *shards} <= whole["truth"].keys()
+
+
+def _make(
+    bench: tuple[Any, ...],
+    workers: int,
+    shards: Shards,
+    contents: Contents,
+    whole: dict[str, dict[str, str]],
+    progress: Progress,
+) -> float:
+    """Generate all images and shards that are not intact, and add their hashes to `whole`.
+
+    `bench` holds the arguments of FrameRenderer without its threads. Return the exposure.
+    """
+    observations = whole["observations"]
+    threads = max(cores() // workers, 1)
+    # One more than the number of images: the exposure is metered on an image that is not kept.
+    total = sum(map(len, shards)) + len(contents.images) + 1
+    with Pool(workers, FrameRenderer, (*bench, threads)) as pool:
+        exposure = float(pool.call("measure_exposure"))
+        images = [name for name in contents.images if name not in observations]
+        numbers = [n for n in range(len(shards)) if _shard_name(n) not in observations]
+        jobs: list[tuple[str, tuple[Any, ...]]] = [("image", (name, exposure)) for name in images]
+        jobs += [("shard", (number, shards[number], exposure)) for number in numbers]
+        to_do = len(images) + sum(len(shards[number]) for number in numbers) + 1
+        digests = pool.run(jobs, lambda done: progress(total - to_do + done, total))
+    observations.update(zip(images, digests, strict=False))
+    for number, by_tree in zip(numbers, digests[len(images) :], strict=True):
+        for tree, value in by_tree.items():
+            whole[tree][_shard_name(number)] = value
+    return exposure

@@ -1,0 +1,286 @@
+"""Planning of a dataset: solve every push of a scene, and reject impossible ones."""
+
+import itertools
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
+from solver.instrument.transforms import apply, invert
+from solver.instrument.units import MILLIMETRE
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.geometry.ground import MOST_SQUARES, RESOLVED_PX, finest_square
+from vbaa_bench.geometry.lamps import between
+from vbaa_bench.mechanics.state import EquilibriumError, State
+from vbaa_bench.render.environment import read_environment
+from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.lights import Lamp
+from vbaa_bench.scene.load import Key, SceneFile
+from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_rig
+from vbaa_bench.scene.trials import FrameSpec, Push, frame_specs, in_shards
+
+# Minimum width [px] of the beam. Below it, pixel centres miss the beam over long stretches.
+THINNEST_PX = 0.25
+# The axes, and the diagonals between them.
+_DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=float)
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The true rig, the frames in shards, and the worst residual of all their equilibria.
+
+    The equilibria are not kept, because a training set has millions. Solving again gives the same
+    result.
+    """
+
+    rig: TrueRig
+    shards: tuple[tuple[FrameSpec, ...], ...]
+    worst_residual: float
+
+    @property
+    def frames(self) -> int:
+        """Number of frames in all shards."""
+        return sum(len(shard) for shard in self.shards)
+
+    @property
+    def frame_specs(self) -> Iterator[FrameSpec]:
+        """All frames, shard by shard."""
+        return itertools.chain.from_iterable(self.shards)
+
+
+def plan(
+    file: SceneFile,
+    progress: Progress = lambda _done, _total: None,
+    *,
+    of: Sequence[FrameSpec] | None = None,
+) -> Plan:
+    """Solve every push of a scene. Raises InputError that lists all physical impossibilities.
+
+    With `of`, only the pushes of these frames are solved and planned.
+    """
+    scene = file.scene
+    try:
+        rig = true_rig(scene)
+    except ValueError as error:
+        raise InputError(file.complaint(("camera", "look_at_mm"), str(error))) from error
+    _environment_is_readable(file)
+    made = frame_specs(scene) if of is None else of
+    seen = _Seen(file, rig)
+    mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig) + _too_fine(file, rig)
+    pushes: dict[Push, set[float]] = {}
+    for trial in made:
+        pushes.setdefault(trial.push, set()).add(trial.onset)
+    for number, (wanted, onsets) in enumerate([] if mistakes else pushes.items()):
+        experiment = Experiment(scene, rig, wanted, file.path.parent)
+        try:
+            seen.add(experiment, experiment.states(), onsets)
+        except EquilibriumError as error:
+            mistakes.append(file.complaint(_key(file, wanted), f"{_said(wanted)}: {error}"))
+        except InputError as error:
+            mistakes.append(file.complaint(("object",), f"is not possible: {error}"))
+        progress(number + 1, len(pushes))
+    mistakes += seen.mistakes()
+    if mistakes:
+        raise InputError("\n".join(dict.fromkeys(mistakes)))
+    return Plan(rig, in_shards(scene, made), seen.residual)
+
+
+def _environment_is_readable(file: SceneFile) -> None:
+    """Raise InputError if a light's file is no environment map."""
+    for number, light in enumerate(file.scene.lights):
+        if light.kind == "environment" and light.file is not None:
+            try:
+                read_environment(file.path.parent / light.file)
+            except InputError as error:
+                said = file.complaint(("lights", number, "file"), str(error))
+                raise InputError(said) from error
+
+
+class _Seen:
+    """Extremes over all states: the largest stress and residual, and the outermost points."""
+
+    def __init__(self, file: SceneFile, rig: TrueRig) -> None:
+        self._file, self._rig = file, rig
+        self._stress, self._stressed, self._lowest = 0.0, "", 0.0
+        rest = np.array([[0.0, 0.0, 0.0], [rig.beam.length, 0.0, 0.0]]) + rig.base_position
+        self._points = rest
+        self.residual = 0.0
+
+    def add(self, experiment: Experiment, states: list[State], onsets: Collection[float]) -> None:
+        """Add the states of one push, with its motor angles [rad] at first contact, `onsets`."""
+        wanted = experiment.push
+        for goal, state in zip(wanted.goals, states, strict=True):
+            self.residual = max(self.residual, state.residual)
+            stress = state.largest_strain * experiment.youngs_modulus / 1e6
+            if stress > self._stress:
+                self._stress, self._stressed = stress, f"{_where(wanted)}to {goal}"
+            self._lowest = min(self._lowest, float(state.centreline[:, 3].min()))
+            for onset in onsets:
+                stage = experiment.camera_frame_from_clamp(onset - state.pushing_angle)
+                points = apply(stage, state.centreline[:, 1:]) + self._rig.base_position
+                points = np.vstack([self._points, points])
+                # Keep only the outermost points along every axis and diagonal.
+                reach = points @ _DIRECTIONS.T
+                outermost = np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))
+                self._points = points[outermost]
+
+    def mistakes(self) -> list[str]:
+        """List complaints about stress, ground, view and lamps."""
+        return (
+            self._overstressed() + self._below_ground() + self._out_of_view() + self._behind_lamps()
+        )
+
+    def _below_ground(self) -> list[str]:
+        ground = self._file.scene.background.distance_mm
+        deep = (self._rig.beam.radius - self._lowest) / MILLIMETRE
+        if deep <= ground:
+            return []
+        said = f"is {ground:g}, but the beam comes as low as {deep:.4g} mm below plane C"
+        return [self._file.complaint(("background", "distance_mm"), said)]
+
+    def _overstressed(self) -> list[str]:
+        beam = self._file.scene.beam
+        if beam.allow_above_yield or self._stress <= beam.yield_stress_mpa:
+            return []
+        return [
+            self._file.complaint(
+                ("beam", "yield_stress_mpa"),
+                f"is {beam.yield_stress_mpa:g}, but {self._stressed} stresses the beam to "
+                f"{self._stress:.0f} MPa; push less, or set allow_above_yield: true",
+            )
+        ]
+
+    def _out_of_view(self) -> list[str]:
+        camera, points, file = self._rig.camera, self._points, self._file
+        depth = apply(camera.camera_from_antenna, points)[:, 2]
+        if depth.min() <= 0:
+            said = "lets the camera look away from the beam"
+            return [file.complaint(("camera", "look_at_mm"), said)]
+        width_px = float(camera.pixels_per_metre(points).min()) * self._rig.beam.diameter
+        if width_px < THINNEST_PX:
+            said = f"sees the beam {width_px:.2g} px wide, allowed is >= {THINNEST_PX:g} px"
+            return [file.complaint(("camera",), said)]
+        u, v = camera.project(points).T
+        if not file.scene.camera.sees_tip or _in_view(camera, points):
+            return []
+        return [
+            file.complaint(
+                ("camera",),
+                f"does not see the whole beam: it spans u {u.min():.0f}..{u.max():.0f} px and "
+                f"v {v.min():.0f}..{v.max():.0f} px, "
+                f"the image is {camera.width} x {camera.height} px",
+            )
+        ]
+
+    def _behind_lamps(self) -> list[str]:
+        """List the lamps that hide the beam, or the board in view 0, from the camera."""
+        file, rig, pose = self._file, self._rig, self._rig.camera.camera_from_antenna
+        board = apply(rig.antenna_from_board, nominal_rig(file.scene).board.corners())
+        share = np.linspace(0, 1, 65)[:, None]
+        at_rest = rig.base_position + share * [rig.beam.length, 0.0, 0.0]
+        ends = np.vstack([self._points, at_rest, board])
+        starts = np.broadcast_to(invert(pose)[:3, 3], ends.shape)
+        if rig.camera.telecentric:
+            depth = apply(pose, ends)[:, 2:]
+            starts = ends - depth * pose[2, :3]
+        shining = lights(file.scene, file.path.parent) if file.scene.lights else []
+        return [
+            file.complaint(
+                ("lights", number),
+                "stands between the camera and the beam or the board, allowed is out of its sight",
+            )
+            for number, light in enumerate(shining)
+            if isinstance(light, Lamp) and between(light.mesh, starts, ends).any()
+        ]
+
+
+def _key(file: SceneFile, wanted: Push) -> tuple[Key, ...]:
+    """Find the key of the scene file that defines a push."""
+    pushes = file.scene.pushes
+    if pushes is None:
+        return ("sampling", "contact_distance_mm")
+    if wanted.contact_distance is None or pushes.contact_distance_mm is None:
+        return ("object", "gap_mm")
+    distances = np.array(pushes.contact_distance_mm) * MILLIMETRE
+    index = int(np.argmin(np.abs(distances - wanted.contact_distance)))
+    return ("pushes", "contact_distance_mm", index)
+
+
+def _said(wanted: Push) -> str:
+    goals = f"pushed to {', '.join(map(str, wanted.goals))}"
+    if wanted.contact_distance is None:
+        return goals
+    return f"is {wanted.contact_distance / MILLIMETRE:g}, {goals}"
+
+
+def _where(wanted: Push) -> str:
+    if wanted.contact_distance is None:
+        return "contact pushed "
+    return f"contact at {wanted.contact_distance / MILLIMETRE:g} mm pushed "
+
+
+def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
+    scene = file.scene
+    hub, length = scene.hub.radius_mm, rig.beam.length / MILLIMETRE
+    if scene.sampling is not None:
+        key: tuple[Key, ...] = ("sampling", "contact_distance_mm")
+        wanted = enumerate(scene.sampling.contact_distance_mm)
+    else:
+        key = ("pushes", "contact_distance_mm")
+        pushes = scene.pushes
+        wanted = enumerate(pushes.contact_distance_mm or () if pushes else ())
+    mistakes = []
+    for index, distance in wanted:
+        if distance <= hub:
+            mistakes.append(f"is {distance:g}, allowed is beyond the hub's radius of {hub:g} mm")
+        elif distance >= length:
+            mistakes.append(f"is {distance:g}, allowed is before the tip at {length:g} mm")
+        else:
+            continue
+        mistakes[-1] = file.complaint((*key, index), mistakes[-1])
+    peg = scene.second_peg
+    if peg is not None and not hub < peg.distance_mm < length:
+        said = f"is {peg.distance_mm:g}, allowed is between the hub's radius of {hub:g} mm"
+        place = ("second_peg", "distance_mm")
+        mistakes.append(file.complaint(place, f"{said} and the tip at {length:g} mm"))
+    return mistakes
+
+
+def _too_fine(file: SceneFile, rig: TrueRig) -> list[str]:
+    ground = file.scene.background
+    finest = finest_square(file.scene, rig.camera) / MILLIMETRE
+    if ground.pattern != "squares" or ground.square_mm >= finest:
+        return []
+    said = (
+        f"is {ground.square_mm:g}, allowed is >= {finest:.3g}: smaller squares are below "
+        f"{RESOLVED_PX:g} px, or more than {MOST_SQUARES} along a side of the ground in view; "
+        "pattern plain looks the same"
+    )
+    return [file.complaint(("background", "square_mm"), said)]
+
+
+def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:
+    board = nominal_rig(file.scene).board
+    # Include half of the outer squares, which corner detection needs.
+    corners = board.corners() * (1 + 1 / (min(board.columns, board.rows) - 1))
+    if _in_view(rig.camera, apply(rig.antenna_from_board, corners)):
+        return []
+    return [file.complaint(("calibration",), "the camera does not see the whole board in view 0")]
+
+
+def _in_view(camera: Camera, points: Floats) -> bool:
+    """Test whether points (n, 3) [m] in Sigma_a are in front of the camera and in its image."""
+    if apply(camera.camera_from_antenna, points)[:, 2].min() <= 0:
+        return False
+    u, v = camera.project(points).T
+    return bool(
+        u.min() >= -0.5
+        and v.min() >= -0.5
+        and u.max() <= camera.width - 0.5
+        and v.max() <= camera.height - 0.5
+    )

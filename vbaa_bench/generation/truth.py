@@ -1,0 +1,182 @@
+"""The truth of a frame and of the rig: lengths in mm, angles in degrees."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
+from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE, PERCENT
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.mechanics.state import Contact, State
+from vbaa_bench.scene.rigs import TrueRig
+from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.trials import FrameSpec
+
+
+def truth_row(
+    experiment: Experiment, trial: FrameSpec, state: State, hidden: tuple[float, float] | None
+) -> dict[str, Any]:
+    """Collect the truth of one frame, as a row of `truth.parquet`.
+
+    `hidden` [m] is the stretch of Sigma_a's x axis that is covered or removed, if any; bars and
+    leaves cover only parts of it. Quantities that a frame without contact does not have are null.
+    Centreline and tip are in the clamp's frame. `contact_antenna_mm` is relative to the nominal
+    position of the clamp. `contact_world_mm` is in Sigma_o, which equals Sigma_a at motor angle
+    zero.
+    """
+    scene, mm = experiment.scene, MILLIMETRE
+    phi = trial.motor_angle(state.pushing_angle)
+    stress = state.largest_strain * experiment.youngs_modulus / 1e6
+    sag = _norm((state.tip - experiment.rest.tip)[1:])
+    cover, wanted = trial.cover, trial.push
+    rigid = wanted.compliance == 0
+    return {
+        "model": experiment.model,
+        "trial": trial.index,
+        "push_id": trial.push_id,
+        "step": trial.step,
+        "repeat": trial.repeat,
+        "push": str(trial.goal),
+        "contact_distance_at_rest_mm": _scaled(wanted.contact_distance, 1 / mm),
+        "normal_deg": wanted.normal / DEGREE,
+        "k_s_n_m": None if rigid else 1 / wanted.compliance,
+        "k_s_over_k_beam": _stiffness_ratio(experiment, state),
+        "deflection_pct": sag / experiment.rig.beam.length / PERCENT,
+        "pushing_angle_deg": state.pushing_angle / DEGREE,
+        "motor_angle_deg": phi / DEGREE,
+        **_contact(experiment, state, phi),
+        **_second_contact(experiment, state),
+        "tip_mm": (state.tip / mm).tolist(),
+        "base_force_n": state.base_force.tolist(),
+        "base_moment_n_mm": (state.base_moment / mm).tolist(),
+        "largest_stress_mpa": stress,
+        "above_yield": stress > scene.beam.yield_stress_mpa,
+        "hidden_by": None if cover is None else cover.kind,
+        "hidden_place": None if cover is None else cover.place,
+        "availability_asked": None if cover is None else cover.availability,
+        "hidden_from_mm": None if hidden is None else hidden[0] / mm,
+        "hidden_to_mm": None if hidden is None else hidden[1] / mm,
+        "residual": state.residual,
+        "centreline_s_mm": (state.centreline[:, 0] / mm).tolist(),
+        "centreline_x_mm": (state.centreline[:, 1] / mm).tolist(),
+        "centreline_y_mm": (state.centreline[:, 2] / mm).tolist(),
+        "centreline_z_mm": (state.centreline[:, 3] / mm).tolist(),
+    }
+
+
+def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]:
+    """Collect the columns of the first contact; all are null if nothing is touched."""
+    mm = MILLIMETRE
+    scalars = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_psi_deg", "force_n")
+    vectors = ("force_antenna_n", "contact_deformation_mm", "contact_antenna_mm")
+    if not state.contacts:
+        nothing: dict[str, Any] = dict.fromkeys(
+            (*scalars, "f_n", "w_s_mm", *vectors, "contact_world_mm", "contact_row")
+        )
+        return nothing
+    contact: Contact = state.contact
+    base = experiment.rig.base_position
+    psi = _psi(experiment, contact)
+    in_plane = np.array([0.0, np.cos(psi), np.sin(psi)])
+    across = np.array([0.0, -np.sin(psi), np.cos(psi)])
+    # Eq. (1). The motor turns the clamp about the true position of its axis.
+    axis = np.array(experiment.motor.point)
+    turn = turn_about_z(phi)[:3, :3]
+    world = [_dot(row, contact.point - axis) for row in turn] + axis + base
+    return {
+        "x_c_mm": float(contact.point[0]) / mm,
+        "y_c_mm": _dot(contact.point, in_plane) / mm,
+        "s_c_mm": contact.s / mm,
+        "theta_c_deg": contact.theta / DEGREE,
+        "psi_deg": psi / DEGREE,
+        "force_psi_deg": contact.psi / DEGREE,
+        "force_n": _norm(contact.force),
+        "f_n": _dot(contact.force, in_plane),
+        "w_s_mm": _norm(contact.object_shift) / mm,
+        "force_antenna_n": contact.force.tolist(),
+        "contact_deformation_mm": [
+            float(contact.point[0]) / mm,
+            _dot(contact.point, in_plane) / mm,
+            _dot(contact.point, across) / mm,
+        ],
+        "contact_antenna_mm": ((contact.point + base) / mm).tolist(),
+        "contact_world_mm": (world / mm).tolist(),
+        "contact_row": contact.row,
+    }
+
+
+def _dot(a: Floats, b: Floats) -> float:
+    """Compute a dot product with one rounding: that of BLAS depends on the processor."""
+    return math.fsum(a * b)
+
+
+def _norm(a: Floats) -> float:
+    return math.sqrt(_dot(a, a))
+
+
+def _psi(experiment: Experiment, contact: Contact) -> float:
+    """Compute the inclination [rad] of plane D, in which the contact has moved from its rest."""
+    line = experiment.rest.centreline
+    rest = np.array([np.interp(contact.s, line[:, 0], line[:, i]) for i in (2, 3)])
+    y, z = contact.point[1:] - rest
+    return float(np.arctan2(z, y))
+
+
+def _second_contact(experiment: Experiment, state: State) -> dict[str, Any]:
+    """Collect the columns of a second contact; all are null if there is none."""
+    second = next((one for one in state.contacts if one.obstacle == 1), None)
+    if second is None:
+        names = ("second_s_c_mm", "second_force_antenna_n", "second_contact_antenna_mm")
+        nothing: dict[str, Any] = dict.fromkeys(names)
+        return nothing
+    base = experiment.rig.base_position
+    return {
+        "second_s_c_mm": second.s / MILLIMETRE,
+        "second_force_antenna_n": second.force.tolist(),
+        "second_contact_antenna_mm": ((second.point + base) / MILLIMETRE).tolist(),
+    }
+
+
+def _stiffness_ratio(experiment: Experiment, state: State) -> float | None:
+    """Divide the object's stiffness by the beam's, 3 EI / x_c^3; None if rigid or no contact."""
+    if experiment.push.compliance == 0 or not state.contacts:
+        return None
+    rigidity = experiment.rig.beam.flexural_rigidity
+    k_beam = 3 * rigidity / float(state.contact.point[0]) ** 3
+    return 1 / experiment.push.compliance / k_beam
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> dict[str, Any]:
+    """Collect the truth of a whole dataset, for its manifest."""
+    camera, mm = rig.camera, MILLIMETRE
+    return {
+        "scene": scene.model_dump(mode="json"),
+        "seed": scene.seed,
+        "variant": variant,
+        "exposure_per_radiance": exposure,
+        "true_rig": {
+            "beam_length_mm": rig.beam.length / mm,
+            "beam_diameter_mm": rig.beam.diameter / mm,
+            "flexural_rigidity_n_mm2": rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE,
+            "base_position_mm": (rig.base_position / mm).tolist(),
+            "antenna_from_board": rig.antenna_from_board.tolist(),
+            # A telecentric camera's fx and fy are in px/m.
+            "camera": {
+                "width_px": camera.width,
+                "height_px": camera.height,
+                "fx_px": camera.fx,
+                "fy_px": camera.fy,
+                "cx_px": camera.cx,
+                "cy_px": camera.cy,
+                "camera_from_antenna": camera.camera_from_antenna.tolist(),
+                "telecentric": camera.telecentric,
+                "distortion": list(camera.distortion),
+            },
+        },
+    }

@@ -1,0 +1,111 @@
+"""Closest points of a bent beam and the objects about it, and checks of its contacts."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
+
+from solver.instrument.arrays import Floats
+from solver.instrument.transforms import apply, invert
+from vbaa_bench.mechanics.rod_contact import Equilibrium, RodContactProblem
+from vbaa_bench.mechanics.state import EquilibriumError
+from vbaa_bench.mechanics.surfaces import Ball, Line, Surface
+
+# Depth in an object, over the beam's radius, above which the beam counts as touching it.
+DEEPEST = 1e-3
+# Number of segments of the beam whose ends are tested for their distance to an object.
+SCAN = 120
+
+
+def smooth(
+    bench: RodContactProblem, clamp_from_world: Floats, centreline: Floats
+) -> RodContactProblem:
+    """Reduce every mesh of a bench to its edge or corner nearest to a `centreline` (n, 3) [m].
+
+    The centreline is in the clamp's frame; `clamp_from_world` is (4, 4).
+    """
+    parts = []
+    for obstacle in bench.obstacles:
+        object_from_clamp = invert(clamp_from_world @ obstacle.world_from_object)
+        touched = obstacle.surface.touched_by(apply(object_from_clamp, centreline))
+        parts.append(replace(obstacle, surface=touched))
+    return replace(bench, obstacles=tuple(parts))
+
+
+def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
+    """Find where the beam comes nearest to an obstacle or is deepest in it.
+
+    Returns the arc length [m], the depth [m], and the normal (3,) there. A negative depth is a
+    clearance.
+    """
+    bench = found.bench
+    rows, states, _ = found.traced(SCAN)
+    s = nearest(found, index, bench.obstacles[index].surface) / bench.rod.beam.length
+    force = np.zeros(3)
+    if index in found.contacts:  # the force sets how far the object has yielded
+        force = found.contacts[index].force / bench.rod.force_unit
+    trial = bench.trial(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
+    return trial.s, -float(trial.touch.errors[0]) * bench.rod.beam.length, trial.touch.normal
+
+
+def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
+    """Find the arc length [m] where the beam is nearest to `surface`, a part of an obstacle."""
+    rows, states, _ = found.traced(SCAN)
+    length = found.bench.rod.beam.length
+    shift = np.zeros(3)
+    if index in found.contacts:
+        shift = found.contacts[index].touch.shift
+    clamp_from_object = found.clamp_from_world @ found.bench.obstacles[index].world_from_object
+    line = apply(invert(clamp_from_object), states[:, :3] * length - shift)
+    curve = CubicSpline(rows, line)
+
+    def far(point: Floats) -> float:
+        distance, _ = surface.distance(point)
+        # The distance from an edge, or a cylinder's axis, is positive on both sides.
+        return abs(distance + surface.radius) if isinstance(surface, Line | Ball) else distance
+
+    coarse = int(np.argmin([far(point) for point in line]))
+    around = rows[max(coarse - 1, 0)], rows[min(coarse + 1, SCAN)]
+    best = minimize_scalar(
+        lambda s: far(curve(s)), method="bounded", bounds=around, options={"xatol": 1e-9}
+    )
+    at_row = float(rows[coarse])
+    return (float(best.x) if best.fun < far(line[coarse]) else at_row) * length
+
+
+def check(found: Equilibrium) -> None:
+    """Raise EquilibriumError if the beam cannot remain in this state.
+
+    It must not slip off at the tip, be pulled, cut into an object, or slip off a ball sideways.
+    """
+    beam = found.bench.rod.beam
+    for index, trial in found.contacts.items():
+        if trial.s >= beam.length:
+            raise EquilibriumError(
+                f"the beam slips off: contact arc length {trial.s:.6g} m, "
+                f"allowed is up to the tip at {beam.length:.6g} m"
+            )
+        pressing = float(trial.force @ trial.touch.normal)
+        if pressing <= 0:
+            raise EquilibriumError(
+                f"contact is lost: the object would have to pull the beam at {trial.s:.4g} m"
+            )
+        obstacle = found.bench.obstacles[index]
+        surface = obstacle.surface
+        if isinstance(surface, Line | Ball) and surface.radius == 0:
+            continue  # an edge has no inside
+        if isinstance(surface, Ball) and obstacle.friction == 0:
+            # A shift z aside inclines the force by z / (R + r); the beam resists by 3 EI z / x_c^3.
+            allowed = surface.radius + beam.radius
+            bent = pressing * trial.s**3 / (3 * beam.flexural_rigidity)
+            if bent > allowed:
+                raise EquilibriumError(
+                    f"the beam would slip off the sphere sideways: bent by {bent:.4g} m at the "
+                    f"contact, allowed is up to the radii's sum, {allowed:.4g} m"
+                )
+        s, depth, _ = deepest(found, index)
+        if depth > DEEPEST * beam.radius:
+            raise EquilibriumError(
+                f"the beam would cut {depth:.2g} m into the object at arc length {s:.4g} m"
+            )

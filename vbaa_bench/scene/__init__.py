@@ -1,0 +1,1 @@
+"""Scenes from scenes/*.yaml, and the frames they specify, with their random numbers."""

@@ -1,0 +1,96 @@
+"""The camera, its optics, and the target that calibrates it."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from solver.instrument.board import Charuco, LineNetwork
+from solver.instrument.distortion import COUNTS, one_to_one
+from vbaa_bench.scene.part import Part, Positive, Triple
+
+
+class CameraSpec(Part):
+    """Camera above plane C, with a roll and a look-at off the beam's axis as in any mount.
+
+    It is fixed to the antenna or to the world. In the world its pose is that in Sigma_a at motor
+    angle zero, and no encoder reads the motor's angle (section III-A). A telecentric lens has a
+    magnification in place of a focal length.
+    """
+
+    mount: Literal["antenna", "world"] = "antenna"
+    projection: Literal["perspective", "telecentric"] = "perspective"
+    magnification_px_per_mm: Positive | None = None
+    width_px: Annotated[int, Field(ge=32, le=8192)] = 512
+    height_px: Annotated[int, Field(ge=32, le=8192)] = 512
+    focal_length_px: Positive = 700
+    principal_point_offset_px: tuple[float, float] = (0.0, 0.0)
+    distortion: tuple[float, ...] = ()
+    position_mm: Triple = (120.0, 18.0, 360.0)
+    look_at_mm: Triple = (120.6, 20.0, 0.0)
+    # A board is read the right way up within this range.
+    roll_deg: Annotated[float, Field(ge=-45, le=45)] = 0.6
+    # Whether the whole beam must be in view; a short one may leave the image.
+    sees_tip: bool = True
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> "CameraSpec":
+        if (self.projection == "telecentric") != (self.magnification_px_per_mm is not None):
+            raise ValueError("magnification_px_per_mm is for a telecentric camera, which needs it")
+        return self
+
+    @model_validator(mode="after")
+    def _a_lens_that_can_be_undone(self) -> "CameraSpec":
+        count = len(self.distortion)
+        if count not in COUNTS:
+            raise ValueError(f"distortion holds {count} numbers, allowed are 0, 5 or 8")
+        if count and self.projection == "telecentric":
+            raise ValueError("distortion is for a perspective camera, a telecentric one has none")
+        if not one_to_one(self._rim(), self.distortion):
+            raise ValueError(
+                f"distortion {list(self.distortion)} shows different points at one place of the "
+                "image, allowed is one-to-one"
+            )
+        return self
+
+    def _rim(self) -> np.ndarray:
+        """Compute points (n, 2) a little beyond the image's rim, over the focal length."""
+        half = 0.55 * np.array([self.width_px, self.height_px])
+        along = np.linspace(-1, 1, 33)[:, None]
+        sides = [np.hstack([along, np.full_like(along, end)]) for end in (-1.0, 1.0)]
+        rim = np.vstack([*sides, *(side[:, ::-1] for side in sides)]) * half
+        return np.asarray((rim - self.principal_point_offset_px) / self.focal_length_px)
+
+
+class CalibrationSpec(Part):
+    """Calibration target with points square_mm apart; view 0 is in plane C, the others are tilted.
+
+    The points are a chessboard's inner corners, those of a ChArUco board, whose markers are from
+    `dictionary`, or the crossings of a network of dark lines, line_width_mm wide (section VI-A).
+    """
+
+    target: Literal["chessboard", "charuco", "lines"] = "chessboard"
+    columns: Annotated[int, Field(ge=4, le=60)] = 12
+    rows: Annotated[int, Field(ge=3, le=60)] = 9
+    square_mm: Positive = 18
+    dictionary: Literal["4x4_50", "4x4_100", "4x4_250", "4x4_1000"] = "4x4_250"
+    line_width_mm: Positive | None = None
+    center_mm: tuple[float, float] = (120.0, 18.0)
+    # A telecentric camera needs only view 0, any other at least three views.
+    views: Annotated[int, Field(ge=1, le=100)] = 10
+    tilt_deg: Annotated[float, Field(gt=0, le=45)] = 25
+
+    @model_validator(mode="after")
+    def _can_be_printed(self) -> "CalibrationSpec":
+        if (self.target == "lines") != (self.line_width_mm is not None):
+            raise ValueError("line_width_mm is for a target of lines, which needs it")
+        if self.target == "chessboard" and self.columns % 2 == self.rows % 2:
+            raise ValueError(
+                f"columns {self.columns} and rows {self.rows}: one must be even and one odd, "
+                "or the board looks the same after a half-turn"
+            )
+        if self.target == "charuco":
+            Charuco(self.columns, self.rows, self.square_mm, self.dictionary)
+        if self.line_width_mm is not None:
+            LineNetwork(self.columns, self.rows, self.square_mm, self.line_width_mm)
+        return self

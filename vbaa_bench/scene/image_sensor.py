@@ -1,0 +1,112 @@
+"""The image sensor."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from solver.instrument.units import PERCENT
+from vbaa_bench.scene.part import NonNegative, Part
+
+# Fields that an ideal sensor may set; all others keep their defaults.
+_IDEAL = ("bits", "beam_peak_pct", "rest_images", "exposure_s")
+
+
+class SensorSpec(Part):
+    """Image sensor, exposed so that the resting beam peaks at `beam_peak_pct` of full scale.
+
+    If a tenth of the image is brighter than the beam, that part peaks there instead. The terms
+    are those of EMVA Standard 1288. The gray values of an ideal sensor are radiance, rounded and
+    clipped at full scale.
+    """
+
+    kind: Literal["real", "ideal"] = "real"
+    # Above 8, images are 16-bit PNG that hold gray values from 0 to 2^bits - 1.
+    bits: Literal[8, 10, 12, 14, 16] = 8
+    full_well_e: Annotated[float, Field(ge=10, le=1e7)] = 10_000
+    read_noise_e: NonNegative = 10
+    beam_peak_pct: Annotated[float, Field(gt=0, le=100)] = 70
+    rest_images: Annotated[int, Field(ge=1, le=1000)] = 4
+    # As the beam's peak is prescribed, a lower one needs more light and does not change the image.
+    quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = 1.0
+    dark_current_e_s: NonNegative = 0.0
+    # Integration time.
+    exposure_s: Annotated[float, Field(gt=0, le=3600)] = 0.005
+    # Photo-response and dark-signal non-uniformity: standard deviations over the pixels.
+    prnu_pct: Annotated[float, Field(ge=0, le=20)] = 0.0
+    dsnu_e: NonNegative = 0.0
+    # By default, the full well is at full scale.
+    gain_e_per_gray: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    # Gray value of a dark pixel.
+    black_level_gray: Annotated[float, Field(ge=0, lt=65535)] = 0.0
+    # Gray over full scale is its linear value to the power of 1 / gamma.
+    gamma: Annotated[float, Field(ge=1, le=4)] = 1.0
+
+    @property
+    def full_scale(self) -> int:
+        """Largest gray value."""
+        return int(2**self.bits - 1)
+
+    @property
+    def gain(self) -> float:
+        """Electrons per gray value, before gamma."""
+        return self.gain_e_per_gray or self.full_well_e / (self.full_scale - self.black_level_gray)
+
+    @property
+    def dark_signal(self) -> float:
+        """Mean number of electrons of a pixel after a dark frame."""
+        return self.dark_current_e_s * self.exposure_s
+
+    @property
+    def peak_signal(self) -> float:
+        """Electrons, dark signal included, of a pixel where the resting beam peaks."""
+        return self.gain * (self._linear_peak - self.black_level_gray)
+
+    @property
+    def _linear_peak(self) -> float:
+        """Gray value of the beam's peak, before gamma."""
+        return float(self.full_scale * (self.beam_peak_pct * PERCENT) ** self.gamma)
+
+    @model_validator(mode="after")
+    def _ideal_has_no_flaws(self) -> "SensorSpec":
+        flaws = [
+            name
+            for name, field in type(self).model_fields.items()
+            if name not in ("kind", *_IDEAL) and getattr(self, name) != field.default
+        ]
+        if self.kind == "ideal" and flaws:
+            raise ValueError(
+                f"kind is ideal and {', '.join(flaws)} given, allowed beside it are "
+                f"{', '.join(_IDEAL)}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _beam_between_black_and_full(self) -> "SensorSpec":
+        black, peak = self.black_level_gray, self._linear_peak
+        if not black < peak:
+            raise ValueError(
+                f"black_level_gray is {black:g}, allowed is below {peak:g}, the beam's gray value "
+                "before gamma"
+            )
+        # A full well at full scale may be off by a rounding error.
+        if self.peak_signal > self.full_well_e * (1 + 1e-12):
+            raise ValueError(
+                f"beam_peak_pct is {self.beam_peak_pct:g}, with this gain {self.peak_signal:g} "
+                f"electrons, allowed is at most the full well of {self.full_well_e:g}"
+            )
+        if not self.dark_signal < self.peak_signal:
+            raise ValueError(
+                f"dark_current_e_s times exposure_s is {self.dark_signal:g} electrons, allowed is "
+                f"below the {self.peak_signal:g} at which the beam peaks"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _beam_above_the_noise(self) -> "SensorSpec":
+        for name in ("read_noise_e", "dsnu_e"):
+            if getattr(self, name) >= self.full_well_e:
+                raise ValueError(
+                    f"{name} is {getattr(self, name):g}, allowed is below the full well of "
+                    f"{self.full_well_e:g}"
+                )
+        return self

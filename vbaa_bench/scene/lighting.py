@@ -1,0 +1,143 @@
+"""Lamps, and the background under the beam."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from vbaa_bench.scene.part import Part, Positive, Share, Triple
+
+Sides = tuple[Positive, Positive]
+
+
+class LightSpec(Part):
+    """Square lamp that faces plane C, about the camera's axis and behind the camera."""
+
+    side_mm: Positive = 700
+    height_mm: Positive = 420
+
+
+class _LampSpec(Part):
+    """One of several lamps, fixed to the same frame as the camera and aimed at its look-at."""
+
+    # Of a sheet at the aim that faces the lamp. Only ratios matter: the beam sets the exposure.
+    irradiance: Positive = 1.0
+
+
+class AreaSpec(_LampSpec):
+    """Rectangular lamp anywhere; its first side is as parallel to the beam as possible."""
+
+    kind: Literal["area"]
+    position_mm: Triple = (120.0, -250.0, 420.0)
+    aim_mm: Triple | None = None
+    size_mm: Sides = (300, 200)
+
+
+class SideSpec(_LampSpec):
+    """Rectangular lamp low at the side; azimuth is measured from +x to +y, in plane C."""
+
+    kind: Literal["side"]
+    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = -90
+    elevation_deg: Annotated[float, Field(gt=0, lt=90)] = 15
+    distance_mm: Positive = 400
+    size_mm: Sides = (400, 100)
+
+
+class RingSpec(_LampSpec):
+    """Ring lamp about the lens, perpendicular to the camera's axis, with two radii."""
+
+    kind: Literal["ring"]
+    inner_mm: Positive = 35
+    outer_mm: Positive = 60
+
+    @model_validator(mode="after")
+    def _inner_first(self) -> "RingSpec":
+        if self.inner_mm >= self.outer_mm:
+            raise ValueError(
+                f"inner_mm is {self.inner_mm:g}, allowed is less than outer_mm, {self.outer_mm:g}"
+            )
+        return self
+
+
+class BackSpec(_LampSpec):
+    """Luminous panel that is `lift_mm` above the background and shines upwards.
+
+    `irradiance` is that of plane C from below.
+    """
+
+    kind: Literal["back"]
+    size_mm: Sides = (400, 400)
+    lift_mm: Positive = 0.5
+
+
+class StripeSpec(_LampSpec):
+    """Projector of a bright stripe along the beam: the paper's artificial light.
+
+    Length and width are those at the aim, across the light; the edges fade over `edge_mm`.
+    """
+
+    kind: Literal["stripe"]
+    position_mm: Triple = (120.0, -200.0, 350.0)
+    aim_mm: Triple | None = None
+    length_mm: Positive = 280
+    width_mm: Positive = 90
+    edge_mm: Positive = 4
+
+    @model_validator(mode="after")
+    def _a_slide_that_can_be_drawn(self) -> "StripeSpec":
+        if self.edge_mm < self.width_mm / 200:
+            raise ValueError(
+                f"edge_mm is {self.edge_mm:g}, allowed is >= 1/200 of width_mm, {self.width_mm:g}"
+            )
+        return self
+
+
+class SpotSpec(_LampSpec):
+    """Small lamp that lights a cone and casts hard shadows."""
+
+    kind: Literal["spot"]
+    position_mm: Triple = (0.0, -200.0, 350.0)
+    aim_mm: Triple | None = None
+    cone_deg: Annotated[float, Field(ge=1, le=170)] = 60
+
+
+class EnvironmentSpec(_LampSpec):
+    """Light from all around: a laboratory with a window and lamps at its ceiling, or an image.
+
+    The image is an OpenEXR file beside the scene that maps longitude and latitude, its top row
+    towards +z, its columns from +x through +y around. `irradiance` is that of plane C.
+    """
+
+    kind: Literal["environment"]
+    file: Annotated[str, Field(min_length=1)] | None = None
+    turn_deg: Annotated[float, Field(ge=-360, le=360)] = 0
+
+
+LampSpec = Annotated[
+    AreaSpec | SideSpec | RingSpec | BackSpec | StripeSpec | SpotSpec | EnvironmentSpec,
+    Field(discriminator="kind"),
+]
+
+
+class BackgroundSpec(Part):
+    """Matt sheet below plane C, wider than the camera's view.
+
+    It is plain; has darker squares; is graded, from `reflectance` on one side of the view to
+    `far_reflectance` on the other; or is textured at random, like cork, wood or foam.
+    """
+
+    distance_mm: Positive = 30
+    reflectance: Share = 0.05
+    pattern: Literal["plain", "squares", "graded", "textured"] = "plain"
+    square_mm: Positive = 15
+    square_reflectance: Share = 0.02
+    far_reflectance: Share = 0.30
+    # Direction, from +x to +y, of the change to `far_reflectance`, and the length of the change.
+    gradient_deg: Annotated[float, Field(ge=-360, le=360)] = 90
+    gradient_mm: Positive = 200
+    # Standard deviation over mean.
+    contrast: Annotated[float, Field(gt=0, le=1)] = 0.4
+    # Distance at which the correlation is 1/e, across the grain; along it, +x, `grain` times that.
+    correlation_mm: Positive = 2.0
+    grain: Annotated[float, Field(ge=1, le=100)] = 1.0
+    # Fixed to the antenna's base plate, or to the world, where it turns past the camera.
+    lies_in: Literal["antenna", "world"] = "antenna"

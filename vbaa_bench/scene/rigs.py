@@ -1,0 +1,117 @@
+"""The nominal rig, as the laboratory states it, and the true rig."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.beam import Beam, circular_rigidity
+from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
+from solver.instrument.camera import Camera
+from solver.instrument.rig import Rig, Sensors, Tolerances
+from solver.instrument.transforms import camera_looking_at, rigid
+from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
+from vbaa_bench.scene.camera import CalibrationSpec
+from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.trials import random_generator
+
+
+@dataclass(frozen=True)
+class TrueRig:
+    """True rig, hidden from solvers: beam, clamp and hub position (3,) [m], camera, board pose."""
+
+    beam: Beam
+    base_position: Floats
+    camera: Camera
+    antenna_from_board: Floats
+
+
+def nominal_rig(scene: Scene) -> Rig:
+    """Return the datasheet of a scene's rig, with the tolerances it states."""
+    beam, claimed, card = scene.beam, scene.tolerances, scene.calibration
+    moment, force = scene.moment_sensor, scene.force_sensor
+    diameter, modulus = beam.diameter_mm * MILLIMETRE, beam.youngs_modulus_gpa * 1e9
+    # Rigidity of bending along the section's thickness.
+    rigidity = circular_rigidity(modulus, diameter) * beam.aspect
+    if beam.section == "strip":
+        rigidity = modulus * beam.aspect * diameter**4 / 12
+    return Rig(
+        beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
+        base_position=np.zeros(3),
+        board=_board(card),
+        antenna_from_board=rigid(np.zeros(3), np.array([*card.center_mm, 0.0]) * MILLIMETRE),
+        deflects_towards=1,
+        tolerances=Tolerances(
+            beam_length=claimed.beam_length_mm * MILLIMETRE,
+            flexural_rigidity=claimed.flexural_rigidity_pct * PERCENT * rigidity,
+            base_position=claimed.base_mm * MILLIMETRE,
+            board_translation=claimed.board_mm * MILLIMETRE,
+            board_rotation=claimed.board_deg * DEGREE,
+            encoder=claimed.encoder_deg * DEGREE,
+        ),
+        telecentric=scene.camera.projection == "telecentric",
+        camera_mount=scene.camera.mount,
+        known_psi=beam.section_angle_deg * DEGREE if beam.section == "strip" else None,
+        sensors=Sensors(
+            moment_y=None if moment is None else moment.sigma_n_mm * MILLIMETRE,
+            base_force=None if force is None else force.force_sigma_n,
+            base_moment=None if force is None else force.moment_sigma_n_mm * MILLIMETRE,
+        ),
+        distortion_coefficients=len(scene.camera.distortion),
+        sag=_sag(scene, rigidity),
+    )
+
+
+def _sag(scene: Scene, rigidity: float) -> float:
+    """Compute the tip's sag [m] below plane C under the nominal weight, by linear theory."""
+    beam, diameter = scene.beam, scene.beam.diameter_mm * MILLIMETRE
+    area = diameter**2 * beam.aspect * (1.0 if beam.section == "strip" else math.pi / 4)
+    weight = -scene.gravity_m_s2[2] * beam.density_kg_m3 * area
+    return weight * (beam.length_mm * MILLIMETRE) ** 4 / (8 * rigidity)
+
+
+def _board(card: CalibrationSpec) -> Board:
+    size = (card.columns, card.rows, card.square_mm * MILLIMETRE)
+    if card.target == "charuco":
+        return Charuco(*size, card.dictionary)
+    if card.line_width_mm is not None:
+        return LineNetwork(*size, card.line_width_mm * MILLIMETRE)
+    return Chessboard(*size)
+
+
+def true_rig(scene: Scene) -> TrueRig:
+    """Return the true rig: at its nominal values, or off them by draws from the tolerances."""
+    rig, spec = nominal_rig(scene), scene.camera
+    scale = spec.focal_length_px
+    if spec.magnification_px_per_mm is not None:
+        scale = spec.magnification_px_per_mm / MILLIMETRE
+    camera = Camera(
+        width=spec.width_px,
+        height=spec.height_px,
+        fx=scale,
+        fy=scale,
+        cx=(spec.width_px - 1) / 2 + spec.principal_point_offset_px[0],
+        cy=(spec.height_px - 1) / 2 + spec.principal_point_offset_px[1],
+        camera_from_antenna=camera_looking_at(
+            np.array(spec.position_mm) * MILLIMETRE,
+            np.array(spec.look_at_mm) * MILLIMETRE,
+            spec.roll_deg * DEGREE,
+        ),
+        telecentric=spec.projection == "telecentric",
+        distortion=spec.distortion,
+    )
+    if scene.tolerances.true_rig == "nominal":
+        return TrueRig(rig.beam, rig.base_position, camera, rig.antenna_from_board)
+    draw = random_generator(scene, "true rig").standard_normal
+    sigma = rig.tolerances
+    beam = Beam(
+        rig.beam.length + sigma.beam_length * draw(),
+        rig.beam.diameter,
+        rig.beam.flexural_rigidity + sigma.flexural_rigidity * draw(),
+    )
+    moved = rigid(sigma.board_rotation * draw(3), sigma.board_translation * draw(3))
+    board = rig.antenna_from_board.copy()
+    board[:3, 3] += moved[:3, 3]
+    board[:3, :3] = moved[:3, :3] @ board[:3, :3]
+    return TrueRig(beam, rig.base_position + sigma.base_position * draw(3), camera, board)

@@ -1,0 +1,313 @@
+"""The scene: every number of a simulated experiment, as in its YAML file.
+
+Units are in the names. Defaults describe the paper's rig (section VI).
+"""
+
+import math
+from typing import Annotated, Final, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
+from vbaa_bench.scene.image_sensor import SensorSpec
+from vbaa_bench.scene.laboratory import ForceSensorSpec, HubSpec, MomentSensorSpec
+from vbaa_bench.scene.lighting import BackgroundSpec, LampSpec, LightSpec
+from vbaa_bench.scene.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
+from vbaa_bench.scene.optics import OpticsSpec
+from vbaa_bench.scene.paint import Paint, PaintedPart
+from vbaa_bench.scene.part import (
+    ONSET,
+    Onset,
+    Part,
+    Positive,
+    Share,
+    Tilt,
+    Tolerance,
+    Triple,
+)
+from vbaa_bench.scene.rendering import Layer, RenderSpec
+from vbaa_bench.scene.sampling import SamplingSpec
+
+
+class BeamSpec(PaintedPart):
+    """Beam and its paint; by default that of section VI: straight, round and uniform."""
+
+    paint: Paint = "gloss"
+    length_mm: Positive = 240
+    # For a strip this is its thickness.
+    diameter_mm: Positive = 0.8
+    youngs_modulus_gpa: Positive = 200
+    yield_stress_mpa: Positive = 1500
+    allow_above_yield: bool = False
+    reflectance: Share = 0.85
+    # An elliptic section, or a flat strip, `aspect` times as wide as it is thick; its thickness
+    # leans from y towards z by `section_angle_deg`.
+    section: Literal["circular", "elliptic", "strip"] = "circular"
+    aspect: Annotated[float, Field(ge=0.1, le=100)] = 1.0
+    section_angle_deg: Tilt = 0.0
+    # A tapered beam's diameter at the tip over that at the clamp.
+    tip_ratio: Annotated[float, Field(ge=0.1, le=3)] = 1.0
+    # Bow of the unloaded beam: its middle's distance from its chord, towards +y.
+    bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
+    density_kg_m3: Positive = 7930
+    # Whether it stretches under its axial force.
+    extensible: bool = False
+    # Number of segments of the centreline.
+    pieces: Annotated[int, Field(ge=16, le=10_000)] = 480
+
+    @model_validator(mode="after")
+    def _aspect_of_a_section(self) -> "BeamSpec":
+        if (self.section == "circular") != (self.aspect == 1):
+            raise ValueError(
+                f"section {self.section} with aspect {self.aspect:g}: a circular one has aspect 1, "
+                "an elliptic one or a strip another"
+            )
+        if self.section == "strip" and self.aspect < 2:
+            raise ValueError(f"aspect is {self.aspect:g}, allowed is >= 2 for a strip")
+        return self
+
+
+class ToleranceSpec(Part):
+    """Accuracy of the rig as the laboratory states it: one sigma, written to rig.json.
+
+    The encoder's readings always have errors of its sigma, and are multiples of its step.
+    """
+
+    beam_length_mm: Tolerance = 0.1
+    flexural_rigidity_pct: Annotated[float, Field(ge=0, le=20)] = 1.0
+    base_mm: Tolerance = 0.01
+    board_mm: Tolerance = 0.01
+    board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
+    encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
+    encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
+    # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.
+    true_rig: Literal["nominal", "drawn"] = "nominal"
+
+
+# As many as sampling.count allows. Chosen: two days of rendering, a terabyte with all layers.
+MOST_FRAMES: Final = 1_000_000
+
+Angle = Annotated[float, Field(gt=-60, lt=60)]
+
+
+class PushSpec(Part):
+    """Grid of pushes: contact distances x normals x stiffnesses x repeats, step after step.
+
+    Contact distance is where the beam at rest first touches; deflection is the tip's displacement
+    across the beam, over L. The deflections, or pushing angles, are the steps of one push in
+    their order; a step whose angle is not positive is before contact.
+    """
+
+    contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
+    deflection_pct: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = None
+    pushing_angle_deg: tuple[Angle, ...] | None = None
+    # Tilt nu of the touched edge's normal out of plane C.
+    normal_deg: Annotated[tuple[Tilt, ...], Field(min_length=1)] = (0.0,)
+    # Stiffness of the object along its normal.
+    stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = (
+        "rigid",
+    )
+    repeats: Annotated[int, Field(ge=1, le=MOST_FRAMES)] = 1
+    # Drawn uniformly for every push, from low to high; equal ends fix it.
+    motor_angle_at_contact_deg: Onset = ONSET
+
+    @model_validator(mode="after")
+    def _onset_from_low_to_high(self) -> "PushSpec":
+        ends = self.motor_angle_at_contact_deg
+        if ends[0] > ends[1]:
+            raise ValueError(
+                f"motor_angle_at_contact_deg is {list(ends)}, allowed is a range from low to high"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_push_axis(self) -> "PushSpec":
+        if (self.deflection_pct is None) == (self.pushing_angle_deg is None):
+            raise ValueError("exactly one of deflection_pct and pushing_angle_deg must be given")
+        if not (self.deflection_pct or self.pushing_angle_deg):
+            raise ValueError("the list of deflections or pushing angles is empty")
+        return self
+
+
+class Scene(Part):
+    """One experiment. Together with its seed it determines every byte of the truth."""
+
+    title: Annotated[str, Field(min_length=1)]
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    # A grid of pushes, or random ones.
+    pushes: PushSpec | None = None
+    sampling: SamplingSpec | None = None
+    # The exact beam, or the paper's, (9) and (10), on which the paper's methods are unbiased.
+    mechanics: Literal["exact", "linear"] = "exact"
+    beam: BeamSpec = BeamSpec()
+    # In the world, which is Sigma_a at motor angle zero; the motor's axis is along z.
+    gravity_m_s2: Triple = (0.0, 0.0, 0.0)
+    # Position of the beam's clamp relative to the motor's axis.
+    adaptor_mm: Triple = (0.0, 0.0, 0.0)
+    tolerances: ToleranceSpec = ToleranceSpec()
+    camera: CameraSpec = CameraSpec()
+    optics: OpticsSpec = OpticsSpec()
+    # Motor speed while the shutter is open (sensor.exposure_s, all pixels at once).
+    motor_speed_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 0.0
+    calibration: CalibrationSpec = CalibrationSpec()
+    light: LightSpec = LightSpec()
+    # In place of `light`.
+    lights: tuple[LampSpec, ...] = ()
+    background: BackgroundSpec = BackgroundSpec()
+    object: ObjectSpec = BlockSpec()
+    second_peg: SecondPegSpec | None = None
+    occlusion: OcclusionSpec | None = None
+    hub: HubSpec = HubSpec()
+    sensor: SensorSpec = SensorSpec()
+    moment_sensor: MomentSensorSpec | None = None
+    force_sensor: ForceSensorSpec | None = None
+    render: RenderSpec = RenderSpec()
+    layers: tuple[Layer, ...] = get_args(Layer)
+    frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
+
+    @model_validator(mode="after")
+    def _lamp_behind_camera(self) -> "Scene":
+        camera, lamp = self.camera.position_mm[2], self.light.height_mm
+        if self.lights and self.light != LightSpec():
+            raise ValueError("light and lights are both given, allowed is one of them")
+        if self.lights and camera > 0:
+            return self
+        if not 0 < camera < lamp:
+            raise ValueError(
+                f"camera.position_mm has height {camera:g} and light.height_mm is {lamp:g}; "
+                "allowed is 0 < camera < light, so that the lamp shines from behind the camera"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _lamps_stand_off(self) -> "Scene":
+        ground = self.background.distance_mm
+        for lamp in self.lights:
+            position = getattr(lamp, "position_mm", None)
+            aim = getattr(lamp, "aim_mm", None) or self.camera.look_at_mm
+            if position == aim:
+                raise ValueError(
+                    f"lights: the position_mm is where it aims, {list(aim)}, for one of kind "
+                    f"{lamp.kind}; allowed is any other place"
+                )
+            if lamp.kind == "back" and lamp.lift_mm >= ground:
+                raise ValueError(
+                    f"lights: a back panel's lift_mm is {lamp.lift_mm:g}, allowed is less than "
+                    f"background.distance_mm, {ground:g}, or it would lie above plane C"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _one_set_of_pushes(self) -> "Scene":
+        if (self.pushes is None) == (self.sampling is None):
+            raise ValueError("exactly one of pushes and sampling must be given")
+        if self.pushes is not None:
+            wall = self.object.kind == "wall"
+            if (self.pushes.contact_distance_mm is None) != wall:
+                raise ValueError(
+                    "pushes.contact_distance_mm must be given, but for a wall, which has none"
+                )
+            angles = self.pushes.pushing_angle_deg
+            if wall and angles is None:
+                raise ValueError("a wall is pushed to pushing_angle_deg, not to a deflection")
+            if self.object.kind == "none" and (angles is None or max(angles) > 0):
+                raise ValueError(
+                    "object.kind is none, so nothing is touched: pushing_angle_deg must be <= 0"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _frames_that_can_be_made(self) -> "Scene":
+        axes = {"sampling.count": self.sampling.count if self.sampling else 1}
+        if self.pushes is not None:
+            steps = self.pushes.deflection_pct or self.pushes.pushing_angle_deg or ()
+            axes = {
+                "contact distances": len(self.pushes.contact_distance_mm or (None,)),
+                "normals": len(self.pushes.normal_deg),
+                "stiffnesses": len(self.pushes.stiffness_n_m),
+                "repeats": self.pushes.repeats,
+                "steps": len(steps),
+            }
+        if self.occlusion is not None:
+            hiding = self.occlusion
+            axes["occlusions"] = len(hiding.kind) * len(hiding.place) * len(hiding.availability)
+        frames = math.prod(axes.values())
+        if frames > MOST_FRAMES:
+            said = " x ".join(f"{count:,} {name}" for name, count in axes.items() if count > 1)
+            raise ValueError(f"{said} are {frames:,} frames, allowed are {MOST_FRAMES:,}")
+        return self
+
+    @model_validator(mode="after")
+    def _samples_of_contacts(self) -> "Scene":
+        if self.sampling is not None and self.object.kind in ("none", "wall"):
+            raise ValueError(
+                f"object.kind is {self.object.kind}, which has no contact distance to be drawn; "
+                "allowed with sampling is any other"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _strip_lies_on_its_face(self) -> "Scene":
+        if self.beam.section != "strip":
+            return self
+        lean = self.beam.section_angle_deg
+        normals = self.pushes.normal_deg if self.pushes else ()
+        normals += self.sampling.normal_deg if self.sampling else ()
+        if self.object.kind not in ("block", "knife_edge") or self.second_peg:
+            raise ValueError("a strip is pushed by one block or knife_edge alone")
+        if any(normal != lean for normal in normals):
+            raise ValueError(
+                f"a strip whose section_angle_deg is {lean:g} lies flat on an edge of the same "
+                f"normal_deg alone, not on {list(normals)}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _moves_without_memory(self) -> "Scene":
+        turned = self.motor_speed_deg_s * self.sensor.exposure_s
+        if turned > 5:
+            raise ValueError(
+                f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and sensor.exposure_s is "
+                f"{self.sensor.exposure_s:g}: the motor turns by {turned:g} degrees while the "
+                "shutter is open, allowed is up to 5"
+            )
+        if turned and self.object.kind == "none":
+            raise ValueError("motor_speed_deg_s is given, but object.kind is none")
+        remembers = [name for name in ("friction",) if getattr(self.object, name, 0)]
+        remembers += ["drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
+        if self.motor_speed_deg_s and remembers:
+            raise ValueError(
+                f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and object.{remembers[0]} is "
+                "given; allowed is one of them: blur is that of a frictionless push"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _enough_views(self) -> "Scene":
+        if self.camera.projection == "perspective" and self.calibration.views < 3:
+            raise ValueError(
+                f"calibration.views is {self.calibration.views}, allowed is >= 3 for a "
+                "perspective camera"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _linear_is_plain(self) -> "Scene":
+        beam, plain = self.beam, BeamSpec()
+        asked = [
+            name
+            for name in ("section", "tip_ratio", "bow_mm", "extensible")
+            if getattr(beam, name) != getattr(plain, name)
+        ]
+        asked += [f"object.{name}" for name in ("friction",) if getattr(self.object, name, 0)]
+        asked += ["gravity_m_s2"] if any(self.gravity_m_s2) else []
+        asked += ["adaptor_mm"] if any(self.adaptor_mm) else []
+        asked += ["second_peg"] if self.second_peg else []
+        asked += ["object.drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
+        if self.object.kind not in ("block", "knife_edge", "plunger"):
+            asked.append(f"object.kind {self.object.kind}")
+        if self.mechanics == "linear" and asked:
+            raise ValueError(
+                f"mechanics is linear, which knows nothing of {', '.join(asked)}; allowed is exact"
+            )
+        return self

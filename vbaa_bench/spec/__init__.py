@@ -1,1 +1,0 @@
-"""Scenes from scenes/*.yaml, and their trials: the frames to simulate, with random numbers."""
