@@ -113,7 +113,7 @@ def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Pat
             "deflection_pct: [10, 20]",
             "pushing_angle_deg: [-3, 5]\n  motor_angle_at_contact_deg: [2, 4]",
         ),
-        ("seed: 11", "seed: 11\nbackground: {lies_in: world, pattern: squares}"),
+        ("seed: 11", "seed: 11\nbackground: {fixed_to: world, pattern: squares}"),
     )
     truth, observations = open_truth(layout.truth), open_observations(layout.observations)
     antenna = set_up(observations)

@@ -34,16 +34,16 @@ class BeamMesher:
         across = None if director is None else CubicSpline(line[:, 0], director)(s)
         if spec.section == "strip":
             assert across is not None
-            width = spec.aspect * beam.diameter
+            width = spec.aspect_ratio * beam.diameter
             return strip(points, across, beam.diameter, width), arc_length_of_vertices(s, 4)
         radius = beam.radius * (1 + (spec.tip_ratio - 1) * s / beam.length)
-        skin = tube(points, radius, self._facets, across, spec.aspect)
+        skin = tube(points, radius, self._facets, across, spec.aspect_ratio)
         return skin, arc_length_of_vertices(s, self._facets)
 
     @cached_property
     def _facets(self) -> int:
         beam = self.scene.beam
-        thickest = self.rig.beam.radius * max(beam.aspect, 1.0) * max(beam.tip_ratio, 1.0)
+        thickest = self.rig.beam.radius * max(beam.aspect_ratio, 1.0) * max(beam.tip_ratio, 1.0)
         return facets(thickest, self._tolerance)
 
     @cached_property
@@ -53,7 +53,7 @@ class BeamMesher:
         sharpest = spec.yield_stress_mpa * 1e6 / (spec.youngs_modulus_gpa * 1e9 * thinnest)
         if spec.allow_above_yield:
             sharpest *= _ABOVE_YIELD
-        return min(ring_count(beam.length, sharpest, self._tolerance), spec.pieces + 1)
+        return min(ring_count(beam.length, sharpest, self._tolerance), spec.centreline_segments + 1)
 
     @property
     def _tolerance(self) -> float:

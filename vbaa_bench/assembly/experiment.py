@@ -41,13 +41,13 @@ class Experiment:
         """The beam with the scene's section, taper, weight, bow and extensibility."""
         spec, beam = self.scene.beam, self.rig.beam
         strip = spec.section == "strip"
-        area = (4.0 if strip else np.pi) * beam.radius**2 * spec.aspect
+        area = (4.0 if strip else np.pi) * beam.radius**2 * spec.aspect_ratio
         linear_density = spec.density_kg_m3 * area
         x, y, z = self.push.gravity
         return Rod(
             beam,
             shape="rectangle" if strip else "ellipse",
-            aspect=spec.aspect,
+            aspect_ratio=spec.aspect_ratio,
             section_angle=spec.section_angle_deg * DEGREE,
             tip_ratio=spec.tip_ratio,
             weight=(linear_density * x, linear_density * y, linear_density * z),
@@ -58,7 +58,7 @@ class Experiment:
     @cached_property
     def motor(self) -> Motor:
         """The motor shaft; the clamp may be offset from its axis."""
-        x, y, z = (-v * MILLIMETRE for v in self.scene.adaptor_mm)
+        x, y, z = (-v * MILLIMETRE for v in self.scene.clamp_offset_mm)
         return Motor(point=(x, y, z))
 
     @cached_property
@@ -77,7 +77,7 @@ class Experiment:
     @cached_property
     def rest(self) -> State:
         """The beam before contact."""
-        return rest(self.rod, self.scene.beam.pieces)
+        return rest(self.rod, self.scene.beam.centreline_segments)
 
     @property
     def youngs_modulus(self) -> float:
@@ -108,7 +108,7 @@ class Experiment:
         scene, first = self.scene, self.obstacles[0]
         straight = isinstance(first.surface, Line) and self.push.normal == 0
         drifts = any(getattr(scene.object, "drift_mm", ()))
-        bare = not (first.friction or drifts or scene.second_peg or any(scene.adaptor_mm))
+        bare = not (first.friction or drifts or scene.second_peg or any(scene.clamp_offset_mm))
         return PLANAR if self.rod.plain and straight and bare else SPATIAL
 
     def states(self) -> list[State]:
@@ -147,7 +147,7 @@ class Experiment:
             )
 
     def _states(self) -> list[State]:
-        model, goals, pieces = self.model, self.push.goals, self.scene.beam.pieces
+        model, goals, pieces = self.model, self.push.goals, self.scene.beam.centreline_segments
         distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
         if model == SPATIAL:
             return push(self.rod, self.motor, self.obstacles, distance, self.steps, pieces)

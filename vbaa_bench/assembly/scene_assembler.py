@@ -140,7 +140,7 @@ class SceneAssembler:
         clamp, mm = scene.hub, MILLIMETRE
         bottom = experiment.ground if clamp.bottom_mm is None else clamp.bottom_mm * mm
         shaft = hub(clamp.radius_mm * mm, bottom, clamp.top_mm * mm)
-        offset = np.array(scene.adaptor_mm) * mm
+        offset = np.array(scene.clamp_offset_mm) * mm
         if offset.any():
             shaft.apply_translation(-offset)
             arm = adaptor(offset, clamp.radius_mm * mm / 2)
@@ -193,7 +193,7 @@ class SceneAssembler:
     ) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces of the ground at a motor angle [rad]."""
         spec, mount = self.scene.background, self.scene.camera.mount
-        if spec.pattern == "plain" or spec.lies_in == mount:
+        if spec.pattern == "plain" or spec.fixed_to == mount:
             # A plain ground looks the same at every angle.
             yield from self._ground(np.eye(4))
         elif mount == "antenna":
@@ -233,7 +233,7 @@ class SceneAssembler:
                 return graded(places, spec.reflectance, spec.far_reflectance, azimuth, over)
             case "textured":
                 across, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
-                lengths = (across * spec.grain, across)
+                lengths = (across * spec.correlation_ratio, across)
                 mean, contrast = spec.reflectance, spec.contrast
                 return grown(places, mean, contrast, lengths, 2 * length, random)
         return None
@@ -245,9 +245,9 @@ class SceneAssembler:
     def _world(self, surfaces: dict[str, Surface], shining: list[Light] | None = None) -> World:
         optics = self.scene.optics
         lens = Lens(
-            optics.spread_px,
+            optics.point_spread_px,
             optics.aperture_mm / 2 * MILLIMETRE,
-            (optics.focus_mm or self._distance_mm) * MILLIMETRE,
+            (optics.focus_distance_mm or self._distance_mm) * MILLIMETRE,
         )
         return World(
             self.rig.camera,
@@ -271,7 +271,7 @@ class SceneAssembler:
         """Names of surfaces that do not move against the camera; a plain ground always counts."""
         still = {"hub", "adaptor"} if self.scene.camera.mount == "antenna" else set()
         background = self.scene.background
-        if background.lies_in == self.scene.camera.mount or background.pattern == "plain":
+        if background.fixed_to == self.scene.camera.mount or background.pattern == "plain":
             still |= _GROUND
         return still
 

@@ -22,12 +22,12 @@ CAMERA = CameraSpec(
     focal_length_px=640,
     position_mm=(62.0, -110.0, 240.0),
     look_at_mm=(55.0, 6.0, -4.0),
-    sees_tip=False,
+    tip_in_view=False,
 )
 BOARD = CalibrationSpec(square_mm=3, center_mm=(55.0, 6.0))
 PUSH = PushSpec(contact_distance_mm=(80,), deflection_pct=(20,))
 # Three bounces: bare steel is black except for its reflections.
-RENDER = RenderSpec(bounces=3, noise_near_beam=0.5, noise_elsewhere=1.0, noise_still=0.5)
+RENDER = RenderSpec(bounces=3, noise_near_beam=0.5, noise_elsewhere=1.0, noise_static_layer=0.5)
 # Changes to the scene in each column.
 LOOKS: dict[str, dict[str, dict[str, Any]]] = {
     "painted, plain": {},
@@ -45,7 +45,7 @@ LOOKS: dict[str, dict[str, dict[str, Any]]] = {
             "reflectance": 0.25,
             "contrast": 0.25,
             "correlation_mm": 2.5,
-            "grain": 15,
+            "correlation_ratio": 15,
         },
     },
     "painted, felt": {

@@ -148,7 +148,7 @@ def _space_all_effects(pushes: Sequence[Push]) -> Record:
     weight = DENSITY * math.pi * BEAM.radius**2 * 9.81
     rod = Rod(
         BEAM,
-        aspect=1.2,
+        aspect_ratio=1.2,
         section_angle=0.3,
         tip_ratio=0.8,
         weight=(0.0, 0.0, -weight),

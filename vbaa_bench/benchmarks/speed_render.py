@@ -73,7 +73,7 @@ class Stand:
         """Scale the scene's noise targets by `scale`, except that of the static layer."""
         spec, noise = self.bench.scene.render, self.bench.sensor(self.exposure).noise_sigma
         near, elsewhere = scale * spec.noise_near_beam, scale * spec.noise_elsewhere
-        return NoiseTarget(noise, spec.near_beam_px, near, elsewhere, spec.noise_still)
+        return NoiseTarget(noise, spec.near_beam_px, near, elsewhere, spec.noise_static_layer)
 
     def frame(self, shoot: Shoot, seed: int) -> Floats:
         """Make one frame, end to end, and return its radiance."""
@@ -140,7 +140,7 @@ def _refuse(file: SceneFile, variant: str) -> None:
     scene = file.scene
     if variant == PLAIN:
         raise InputError(f"variant is {variant}, allowed are those that compile kernels")
-    asked = [key for key in ("spread_px", "aperture_mm") if getattr(scene.optics, key) > 0]
+    asked = [key for key in ("point_spread_px", "aperture_mm") if getattr(scene.optics, key) > 0]
     asked += ["distortion"] if any(scene.camera.distortion) else []
     asked += ["motor_speed_deg_s"] if scene.motor_speed_deg_s else []
     if asked:

@@ -194,7 +194,7 @@ class FrameRenderer:
 
     def _wanted(self, noise: Noise) -> NoiseTarget:
         spec = self.scene.render
-        shares = (spec.noise_near_beam, spec.noise_elsewhere, spec.noise_still)
+        shares = (spec.noise_near_beam, spec.noise_elsewhere, spec.noise_static_layer)
         return NoiseTarget(noise, spec.near_beam_px, *shares)
 
     def sensor(self, exposure: float) -> Sensor | Ideal:

@@ -166,7 +166,7 @@ class _Seen:
             said = f"sees the beam {width_px:.2g} px wide, allowed is >= {THINNEST_PX:g} px"
             return [file.complaint(("camera",), said)]
         u, v = camera.project(points).T
-        if not file.scene.camera.sees_tip or _in_view(camera, points):
+        if not file.scene.camera.tip_in_view or _in_view(camera, points):
             return []
         return [
             file.complaint(

@@ -28,10 +28,10 @@ def chequered_side(scene: Scene, camera: Camera) -> float:
     """
     length = scene.beam.length_mm * MILLIMETRE
     middle = np.array([length / 2, 0.0])
-    axis = -np.array(scene.adaptor_mm[:2]) * MILLIMETRE
+    axis = -np.array(scene.clamp_offset_mm[:2]) * MILLIMETRE
     seen = _footprint(camera, -scene.background.distance_mm * MILLIMETRE)
     half = math.inf
-    if seen is not None and scene.background.lies_in == scene.camera.mount:
+    if seen is not None and scene.background.fixed_to == scene.camera.mount:
         half = float(np.abs(seen - middle).max())
     elif seen is not None:
         turned = np.linalg.norm(seen - axis, axis=1).max()

@@ -12,19 +12,19 @@ def tube(
     radius: float | Floats,
     facets: int,
     director: Floats | None = None,
-    aspect: float = 1.0,
+    aspect_ratio: float = 1.0,
 ) -> trimesh.Trimesh:
     """Mesh a closed tube about `centreline` (n, 3) [m] with a radius [m] and `facets` round.
 
     The radius may taper, (n,). The section's first axis follows `director` (n, 3), unit vectors
-    across the curve; its second semi-axis is `aspect` times the first, which is the radius.
+    across the curve; its second semi-axis is `aspect_ratio` times the first, which is the radius.
     Without a director the rings follow a parallel-transported frame (no twist: Bishop 1975)
     that starts at +y, so that with a planar curve and an even number of facets one line of
     vertices is exactly on each side of the bend. The vertices are n rings of `facets`, then the
     two caps' middles. Winding is outward.
     """
     angle = 2 * np.pi * np.arange(facets) / facets
-    outline = np.column_stack([np.cos(angle), aspect * np.sin(angle)])
+    outline = np.column_stack([np.cos(angle), aspect_ratio * np.sin(angle)])
     return _swept(centreline, director, outline, radius)
 
 

@@ -115,8 +115,8 @@ def touch(
             ]
         )
         a, b = rod.half_height(s) * (normal @ director), rod.half_height(s) * (normal @ second)
-        reach = float(np.sqrt(a * a + (rod.aspect * b) ** 2))
-        lever = -rod.half_height(s) * (a * director + rod.aspect**2 * b * second) / reach
+        reach = float(np.sqrt(a * a + (rod.aspect_ratio * b) ** 2))
+        lever = -rod.half_height(s) * (a * director + rod.aspect_ratio**2 * b * second) / reach
         point = axes.T @ (position + lever - origin)
         # The distance is least along the beam where its slope is that of the tapered surface.
         thinning = (rod.tip_ratio - 1) * rod.beam.radius / length

@@ -37,7 +37,7 @@ _SIZE = 12
 class Rod:
     """Beam with options beyond a round, straight, weightless one.
 
-    `aspect` is the section's second semi-axis over its first. The first, half the beam's
+    `aspect_ratio` is the section's second semi-axis over its first. The first, half the beam's
     diameter at the clamp, is inclined by `section_angle` [rad] from y towards z, and the beam's
     flexural rigidity is that of bending along it. The section's size changes linearly to
     `tip_ratio` of the clamp's at the tip. `weight` (3,) [N/m] acts on every metre of the clamped
@@ -47,7 +47,7 @@ class Rod:
 
     beam: Beam
     shape: Literal["ellipse", "rectangle"] = "ellipse"
-    aspect: float = 1.0
+    aspect_ratio: float = 1.0
     section_angle: float = 0.0
     tip_ratio: float = 1.0
     weight: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -62,7 +62,7 @@ class Rod:
     @property
     def oriented(self) -> bool:
         """Whether the section has a visible orientation."""
-        return self.shape == "rectangle" or self.aspect != 1
+        return self.shape == "rectangle" or self.aspect_ratio != 1
 
     @property
     def force_unit(self) -> float:
@@ -80,7 +80,7 @@ class Rod:
         its face.
         """
         lean = towards - self.section_angle
-        wide = self.aspect * np.sin(lean) if self.shape == "ellipse" else 0.0
+        wide = self.aspect_ratio * np.sin(lean) if self.shape == "ellipse" else 0.0
         tall = np.cos(lean) if self.shape == "ellipse" else 1.0
         return float(self.half_height(s) * np.hypot(tall, wide))
 
@@ -90,12 +90,15 @@ class Rod:
         They are the compliances of bending about the first and the second axis, of twisting and
         of stretching; taper; weight (3,); curvature about the first and the second axis.
         """
-        length, aspect = self.beam.length, self.aspect
+        length, aspect_ratio = self.beam.length, self.aspect_ratio
         slim = self.beam.radius / length
         if self.shape == "ellipse":
-            torsion, area = 4 * aspect**2 / (1 + aspect**2), 4 / slim**2
+            torsion, area = 4 * aspect_ratio**2 / (1 + aspect_ratio**2), 4 / slim**2
         else:  # Timoshenko and Goodier (1970), section 109, to 0.5 %
-            torsion, area = 4 * (1 - 0.63 / aspect * (1 - 1 / (12 * aspect**4))), 3 / slim**2
+            torsion, area = (
+                4 * (1 - 0.63 / aspect_ratio * (1 - 1 / (12 * aspect_ratio**4))),
+                3 / slim**2,
+            )
         cosine, sine = np.cos(self.section_angle), np.sin(self.section_angle)
         towards_y, towards_z = self.bow
         # Turning about d2 bends towards d1, turning about d1 away from d2.
@@ -103,7 +106,7 @@ class Rod:
         along_2 = (-towards_y * sine + towards_z * cosine) * length
         return np.array(
             [
-                1 / aspect**2,
+                1 / aspect_ratio**2,
                 1.0,
                 2 * (1 + POISSON) / torsion,
                 1 / area if self.extensible else 0.0,
@@ -126,7 +129,9 @@ class Rod:
         size = 1 + (self.tip_ratio - 1) * rows
         half = self.beam.radius / self.beam.length * size
         bend_1 = (moment * np.cross(tangent, first)).sum(axis=1) / size**4 * half
-        bend_2 = (moment * first).sum(axis=1) / size**4 / self.aspect**2 * half * self.aspect
+        bend_2 = (
+            (moment * first).sum(axis=1) / size**4 / self.aspect_ratio**2 * half * self.aspect_ratio
+        )
         if self.shape == "rectangle":
             return float((np.abs(bend_1) + np.abs(bend_2)).max())
         return float(np.hypot(bend_1, bend_2).max())

@@ -56,10 +56,10 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
     match spec:
         case RingSpec():
             ahead = looked_at - camera
-            radii = spec.inner_mm * MILLIMETRE, spec.outer_mm * MILLIMETRE
+            radii = spec.inner_radius_mm * MILLIMETRE, spec.outer_radius_mm * MILLIMETRE
             return _shining(lamps.annulus(camera, ahead, *radii), looked_at, spec.irradiance)
         case BackSpec():
-            height = (spec.lift_mm - scene.background.distance_mm) * MILLIMETRE
+            height = (spec.height_above_background_mm - scene.background.distance_mm) * MILLIMETRE
             middle = np.array([looked_at[0], looked_at[1], height])
             panel = lamps.rectangle(middle, UP, ALONG, _sides(spec.size_mm))
             return _shining(panel, middle * [1, 1, 0], spec.irradiance)
@@ -73,7 +73,7 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
             return _shining(panel, looked_at, spec.irradiance)
         case EnvironmentSpec():
             image = laboratory() if spec.file is None else read_environment(folder / spec.file)
-            image = turned(image, spec.turn_deg * DEGREE)
+            image = turned(image, spec.rotation_deg * DEGREE)
             return Environment(image * spec.irradiance / plane_irradiance(image))
     position = _mm(spec.position_mm)
     aim = looked_at if spec.aim_mm is None else _mm(spec.aim_mm)
@@ -82,7 +82,7 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
             panel = lamps.rectangle(position, aim - position, ALONG, _sides(spec.size_mm))
             return _shining(panel, aim, spec.irradiance)
         case SpotSpec():
-            return Spot(position, aim, spec.cone_deg * DEGREE, spec.irradiance)
+            return Spot(position, aim, spec.cone_angle_deg * DEGREE, spec.irradiance)
         case StripeSpec():
             width, slide = _stripe(spec)
             along = lamps.axes(aim - position, ALONG)[0]
@@ -98,13 +98,13 @@ def _shining(panel: trimesh.Trimesh, aim: Floats, irradiance: float) -> Lamp:
 
 def _stripe(spec: StripeSpec) -> tuple[float, Floats]:
     """Return a slide's width [m] at the aim, and its image (height, width), 1 in the stripe."""
-    pixel = spec.edge_mm / EDGE_PX
+    pixel = spec.edge_width_mm / EDGE_PX
     sides = []
     for size in (spec.length_mm, spec.width_mm):
-        count = int(np.ceil((size + 2 * spec.edge_mm) / pixel))
+        count = int(np.ceil((size + 2 * spec.edge_width_mm) / pixel))
         place = (np.arange(count) - (count - 1) / 2) * pixel
         # Half a sine wave from light to dark, similar to an edge slightly out of focus.
-        beyond = np.clip((np.abs(place) - size / 2) / spec.edge_mm, -0.5, 0.5)
+        beyond = np.clip((np.abs(place) - size / 2) / spec.edge_width_mm, -0.5, 0.5)
         sides.append(0.5 - 0.5 * np.sin(np.pi * beyond))
     along, across = sides
     return len(along) * pixel * MILLIMETRE, np.outer(across, along)

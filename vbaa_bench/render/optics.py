@@ -24,11 +24,11 @@ _SIGMAS = 5.0
 class Lens:
     """A real lens: point spread and defocus.
 
-    `spread_px` is the sigma of its Gaussian point spread, `aperture` the radius of its entrance
-    pupil and `focus` the depth in focus, both in the same unit of length.
+    `point_spread_px` is the sigma of its Gaussian point spread, `aperture` the radius of its
+    entrance pupil and `focus` the depth in focus, both in the same unit of length.
     """
 
-    spread_px: float = 0.0
+    point_spread_px: float = 0.0
     aperture: float = 0.0
     focus: float = 1.0
 
@@ -41,7 +41,7 @@ class Lens:
         # Radius of the cone through a point, in the plane of focus.
         widest = self.aperture * max(abs(1 - self.focus / z) for z in (nearest, farthest))
         disc = camera.fx * widest / (1 if camera.telecentric else self.focus)
-        return math.ceil(_SIGMAS * self.spread_px + disc)
+        return math.ceil(_SIGMAS * self.point_spread_px + disc)
 
 
 class Optics:
@@ -55,7 +55,7 @@ class Optics:
     @property
     def dimensions(self) -> int:
         """Number of random pairs per ray: place in the pixel, point spread and pupil, if any."""
-        return 1 + (self.lens.spread_px > 0) + (self.lens.aperture > 0)
+        return 1 + (self.lens.point_spread_px > 0) + (self.lens.aperture > 0)
 
     def ray(self, column: Any, row: Any, u: Sequence[Any]) -> Any:
         """Generate rays through pixels, at places chosen by points `u` of the unit square.
@@ -64,8 +64,8 @@ class Optics:
         """
         inside, *others = u[: self.dimensions]
         x, y = column + inside.x, row + inside.y
-        if self.lens.spread_px > 0:
-            away = mi.warp.square_to_std_normal(others.pop(0)) * self.lens.spread_px
+        if self.lens.point_spread_px > 0:
+            away = mi.warp.square_to_std_normal(others.pop(0)) * self.lens.point_spread_px
             x, y = x + away.x, y + away.y
         return self._through(x, y, others.pop(0) if others else None)
 
@@ -117,7 +117,7 @@ class Optics:
 
     @property
     def _margin(self) -> int:
-        return math.ceil(_SIGMAS * self.lens.spread_px) + 1
+        return math.ceil(_SIGMAS * self.lens.point_spread_px) + 1
 
     @cached_property
     def _shifts(self) -> Any:

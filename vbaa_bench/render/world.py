@@ -94,7 +94,7 @@ class World:
     ) -> None:
         self.camera, self.unit, self.bounces = camera, unit, bounces
         self.lens = lens or Lens()
-        if is_scalar() and (camera.distortion or self.lens.spread_px or self.lens.aperture):
+        if is_scalar() and (camera.distortion or self.lens.point_spread_px or self.lens.aperture):
             raise InputError(
                 "this Mitsuba variant cannot distort, spread or defocus light: choose another than "
                 "scalar_rgb"

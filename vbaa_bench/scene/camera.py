@@ -31,7 +31,7 @@ class CameraSpec(Part):
     # A board is read the right way up within this range.
     roll_deg: Annotated[float, Field(ge=-45, le=45)] = 0.6
     # Whether the whole beam must be in view; a short one may leave the image.
-    sees_tip: bool = True
+    tip_in_view: bool = True
 
     @model_validator(mode="after")
     def _one_scale(self) -> "CameraSpec":

@@ -46,33 +46,34 @@ class RingSpec(_LampSpec):
     """Ring lamp about the lens, perpendicular to the camera's axis, with two radii."""
 
     kind: Literal["ring"]
-    inner_mm: Positive = 35
-    outer_mm: Positive = 60
+    inner_radius_mm: Positive = 35
+    outer_radius_mm: Positive = 60
 
     @model_validator(mode="after")
     def _inner_first(self) -> "RingSpec":
-        if self.inner_mm >= self.outer_mm:
+        if self.inner_radius_mm >= self.outer_radius_mm:
             raise ValueError(
-                f"inner_mm is {self.inner_mm:g}, allowed is less than outer_mm, {self.outer_mm:g}"
+                f"inner_radius_mm is {self.inner_radius_mm:g}, allowed is less than "
+                f"outer_radius_mm, {self.outer_radius_mm:g}"
             )
         return self
 
 
 class BackSpec(_LampSpec):
-    """Luminous panel that is `lift_mm` above the background and shines upwards.
+    """Luminous panel that is `height_above_background_mm` above the background and shines upwards.
 
     `irradiance` is that of plane C from below.
     """
 
     kind: Literal["back"]
     size_mm: Sides = (400, 400)
-    lift_mm: Positive = 0.5
+    height_above_background_mm: Positive = 0.5
 
 
 class StripeSpec(_LampSpec):
     """Projector of a bright stripe along the beam: the paper's artificial light.
 
-    Length and width are those at the aim, across the light; the edges fade over `edge_mm`.
+    Length and width are those at the aim, across the light; the edges fade over `edge_width_mm`.
     """
 
     kind: Literal["stripe"]
@@ -80,13 +81,14 @@ class StripeSpec(_LampSpec):
     aim_mm: Triple | None = None
     length_mm: Positive = 280
     width_mm: Positive = 90
-    edge_mm: Positive = 4
+    edge_width_mm: Positive = 4
 
     @model_validator(mode="after")
     def _a_slide_that_can_be_drawn(self) -> "StripeSpec":
-        if self.edge_mm < self.width_mm / 200:
+        if self.edge_width_mm < self.width_mm / 200:
             raise ValueError(
-                f"edge_mm is {self.edge_mm:g}, allowed is >= 1/200 of width_mm, {self.width_mm:g}"
+                f"edge_width_mm is {self.edge_width_mm:g}, allowed is >= 1/200 of width_mm, "
+                f"{self.width_mm:g}"
             )
         return self
 
@@ -97,7 +99,7 @@ class SpotSpec(_LampSpec):
     kind: Literal["spot"]
     position_mm: Triple = (0.0, -200.0, 350.0)
     aim_mm: Triple | None = None
-    cone_deg: Annotated[float, Field(ge=1, le=170)] = 60
+    cone_angle_deg: Annotated[float, Field(ge=1, le=170)] = 60
 
 
 class EnvironmentSpec(_LampSpec):
@@ -109,7 +111,7 @@ class EnvironmentSpec(_LampSpec):
 
     kind: Literal["environment"]
     file: Annotated[str, Field(min_length=1)] | None = None
-    turn_deg: Annotated[float, Field(ge=-360, le=360)] = 0
+    rotation_deg: Annotated[float, Field(ge=-360, le=360)] = 0
 
 
 LampSpec = Annotated[
@@ -136,8 +138,8 @@ class BackgroundSpec(Part):
     gradient_mm: Positive = 200
     # Standard deviation over mean.
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.4
-    # Distance at which the correlation is 1/e, across the grain; along it, +x, `grain` times that.
+    # Distance at which the correlation is 1/e, along y; along x, `correlation_ratio` times that.
     correlation_mm: Positive = 2.0
-    grain: Annotated[float, Field(ge=1, le=100)] = 1.0
+    correlation_ratio: Annotated[float, Field(ge=1, le=100)] = 1.0
     # Fixed to the antenna's base plate, or to the world, where it turns past the camera.
-    lies_in: Literal["antenna", "world"] = "antenna"
+    fixed_to: Literal["antenna", "world"] = "antenna"

@@ -1,7 +1,6 @@
 """Load a scene from YAML 1.2. All mistakes in the file are listed at once, with their places."""
 
 import difflib
-import functools
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
 from solver.instrument.errors import InputError, cut, shown
+from vbaa_bench.scene.renamed import new_key
 from vbaa_bench.scene.schema import Scene
 
 Key = str | int
@@ -124,32 +124,60 @@ def _too_deep(path: Path, line: int = 0) -> InputError:
 
 
 def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
-    lines: dict[tuple[Key, ...], str] = {}
-    for number, mistake in enumerate(error.errors()):
-        if len(lines) == MOST_MISTAKES:
-            return [*lines.values(), f"{path}: and {error.error_count() - number} more mistakes"]
-        kind, value = mistake["type"], mistake["input"]
-        key = _written(document, mistake["loc"], missing=kind == "missing")
-        if kind == "extra_forbidden":
-            known = _known_keys(document, key[:-1])
-            near = difflib.get_close_matches(cut(str(key[-1])), known, n=1, cutoff=0.7)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-            sentence = f"is an unknown key; {hint}"
-        elif kind == "missing":
-            sentence = "is missing"
-        elif kind in ("union_tag_invalid", "union_tag_not_found"):
-            key = (*key, "kind")
-            tags = ", ".join(_kind(model) for model in _options(document, key[:-1])[0])
-            said = "is missing" if kind == "union_tag_not_found" else f"is {shown(value['kind'])}"
-            sentence = f"{said}, allowed is one of {tags}"
-        elif kind == "value_error":
-            sentence = str(mistake["ctx"]["error"])
-        else:
-            written = list(value) if isinstance(value, tuple) else value
-            sentence = f"is {shown(written)}, {_allowed(document, key) or mistake['msg']}"
-        # A value that may be of two types is wrong as either, and is reported once.
-        lines.setdefault(key, _complaint(path, document, key, sentence))
-    return list(lines.values())
+    found: dict[tuple[Key, ...], list[str]] = {}
+    for mistake in error.errors():
+        key, sentence = _mistake(document, mistake)
+        sentences = found.setdefault(key, [])
+        # A value that may be of two types is wrong as either.
+        either = sentences and sentence.rpartition(", allowed is ")
+        sentences.append(either[2] if either else sentence)
+    # The mistake of a list is only that of one of its values.
+    own = [key for key in found if not any(key == other[: len(key)] != other for other in found)]
+    lines = [_complaint(path, document, key, " or ".join(found[key])) for key in own]
+    if len(lines) > MOST_MISTAKES:
+        more = f"{path}: and {len(lines) - MOST_MISTAKES} more mistakes"
+        return [*lines[:MOST_MISTAKES], more]
+    return lines
+
+
+def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
+    """Return the key of one of pydantic's errors, as in the file, and a sentence."""
+    kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
+    key = _written(document, mistake["loc"], missing=kind == "missing")
+    match kind:
+        case "missing":
+            return key, "is missing"
+        case "extra_forbidden":
+            return key, f"is an unknown key; {_hint(key, mistake['loc'])}"
+        case "union_tag_invalid" | "union_tag_not_found":
+            wrong = "missing" if kind == "union_tag_not_found" else shown(value["kind"])
+            allowed = ", ".join(map(_kind, _models(mistake["loc"])))
+            return (*key, "kind"), f"is {wrong}, allowed is one of {allowed}"
+        case "value_error":
+            return key, str(context["error"])
+        case "literal_error":
+            allowed = f"one of {context['expected']}".replace("'", "").replace(" or ", ", ")
+        case "too_short":
+            allowed = f"a list of at least {context['min_length']}"
+        case "string_too_short":
+            allowed = f"a text of at least {context['min_length']} character"
+        case "too_long":
+            allowed = f"a list of at most {context['max_length']}"
+        case _:
+            allowed = mistake["msg"].removeprefix("Input should be ").replace("a valid", "a")
+    written = list(value) if isinstance(value, tuple) else value
+    return key, f"is {shown(written)}, allowed is {allowed}"
+
+
+def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
+    """Name the key that an unknown one stands for, or list those of its section."""
+    name = str(key[-1])
+    section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
+    if renamed := new_key(section, name):
+        return f"it is now called {renamed}"
+    known = list(_models(location[:-1])[0].model_fields)
+    near = difflib.get_close_matches(cut(name), known, n=1, cutoff=0.7)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
 
 
 def _written(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
@@ -167,99 +195,26 @@ def _written(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[
     return tuple(key)
 
 
-def _allowed(document: Any, key: Sequence[Key]) -> str | None:
-    """Describe the allowed values at `key`, from the scene's JSON schema."""
-    schema = _schema()
-    node: dict[str, Any] = schema
-    written = document
-    for part in key:
-        node = _resolved(schema, node, written)
-        if isinstance(part, int) and "items" in node:
-            node = node["items"]
-        elif isinstance(part, int) and part < len(node.get("prefixItems", [])):
-            node = node["prefixItems"][part]
-        elif part in node.get("properties", {}):
-            node = node["properties"][part]
-        else:
-            return None
-        written = written[part]
-    words = [str(option["const"]) for option in node.get("anyOf", []) if "const" in option]
-    node = _resolved(schema, node, written)
-    if "enum" in node or "const" in node:
-        values = node.get("enum", [node.get("const")])
-        return f"allowed is one of {', '.join(map(str, values))}"
-    bounds = [
-        f"{sign} {node[name]:g}" if isinstance(node[name], float) else f"{sign} {node[name]}"
-        for name, sign in (
-            ("exclusiveMinimum", ">"),
-            ("minimum", ">="),
-            ("exclusiveMaximum", "<"),
-            ("maximum", "<="),
-        )
-        if name in node
-    ]
-    if least := node.get("minLength", node.get("minItems")):
-        bounds.append(f"of {'at least ' if least != node.get('maxItems') else ''}{least}")
-    if factor := node.get("multipleOf"):
-        bounds.append(f"a multiple of {factor}")
-    kinds = {"integer": "a whole number", "number": "a number", "string": "a text"}
-    kinds |= {"boolean": "true or false", "array": "a list", "object": "a mapping"}
-    said = " ".join([kinds.get(node.get("type", ""), "a value"), *bounds])
-    return f"allowed is {' or '.join([said, *words])}"
-
-
-@functools.cache
-def _schema() -> dict[str, Any]:
-    return Scene.model_json_schema()
-
-
-def _resolved(schema: dict[str, Any], node: dict[str, Any], written: Any) -> dict[str, Any]:
-    """Follow references; take the option that is neither null nor a word, or named by `kind`."""
-    for option in node.get("anyOf", []):
-        if option.get("type") != "null" and "const" not in option:
-            node = option
-            break
-    if "discriminator" in node:
-        kind = written.get("kind", "block") if isinstance(written, CommentedMap) else "block"
-        node = {"$ref": node["discriminator"]["mapping"].get(kind, "")}
-    reference = node.get("$ref")
-    if not reference:
-        return node
-    found: dict[str, Any] = schema["$defs"][str(reference).rpartition("/")[2]]
-    return _resolved(schema, found, written) if "anyOf" in found else found
-
-
-def _known_keys(document: Any, section: Sequence[Key]) -> list[str]:
-    return list(_chosen(*_options(document, section)).model_fields)
-
-
-def _options(document: Any, section: Sequence[Key]) -> tuple[list[type[BaseModel]], Any]:
-    """Return the models allowed at a place of the file, and the value written there."""
-    found: list[type[BaseModel]] = [Scene]
-    written = document
-    for part in section:
-        if isinstance(part, str):
-            found = _models(_chosen(found, written).model_fields[part].annotation)
-        written = written[part]
-    return found, written
-
-
-def _chosen(options: list[type[BaseModel]], written: Any) -> type[BaseModel]:
-    """Return the model that a section's `kind` names, if there are several; else the first."""
-    kind = written.get("kind") if isinstance(written, CommentedMap) else None
-    tagged = [model for model in options if len(options) > 1 and kind == _kind(model)]
-    return (tagged or options)[0]
+def _models(location: Sequence[Key]) -> list[type[BaseModel]]:
+    """List the sections that are allowed at a location of pydantic's, which names their `kind`."""
+    models: list[type[BaseModel]] = [Scene]
+    for part in location:
+        if isinstance(part, int):
+            continue
+        named = [m for m in models if len(models) > 1 and _kind(m) == part]
+        models = named or _sections(models[0].model_fields[part].annotation)
+    return models
 
 
 def _kind(model: type[BaseModel]) -> str:
     return str(get_args(model.model_fields["kind"].annotation)[0])
 
 
-def _models(annotation: Any) -> list[type[BaseModel]]:
+def _sections(annotation: Any) -> list[type[BaseModel]]:
     """List the sections that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [model for option in get_args(annotation) for model in _models(option)]
+    return [model for option in get_args(annotation) for model in _sections(option)]
 
 
 def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:

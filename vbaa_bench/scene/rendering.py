@@ -30,7 +30,7 @@ class RenderSpec(Part):
 
     noise_near_beam: _Noise = 0.333
     noise_elsewhere: _Noise = 0.5
-    noise_still: _Noise = 0.1
+    noise_static_layer: _Noise = 0.1
     near_beam_px: Annotated[int, Field(ge=1, le=64)] = 4
     # Largest distance of the beam's mesh from the smooth beam.
     mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = 0.006

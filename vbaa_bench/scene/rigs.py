@@ -33,9 +33,9 @@ def nominal_rig(scene: Scene) -> Rig:
     moment, force = scene.moment_sensor, scene.force_sensor
     diameter, modulus = beam.diameter_mm * MILLIMETRE, beam.youngs_modulus_gpa * 1e9
     # Rigidity of bending along the section's thickness.
-    rigidity = circular_rigidity(modulus, diameter) * beam.aspect
+    rigidity = circular_rigidity(modulus, diameter) * beam.aspect_ratio
     if beam.section == "strip":
-        rigidity = modulus * beam.aspect * diameter**4 / 12
+        rigidity = modulus * beam.aspect_ratio * diameter**4 / 12
     return Rig(
         beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
         base_position=np.zeros(3),
@@ -66,7 +66,7 @@ def nominal_rig(scene: Scene) -> Rig:
 def _sag(scene: Scene, rigidity: float) -> float:
     """Compute the tip's sag [m] below plane C under the nominal weight, by linear theory."""
     beam, diameter = scene.beam, scene.beam.diameter_mm * MILLIMETRE
-    area = diameter**2 * beam.aspect * (1.0 if beam.section == "strip" else math.pi / 4)
+    area = diameter**2 * beam.aspect_ratio * (1.0 if beam.section == "strip" else math.pi / 4)
     weight = -scene.gravity_m_s2[2] * beam.density_kg_m3 * area
     return weight * (beam.length_mm * MILLIMETRE) ** 4 / (8 * rigidity)
 

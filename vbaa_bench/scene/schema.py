@@ -40,10 +40,10 @@ class BeamSpec(PaintedPart):
     yield_stress_mpa: Positive = 1500
     allow_above_yield: bool = False
     reflectance: Share = 0.85
-    # An elliptic section, or a flat strip, `aspect` times as wide as it is thick; its thickness
-    # leans from y towards z by `section_angle_deg`.
+    # An elliptic section, or a flat strip, is `aspect_ratio` times as wide as it is thick; its
+    # thickness is turned from y towards z by `section_angle_deg`.
     section: Literal["circular", "elliptic", "strip"] = "circular"
-    aspect: Annotated[float, Field(ge=0.1, le=100)] = 1.0
+    aspect_ratio: Annotated[float, Field(ge=0.1, le=100)] = 1.0
     section_angle_deg: Tilt = 0.0
     # A tapered beam's diameter at the tip over that at the clamp.
     tip_ratio: Annotated[float, Field(ge=0.1, le=3)] = 1.0
@@ -53,17 +53,17 @@ class BeamSpec(PaintedPart):
     # Whether it stretches under its axial force.
     extensible: bool = False
     # Number of segments of the centreline.
-    pieces: Annotated[int, Field(ge=16, le=10_000)] = 480
+    centreline_segments: Annotated[int, Field(ge=16, le=10_000)] = 480
 
     @model_validator(mode="after")
     def _aspect_of_a_section(self) -> "BeamSpec":
-        if (self.section == "circular") != (self.aspect == 1):
+        if (self.section == "circular") != (self.aspect_ratio == 1):
             raise ValueError(
-                f"section {self.section} with aspect {self.aspect:g}: a circular one has aspect 1, "
-                "an elliptic one or a strip another"
+                f"section {self.section} with aspect_ratio {self.aspect_ratio:g}: allowed is 1 for "
+                "a circular section, any other for an elliptic one or a strip"
             )
-        if self.section == "strip" and self.aspect < 2:
-            raise ValueError(f"aspect is {self.aspect:g}, allowed is >= 2 for a strip")
+        if self.section == "strip" and self.aspect_ratio < 2:
+            raise ValueError(f"aspect_ratio is {self.aspect_ratio:g}, allowed is >= 2 for a strip")
         return self
 
 
@@ -143,7 +143,7 @@ class Scene(Part):
     # In the world, which is Sigma_a at motor angle zero; the motor's axis is along z.
     gravity_m_s2: Triple = (0.0, 0.0, 0.0)
     # Position of the beam's clamp relative to the motor's axis.
-    adaptor_mm: Triple = (0.0, 0.0, 0.0)
+    clamp_offset_mm: Triple = (0.0, 0.0, 0.0)
     tolerances: ToleranceSpec = ToleranceSpec()
     camera: CameraSpec = CameraSpec()
     optics: OpticsSpec = OpticsSpec()
@@ -190,9 +190,10 @@ class Scene(Part):
                     f"lights: the position_mm is where it aims, {list(aim)}, for one of kind "
                     f"{lamp.kind}; allowed is any other place"
                 )
-            if lamp.kind == "back" and lamp.lift_mm >= ground:
+            if lamp.kind == "back" and lamp.height_above_background_mm >= ground:
                 raise ValueError(
-                    f"lights: a back panel's lift_mm is {lamp.lift_mm:g}, allowed is less than "
+                    "lights: a back panel's height_above_background_mm is "
+                    f"{lamp.height_above_background_mm:g}, allowed is less than "
                     f"background.distance_mm, {ground:g}, or it would lie above plane C"
                 )
         return self
@@ -301,7 +302,7 @@ class Scene(Part):
         ]
         asked += [f"object.{name}" for name in ("friction",) if getattr(self.object, name, 0)]
         asked += ["gravity_m_s2"] if any(self.gravity_m_s2) else []
-        asked += ["adaptor_mm"] if any(self.adaptor_mm) else []
+        asked += ["clamp_offset_mm"] if any(self.clamp_offset_mm) else []
         asked += ["second_peg"] if self.second_peg else []
         asked += ["object.drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
         if self.object.kind not in ("block", "knife_edge", "plunger"):

@@ -17,7 +17,7 @@ def camera_frame_from_clamp(truth: Truth, motor_angle: float) -> Floats:
     base = np.array(truth.manifest["true_rig"]["base_position_mm"]) * MILLIMETRE
     stage = np.eye(4)
     if scene["camera"]["mount"] == "world":
-        axis = -np.array(scene["adaptor_mm"]) * MILLIMETRE
+        axis = -np.array(scene["clamp_offset_mm"]) * MILLIMETRE
         stage = turn_about_z(motor_angle)
         stage[:3, 3] = axis - stage[:3, :3] @ axis
     stage[:3, 3] += base

@@ -14,7 +14,7 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "Not told by the images: the clamp stands off the axis of rotation, of which the rig says "
         "nothing and a camera that turns with the clamp sees nothing; the contact is right in the "
         "antenna's frame, and in the world's frame off by this offset turned.": any(
-            scene["adaptor_mm"]
+            scene["clamp_offset_mm"]
         ),
         "Told in part alone: a tapered beam bends almost like a uniform one that is touched "
         "elsewhere, which the nominal rig says it is, so that chi2 shows the taper only where the "

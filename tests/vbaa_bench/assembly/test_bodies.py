@@ -80,12 +80,12 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
             "have passed through obstacle 2",
         ),
         (
-            "beam: {section: strip, aspect: 8}\nobject: {kind: knife_edge}",
+            "beam: {section: strip, aspect_ratio: 8}\nobject: {kind: knife_edge}",
             at(140, "pushing_angle_deg: [3]\n  normal_deg: [10]"),
             "lies flat on an edge of the same normal_deg",
         ),
         (
-            "beam: {section: strip, aspect: 8}\nobject: {kind: peg}",
+            "beam: {section: strip, aspect_ratio: 8}\nobject: {kind: peg}",
             at(140),
             "a strip is pushed by one block or knife_edge alone",
         ),

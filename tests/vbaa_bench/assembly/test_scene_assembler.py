@@ -17,7 +17,7 @@ SCENE = """
 title: Ground that turns, and a cover that is away
 seed: 4
 camera: {width_px: 160, height_px: 160, focal_length_px: 200}
-background: {pattern: PATTERN, lies_in: world, square_mm: 18, reflectance: 0.3}
+background: {pattern: PATTERN, fixed_to: world, square_mm: 18, reflectance: 0.3}
 occlusion: {kind: [sheet], place: [middle], availability: [1.0, 0.6]}
 pushes: {contact_distance_mm: [120], pushing_angle_deg: [-4, 8]}
 """

@@ -16,7 +16,7 @@ SCENE = """
 title: A camera to be found
 seed: 3
 camera: {{width_px: 480, height_px: 300, focal_length_px: 640, distortion: {distortion}}}
-optics: {{spread_px: 0.5}}
+optics: {{point_spread_px: 0.5}}
 calibration: {{{calibration}}}
 render: {{noise_elsewhere: 1}}
 pushes: {{contact_distance_mm: [100], deflection_pct: [10]}}

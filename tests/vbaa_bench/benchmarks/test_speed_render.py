@@ -25,7 +25,7 @@ camera:
   focal_length_px: 700
   position_mm: [100.0, 8.0, 360.0]
   look_at_mm: [100.2, 8.0, 0.0]
-  sees_tip: false
+  tip_in_view: false
 calibration: {columns: 6, rows: 3, square_mm: 3, center_mm: [100.0, 8.0]}
 pushes: {contact_distance_mm: [110], deflection_pct: [10]}
 """
@@ -106,8 +106,8 @@ def test_a_frame_of_both_says_its_seconds_and_its_error(variant: str, tmp_path: 
 
 def test_what_plain_mitsuba_cannot_render_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "blurred.yaml"
-    path.write_text(SCENE + "optics: {spread_px: 0.5}\n", encoding="utf-8")
-    with pytest.raises(InputError, match="spread_px"):
+    path.write_text(SCENE + "optics: {point_spread_px: 0.5}\n", encoding="utf-8")
+    with pytest.raises(InputError, match="point_spread_px"):
         measure(load_scene(path), "llvm_ad_mono", 1.0, tmp_path)
     with pytest.raises(InputError, match=PLAIN):
         measure(load_scene(path), PLAIN, 1.0, tmp_path)

@@ -128,7 +128,7 @@ def test_a_scene_pays_only_for_what_it_asks(tmp_path: Path) -> None:
     assert model("gravity_m_s2: [0, 0, -9.81]\n") == SPATIAL
     assert model("beam: {bow_mm: 0.1}\n") == SPATIAL
     assert model("object: {kind: block, friction: 0.1}\n") == SPATIAL
-    assert model("adaptor_mm: [5, 0, 0]\n") == SPATIAL
+    assert model("clamp_offset_mm: [5, 0, 0]\n") == SPATIAL
     tilted = "  deflection_pct: [5]\n  normal_deg: [20]\n"
     assert model("object: {kind: knife_edge}\n", tilted) == SPATIAL
 

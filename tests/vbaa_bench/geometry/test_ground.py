@@ -44,18 +44,18 @@ def test_squares_that_are_resolved_are_few_enough(tmp_path: Path) -> None:
     assert chequered_side(large.scene, true_rig(large.scene).camera) / finest <= MOST_SQUARES
 
 
-@pytest.mark.parametrize("lies_in", ["antenna", "world"])
+@pytest.mark.parametrize("fixed_to", ["antenna", "world"])
 @pytest.mark.parametrize("tilted", [False, True])
 def test_the_ground_fills_the_image_however_it_is_turned(
-    tmp_path: Path, lies_in: str, tilted: bool
+    tmp_path: Path, fixed_to: str, tilted: bool
 ) -> None:
     changes = [("[120.0, 22.0, 360.0]", "[80.0, -120.0, 300.0]")] if tilted else []
-    file = scene_of(tmp_path, f"square_mm: 15, lies_in: {lies_in}", *changes)
+    file = scene_of(tmp_path, f"square_mm: 15, fixed_to: {fixed_to}", *changes)
     camera = true_rig(file.scene).camera
     half = chequered_side(file.scene, camera) / 2
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     corners = np.array([0.12, 0.0]) + half * signs
-    for angle in np.radians([0, 30, 45, 180, 250] if lies_in == "world" else [0]):
+    for angle in np.radians([0, 30, 45, 180, 250] if fixed_to == "world" else [0]):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         turned = np.column_stack([corners @ turn.T, np.full(4, -0.03)])
         assert apply(camera.camera_from_antenna, turned)[:, 2].min() > 0

@@ -38,15 +38,15 @@ def test_an_even_taper_is_a_plain_tube() -> None:
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
 def test_an_elliptic_tube_has_its_axes_along_and_across_the_director(turn: float) -> None:
-    facets, first, aspect = 24, 1e-3, 0.25
+    facets, first, aspect_ratio = 24, 1e-3, 0.25
     director = across(straight(), turn)
-    mesh = tube(straight(), first, facets, director, aspect)
+    mesh = tube(straight(), first, facets, director, aspect_ratio)
     assert mesh.is_watertight
-    area = facets / 2 * np.sin(2 * np.pi / facets) * first * aspect * first
+    area = facets / 2 * np.sin(2 * np.pi / facets) * first * aspect_ratio * first
     assert mesh.volume == pytest.approx(area * LENGTH)
     assert (mesh.vertices @ director[0]).max() == pytest.approx(first)
     second = np.cross([1, 0, 0], director[0])
-    assert (mesh.vertices @ second).max() == pytest.approx(aspect * first)
+    assert (mesh.vertices @ second).max() == pytest.approx(aspect_ratio * first)
 
 
 def test_a_twisting_director_turns_the_rings_and_keeps_them_across() -> None:

@@ -273,6 +273,6 @@ def test_a_point_inside_a_mesh_is_found_inside() -> None:
 
 
 def test_a_strip_is_pushed_by_an_edge_alone() -> None:
-    strip = Rod(BEAM, shape="rectangle", aspect=8.0)
+    strip = Rod(BEAM, shape="rectangle", aspect_ratio=8.0)
     with pytest.raises(ValueError, match="one edge alone"):
         push_one(strip, obstacle(strip, 0.12, upright(0.01)), 0.12, angle=0.1)

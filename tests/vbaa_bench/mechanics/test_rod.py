@@ -23,7 +23,7 @@ from vbaa_bench.mechanics.rod import ORDER, POISSON, Rod, advance
 
 EVERYTHING = Rod(
     BEAM,
-    aspect=1.5,
+    aspect_ratio=1.5,
     section_angle=0.4,
     tip_ratio=0.6,
     weight=(0.01, -0.02, -STEEL),
@@ -110,7 +110,7 @@ def test_a_tapered_beam_grows_longer_where_it_is_thin() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shape", "aspect", "stiffness"),
+    ("shape", "aspect_ratio", "stiffness"),
     [
         # G J over E I of bending along the first axis; J: Timoshenko and Goodier (1970).
         ("ellipse", 1.0, 2.0),  # J = pi r^4 / 2
@@ -119,8 +119,8 @@ def test_a_tapered_beam_grows_longer_where_it_is_thin() -> None:
         ("rectangle", 10.0, 0.312 * 12),  # J = 0.312 (2a)^3 2b
     ],
 )
-def test_a_couple_twists_the_beam(shape: Any, aspect: float, stiffness: float) -> None:
-    rod, couple = Rod(BEAM, shape=shape, aspect=aspect), 0.3
+def test_a_couple_twists_the_beam(shape: Any, aspect_ratio: float, stiffness: float) -> None:
+    rod, couple = Rod(BEAM, shape=shape, aspect_ratio=aspect_ratio), 0.3
     clamp = rod.clamp(np.array([couple, 0.0, 0.0]))
     end = advance(clamp, 0.0, 1.0, 32, np.zeros(3), rod.properties(np.eye(3)))
     twist = math.atan2(end[5], end[4])
@@ -155,14 +155,14 @@ def test_weight_of_a_tapered_beam_is_that_of_its_sections() -> None:
     assert state.base_moment[1] == pytest.approx(weight[2] * moment, rel=1e-6)
 
 
-@pytest.mark.parametrize(("aspect", "section_angle"), [(1.5, 0.5), (3.0, -0.4), (0.5, 1.2)])
-def test_an_elliptic_section_bends_aside(aspect: float, section_angle: float) -> None:
+@pytest.mark.parametrize(("aspect_ratio", "section_angle"), [(1.5, 0.5), (3.0, -0.4), (0.5, 1.2)])
+def test_an_elliptic_section_bends_aside(aspect_ratio: float, section_angle: float) -> None:
     """Small deflection: the displacement is the 2 x 2 flexibility matrix times the force."""
     x_0, angle, nu = 0.12, 1e-3, 0.2
-    rod = Rod(THIN, aspect=aspect, section_angle=section_angle)
+    rod = Rod(THIN, aspect_ratio=aspect_ratio, section_angle=section_angle)
     state = push_one(rod, obstacle(rod, x_0, nu=nu), x_0, angle=angle)
     first, second = leaning(section_angle)[1:], leaning(section_angle + math.pi / 2)[1:]
-    stiffness = np.outer(first, first) + aspect**2 * np.outer(second, second)
+    stiffness = np.outer(first, first) + aspect_ratio**2 * np.outer(second, second)
     flexibility = x_0**3 / (3 * EI) * np.linalg.inv(stiffness)
     normal = leaning(nu)[1:]
     moved = flexibility @ normal
@@ -177,7 +177,7 @@ def test_an_elliptic_section_bends_aside(aspect: float, section_angle: float) ->
 
 @pytest.mark.parametrize("section_angle", [0.0, 0.4])
 def test_a_strip_bends_about_its_weak_axis(section_angle: float) -> None:
-    strip = Rod(BEAM, shape="rectangle", aspect=8.0, section_angle=section_angle)
+    strip = Rod(BEAM, shape="rectangle", aspect_ratio=8.0, section_angle=section_angle)
     aligned = obstacle(strip, 0.12, nu=section_angle)
     state = push_one(strip, aligned, 0.12, deflection=0.1)
     assert state.contact.psi == pytest.approx(section_angle, abs=1e-3)

@@ -101,13 +101,13 @@ def test_a_rig_ten_thousand_times_smaller_is_lit_the_same(kind: str) -> None:
 SIZES: dict[str, dict[str, Any]] = {
     "area": {"position_mm": (120.0, -250.0, 420.0), "size_mm": (300.0, 200.0)},
     "side": {"distance_mm": 400.0, "size_mm": (400.0, 100.0)},
-    "ring": {"inner_mm": 35.0, "outer_mm": 60.0},
-    "back": {"size_mm": (400.0, 400.0), "lift_mm": 0.5},
+    "ring": {"inner_radius_mm": 35.0, "outer_radius_mm": 60.0},
+    "back": {"size_mm": (400.0, 400.0), "height_above_background_mm": 0.5},
     "stripe": {
         "position_mm": (120.0, -200.0, 350.0),
         "length_mm": 280.0,
         "width_mm": 90.0,
-        "edge_mm": 4.0,
+        "edge_width_mm": 4.0,
     },
     "spot": {"position_mm": (0.0, -200.0, 350.0)},
     "environment": {},
@@ -126,7 +126,9 @@ def test_a_panel_behind_the_beam_is_off_while_a_board_is_seen() -> None:
 
 
 def test_a_stripe_is_as_long_and_wide_as_it_says() -> None:
-    scene = scene_under({"kind": "stripe", "length_mm": 200.0, "width_mm": 60.0, "edge_mm": 4.0})
+    scene = scene_under(
+        {"kind": "stripe", "length_mm": 200.0, "width_mm": 60.0, "edge_width_mm": 4.0}
+    )
     along, across, ahead = axes(np.array(FROM["stripe"]), np.array([1.0, 0.0, 0.0]))
     for way, half in ((along, 0.1), (across, 0.03)):
         for side in (-1, 1):

@@ -78,7 +78,7 @@ def test_a_point_spreads_as_a_gaussian() -> None:
     point, side = np.array([[0.12, 0.0, 0.0]]), 3e-3
     sharp, wide = (
         even_picture(world(straight_camera(), point, side, lens), 4096, 1)
-        for lens in (None, Lens(spread_px=3.0))
+        for lens in (None, Lens(point_spread_px=3.0))
     )
     assert spread(wide) - spread(sharp) == pytest.approx([3.0**2] * 2, rel=0.02)
     assert wide.sum() == pytest.approx(sharp.sum(), rel=0.01)
@@ -110,6 +110,6 @@ def test_a_scalar_variant_refuses_a_real_lens() -> None:
     activate(PLAIN, 1)
     try:
         with pytest.raises(InputError, match="cannot distort, spread or defocus"):
-            world(straight_camera(), POINTS, lens=Lens(spread_px=1.0))
+            world(straight_camera(), POINTS, lens=Lens(point_spread_px=1.0))
     finally:
         activate(FAST, 2)

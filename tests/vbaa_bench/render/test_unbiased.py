@@ -39,7 +39,7 @@ camera:
   position_mm: [24.0, 2.0, 360.0]
   look_at_mm: [24.2, 0.5, 0.0]
   roll_deg: 0.6
-  sees_tip: false
+  tip_in_view: false
 calibration: {columns: 6, rows: 3, square_mm: 4, center_mm: [24.0, 0.5]}
 lights:
   - {kind: area, position_mm: [40.0, -200.0, 420.0]}

@@ -21,12 +21,12 @@ def scene(**parts: Any) -> Scene:
             "light and lights are both given",
         ),
         (
-            {"lights": ({"kind": "ring", "inner_mm": 50.0, "outer_mm": 50.0},)},
-            "inner_mm is 50, allowed is less than outer_mm, 50",
+            {"lights": ({"kind": "ring", "inner_radius_mm": 50.0, "outer_radius_mm": 50.0},)},
+            "inner_radius_mm is 50, allowed is less than outer_radius_mm, 50",
         ),
         (
-            {"lights": ({"kind": "back", "lift_mm": 30.0},)},
-            "lift_mm is 30, allowed is less than background.distance_mm, 30",
+            {"lights": ({"kind": "back", "height_above_background_mm": 30.0},)},
+            "height_above_background_mm is 30, allowed is less than background.distance_mm, 30",
         ),
         (
             {

@@ -1,4 +1,6 @@
+import ast
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -6,7 +8,8 @@ from solver.instrument.errors import InputError
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scene.load import check_scene, load_scene
+from vbaa_bench.scene.renamed import RENAMED
 
 SCENES = sorted((Path(__file__).parents[3] / "scenes").rglob("*.yaml"))
 
@@ -54,18 +57,18 @@ extra: 1
 """
     found = complaints(tmp_path, text)
     assert found == [
-        "scene.yaml:1:1: title is '', allowed is a text of at least 1",
-        "scene.yaml:2:1: seed is -1, allowed is a whole number >= 0 < 9223372036854775808",
+        "scene.yaml:1:1: title is '', allowed is a text of at least 1 character",
+        "scene.yaml:2:1: seed is -1, allowed is greater than or equal to 0",
         "scene.yaml:10:29: pushes.contact_distance_mm[1] is -1, "
-        "allowed is a number >= 1e-06 <= 1e+06",
-        "scene.yaml:5:3: beam.diameter_mm is 0, allowed is a number >= 1e-06 <= 1e+06",
+        "allowed is greater than or equal to 0.000001",
+        "scene.yaml:5:3: beam.diameter_mm is 0, allowed is greater than or equal to 0.000001",
         "scene.yaml:4:3: beam.lenght_mm is an unknown key; did you mean length_mm?",
-        "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number >= -45 <= 45",
+        "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number",
         "scene.yaml:8:3: sensor.bits is 9, allowed is one of 8, 10, 12, 14, 16",
         "scene.yaml:12:10: layers[0] is 'dept', allowed is one of radiance, variance, beam_mask, "
         "coverage, arc_length, depth, normal, object_index, occlusion",
         "scene.yaml:13:1: extra is an unknown key; known are title, seed, pushes, sampling, "
-        "mechanics, beam, gravity_m_s2, adaptor_mm, tolerances, camera, optics, "
+        "mechanics, beam, gravity_m_s2, clamp_offset_mm, tolerances, camera, optics, "
         "motor_speed_deg_s, calibration, light, lights, "
         "background, object, second_peg, occlusion, hub, sensor, moment_sensor, force_sensor, "
         "render, layers, frames_per_shard",
@@ -100,7 +103,11 @@ extra: 1
             "camera.position_mm[2] is missing",
         ),
         ("width_px: 512", "width_px: 512\n  focal_length_px: 60", "px wide, allowed is >= 0.25"),
-        ("seed: 11", "seed: 11\nbeam: {youngs_modulus_gpa: 1e300}", "<= 1e+06"),
+        (
+            "seed: 11",
+            "seed: 11\nbeam: {youngs_modulus_gpa: 1e300}",
+            "allowed is less than or equal to 1000000",
+        ),
         (
             "seed: 11",
             "seed: 11\nobject: {kind: ball}",
@@ -115,17 +122,17 @@ extra: 1
         (
             "seed: 11",
             "seed: 11\nobject: {kind: sphere, radius_mm: -5}",
-            "object.radius_mm is -5, allowed is a number >= 1e-06 <= 1e+06",
+            "object.radius_mm is -5, allowed is greater than or equal to 0.000001",
         ),
         (
             "[10, 20]",
             "[10, 20]\n  stiffness_n_m: [soft]",
-            "pushes.stiffness_n_m[0] is 'soft', allowed is a number >= 1e-06 <= 1e+06 or rigid",
+            "pushes.stiffness_n_m[0] is 'soft', allowed is a number or one of rigid",
         ),
         ("seed: 11", "seed: 11\nobject: {kind: wall, gap_mm: 5}", "but for a wall, which has none"),
         ("seed: 11", "seed: 11\nobject: {kind: none}", "nothing is touched: pushing_angle_deg"),
         ("seed: 11", "seed: 11\nmechanics: linear\nobject: {kind: peg}", "which knows nothing of"),
-        ("seed: 11", "seed: 11\nbeam: {section: strip}", "section strip with aspect 1"),
+        ("seed: 11", "seed: 11\nbeam: {section: strip}", "section strip with aspect_ratio 1"),
         ("seed: 11", "seed: 11\nsampling: {count: 5}", "sampling.contact_distance_mm is missing"),
         ("seed: 11", "seed: 11\nocclusion: {kind: [bars, leaves]}", "removed and one of sheet"),
         (
@@ -214,3 +221,24 @@ def test_the_motor_angles_of_first_contact_are_a_range(tmp_path: Path) -> None:
             "pushes:\n", f"pushes:\n  motor_angle_at_contact_deg: {ends}\n"
         ))  # fmt: skip
         assert said in message
+
+
+@pytest.mark.parametrize(
+    ("section", "old"), [(section, old) for section in RENAMED for old in RENAMED[section]]
+)
+def test_a_renamed_key_is_named(section: str, old: str) -> None:
+    given: dict[str, Any] = {old: 1}
+    if section == "lights":
+        kinds = {"inner": "ring", "outer": "ring", "lift": "back", "edge": "stripe", "cone": "spot"}
+        kind = kinds.get(old.partition("_")[0], "environment")
+        given = {"lights": [{"kind": kind} | given]}
+    elif section:
+        given = {section: given}
+    new = RENAMED[section][old]
+    with pytest.raises(InputError) as error:
+        check_scene({"title": "Old keys", "seed": 1} | given)
+    assert f"{old} is an unknown key; it is now called {new}" in str(error.value)
+    renamed = str(given).replace(f"'{old}'", f"'{new}'")
+    with pytest.raises(InputError) as error:
+        check_scene({"title": "New keys", "seed": 1} | ast.literal_eval(renamed))
+    assert "unknown key" not in str(error.value)

@@ -22,7 +22,7 @@ CAMERA = Camera(
     ),
 )
 MANIFEST: dict[str, Any] = {
-    "scene": {"camera": {"mount": "antenna"}, "adaptor_mm": [0.0, 0.0, 0.0]},
+    "scene": {"camera": {"mount": "antenna"}, "clamp_offset_mm": [0.0, 0.0, 0.0]},
     "seed": 1,
     "variant": "",
     "true_rig": {
