@@ -43,17 +43,17 @@ RigOption = Annotated[
 ChannelOption = Annotated[
     str | None,
     typer.Option(
-        help=f"what of colour images is read: {', '.join(CHANNELS)}",
+        help=f"channel read from colour images: {', '.join(CHANNELS)}",
         show_default="camera.channel of rig.json, or gray",
     ),
 ]
-SizeOption = Annotated[str | None, typer.Option(help="of a camera's images: WIDTHxHEIGHT")]
+SizeOption = Annotated[str | None, typer.Option(help="image size of a camera: WIDTHxHEIGHT")]
 ExposureOption = Annotated[
-    float | None, typer.Option(help="of a camera, by hand, in its own unit", show_default="auto")
+    float | None, typer.Option(help="manual exposure, in the camera's unit", show_default="auto")
 ]
 ControlOption = Annotated[
     list[str] | None,
-    typer.Option(help="any of OpenCV's camera properties: gain=4, fourcc=Y16; may be repeated"),
+    typer.Option(help="OpenCV camera property: gain=4, fourcc=Y16; may be repeated"),
 ]
 
 
@@ -61,7 +61,7 @@ ControlOption = Annotated[
 def solve(
     sources: Annotated[
         list[str],
-        typer.Argument(help="a folder of observations; or images, a video, a camera, with --rig"),
+        typer.Argument(help="observations folder; or images, a video, a camera, with --rig"),
     ],
     rig: Annotated[
         Path | None, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
@@ -70,49 +70,49 @@ def solve(
         str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
     ] = "exact_fit",
     centreline: Annotated[
-        str, typer.Option(help=f"how the beam is measured: {', '.join(EXTRACTORS)}")
+        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
     ] = "profile_fit",
     readings: Annotated[
-        Path | None, typer.Option(help="table like metadata.csv that lies beside the images")
+        Path | None, typer.Option(help="table like metadata.csv, in the folder of the images")
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="CSV to write", show_default="estimates_<method>.csv, of a camera none"),
+        typer.Option(help="CSV to write", show_default="estimates_<method>.csv, none for a camera"),
     ] = None,
     stream: Annotated[
-        bool, typer.Option("--stream", help="one line of JSON a frame on stdout, as they come")
+        bool, typer.Option("--stream", help="print one line of JSON per frame to stdout")
     ] = False,
     overlay: Annotated[
-        Path | None, typer.Option(help="folder, .mp4 or .avi for images with what was seen")
+        Path | None, typer.Option(help="folder, .mp4 or .avi for images with the overlay")
     ] = None,
     channel: ChannelOption = None,
     size: SizeOption = None,
     exposure: ExposureOption = None,
     control: ControlOption = None,
     repeats: Annotated[
-        int, typer.Option(min=1, help="solve each frame this often and state the median time")
+        int, typer.Option(min=1, help="runs per frame; the median time is reported")
     ] = 1,
     quiet: Annotated[bool, typer.Option(help="no table, no progress")] = False,
 ) -> None:
     """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
-    function, learn = find_method(method), find_extractor(centreline)
+    function, learn_extractor = find_method(method), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
-    opened, source = _open(sources, rig, readings, channel, controls)
+    observations, source = _open(sources, rig, readings, channel, controls)
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
     if target:
         make_room(target)
     with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
-        antenna = set_up(opened, learn)
-        warm_up(antenna, function, next(opened.read_rest_images()))
+        antenna = set_up(observations, learn_extractor)
+        warm_up(antenna, function, next(observations.read_rest_images()))
     rows: dict[int, Row] = {}
     interrupted = False
     try:
         with ExitStack() as stack:
             writer = stack.enter_context(OverlayWriter(overlay, source.rate)) if overlay else None
-            given = stack.enter_context(closing(answers(source, antenna, function, repeats)))
-            for answer in stack.enter_context(watched(given, source, quiet or stream)):
+            results = stack.enter_context(closing(answers(source, antenna, function, repeats)))
+            for answer in stack.enter_context(watched(results, source, quiet or stream)):
                 if target:
                     rows[answer.shot.number] = answer.row
                 if stream:
@@ -123,90 +123,90 @@ def solve(
         interrupted = True
     finally:
         # In the order of the frames, not in that of the estimates.
-        kept = [rows[number] for number in sorted(rows)]
-        if target and kept:
-            write(target, csv_text(kept).encode())
+        ordered_rows = [rows[number] for number in sorted(rows)]
+        if target and ordered_rows:
+            write(target, csv_text(ordered_rows).encode())
     if target and not (quiet or stream):
-        Console().print(table(kept, method))
-        Console(soft_wrap=True).print(f"{len(kept)} estimates in {target}", markup=False)
+        Console().print(table(ordered_rows, method))
+        Console(soft_wrap=True).print(f"{len(ordered_rows)} estimates in {target}", markup=False)
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
-        console.print("interrupted: what was solved until then is kept")
+        console.print("interrupted: the estimates so far are kept")
         raise typer.Exit(130)
 
 
 @app.command()
 def board(
     out: Annotated[Path, typer.Argument(help="SVG to write")],
-    rig: Annotated[Path, typer.Option(help="rig.json, of which the board is read")],
+    rig: Annotated[Path, typer.Option(help="rig.json that describes the board")],
 ) -> None:
-    """Draw the rig's calibration board in its true size, to be printed at 100 %."""
+    """Draw the rig's calibration board in its true size, for printing at 100 %."""
     write(out, svg(read_rig(rig_file(rig)).board).encode())
 
 
 @app.command()
 def snap(
-    source: Annotated[str, typer.Argument(help="a camera, or an image to be made gray")],
+    source: Annotated[str, typer.Argument(help="a camera, or an image to convert to gray")],
     out: Annotated[Path, typer.Argument(help="PNG to write, such as rest/rest_00.png")],
-    rig: Annotated[Path | None, typer.Option(help="rig.json, whose camera.channel is kept")] = None,
+    rig: Annotated[Path | None, typer.Option(help="rig.json whose camera.channel is used")] = None,
     channel: ChannelOption = None,
     size: SizeOption = None,
     exposure: ExposureOption = None,
     control: ControlOption = None,
     drop: Annotated[
         int,
-        typer.Option(min=0, help="first frames of a camera not to keep: its exposure settles"),
+        typer.Option(min=0, help="number of first frames dropped while the exposure settles"),
     ] = 30,
 ) -> None:
-    """Keep one image of a camera as a gray PNG: of the board, or of the beam at rest."""
-    kept = _channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
+    """Save one camera image as a gray PNG: of the board, or of the beam at rest."""
+    used_channel = _channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
     controls = controls_of(size, exposure, control or ())
-    opened = open_source([source], channel=kept, controls=controls)
+    frames = open_source([source], channel=used_channel, controls=controls)
     make_room(out)
-    shot = next(shot for shot in opened if not opened.live or shot.number >= drop)
+    shot = next(shot for shot in frames if not frames.live or shot.number >= drop)
     write(out, png_bytes(shot.grey()))
 
 
 @app.command()
 def check(
     rig: RigOption,
-    json: Annotated[bool, typer.Option("--json", help="the figures as one line of JSON")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
 ) -> None:
-    """Say how good the calibration is, and what the images at rest have taught."""
-    facts = checked(set_up(open_rig(rig)))
-    print(facts.json() if json else facts.text())
+    """Report the quality of the calibration and of the rest images."""
+    report = checked(set_up(open_rig(rig)))
+    print(report.json() if json else report.text())
 
 
 @app.command()
 def rigidity(
     images: Annotated[list[str], typer.Argument(help="images of the beam under the weight")],
     rig: RigOption,
-    weight_g: Annotated[float, typer.Option(min=0, help="the weight, thread included")],
-    at_mm: Annotated[float, typer.Option(min=0, help="where it hangs, along the beam")],
+    weight_g: Annotated[float, typer.Option(min=0, help="mass, thread included")],
+    at_mm: Annotated[float, typer.Option(min=0, help="its distance from the clamp")],
     weight_sigma_g: Annotated[float, typer.Option(min=0)] = 0.01,
     at_sigma_mm: Annotated[float, typer.Option(min=0)] = 0.5,
     level_sigma_deg: Annotated[
-        float, typer.Option(min=0, help="how well the clamp is known to be level")
+        float, typer.Option(min=0, help="one-sigma tilt of the clamp")
     ] = 0.5,
-    gravity_m_s2: Annotated[float, typer.Option(min=0, help="of your place")] = 9.807,
+    gravity_m_s2: Annotated[float, typer.Option(min=0, help="local gravity")] = 9.807,
 ) -> None:
-    """Find EI from a weight that hangs on the beam, in the plane of the calibration board."""
+    """Estimate EI from a weight that hangs on the beam, in the calibration board's plane."""
     if weight_g == 0 or gravity_m_s2 == 0:
-        raise InputError("--weight-g and --gravity-m-s2 are above 0")
-    opened, source = _open(images, rig, None, None, NO_CONTROLS)
+        raise InputError("--weight-g and --gravity-m-s2 must be above 0")
+    observations, source = _open(images, rig, None, None, NO_CONTROLS)
     if source.live:
-        raise InputError("EI is found from images: keep some with the command snap")
-    antenna = set_up(opened)
+        raise InputError("rigidity needs images: save some with the command snap")
+    antenna = set_up(observations)
     # The sag at rest is a load to be fitted, not a bow to be subtracted.
     at_rest = antenna.at_rest
     antenna = replace(antenna, at_rest=replace(at_rest, rest=at_rest.rest.without_bow()))
 
-    def measured(image: Grey) -> Measurement:
+    def measurement_of(image: Grey) -> Measurement:
         return to_measurement(antenna, extract_centreline(antenna, image))
 
     newton = gravity_m_s2 / 1e3
-    found = flexural_rigidity(
-        [measured(image) for image in opened.read_rest_images()],
-        [measured(shot.grey()) for shot in source],
+    result = flexural_rigidity(
+        [measurement_of(image) for image in observations.read_rest_images()],
+        [measurement_of(shot.grey()) for shot in source],
         HungWeight(
             force=weight_g * newton,
             force_sigma=weight_sigma_g * newton,
@@ -215,15 +215,15 @@ def rigidity(
             level_sigma=level_sigma_deg * DEGREE,
         ),
     )
-    value, sigma = found.value / NEWTON_SQUARE_MILLIMETRE, found.sigma / NEWTON_SQUARE_MILLIMETRE
-    nominal = opened.rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE
-    say = Console(highlight=False, soft_wrap=True)
-    say.print(
+    value, sigma = result.value / NEWTON_SQUARE_MILLIMETRE, result.sigma / NEWTON_SQUARE_MILLIMETRE
+    nominal = observations.rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE
+    output = Console(highlight=False, soft_wrap=True)
+    output.print(
         f"EI = {value:.5g} +- {sigma:.2g} N mm^2 ({100 * sigma / value:.2g} %), "
         f"{100 * (value / nominal - 1):+.2f} % from the rig's {nominal:.5g}.\n"
-        f"The shape puts the weight at {found.at / MILLIMETRE:.2f} "
-        f"+- {found.at_sigma / MILLIMETRE:.2f} mm; by its own weight the tip sags "
-        f"{abs(found.sag) / MILLIMETRE:.2f} mm; points err by {found.misfit:.2g} sigma.\n"
+        f"Fitted place of the weight: {result.at / MILLIMETRE:.2f} "
+        f"+- {result.at_sigma / MILLIMETRE:.2f} mm; tip sag by own weight: "
+        f"{abs(result.sag) / MILLIMETRE:.2f} mm; residual scatter: {result.misfit:.2g} sigma.\n"
         f"In {rig_file(rig)}, under beam, write\n"
         f'    "flexural_rigidity_n_mm2": {value:.6g},\n'
         f'    "flexural_rigidity_sigma_n_mm2": {sigma:.3g},',
@@ -243,10 +243,10 @@ def _open(
     `channel` replaces the rig's, for images at rest and for frames.
     """
     if rig is not None:
-        opened = open_rig(rig)
-        kept = _channel(channel) or opened.rig.channel
-        opened = replace(opened, rig=replace(opened.rig, channel=kept))
-        return opened, open_source(sources, readings, kept, controls)
+        observations = open_rig(rig)
+        used_channel = _channel(channel) or observations.rig.channel
+        observations = replace(observations, rig=replace(observations.rig, channel=used_channel))
+        return observations, open_source(sources, readings, used_channel, controls)
     root = Path(sources[0])
     if len(sources) > 1 or not root.is_dir():
         raise InputError(
@@ -258,8 +258,8 @@ def _open(
             "--readings, --channel, --size, --exposure and --control are for images, videos and "
             "cameras; a folder of observations has its own"
         )
-    opened = open_observations(root)
-    return opened, Files(opened.frames)
+    observations = open_observations(root)
+    return observations, Files(observations.frames)
 
 
 def _channel(name: str | None) -> str | None:
@@ -276,12 +276,14 @@ def main() -> None:
     """
     # Errors of images are reported by InputError, not by OpenCV's log.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    words = sys.argv[1:]
-    named = [command.callback.__name__ for command in app.registered_commands if command.callback]
-    if words and words[0] not in (*named, "--help"):
-        words = ["solve", *words]
+    arguments = sys.argv[1:]
+    commands = [
+        command.callback.__name__ for command in app.registered_commands if command.callback
+    ]
+    if arguments and arguments[0] not in (*commands, "--help"):
+        arguments = ["solve", *arguments]
     try:
-        app(words)
+        app(arguments)
     except InputError as error:
         console.print(f"error: {error}", markup=False)
         sys.exit(2)

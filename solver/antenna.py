@@ -50,10 +50,10 @@ class Antenna:
     @cached_property
     def antenna_from_beam(self) -> Floats:
         """The frame (4, 4) of the beam at rest, as `Measurement` has it, in Sigma_a."""
-        tilt, towards = math.atan(self.rest.slope), self.rig.deflects_towards
+        tilt, side = math.atan(self.rest.slope), self.rig.deflects_towards
         frame = np.eye(4)
         frame[:2, 0] = math.cos(tilt), math.sin(tilt)
-        frame[:2, 1] = -towards * math.sin(tilt), towards * math.cos(tilt)
+        frame[:2, 1] = -side * math.sin(tilt), side * math.cos(tilt)
         frame[:2, 3] = self.rig.base_position[0], self.rest.y_at_clamp
         return frame
 
@@ -88,7 +88,7 @@ class Antenna:
         return float(1 / self.calibration.camera.pixels_per_metre(middle[None])[0])
 
     def tip_in_beam_frame(self, pixel: Floats, covariance: Floats) -> Tip:
-        """Locate a tip seen at `pixel` (2,), with `covariance` (2, 2) [px^2], on plane C.
+        """Locate a tip detected at `pixel` (2,), with `covariance` (2, 2) [px^2], on plane C.
 
         The visible part of a cylinder's end is the rim that is nearest to the camera: averaged over
         the beam's width, it is pi/4 of the radius above the axis.
@@ -103,8 +103,8 @@ class Antenna:
         lift = self.rig.beam.radius * math.pi / 4
         outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
         axes, clamp = self.antenna_from_beam[:2, :2], self.antenna_from_beam[:2, 3]
-        turned = by_pixel @ axes
-        return Tip((point - lift * outward - clamp) @ axes, turned.T @ covariance @ turned)
+        jacobian = by_pixel @ axes
+        return Tip((point - lift * outward - clamp) @ axes, jacobian.T @ covariance @ jacobian)
 
     @cached_property
     def tip_at_rest(self) -> Tip | None:
@@ -139,10 +139,10 @@ class Antenna:
         if camera.telecentric:  # distance does not change its scale, tilt only to second order
             return math.hypot(tolerance.board_rotation**2, self.scale_sigma)
         height = float(camera.viewpoint[2])
-        tilted = tolerance.board_rotation * rig.beam.length / 2
-        off_plane = math.hypot(tolerance.base_position, tolerance.board_translation, tilted)
-        hung = scale_error(camera.viewpoint, rig)
-        return math.hypot(off_plane / height, hung, self.scale_sigma)
+        tilt_error = tolerance.board_rotation * rig.beam.length / 2
+        plane_error = math.hypot(tolerance.base_position, tolerance.board_translation, tilt_error)
+        sag_error = scale_error(camera.viewpoint, rig)
+        return math.hypot(plane_error / height, sag_error, self.scale_sigma)
 
     @property
     def in_world(self) -> bool:

@@ -13,7 +13,7 @@ from solver.instrument.gray_scale import gray_scale
 from solver.instrument.observation import Observations
 
 # Chosen: a printed board and an ordinary lens leave 0.05 to 0.2 px; above, the model is wrong.
-WORST_REPROJECTION_PX = 0.5
+MAX_REPROJECTION_PX = 0.5
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
@@ -24,12 +24,11 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     """
     rig = observations.rig
     calibration = calibrate(observations.read_board_views(), rig)
-    if calibration.reprojection_px > WORST_REPROJECTION_PX:
+    if calibration.reprojection_px > MAX_REPROJECTION_PX:
         raise InputError(
-            f"the calibration leaves {calibration.reprojection_px:.2f} px, allowed is "
-            f"{WORST_REPROJECTION_PX:g} px: is the rig's board the one in the views, and has the "
-            f"lens no more distortion than the rig's {rig.distortion_coefficients} coefficients "
-            "can describe?"
+            f"the reprojection error is {calibration.reprojection_px:.2f} px, allowed is "
+            f"{MAX_REPROJECTION_PX:g} px: check that rig.json describes the board in the views, "
+            f"and that {rig.distortion_coefficients} coefficients describe the lens's distortion"
         )
     scale = gray_scale(observations.read_rest_images(), rig.bits)
     images = [scale(image) for image in observations.read_rest_images()]
@@ -45,5 +44,5 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
         scale.full_scale,
     )
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
-    known = calibration_uncertainty(calibration, rig)
-    return Antenna(rig, calibration, at_rest, known.clamp, known.scale, scale)
+    uncertainty = calibration_uncertainty(calibration, rig)
+    return Antenna(rig, calibration, at_rest, uncertainty.clamp, uncertainty.scale, scale)

@@ -18,9 +18,9 @@ from solver.planes.sag import correct_for_sag
 
 # Powers of the distance that describe a bent beam across its direction at the clamp (the first two
 # for a short stretch), and the fewest points of such a fit.
-CURVE_POWERS, LEAST_CURVE_POINTS = (2, 3, 4, 5, 6), 8
+CURVE_POWERS, MIN_CURVE_POINTS = (2, 3, 4, 5, 6), 8
 # Number of last points before the tip, which give the direction of the beam's straight end.
-BESIDE_TIP = 30
+TIP_POINTS = 30
 
 
 def to_measurement(
@@ -39,10 +39,10 @@ def to_measurement(
     points = correct_for_sag(points, camera.viewpoint, rig)
     if readings.removed is not None:
         low, high = readings.removed
-        kept = (points[:, 0] < low) | (points[:, 0] > high)
-        points, sigmas = points[kept], sigmas[kept]
+        outside = (points[:, 0] < low) | (points[:, 0] > high)
+        points, sigmas = points[outside], sigmas[outside]
     if not rest.straight:
-        points, sigmas = _unbowed(points, sigmas, rest, rig)
+        points, sigmas = _subtract_bow(points, sigmas, rest, rig)
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
     bow_error = _bow_error(points, rest)
     points = (points - clamp) @ axes
@@ -82,25 +82,25 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
     if at_rest is None or not len(points):
         return tip
     # Points come in order from the clamp to the tip.
-    along = tip.point - points[-BESIDE_TIP:].mean(axis=0)
+    along = tip.point - points[-TIP_POINTS:].mean(axis=0)
     excess = at_rest.point[0] - antenna.rig.beam.length
     return Tip(tip.point - excess / math.hypot(*along) * along, tip.covariance)
 
 
-def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:
+def _subtract_bow(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:
     """Remove the bow from points (n, 2) on C, and include its error in their one-sigma vectors.
 
     A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc
     lengths and normals are those of a smooth curve through the points that leaves the clamp as the
     beam at rest does, so that the correction also holds where the beam's first part is hidden.
     """
-    if len(points) < LEAST_CURVE_POINTS:
+    if len(points) < MIN_CURVE_POINTS:
         return points, sigmas
     x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
     terms = len(CURVE_POWERS) if np.ptp(x) > rest.length / 3 else 2
     powers = np.array(CURVE_POWERS[:terms])
-    place = x[:, None] / rest.length
-    coefficients, *_ = np.linalg.lstsq(place**powers, y - rest.slope * x)
+    x_relative = x[:, None] / rest.length
+    coefficients, *_ = np.linalg.lstsq(x_relative**powers, y - rest.slope * x)
     weights = coefficients * powers / rest.length
 
     def slope(at: Floats) -> Floats:
@@ -113,8 +113,8 @@ def _unbowed(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floa
     # All points share the bow's error: it has as many independent parts as coefficients.
     bow_sigma *= math.sqrt(max(len(x) / len(rest.bow), 1.0))
     normal = np.column_stack([-slope(x), np.ones_like(x)]) / np.hypot(1, slope(x))[:, None]
-    size = np.maximum(np.linalg.norm(sigmas, axis=1), 1e-15)
-    return points - bow[:, None] * normal, sigmas * (np.hypot(size, bow_sigma) / size)[:, None]
+    norms = np.maximum(np.linalg.norm(sigmas, axis=1), 1e-15)
+    return points - bow[:, None] * normal, sigmas * (np.hypot(norms, bow_sigma) / norms)[:, None]
 
 
 def _bow_error(points: Floats, rest: Rest) -> float:

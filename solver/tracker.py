@@ -20,7 +20,7 @@ from solver.to_measurement import to_measurement
 
 # Chosen: a longer push is thinned to every other frame, so that memory is bounded and the whole
 # push stays covered.
-LONGEST_PUSH = 32
+MAX_PUSH_FRAMES = 32
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class PushTracker:
         return self.solve(gray, readings, push_id).estimate
 
     def _remember(self, measurement: Measurement) -> None:
-        if len(self._push) == LONGEST_PUSH:
+        if len(self._push) == MAX_PUSH_FRAMES:
             self._push = self._push[::2]
         # Drop its own `earlier`, or the chain of them would keep everything in memory.
         self._push.append(replace(measurement, earlier=()))
@@ -131,7 +131,7 @@ def refusal_of_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
     return Estimate(
         Outcome.CAMERA_MOVED,
         f"the image has shifted by {shift.du:.2f} px along its rows and {shift.dv:.2f} px down "
-        "since the rest images: take those again",
+        "since the rest images: record new ones",
     )
 
 
@@ -141,9 +141,9 @@ def run_method(method: Method, measurement: Measurement, remark: str = "") -> Es
     A `remark` on the image is added to the message.
     """
     try:
-        given: object = method(measurement)
+        result: object = method(measurement)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - any failure is a row in the table
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
-    if not isinstance(given, Estimate):  # an external method may return anything
-        return Estimate(Outcome.CRASHED, f"returned {type(given).__name__}, not an Estimate")
-    return replace(given, message="; ".join(filter(None, (given.message, remark))))
+    if not isinstance(result, Estimate):  # an external method may return anything
+        return Estimate(Outcome.CRASHED, f"returned {type(result).__name__}, not an Estimate")
+    return replace(result, message="; ".join(filter(None, (result.message, remark))))

@@ -21,13 +21,13 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
 # Number of landmarks kept, the strongest ones: a thousand pixels cost 0.05 ms per image.
-MOST = 1000
+MAX_LANDMARKS = 1000
 # Least sigma [gray levels] in processed images, whose errors are shared within a block; chosen.
 PROCESSED_ERROR = 1.0
 # Blur [px] of the image before its gradients are computed, to reduce their noise; chosen.
 BLUR_PX = 0.7
 # Threshold of a landmark's gradient, per pixel, in sigmas of the noise.
-LEAST_GRADIENT = 3.0
+MIN_GRADIENT = 3.0
 # Largest shift searched [px], and the margin at the image's border that such a shift may push out
 # of it.
 FARTHEST = 6
@@ -36,14 +36,14 @@ FARTHEST = 6
 STEADINESS_PX = 0.05
 # chi^2 of a shift (du, dv) as unlikely by chance as three sigmas of one normal variable.
 MOVED_CHI2 = 11.83
-# Largest sigma [px] of a shift, in every direction, with which half a pixel is detected.
-KNOWN_PX = 0.1
+# Largest sigma [px] of a shift, in every direction, at which half a pixel is detected.
+MAX_KNOWN_SIGMA_PX = 0.1
 # Largest sigma [px] at which a shift is measured: three sigmas are within the search range.
-MEASURED_PX = FARTHEST / 3
+MAX_MEASURED_SIGMA_PX = FARTHEST / 3
 # Threshold of the residuals over the noise, which allows for compression and changed light; above
 # it the pixels are not those of the rest images. Chosen.
 MOST_SCATTER = 4.0
-# Least share of landmarks that agree on the shift. With a chequered ground that turns below the
+# Least fraction of landmarks that agree on the shift. With a chequered ground that turns below the
 # camera, half of them agree with any shift; measured.
 LEAST_SHARE = 0.75
 # Largest change of the light; an object that covers the landmarks lacks their edges. Chosen.
@@ -65,11 +65,11 @@ class Shift(NamedTuple):
 
     def exceeds(self, sigma_px: float) -> bool:
         """Return whether the shift exceeds three sigmas, where shifts of `sigma_px` are usual."""
-        usual = STEADINESS_PX**2 + sigma_px**2
-        uu, vv = self.uu + usual, self.vv + usual
+        usual_variance = STEADINESS_PX**2 + sigma_px**2
+        uu, vv = self.uu + usual_variance, self.vv + usual_variance
         # Squared Mahalanobis distance, with the inverse of the covariance written out.
-        square = vv * self.du**2 - 2 * self.uv * self.du * self.dv + uu * self.dv**2
-        return square > MOVED_CHI2 * (uu * vv - self.uv**2)
+        distance2 = vv * self.du**2 - 2 * self.uv * self.du * self.dv + uu * self.dv**2
+        return distance2 > MOVED_CHI2 * (uu * vv - self.uv**2)
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Landmarks:
     @property
     def known(self) -> bool:
         """Whether a shift of half a pixel in any direction would be detected."""
-        return self.shift_sigma < KNOWN_PX
+        return self.shift_sigma < MAX_KNOWN_SIGMA_PX
 
     @cached_property
     def shift_sigma(self) -> float:
@@ -102,30 +102,36 @@ class Landmarks:
             for j, b in enumerate((self.along_u, self.along_v)):
                 information[i, j] = float(np.sum(a * b / self.sigma**2))
         # Twice the expected value: selecting the strongest gradients favours those raised by noise.
-        least = float(np.linalg.eigvalsh(information)[0]) - 2 * len(self.rows) * self.pretended
-        return math.sqrt(self._erring_together / least) if least > 0 else math.inf
+        min_information = (
+            float(np.linalg.eigvalsh(information)[0]) - 2 * len(self.rows) * self.pretended
+        )
+        return (
+            math.sqrt(self._correlated_pixels / min_information)
+            if min_information > 0
+            else math.inf
+        )
 
     def shift_of(self, image: Grey) -> Shift | None:
         """Measure the shift of an image (height, width); return None if the landmarks disagree."""
-        if self.shift_sigma > MEASURED_PX:
+        if self.shift_sigma > MAX_MEASURED_SIGMA_PX:
             return None
-        du, dv, uu, uv, vv, share, scatter = _shift(
+        du, dv, uu, uv, vv, fraction, scatter = _shift(
             image, self.rows, self.columns, self.gray, self.along_u, self.along_v, self.sigma
         )
-        if not (share >= LEAST_SHARE and scatter <= MOST_SCATTER):
+        if not (fraction >= LEAST_SHARE and scatter <= MOST_SCATTER):
             return None
         # The median of n independent |x| exceeds this by chance in one image of a thousand.
-        usual = 1 + 3.1 * 1.17 / math.sqrt(len(self.rows))
-        widening = 1 + max(scatter**2 - usual**2, 0.0) * self._pixels_a_block
-        widening = max(widening, self._erring_together)
-        return Shift(du, dv, uu * widening, uv * widening, vv * widening)
+        usual_scatter = 1 + 3.1 * 1.17 / math.sqrt(len(self.rows))
+        inflation = 1 + max(scatter**2 - usual_scatter**2, 0.0) * self._pixels_per_block
+        inflation = max(inflation, self._correlated_pixels)
+        return Shift(du, dv, uu * inflation, uv * inflation, vv * inflation)
 
     @property
-    def _erring_together(self) -> float:
-        return self._pixels_a_block if self.processed else 1.0
+    def _correlated_pixels(self) -> float:
+        return self._pixels_per_block if self.processed else 1.0
 
     @cached_property
-    def _pixels_a_block(self) -> float:
+    def _pixels_per_block(self) -> float:
         blocks = np.unique(np.column_stack([self.rows, self.columns]) // BLOCK, axis=0)
         return len(self.rows) / max(len(blocks), 1)
 
@@ -143,22 +149,22 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     processed = noise.processed(images[0])
     if processed:
         sigma = np.maximum(sigma, PROCESSED_ERROR)
-    free = np.zeros(mean.shape, np.uint8)
+    usable = np.zeros(mean.shape, np.uint8)
     margin = FARTHEST + 2
-    free[margin:-margin, margin:-margin] = 1
+    usable[margin:-margin, margin:-margin] = 1
     path = np.rint(beam).astype(np.int32).reshape(-1, 1, 2)
-    cv2.polylines(free, [path], isClosed=False, color=0, thickness=max(math.ceil(width), 1))
-    strength = np.where(free, np.hypot(along_u, along_v) / sigma, 0.0).ravel()
-    strongest = np.argsort(strength)[::-1][:MOST]
-    chosen = np.sort(strongest[strength[strongest] > LEAST_GRADIENT])
-    rows, columns = np.divmod(chosen, mean.shape[1])
+    cv2.polylines(usable, [path], isClosed=False, color=0, thickness=max(math.ceil(width), 1))
+    strength = np.where(usable, np.hypot(along_u, along_v) / sigma, 0.0).ravel()
+    strongest = np.argsort(strength)[::-1][:MAX_LANDMARKS]
+    selected = np.sort(strongest[strength[strongest] > MIN_GRADIENT])
+    rows, columns = np.divmod(selected, mean.shape[1])
     return Landmarks(
         rows,
         columns,
-        mean.ravel()[chosen],
-        along_u.ravel()[chosen],
-        along_v.ravel()[chosen],
-        sigma.ravel()[chosen],
+        mean.ravel()[selected],
+        along_u.ravel()[selected],
+        along_v.ravel()[selected],
+        sigma.ravel()[selected],
         processed,
         _noise_gain() / (len(images) + 1),
     )

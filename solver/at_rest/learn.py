@@ -26,14 +26,14 @@ from solver.instrument.units import DEGREE
 Learn = Callable[[Sequence[Grey], Guide], Extractor]
 
 # Largest difference [px] among rest images: half of the motion to be detected.
-MOST_DISAGREEMENT_PX = 0.25
+MAX_DISAGREEMENT_PX = 0.25
 # Margin [px] beside the beam without landmarks, for its immediate shadow.
 BESIDE_PX = 3.0
 # End of the beam's path for the landmarks, beyond its tip, over its length.
 BEYOND_TIP = 1.08
 # Largest angle [rad] between the beam and the rig's x axis: the search covers 0.12 rad, and a bow
 # adds to that.
-MOST_ASKEW = 0.17
+MAX_MISALIGNMENT = 0.17
 
 
 @dataclass(frozen=True)
@@ -65,18 +65,18 @@ def learn_at_rest(
     different places.
     """
     distinct = _distinct(images)
-    extract, lines = _learned(distinct, guide, learn)
-    off = disagreements(lines)
-    odd = tuple(int(i) for i in np.flatnonzero(off))
-    if odd and 2 * len(odd) < len(distinct):
-        used = [image for i, image in enumerate(distinct) if i not in odd]
-        extract, lines = _learned(used, guide, learn)
-        off = disagreements(lines)
+    extract, lines = _learn_extractor(distinct, guide, learn)
+    deviations = disagreements(lines)
+    outliers = tuple(int(i) for i in np.flatnonzero(deviations))
+    if outliers and 2 * len(outliers) < len(distinct):
+        used = [image for i, image in enumerate(distinct) if i not in outliers]
+        extract, lines = _learn_extractor(used, guide, learn)
+        deviations = disagreements(lines)
     else:
-        used, odd = distinct, ()
-    largest = float(off.max(initial=0.0))
-    if largest > MOST_DISAGREEMENT_PX:
-        raise _moving(largest)
+        used, outliers = distinct, ()
+    largest = float(deviations.max(initial=0.0))
+    if largest > MAX_DISAGREEMENT_PX:
+        raise _motion_error(largest)
     noise = noise_of(used)
     rest = learn_rest(lines, calibration, rig)
     _check_direction(rest, extract, used[0], lines[0], rig)
@@ -85,7 +85,7 @@ def learn_at_rest(
     )
     tip, tip_covariance = _mean_tip(lines)
     copies = len(images) - len(distinct)
-    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, odd, largest)
+    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, outliers, largest)
 
 
 def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:
@@ -101,33 +101,33 @@ def _check_direction(
     rest: Rest, extract: Extractor, image: Grey, line: Centreline, rig: Rig
 ) -> None:
     """Reject a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
-    where = "board.antenna_from_board_rotation_vector_deg"
+    key = "board.antenna_from_board_rotation_vector_deg"
     angle = math.atan(rest.slope)
-    if abs(angle) > MOST_ASKEW and rig.camera_mount == "antenna":
+    if abs(angle) > MAX_MISALIGNMENT and rig.camera_mount == "antenna":
         raise InputError(
-            f"the beam at rest lies at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
-            f"are {MOST_ASKEW / DEGREE:.0f}: correct the third number of {where} by as much"
+            f"the beam at rest is at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
+            f"are {MAX_MISALIGNMENT / DEGREE:.0f}: correct the third number of {key}"
         )
     if line.tip is None and isinstance(extract, BeamExtractor):
-        turned = replace(extract, guide=extract.guide.turned_about())
-        if turned(image).tip is not None:
+        reversed_extract = replace(extract, guide=extract.guide.turned_about())
+        if reversed_extract(image).tip is not None:
             raise InputError(
-                "the beam's free end is where the rig says that it is clamped: the rig's x axis "
-                f"runs from the clamp to the tip, so turn {where} by 180 degrees about z and "
+                "the beam's free end is at the clamp's position in rig.json: the rig's x axis "
+                f"runs from the clamp to the tip, so turn {key} by 180 degrees about z and "
                 "correct board.antenna_from_board_translation_mm"
             )
 
 
 def _distinct(images: Sequence[Grey]) -> list[Grey]:
     """Return the images without those that equal an earlier one."""
-    kept: list[Grey] = []
+    distinct: list[Grey] = []
     for image in images:
-        if not any(np.array_equal(image, one) for one in kept):
-            kept.append(image)
-    return kept
+        if not any(np.array_equal(image, earlier) for earlier in distinct):
+            distinct.append(image)
+    return distinct
 
 
-def _learned(
+def _learn_extractor(
     images: Sequence[Grey], guide: Guide, learn: Learn
 ) -> tuple[Extractor, list[Centreline]]:
     """Learn the extractor, and extract the centreline of every image. Raises InputError."""
@@ -136,15 +136,15 @@ def _learned(
     except InputError:
         # Where the camera moved between the images, each of them may show the beam well.
         if len(images) > 1:
-            alone = learn(images[:1], guide)
-            largest = float(disagreements([alone(image) for image in images]).max(initial=0.0))
-            if largest > MOST_DISAGREEMENT_PX:
-                raise _moving(largest) from None
+            single = learn(images[:1], guide)
+            largest = float(disagreements([single(image) for image in images]).max(initial=0.0))
+            if largest > MAX_DISAGREEMENT_PX:
+                raise _motion_error(largest) from None
         raise
     return extract, [extract(image) for image in images]
 
 
-def _moving(largest: float) -> InputError:
+def _motion_error(largest: float) -> InputError:
     return InputError(
         f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
         "camera or the beam moved, or image stabilisation is on; take them again with both at rest"

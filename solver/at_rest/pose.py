@@ -22,19 +22,19 @@ from solver.instrument.rig import Rig
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
 
-LEAST_POINTS = 10
+MIN_POINTS = 10
 # A bow is accepted if its three coefficients decrease chi^2 by this much.
-BOWED_CHI2 = 30.0
+MIN_BOW_CHI2 = 30.0
 # Largest error [px] of a centre that processing shifts to the middle of its pixel row: a larger bow
 # is not an effect of the pixel grid.
-MOST_OFF_GRID_PX = 0.5
+MAX_GRID_ERROR_PX = 0.5
 # Number of harmonics that describe errors with the period of the pixel rows (chosen), where there
 # are more independent errors than coefficients: five of the bow and two per harmonic.
 HARMONICS = 2
-FREE_OF_GRID = 5 + 2 * HARMONICS
+GRID_COEFFICIENTS = 5 + 2 * HARMONICS
 # An image differs from the others if it exceeds both thresholds: chi^2 for four coefficients, by
 # chance once in a million; and pixels: compressed images differ by less without motion; chosen.
-DISAGREEING_CHI2, LEAST_DISAGREEMENT_PX = 33.0, 0.05
+MIN_DISAGREEMENT_CHI2, MIN_DISAGREEMENT_PX = 33.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,10 @@ class Rest:
 
     def bow_at(self, x: Floats) -> tuple[Floats, Floats]:
         """Compute the bow (n,) [m] at x (n,) [m] from the clamp, and its sigma about a line."""
-        here, line_here = self._basis(x)
-        off = here - line_here @ self._line_through
-        variance = np.einsum("ni,ij,nj->n", off, self.covariance, off)
-        return np.asarray(here[:, 2:] @ self.bow), np.sqrt(np.maximum(variance, 0.0))
+        curve, line = self._basis(x)
+        relative = curve - line @ self._line_through
+        variance = np.einsum("ni,ij,nj->n", relative, self.covariance, relative)
+        return np.asarray(curve[:, 2:] @ self.bow), np.sqrt(np.maximum(variance, 0.0))
 
     def without_bow(self) -> "Rest":
         """Drop the bow and its uncertainty; the line and its covariance stay."""
@@ -103,9 +103,9 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     """
     mean = _mean_line(lines, calibration)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
-    if len(points) < LEAST_POINTS:
+    if len(points) < MIN_POINTS:
         raise InputError(
-            f"the rest images show {len(points)} columns of the beam, needed are {LEAST_POINTS}"
+            f"the rest images show {len(points)} columns of the beam, needed are {MIN_POINTS}"
         )
     length = rig.beam.length
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
@@ -118,9 +118,9 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     covariance[:2, :2] = straight.covariance
     # Both fits are compared by the scatter about the curve, which fits the beam in either case.
     gain = straight.chi2 - bowed.chi2
-    if len(points) > 50 and gain > BOWED_CHI2 * bowed.scatter:
+    if len(points) > 50 and gain > MIN_BOW_CHI2 * bowed.scatter:
         bend = float(np.abs(curve @ (c - s)).max())
-        if gain > BOWED_CHI2 * bowed.repeated or bend > MOST_OFF_GRID_PX * mean.pixel:
+        if gain > MIN_BOW_CHI2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
         # Uniform from straight to fully bowed: the second moment about zero.
         covariance += np.outer(c - s, c - s) / 3
@@ -128,30 +128,30 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
 
 
 def disagreements(lines: Sequence[Centreline]) -> Floats:
-    """Measure how far the beam of each image (n,) lies off the median of all [px].
+    """Measure the largest deviation (n,) [px] of each image's beam from the median of all.
 
     `lines` are the centrelines of n images of the beam at rest. An image that agrees with the
     others within its errors has 0.
     """
-    off = np.zeros(len(lines))
-    readings = [dict(zip(_keys(line), _centres(line), strict=True)) for line in lines]
-    places = sorted(set.intersection(*map(set, readings)))
-    if len(places) < LEAST_POINTS:
-        return off
-    centre = np.array([[reading[place] for place in places] for reading in readings])
-    shape = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, len(places)), 3)
+    deviations = np.zeros(len(lines))
+    centre_by_key = [dict(zip(_keys(line), _centres(line), strict=True)) for line in lines]
+    keys = sorted(set.intersection(*map(set, centre_by_key)))
+    if len(keys) < MIN_POINTS:
+        return deviations
+    centre = np.array([[centres[key] for key in keys] for centres in centre_by_key])
+    shape = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, len(keys)), 3)
     for i, difference in enumerate(centre - np.median(centre, axis=0)):
-        course = shape @ np.linalg.lstsq(shape, difference)[0]
-        residual = difference - course
+        smooth = shape @ np.linalg.lstsq(shape, difference)[0]
+        residual = difference - smooth
         variance = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)
-        largest = float(np.abs(course).max())
-        if course @ course / variance > DISAGREEING_CHI2 and largest > LEAST_DISAGREEMENT_PX:
-            off[i] = largest
-    return off
+        largest = float(np.abs(smooth).max())
+        if smooth @ smooth / variance > MIN_DISAGREEMENT_CHI2 and largest > MIN_DISAGREEMENT_PX:
+            deviations[i] = largest
+    return deviations
 
 
-def _bow_powers(place: Floats) -> Floats:
-    return np.column_stack([place**2, place**3, place**4])
+def _bow_powers(t: Floats) -> Floats:
+    return np.column_stack([t**2, t**3, t**4])
 
 
 class _MeanLine(NamedTuple):
@@ -197,31 +197,31 @@ def _least_squares(design: Floats, y: Floats, mean: _MeanLine) -> _LinearFit:
     them. Where the beam crosses many rows, errors with the period of a row are fitted as well.
     """
     m = design.shape[1]
-    if mean.rows + 1 > FREE_OF_GRID:
+    if mean.rows + 1 > GRID_COEFFICIENTS:
         phase = 2 * np.pi * np.outer(mean.row, np.arange(1, HARMONICS + 1))
         design = np.column_stack([design, np.sin(phase), np.cos(phase)])
-    n, spare = len(y), mean.rows + 1 - design.shape[1]
+    n, spare_rows = len(y), mean.rows + 1 - design.shape[1]
     whitened = design / mean.sigma[:, None]
     inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
     coefficients = inverse @ (whitened.T @ (y / mean.sigma))
     residual = (y - design @ coefficients) / mean.sigma
     # Without outliers, so that an object beside the beam does not hide a bow.
     size = np.abs(residual)
-    near = residual[size < 3 * 1.4826 * np.median(size) + 1e-12]
+    inliers = residual[size < 3 * 1.4826 * np.median(size) + 1e-12]
     variance = max(float(np.mean(residual**2)), 1e-12)
-    near_variance = float(np.mean(near**2))
+    inlier_variance = float(np.mean(inliers**2))
     correlation = correlation_length(residual)
     shared = _shared_by_neighbours(residual)
     # The spare rows measure the shared variance; one row more counts with its upper bound.
-    free, any_part = max(spare, 0.0), max(_repeating(variance, n, mean), shared)
-    in_rows = n * (free * shared + any_part) / (free + 1)
-    repeated = n * max(_repeating(near_variance, n, mean), _shared_by_neighbours(near))
+    free_rows, upper_bound = max(spare_rows, 0.0), max(_repeating(variance, n, mean), shared)
+    in_rows = n * (free_rows * shared + upper_bound) / (free_rows + 1)
+    repeated = n * max(_repeating(inlier_variance, n, mean), _shared_by_neighbours(inliers))
     return _LinearFit(
         coefficients[:m],
-        inverse[:m, :m] * max(variance * correlation, in_rows / max(spare, 1.0)),
+        inverse[:m, :m] * max(variance * correlation, in_rows / max(spare_rows, 1.0)),
         float(residual @ residual),
-        max(near_variance, 1.0) * correlation,
-        repeated / spare if spare > 0 else math.inf,
+        max(inlier_variance, 1.0) * correlation,
+        repeated / spare_rows if spare_rows > 0 else math.inf,
     )
 
 
@@ -237,7 +237,7 @@ def _repeating(variance: float, n: int, mean: _MeanLine) -> float:
 def _shared_by_neighbours(residual: Floats) -> float:
     """Estimate the part of the variance of residuals (n,) that neighbours have in common.
 
-    It is the variance of means over LAG neighbours, minus the share of independent errors in it.
+    It is the variance of means over LAG neighbours, minus the part of independent errors in it.
     Errors that alternate from column to column, as those of a colour mosaic, cancel. It is 0 unless
     chance would exceed it in fewer than one rig of a thousand.
     """
@@ -271,21 +271,21 @@ def _mean_line(lines: Sequence[Centreline], calibration: Calibration) -> _MeanLi
         return _MeanLine(np.empty((0, 2)), np.empty(0), 1.0, np.empty(0), 0.0)
     directions = np.vstack([line.directions for line in lines])
     sigma = np.concatenate([line.sigma for line in lines])
-    _, first, place, count = np.unique(
+    _, first, index, count = np.unique(
         np.concatenate([_keys(line) for line in lines]),
         return_index=True,
         return_inverse=True,
         return_counts=True,
     )
-    mean = np.column_stack([np.bincount(place, pixels[:, i]) / count for i in (0, 1)])
-    mean_sigma = np.bincount(place, sigma) / count
-    off = ((pixels - mean[place]) ** 2).sum(axis=1) / mean_sigma[place] ** 2
-    several = count > 1
+    mean = np.column_stack([np.bincount(index, pixels[:, i]) / count for i in (0, 1)])
+    mean_sigma = np.bincount(index, sigma) / count
+    deviations = ((pixels - mean[index]) ** 2).sum(axis=1) / mean_sigma[index] ** 2
+    repeated = count > 1
     # A single image cannot separate noise from errors that repeat: its sigma is used.
     random = 1.0
-    if several.any():
-        squares = np.bincount(place, off)[several] / (count[several] - 1)
-        random = float(np.mean(squares / count[several]))
+    if repeated.any():
+        squares = np.bincount(index, deviations)[repeated] / (count[repeated] - 1)
+        random = float(np.mean(squares / count[repeated]))
     points, vectors = on_plane(calibration.camera, mean, directions[first] * mean_sigma[:, None])
     # Of an error measured obliquely to the beam, only the part across the beam counts.
     order = np.argsort(points[:, 0])

@@ -24,10 +24,10 @@ from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 
 # Fewest points of a target that may be partly visible, in at least three rows and columns.
-LEAST_POINTS = 12
-# Number of places of the beam at rest, and the least share of them that the camera shows; at least
-# one must be in the image. Chosen: with less than half of a beam no method gives an estimate.
-_PLACES, _LEAST_SHOWN = 20, 0.5
+MIN_POINTS = 12
+# Number of points along the beam at rest, and the least fraction of them that the camera shows; at
+# least one must be in the image. Chosen: no method gives an estimate from less than half of a beam.
+_BEAM_SAMPLES, _MIN_VISIBLE = 20, 0.5
 
 
 @contextmanager
@@ -56,44 +56,43 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
     the beam.
     """
     shapes: list[tuple[int, ...]] = []
-    seen: list[BoardDetection | None] = []
+    detections: list[BoardDetection | None] = []
     for view in board_views:
         shapes.append(view.shape)
         if view.shape != shapes[0]:
             sizes = sorted({shapes[0], view.shape})
             raise InputError(f"the calibration views differ in size: {sizes}, allowed is one")
-        seen.append(detect_board(view, rig.board))
-    if not seen:
+        detections.append(detect_board(view, rig.board))
+    if not detections:
         raise InputError("there is no calibration view, needed is at least one")
-    if seen[0] is None:
-        whole = "the whole board" if isinstance(rig.board, Chessboard) else "enough of the board"
-        raise InputError(f"calibration view 0, which defines plane C, does not show {whole}")
+    if detections[0] is None:
+        required = "the whole board" if isinstance(rig.board, Chessboard) else "enough of the board"
+        raise InputError(f"calibration view 0, which defines plane C, does not show {required}")
     height, width = shapes[0]
-    detected = [one for one in seen if one is not None]
+    valid = [detection for detection in detections if detection is not None]
     try:
         if rig.telecentric:
-            found = telecentric(detected[0], width, height, rig)
+            calibration = telecentric(valid[0], width, height, rig)
         elif len(shapes) == 1 and not rig.distortion_coefficients:
-            found = plane_alone(detected[0], width, height, rig)
+            calibration = plane_alone(valid[0], width, height, rig)
         else:
-            found = pinhole(detected, width, height, rig)
+            calibration = pinhole(valid, width, height, rig)
     except (cv2.error, np.linalg.LinAlgError, ValueError) as error:
         raise InputError(
-            "the calibration views determine no camera: is the board's size in rig.json right, and "
-            "does it lean another way in each view but the first?"
+            "the calibration views do not determine the camera: check the board's size in "
+            "rig.json, and tilt the board differently in each view but the first"
         ) from error
-    along = np.linspace(0, rig.beam.length, _PLACES)[:, None] * [1.0, 0.0, 0.0]
-    places = rig.base_position + along
-    shown = found.camera.shows(places)
-    inside = np.abs(found.camera.project(places[shown]) / [width, height] - 0.5) < 0.5
-    if np.mean(shown) < _LEAST_SHOWN or not inside.all(axis=1).any():
+    offsets = np.linspace(0, rig.beam.length, _BEAM_SAMPLES)[:, None] * [1.0, 0.0, 0.0]
+    points = rig.base_position + offsets
+    visible = calibration.camera.shows(points)
+    in_image = np.abs(calibration.camera.project(points[visible]) / [width, height] - 0.5) < 0.5
+    if np.mean(visible) < _MIN_VISIBLE or not in_image.all(axis=1).any():
         raise InputError(
             "the calibrated camera does not show the beam: it is behind the camera, beside the "
-            "image or where the distortion found is not one-to-one; do base.position_mm, "
-            "board.antenna_from_board_... and camera.distortion_coefficients in rig.json fit the "
-            "calibration views?"
+            "image or where the distortion is not one-to-one; check base.position_mm, "
+            "board.antenna_from_board_... and camera.distortion_coefficients in rig.json"
         )
-    return found
+    return calibration
 
 
 def detect_board(view: Grey, board: Board) -> BoardDetection | None:
@@ -101,14 +100,14 @@ def detect_board(view: Grey, board: Board) -> BoardDetection | None:
 
     They are detected in 8 bits and refined in all bits that the view has.
     """
-    seen: BoardDetection | None = None
+    detection: BoardDetection | None = None
     if isinstance(board, Charuco):
-        seen = charuco(view, board)
+        detection = charuco(view, board)
     elif isinstance(board, LineNetwork):
-        seen = line_network(view, board)
+        detection = line_network(view, board)
     elif isinstance(board, Chessboard):
-        seen = chessboard(view, board)
-    if seen is None or len(seen) < min(LEAST_POINTS, board.columns * board.rows):
+        detection = chessboard(view, board)
+    if detection is None or len(detection) < min(MIN_POINTS, board.columns * board.rows):
         return None
-    row, column = np.divmod(seen.numbers, board.columns)
-    return seen if min(len(np.unique(row)), len(np.unique(column))) >= 3 else None
+    row, column = np.divmod(detection.numbers, board.columns)
+    return detection if min(len(np.unique(row)), len(np.unique(column))) >= 3 else None

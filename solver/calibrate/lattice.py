@@ -9,11 +9,11 @@ from scipy.spatial import KDTree
 
 from solver.instrument.arrays import Floats
 
-# Largest distance of a crossing from its expected place, over the distance to its neighbour.
-_ASTRAY: Final = 0.25
-_STARTS: Final = 5
+# Largest distance of a crossing from its expected pixel, over the distance to its neighbour.
+_MAX_DEVIATION: Final = 0.25
+_START_COUNT: Final = 5
 # Threshold over the typical crossing's response; line ends and dirt respond less.
-_LEAST_RESPONSE: Final = 0.3
+_MIN_RESPONSE: Final = 0.3
 
 Node = tuple[int, int]
 Lattice = dict[Node, Floats]
@@ -30,16 +30,16 @@ def crossings(darkness: Floats, scale: float, expected: int) -> Floats:
     dvv, dvu = np.gradient(dv)
     duu = np.gradient(du, axis=1)
     response = np.where(duu + dvv < 0, duu * dvv - dvu**2, 0)
-    reach = 2 * max(round(scale), 1) + 1
-    # Crossings on the image's rim are only partly visible.
-    for rim in (response[:reach], response[-reach:], response[:, :reach], response[:, -reach:]):
-        rim[:] = 0
-    highest = cv2.dilate(response, np.ones((reach, reach), np.uint8))
-    strengths = response[(response == highest) & (response > 0)]
+    size = 2 * max(round(scale), 1) + 1
+    # Crossings on the image's border are only partly visible.
+    for border in (response[:size], response[-size:], response[:, :size], response[:, -size:]):
+        border[:] = 0
+    local_max = cv2.dilate(response, np.ones((size, size), np.uint8))
+    strengths = response[(response == local_max) & (response > 0)]
     if len(strengths) < 4:
         return np.empty((0, 2))
     typical = np.median(np.sort(strengths)[-expected:])
-    v, u = np.nonzero((response == highest) & (response > _LEAST_RESPONSE * typical))
+    v, u = np.nonzero((response == local_max) & (response > _MIN_RESPONSE * typical))
     return np.column_stack([u, v]).astype(np.float64)
 
 
@@ -53,36 +53,36 @@ def lattice(candidates: Floats) -> Lattice:
         return {}
     tree = KDTree(candidates)
     middle = np.median(candidates, axis=0)
-    starts = tree.query(middle, min(_STARTS, len(candidates)))[1]
-    return max((_grown(candidates, tree, int(start)) for start in starts), key=len)
+    starts = tree.query(middle, min(_START_COUNT, len(candidates)))[1]
+    return max((_grow(candidates, tree, int(start)) for start in starts), key=len)
 
 
-def _grown(candidates: Floats, tree: KDTree, start: int) -> Lattice:
-    apart = candidates - candidates[start]
-    distance = np.linalg.norm(apart, axis=1)
-    lying = np.abs(apart[:, 0]) > np.abs(apart[:, 1])
+def _grow(candidates: Floats, tree: KDTree, start: int) -> Lattice:
+    offsets = candidates - candidates[start]
+    distance = np.linalg.norm(offsets, axis=1)
+    horizontal = np.abs(offsets[:, 0]) > np.abs(offsets[:, 1])
     steps: dict[Node, dict[Node, Floats]] = {(0, 0): {}}
-    for direction, chosen in (
-        ((1, 0), lying & (apart[:, 0] > 0)),
-        ((0, 1), ~lying & (apart[:, 1] > 0)),
+    for direction, in_direction in (
+        ((1, 0), horizontal & (offsets[:, 0] > 0)),
+        ((0, 1), ~horizontal & (offsets[:, 1] > 0)),
     ):
-        if not chosen.any():
+        if not in_direction.any():
             return {}
-        steps[0, 0][direction] = apart[np.argmin(np.where(chosen, distance, np.inf))]
-    found, taken, waiting = {(0, 0): candidates[start]}, {start}, deque([(0, 0)])
-    while waiting:
-        node = waiting.popleft()
+        steps[0, 0][direction] = offsets[np.argmin(np.where(in_direction, distance, np.inf))]
+    nodes, used, queue = {(0, 0): candidates[start]}, {start}, deque([(0, 0)])
+    while queue:
+        node = queue.popleft()
         for axis in ((1, 0), (0, 1)):
             for sign in (1, -1):
                 step = sign * steps[node][axis]
                 neighbour = (node[0] + sign * axis[0], node[1] + sign * axis[1])
-                off, nearest = tree.query(found[node] + step)
-                near = off < _ASTRAY * float(np.linalg.norm(step))
-                if neighbour in found or nearest in taken or not near:
+                deviation, nearest = tree.query(nodes[node] + step)
+                is_close = deviation < _MAX_DEVIATION * float(np.linalg.norm(step))
+                if neighbour in nodes or nearest in used or not is_close:
                     continue
-                found[neighbour] = candidates[nearest]
-                taken.add(nearest)
+                nodes[neighbour] = candidates[nearest]
+                used.add(nearest)
                 # Perspective and the lens change the step from cell to cell.
-                steps[neighbour] = steps[node] | {axis: sign * (candidates[nearest] - found[node])}
-                waiting.append(neighbour)
-    return found
+                steps[neighbour] = steps[node] | {axis: sign * (candidates[nearest] - nodes[node])}
+                queue.append(neighbour)
+    return nodes

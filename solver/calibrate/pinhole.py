@@ -20,14 +20,14 @@ from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert, rigid
 
-LEAST_VIEWS: Final = 3
-_TIGHT: Final = 1e-14
-# Prior of the coefficients, which are of the order of one: a coefficient of 1 weighs as much as a
+MIN_VIEWS: Final = 3
+_TOLERANCE: Final = 1e-14
+# Prior of the coefficients, which are of the order of one: a coefficient of 1 has the weight of a
 # corner's error of this size. Without it a rational lens's k1 and k4 may diverge together, nearly
 # cancelling each other.
-_BELIEF_PX: Final = 0.02
+_PRIOR_PX: Final = 0.02
 # Outlier threshold over the median error; noise alone exceeds it in one point of 100 000.
-_STRAY: Final = 4.0
+_OUTLIER_RATIO: Final = 4.0
 
 
 def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -> Calibration:
@@ -36,17 +36,17 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
     Every point has the same weight; the least squares run in float64 to 14 digits. Raises
     InputError if there are fewer than three views.
     """
-    if len(seen) < LEAST_VIEWS:
+    if len(seen) < MIN_VIEWS:
         raise InputError(
-            f"{len(seen)} calibration views show enough of the board, needed are {LEAST_VIEWS}"
+            f"{len(seen)} calibration views show enough of the board, needed are {MIN_VIEWS}"
         )
-    bundle, found = _adjusted(rig, seen, width, height)
-    kept = _without_strays(seen, found.fun)
-    if sum(map(len, kept)) < sum(map(len, seen)):
-        bundle, found = _adjusted(rig, kept, width, height)
-    focal, cx, cy, *rest = found.x
-    distortion = tuple(rest[: rig.distortion_coefficients])
-    rotation, shift = bundle.pose(found.x, 0)
+    bundle, fit = _adjust_bundle(rig, seen, width, height)
+    inliers = _without_outliers(seen, fit.fun)
+    if sum(map(len, inliers)) < sum(map(len, seen)):
+        bundle, fit = _adjust_bundle(rig, inliers, width, height)
+    focal, cx, cy, *remaining = fit.x
+    distortion = tuple(remaining[: rig.distortion_coefficients])
+    rotation, shift = bundle.pose(fit.x, 0)
     camera = Camera(
         width=width,
         height=height,
@@ -57,39 +57,43 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
         camera_from_antenna=rigid(rotation, shift) @ invert(rig.antenna_from_board),
         distortion=distortion,
     )
-    points = sum(map(len, bundle.seen))
-    left = found.fun[: 2 * points]
-    return Calibration(camera, float(np.sqrt(left @ left / points)), bundle.covariance(found))
+    point_count = sum(map(len, bundle.seen))
+    residuals = fit.fun[: 2 * point_count]
+    return Calibration(
+        camera, float(np.sqrt(residuals @ residuals / point_count)), bundle.covariance(fit)
+    )
 
 
-def _adjusted(
-    rig: Rig, seen: Sequence[BoardDetection], width: int, height: int
+def _adjust_bundle(
+    rig: Rig, detections: Sequence[BoardDetection], width: int, height: int
 ) -> tuple["Bundle", Any]:
     """Run the bundle adjustment; return the bundle and the least-squares result."""
-    bundle = Bundle(rig.board, seen, rig.distortion_coefficients)
-    found: Any = least_squares(
+    bundle = Bundle(rig.board, detections, rig.distortion_coefficients)
+    fit: Any = least_squares(
         bundle.residuals,
         bundle.start(width, height),
         bundle.jacobian,
         method="lm",
         x_scale="jac",
-        xtol=_TIGHT,
-        ftol=_TIGHT,
-        gtol=_TIGHT,
+        xtol=_TOLERANCE,
+        ftol=_TOLERANCE,
+        gtol=_TOLERANCE,
     )
-    return bundle, found
+    return bundle, fit
 
 
-def _without_strays(seen: Sequence[BoardDetection], residuals: Floats) -> list[BoardDetection]:
+def _without_outliers(
+    detections: Sequence[BoardDetection], residuals: Floats
+) -> list[BoardDetection]:
     """Remove points whose error exceeds _STRAY times the median error."""
-    total = sum(map(len, seen))
-    off = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
+    total = sum(map(len, detections))
+    errors = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
     # At least a hundredth of a pixel: points without noise err by rounding alone.
-    usual = off <= _STRAY * max(float(np.median(off)), 0.01)
-    parts = np.split(usual, np.cumsum([len(one) for one in seen])[:-1])
+    inlier = errors <= _OUTLIER_RATIO * max(float(np.median(errors)), 0.01)
+    masks = np.split(inlier, np.cumsum([len(detection) for detection in detections])[:-1])
     return [
-        BoardDetection(one.numbers[part], one.pixels[part])
-        for one, part in zip(seen, parts, strict=True)
+        BoardDetection(detection.numbers[mask], detection.pixels[mask])
+        for detection, mask in zip(detections, masks, strict=True)
     ]
 
 
@@ -99,7 +103,7 @@ class Bundle:
     def __init__(self, board: Board, seen: Sequence[BoardDetection], coefficients: int) -> None:
         corners = board.corners()
         self.board, self.seen, self.lens = board, seen, 3 + coefficients
-        self.points = [corners[one.numbers] for one in seen]
+        self.points = [corners[detection.numbers] for detection in seen]
 
     def start(self, width: int, height: int) -> Floats:
         """Compute OpenCV's estimate for a lens without distortion, or with k1 and k2 only."""
@@ -110,15 +114,15 @@ class Bundle:
         matrix = np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1.0]])
         _, matrix, lens, rotations, shifts = cv2.calibrateCamera(
             [points.astype(np.float32) for points in self.points],
-            [one.pixels.astype(np.float32) for one in self.seen],
+            [detection.pixels.astype(np.float32) for detection in self.seen],
             (width, height),
             matrix,
             np.zeros(5),
             flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS,
         )
-        known = [matrix[0, 0], matrix[0, 2], matrix[1, 2], *lens.ravel(), 0.0, 0.0, 0.0]
+        intrinsics = [matrix[0, 0], matrix[0, 2], matrix[1, 2], *lens.ravel(), 0.0, 0.0, 0.0]
         poses = [np.vstack(pose).ravel() for pose in zip(rotations, shifts, strict=True)]
-        return np.concatenate([known[: self.lens], *poses])
+        return np.concatenate([intrinsics[: self.lens], *poses])
 
     def posed(self, lens: Floats) -> Floats:
         """Estimate rotation vector and shift (6,) of view 0 for a lens (focal length, cx, cy)."""
@@ -131,39 +135,41 @@ class Bundle:
 
     def pose(self, values: Floats, view: int) -> tuple[Floats, Floats]:
         """Return rotation vector (3,) [rad] and shift (3,) [m] of a view's camera_from_board."""
-        place = self.lens + 6 * view
-        return values[place : place + 3], values[place + 3 : place + 6]
+        start = self.lens + 6 * view
+        return values[start : start + 3], values[start + 3 : start + 6]
 
     def residuals(self, values: Floats) -> Floats:
         """Compute the reprojection errors [px], u and v in turn, then the coefficients' prior."""
         projected = [self._projected(values, view)[0] for view in range(len(self.seen))]
-        seen = np.vstack([one.pixels for one in self.seen])
-        believed = _BELIEF_PX * values[3 : self.lens]
-        return np.concatenate([(np.vstack(projected) - seen).ravel(), believed])
+        measured = np.vstack([detection.pixels for detection in self.seen])
+        prior = _PRIOR_PX * values[3 : self.lens]
+        return np.concatenate([(np.vstack(projected) - measured).ravel(), prior])
 
     def jacobian(self, values: Floats) -> Floats:
         """Compute d(residuals)/d(values)."""
-        data, coefficients = 2 * sum(map(len, self.seen)), self.lens - 3
-        total = np.zeros((data + coefficients, len(values)))
-        total[data:, 3 : self.lens] = _BELIEF_PX * np.eye(coefficients)
+        data_rows, coefficients = 2 * sum(map(len, self.seen)), self.lens - 3
+        jacobian = np.zeros((data_rows + coefficients, len(values)))
+        jacobian[data_rows:, 3 : self.lens] = _PRIOR_PX * np.eye(coefficients)
         row = 0
-        for view, one in enumerate(self.seen):
+        for view, detection in enumerate(self.seen):
             # OpenCV's columns: rotation, shift, fx, fy, cx, cy, distortion.
-            slopes = self._projected(values, view)[1]
-            part, place = total[row : row + 2 * len(one)], self.lens + 6 * view
-            part[:, 0] = slopes[:, 6] + slopes[:, 7]
-            part[:, 1 : self.lens] = slopes[:, 8 : 7 + self.lens]
-            part[:, place : place + 6] = slopes[:, :6]
-            row += 2 * len(one)
-        return total
+            derivatives = self._projected(values, view)[1]
+            block, column = jacobian[row : row + 2 * len(detection)], self.lens + 6 * view
+            block[:, 0] = derivatives[:, 6] + derivatives[:, 7]
+            block[:, 1 : self.lens] = derivatives[:, 8 : 7 + self.lens]
+            block[:, column : column + 6] = derivatives[:, :6]
+            row += 2 * len(detection)
+        return jacobian
 
     def _projected(self, values: Floats, view: int) -> tuple[Floats, Floats]:
         focal, cx, cy, *lens = values[: self.lens]
         matrix = np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
         coefficients = np.array(lens) if lens else np.zeros(5)
         rotation, shift = self.pose(values, view)
-        pixels, slopes = cv2.projectPoints(self.points[view], rotation, shift, matrix, coefficients)
-        return np.asarray(pixels, np.float64).reshape(-1, 2), np.asarray(slopes, np.float64)
+        pixels, derivatives = cv2.projectPoints(
+            self.points[view], rotation, shift, matrix, coefficients
+        )
+        return np.asarray(pixels, np.float64).reshape(-1, 2), np.asarray(derivatives, np.float64)
 
     def covariance(self, found: Any) -> Floats:
         """Compute the covariance of the lens and the pose of view 0, as in `Calibration`.
@@ -171,33 +177,38 @@ class Bundle:
         It is the inverse of the normal matrix, scaled by the residuals' variance and by the number
         of neighbours on the board with a common error.
         """
-        data = found.fun[: 2 * sum(map(len, self.seen))]
-        variance = (data @ data) / (len(data) - len(found.x)) * self._together(data)
-        kept = self.lens + 6
-        inverse = np.linalg.inv(found.jac.T @ found.jac)[:kept, :kept]
-        carry = np.eye(kept)
-        carry[self.lens : -3, self.lens : -3] = _turned(self.pose(found.x, 0)[0])
-        return np.asarray(carry @ inverse @ carry.T * variance)
+        residuals = found.fun[: 2 * sum(map(len, self.seen))]
+        variance = (
+            (residuals @ residuals)
+            / (len(residuals) - len(found.x))
+            * self._correlated_points(residuals)
+        )
+        size = self.lens + 6
+        inverse = np.linalg.inv(found.jac.T @ found.jac)[:size, :size]
+        transform = np.eye(size)
+        transform[self.lens : -3, self.lens : -3] = _rotation_jacobian(self.pose(found.x, 0)[0])
+        return np.asarray(transform @ inverse @ transform.T * variance)
 
-    def _together(self, residuals: Floats) -> float:
-        """Estimate how many points share an error: autocorrelation along rows and columns.
+    def _correlated_points(self, residuals: Floats) -> float:
+        """Estimate the number of points with a common error, by autocorrelation on the board.
 
-        The autocorrelation is integrated. Crossings on one line share the line's error across it.
-        The larger value of u and v counts.
+        The autocorrelation is integrated along rows and columns: crossings on one line share the
+        error of that line across it. The larger value of u and v counts.
         """
         shape = (len(self.seen), self.board.rows * self.board.columns, 2)
         errors = np.full(shape, np.nan)
-        split = np.cumsum([len(one) for one in self.seen])[:-1]
-        for view, part in enumerate(np.split(residuals.reshape(-1, 2), split)):
-            errors[view, self.seen[view].numbers] = part
+        boundaries = np.cumsum([len(detection) for detection in self.seen])[:-1]
+        for view, errors_in_view in enumerate(np.split(residuals.reshape(-1, 2), boundaries)):
+            errors[view, self.seen[view].numbers] = errors_in_view
         grid = errors.reshape(-1, self.board.rows, self.board.columns, 2)
-        counts = [
-            _integrated(grid[..., i]) * _integrated(grid[..., i].swapaxes(1, 2)) for i in (0, 1)
+        numbers = [
+            _correlation_length(grid[..., i]) * _correlation_length(grid[..., i].swapaxes(1, 2))
+            for i in (0, 1)
         ]
-        return max(counts)
+        return max(numbers)
 
 
-def _integrated(errors: Floats) -> float:
+def _correlation_length(errors: Floats) -> float:
     """Compute 1 + twice the autocorrelation along the last axis, up to where it falls to zero.
 
     NaN marks points that are not detected.
@@ -205,16 +216,16 @@ def _integrated(errors: Floats) -> float:
     variance, total = np.nanmean(errors**2), 1.0
     for lag in range(1, errors.shape[-1]):
         products = errors[..., lag:] * errors[..., :-lag]
-        seen = np.isfinite(products)
-        correlation = products[seen].sum() / max(seen.sum(), 1) / variance
+        valid = np.isfinite(products)
+        correlation = products[valid].sum() / max(valid.sum(), 1) / variance
         if not correlation > 0:
             break
         total += 2 * float(correlation)
     return total
 
 
-def _turned(rotation: Floats) -> Floats:
+def _rotation_jacobian(rotation: Floats) -> Floats:
     """Compute the map (3, 3) from a rotation vector's (3,) [rad] change to the small turn."""
-    matrix, slopes = cv2.Rodrigues(rotation)
-    turns = [slope.reshape(3, 3) @ matrix.T for slope in slopes]
-    return np.array([[turn[2, 1], turn[0, 2], turn[1, 0]] for turn in turns]).T
+    matrix, derivatives = cv2.Rodrigues(rotation)
+    rotations = [derivative.reshape(3, 3) @ matrix.T for derivative in derivatives]
+    return np.array([[rotated[2, 1], rotated[0, 2], rotated[1, 0]] for rotated in rotations]).T

@@ -19,9 +19,9 @@ from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert, rigid
 
 # Prior of an unknown lens, one sigma over the image's width: its focal length about the width, its
-# axis about the middle. One sigma weighs as much as an error of _BELIEF_PX.
-FOCAL_SHARE, AXIS_SHARE = 0.5, 0.05
-_BELIEF_PX: Final = 0.02
+# axis about the middle. One sigma weighs as much as an error of _PRIOR_PX.
+FOCAL_SIGMA, AXIS_SIGMA = 0.5, 0.05
+_PRIOR_PX: Final = 0.02
 
 
 def plane_alone(lying: BoardDetection, width: int, height: int, rig: Rig) -> Calibration:
@@ -30,23 +30,23 @@ def plane_alone(lying: BoardDetection, width: int, height: int, rig: Rig) -> Cal
     Its map of plane C is that of the best homography; its viewpoint is not known.
     """
     bundle = Bundle(rig.board, [lying], 0)
-    believed = np.array([width, (width - 1) / 2, (height - 1) / 2])
-    sigma = width * np.array([FOCAL_SHARE, AXIS_SHARE, AXIS_SHARE])
+    prior_mean = np.array([width, (width - 1) / 2, (height - 1) / 2])
+    sigma = width * np.array([FOCAL_SIGMA, AXIS_SIGMA, AXIS_SIGMA])
 
     def residuals(values: Floats) -> Floats:
-        known = _BELIEF_PX * (values[:3] - believed) / sigma
-        return np.concatenate([bundle.residuals(values), known])
+        prior = _PRIOR_PX * (values[:3] - prior_mean) / sigma
+        return np.concatenate([bundle.residuals(values), prior])
 
     def jacobian(values: Floats) -> Floats:
-        known = np.zeros((3, len(values)))
-        known[:, :3] = np.diag(_BELIEF_PX / sigma)
-        return np.vstack([bundle.jacobian(values), known])
+        prior = np.zeros((3, len(values)))
+        prior[:, :3] = np.diag(_PRIOR_PX / sigma)
+        return np.vstack([bundle.jacobian(values), prior])
 
-    start = np.concatenate([believed, bundle.posed(believed)])
-    found: Any = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")
-    focal, cx, cy = (float(v) for v in found.x[:3])
-    pose = rigid(*bundle.pose(found.x, 0)) @ invert(rig.antenna_from_board)
+    start = np.concatenate([prior_mean, bundle.posed(prior_mean)])
+    fit: Any = least_squares(residuals, start, jacobian, method="lm", x_scale="jac")
+    focal, cx, cy = (float(v) for v in fit.x[:3])
+    pose = rigid(*bundle.pose(fit.x, 0)) @ invert(rig.antenna_from_board)
     camera = Camera(width, height, focal, focal, cx, cy, pose)
-    left = found.fun[: 2 * len(lying)]
-    reprojection = float(np.sqrt(left @ left / len(lying)))
-    return Calibration(camera, reprojection, bundle.covariance(found), viewpoint_known=False)
+    point_errors = fit.fun[: 2 * len(lying)]
+    reprojection = float(np.sqrt(point_errors @ point_errors / len(lying)))
+    return Calibration(camera, reprojection, bundle.covariance(fit), viewpoint_known=False)

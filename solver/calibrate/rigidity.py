@@ -25,23 +25,23 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 
-LEAST_POINTS = 20
+MIN_POINTS = 20
 # Largest slope: on a steeper beam, x no longer determines the place, and the weight slides.
-STEEPEST = math.radians(60)
+MAX_SLOPE = math.radians(60)
 # Least load over its sigma: a smaller one does not determine EI.
-LEAST_SNR = 20.0
+MIN_SNR = 20.0
 # Largest deviation of the weight's place, and of the clamp's level, from those stated, in sigmas.
-FARTHEST_OFF = 4.0
+MAX_DEVIATION = 4.0
 # Largest scatter of the points about the fitted beam, in sigmas, for a beam under a hung weight.
-WORST_MISFIT = 3.0
+MAX_MISFIT = 3.0
 # Points with a residual above this many sigmas have less weight.
-_ROBUST = 3.0
-# Bounds of the weight's place in the fit, which keep it on the beam: shares of the length.
-_INNERMOST, _OUTERMOST = 1e-3, 0.9999
+_ROBUST_SIGMAS = 3.0
+# Bounds of the weight's place in the fit, which keep it on the beam: fractions of the length.
+_MIN_PLACE, _MAX_PLACE = 1e-3, 0.9999
 # Residuals [sigma] where the beam has no shape under such a load.
 _NO_SHAPE = 1e6
 # Least load W L^2 / EI: it deflects the beam by a millionth of the length, which is invisible.
-_LEAST_LOAD = 3e-6
+_MIN_LOAD = 3e-6
 _HALVINGS = 20
 _NODES = np.linspace(0.0, 1.0, 60)
 
@@ -50,7 +50,7 @@ _NODES = np.linspace(0.0, 1.0, 60)
 class HungWeight:
     """A weight `force` [N] at arc length `at` [m] from the clamp, with their sigmas.
 
-    `level_sigma` [rad] is how well the clamp is known to be level.
+    `level_sigma` [rad] is the one-sigma tilt of the clamp from level.
     """
 
     force: float
@@ -94,39 +94,41 @@ def flexural_rigidity(
             f"the weight hangs at {1e3 * weight.at:g} mm, allowed is on the beam, "
             f"above 0 and below {1e3 * length:g} mm"
         )
-    groups = [_pooled(rest, "at rest"), _pooled(loaded, "under the weight")]
+    groups = [_pool(rest, "at rest"), _pool(loaded, "under the weight")]
     base = loaded[0].base_covariance
     # Sigmas of the priors: clamp along the beam, place of the weight, level, scale.
-    known = np.array([math.sqrt(base[0, 0]), weight.at_sigma, weight.level_sigma])
-    known = np.maximum(np.append(known, loaded[0].scale_sigma), 1e-9)
+    prior_sigmas = np.array([math.sqrt(base[0, 0]), weight.at_sigma, weight.level_sigma])
+    prior_sigmas = np.maximum(np.append(prior_sigmas, loaded[0].scale_sigma), 1e-9)
     start = _linear_start(groups, weight.at, length)
     # Loads are in units of the linear estimate, which does not depend on the rig's EI.
     unit = abs(start[0])
     start[:2] /= [unit, unit / length]
     start[2] /= length
 
-    def residuals(p: Floats, widening: Floats) -> Floats:
-        load, own, y, tilt = p[0] * unit, p[1] * unit / length, p[2] * length, p[3]
-        along, shift, level, scale = p[4:] * known
-        parts = []
-        for (points, sigmas), hung, wide in zip(groups, (0.0, load), widening, strict=True):
+    def residuals(p: Floats, inflation: Floats) -> Floats:
+        load, self_weight, y, tilt = p[0] * unit, p[1] * unit / length, p[2] * length, p[3]
+        shift_x, shift_place, level, scale = p[4:] * prior_sigmas
+        residuals_by_group = []
+        for (points, sigmas), applied, factor in zip(groups, (0.0, load), inflation, strict=True):
             # No shape under a large trial load: the fit rejects the step.
-            at = weight.at + shift
-            curve = hung_beam(hung, own, at if hung else 0.5 * length, level, length)
+            at = weight.at + shift_place
+            curve = hung_beam(applied, self_weight, at if applied else 0.5 * length, level, length)
             if curve is None:
-                parts.append(np.full(len(points), _NO_SHAPE))
+                residuals_by_group.append(np.full(len(points), _NO_SHAPE))
                 continue
-            turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
-            at_clamp = (points / (1 + scale) - [along, y]) @ turn
-            parts.append(_distances(curve, at_clamp, sigmas @ turn) / wide)
-        return np.concatenate([*parts, p[4:]])
+            rotation = np.array(
+                [[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]]
+            )
+            at_clamp = (points / (1 + scale) - [shift_x, y]) @ rotation
+            residuals_by_group.append(_distances(curve, at_clamp, sigmas @ rotation) / factor)
+        return np.concatenate([*residuals_by_group, p[4:]])
 
     # Of all parameters, only the weight's place is bounded: by the beam's ends.
     low, high = np.full(8, -np.inf), np.full(8, np.inf)
-    low[5], high[5] = (np.array([_INNERMOST, _OUTERMOST]) * length - weight.at) / known[1]
+    low[5], high[5] = (np.array([_MIN_PLACE, _MAX_PLACE]) * length - weight.at) / prior_sigmas[1]
     start[5] = np.clip(0.0, low[5], high[5])
     sizes = [len(points) for points, _ in groups]
-    widening = np.ones(2)
+    inflation = np.ones(2)
     # The first pass estimates how far errors exceed their sigmas, and their correlation length.
     for _ in range(2):
         fit = least_squares(
@@ -134,44 +136,44 @@ def flexural_rigidity(
             start,
             bounds=(low, high),
             loss=partial(_loss, sum(sizes)),
-            f_scale=_ROBUST,
+            f_scale=_ROBUST_SIGMAS,
             diff_step=1e-4,
-            args=(widening,),
+            args=(inflation,),
         )
         start = fit.x
-        plain = residuals(fit.x, np.ones(2))
-        parts = (plain[: sizes[0]], plain[sizes[0] : sum(sizes)])
-        spread = [1.4826 * float(np.median(np.abs(part))) for part in parts]
-        widening = np.array(
+        unweighted = residuals(fit.x, np.ones(2))
+        residuals_by_group = (unweighted[: sizes[0]], unweighted[sizes[0] : sum(sizes)])
+        scatter = [1.4826 * float(np.median(np.abs(group))) for group in residuals_by_group]
+        inflation = np.array(
             [
-                max(s, 1.0) * math.sqrt(correlation_length(part))
-                for s, part in zip(spread, parts, strict=True)
+                max(sigma_ratio, 1.0) * math.sqrt(correlation_length(group))
+                for sigma_ratio, group in zip(scatter, residuals_by_group, strict=True)
             ]
         )
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac, hermitian=True)
     ratio, ratio_sigma = abs(float(fit.x[0])), math.sqrt(covariance[0, 0])
-    if not np.abs(plain).max() < _NO_SHAPE:
+    if not np.abs(unweighted).max() < _NO_SHAPE:
         raise InputError(
-            f"no beam of {1e3 * length:g} mm that a weight bends has the shape in the images: does "
-            f"it turn by more than {math.degrees(STEEPEST):.0f} deg, and does the weight alone "
-            "bend it?"
+            f"no beam of {1e3 * length:g} mm under a weight fits the images: is its slope above "
+            f"{math.degrees(MAX_SLOPE):.0f} deg, or does another force bend it?"
         )
-    if not fit.success or not ratio > LEAST_SNR * ratio_sigma:
+    if not fit.success or not ratio > MIN_SNR * ratio_sigma:
         raise InputError(
-            "the weight bends the beam too little to tell EI: hang a heavier one, or nearer the tip"
+            "the weight bends the beam too little to determine EI: use a heavier one or a larger "
+            "distance from the clamp"
         )
-    _refuse_another(fit.x[5:7], known[1:3], max(spread))
+    _check_consistency(fit.x[5:7], prior_sigmas[1:3], max(scatter))
     value = weight.force / (ratio * unit)
     sigma = value * math.hypot(ratio_sigma / ratio, weight.force_sigma / weight.force)
-    resting = hung_beam(0.0, fit.x[1] * unit / length, weight.at, 0.0, length)
-    assert resting is not None
+    rest_shape = hung_beam(0.0, fit.x[1] * unit / length, weight.at, 0.0, length)
+    assert rest_shape is not None
     return Rigidity(
         value=value,
         sigma=sigma,
-        at=weight.at + float(fit.x[5] * known[1]),
-        at_sigma=math.sqrt(covariance[5, 5]) * float(known[1]),
-        sag=float(resting(resting.x[-1])),
-        misfit=max(spread),
+        at=weight.at + float(fit.x[5] * prior_sigmas[1]),
+        at_sigma=math.sqrt(covariance[5, 5]) * float(prior_sigmas[1]),
+        sag=float(rest_shape(rest_shape.x[-1])),
+        misfit=max(scatter),
     )
 
 
@@ -186,30 +188,31 @@ def _loss(points: int, z: Floats) -> Floats:
     return robust
 
 
-def _refuse_another(off: Floats, sigmas: Floats, misfit: float) -> None:
+def _check_consistency(deviations: Floats, sigmas: Floats, misfit: float) -> None:
     """Reject a weight, level or shape that contradicts the images. Raises InputError.
 
-    `off` (2,) are the deviations of the weight's place and of the clamp's level, in units of
+    `deviations` (2,) are the deviations of the weight's place and of the clamp's level, in units of
     `sigmas` (2,), [m] and [rad]; `misfit` is the points' scatter about the fitted shape.
     """
-    place, level = off * sigmas
-    if misfit > WORST_MISFIT:
+    place, level = deviations * sigmas
+    if misfit > MAX_MISFIT:
         raise InputError(
-            f"the points lie {misfit:.1f} sigma off the best beam under a hung weight, allowed is "
-            f"{WORST_MISFIT:g}: it alone may bend the beam, and nothing may touch it"
+            f"the points deviate by {misfit:.1f} sigma from the fitted beam, allowed is "
+            f"{MAX_MISFIT:g}: only the weight may bend the beam, and nothing may touch it"
         )
-    worst = int(np.argmax(np.abs(off)))
-    if abs(off[worst]) <= FARTHEST_OFF:
+    largest = int(np.argmax(np.abs(deviations)))
+    if abs(deviations[largest]) <= MAX_DEVIATION:
         return
-    if worst == 0:
+    if largest == 0:
         raise InputError(
-            f"the shape puts the weight {1e3 * abs(place):.2g} mm nearer to the "
-            f"{'tip' if place > 0 else 'clamp'} than stated, which is {abs(off[0]):.0f} sigma: "
-            "is it the weight alone that bends the beam, and where does it hang?"
+            f"the fitted weight is {1e3 * abs(place):.2g} mm nearer to the "
+            f"{'tip' if place > 0 else 'clamp'} than stated ({abs(deviations[0]):.0f} sigma): "
+            "check its stated place, and that no other force bends the beam"
         )
     raise InputError(
-        f"the shape tilts the clamp by {math.degrees(abs(level)):.2g} deg from level, which is "
-        f"{abs(off[1]):.0f} sigma: does the weight pull down in the board's plane, across the beam?"
+        f"the fitted clamp is {math.degrees(abs(level)):.2g} deg from level "
+        f"({abs(deviations[1]):.0f} sigma): the weight must pull across the beam, "
+        "in the board's plane"
     )
 
 
@@ -225,34 +228,34 @@ def hung_beam(
     """
     spans = np.array([at, length - at])[:, None]
 
-    def slopes(t: Floats, state: Floats) -> Floats:
+    def derivatives(t: Floats, state: Floats) -> Floats:
         theta, moment = state[0:2], state[2:4]
-        ahead = own * np.vstack([length - at * t, (length - at) * (1 - t)])
-        ahead[0] += load
-        rates = [moment, -ahead * np.cos(theta + level), np.cos(theta), np.sin(theta)]
+        load_ahead = own * np.vstack([length - at * t, (length - at) * (1 - t)])
+        load_ahead[0] += load
+        rates = [moment, -load_ahead * np.cos(theta + level), np.cos(theta), np.sin(theta)]
         return np.vstack([spans * rate for rate in rates])
 
-    def ends(start: Floats, end: Floats) -> Floats:
+    def boundary(start: Floats, end: Floats) -> Floats:
         # Clamped at the origin, continuous where the weight hangs, free at the tip.
-        joined = end[0::2] - start[1::2]
-        return np.array([start[0], start[4], start[6], end[3], *joined])
+        jumps = end[0::2] - start[1::2]
+        return np.array([start[0], start[4], start[6], end[3], *jumps])
 
-    solution = solve_bvp(slopes, ends, np.linspace(0, 1, 11), np.zeros((8, 11)), tol=1e-6)
+    solution = solve_bvp(derivatives, boundary, np.linspace(0, 1, 11), np.zeros((8, 11)), tol=1e-6)
     state = solution.sol(_NODES)
     theta = np.concatenate([state[0], state[1][1:]])
-    if not solution.success or np.abs(theta).max() > STEEPEST:
+    if not solution.success or np.abs(theta).max() > MAX_SLOPE:
         return None
     x, y = (np.concatenate([part[0], part[1][1:]]) for part in (state[4:6], state[6:8]))
     return CubicHermiteSpline(x, y, np.tan(theta))
 
 
-def _pooled(measurements: Sequence[Measurement], when: str) -> tuple[Floats, Floats]:
+def _pool(measurements: Sequence[Measurement], when: str) -> tuple[Floats, Floats]:
     """Pool the points of several images and their sigma vectors, in order along the beam."""
-    points = np.vstack([one.points for one in measurements])
-    sigmas = np.vstack([one.sigma_vectors for one in measurements])
-    if len(points) < LEAST_POINTS:
+    points = np.vstack([measurement.points for measurement in measurements])
+    sigmas = np.vstack([measurement.sigma_vectors for measurement in measurements])
+    if len(points) < MIN_POINTS:
         raise InputError(
-            f"the images of the beam {when} show {len(points)} points, needed are {LEAST_POINTS}"
+            f"the images of the beam {when} show {len(points)} points, needed are {MIN_POINTS}"
         )
     order = np.argsort(points[:, 0], kind="stable")
     return points[order], sigmas[order]
@@ -274,18 +277,18 @@ def _linear_start(groups: Sequence[tuple[Floats, Floats]], at: float, length: fl
         design.append(np.column_stack([bent, sagged, np.ones_like(x), x]))
         y.append(points[:, 1])
     scale = np.array([length**3, length**4, 1.0, length])
-    found = np.linalg.lstsq(np.vstack(design) / scale, np.concatenate(y), rcond=None)[0] / scale
-    found[0] = math.copysign(max(abs(found[0]), _LEAST_LOAD / length**2), found[0])
+    start = np.linalg.lstsq(np.vstack(design) / scale, np.concatenate(y), rcond=None)[0] / scale
+    start[0] = math.copysign(max(abs(start[0]), _MIN_LOAD / length**2), start[0])
     for _ in range(_HALVINGS):
-        if hung_beam(found[0], found[1], at, 0.0, length) is not None:
+        if hung_beam(start[0], start[1], at, 0.0, length) is not None:
             break
-        found[:2] /= 2
-    return np.concatenate([found, np.zeros(4)])
+        start[:2] /= 2
+    return np.concatenate([start, np.zeros(4)])
 
 
 def _distances(curve: CubicHermiteSpline, points: Floats, sigmas: Floats) -> Floats:
     """Compute distances (n,) of points from the curve along its normal, over their sigmas."""
     slope = curve(points[:, 0], 1)
     normal = np.column_stack([-slope, np.ones_like(slope)])
-    off = points[:, 1] - curve(points[:, 0])
-    return np.asarray(off / np.abs((sigmas * normal).sum(axis=1)))
+    residuals = points[:, 1] - curve(points[:, 0])
+    return np.asarray(residuals / np.abs((sigmas * normal).sum(axis=1)))

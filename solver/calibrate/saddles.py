@@ -13,16 +13,16 @@ from solver.instrument.images import eight_bit
 BLUR_PX: Final = 1.5
 # Search distance for the saddle, over the distance between corners: a marker's rim is two tenths
 # away.
-_CLEAR, _CLEAR_OF_MARKERS = 0.25, 0.2
+_SEARCH, _SEARCH_BETWEEN_MARKERS = 0.25, 0.2
 
 
 def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
     """Detect inner corners in a view (height, width); return None if not all are visible."""
     pattern = (board.columns, board.rows)
-    found, corners = cv2.findChessboardCornersSB(
+    success, corners = cv2.findChessboardCornersSB(
         eight_bit(view), pattern, flags=cv2.CALIB_CB_ACCURACY
     )
-    if not found:
+    if not success:
         return None
     corners = np.asarray(corners, np.float64).reshape(board.rows, board.columns, 2)
     # A chessboard looks the same after a half-turn, and OpenCV may start at either end: the
@@ -32,27 +32,27 @@ def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
     if corners[0, 0, 1] > corners[-1, 0, 1]:
         corners = corners[::-1]
     numbers = np.arange(board.rows * board.columns)
-    return _refined(view, BoardDetection(numbers, corners.reshape(-1, 2)), board, _CLEAR)
+    return _refine(view, BoardDetection(numbers, corners.reshape(-1, 2)), board, _SEARCH)
 
 
 def charuco(view: Grey, board: Charuco) -> BoardDetection | None:
     """Detect corners beside readable markers; return None if there are none."""
     name = f"DICT_{board.dictionary.upper()}"
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
-    printed = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), 1.0, 0.6, dictionary)
+    aruco_board = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), 1.0, 0.6, dictionary)
     # At twice the size, marker bits of two pixels are readable.
-    large = cv2.resize(eight_bit(view), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    corners, numbers, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(large)
+    enlarged = cv2.resize(eight_bit(view), None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    corners, numbers, _, _ = cv2.aruco.CharucoDetector(aruco_board).detectBoard(enlarged)
     if numbers is None or len(numbers) == 0:
         return None
     order = np.argsort(numbers.ravel())
     pixels = (corners.reshape(-1, 2)[order] - 0.5) / 2
-    seen = BoardDetection(numbers.ravel()[order].astype(np.int64), pixels)
-    return _refined(view, seen, board, _CLEAR_OF_MARKERS)
+    detection = BoardDetection(numbers.ravel()[order].astype(np.int64), pixels)
+    return _refine(view, detection, board, _SEARCH_BETWEEN_MARKERS)
 
 
-def _refined(
-    view: Grey, seen: BoardDetection, board: Chessboard | Charuco, clear: float
+def _refine(
+    view: Grey, detection: BoardDetection, board: Chessboard | Charuco, search: float
 ) -> BoardDetection | None:
     """Refine corners to the saddle points; remove those that move too far or out of view.
 
@@ -62,27 +62,27 @@ def _refined(
     blurred by BLUR_PX and at twice the resolution, their errors are within 0.01 px, without a
     common shift.
     """
-    spacing = _spacing(seen, board)
+    spacing = _spacing(detection, board)
     if not np.isfinite(spacing):
         return None
-    reach = max(int(clear * spacing), 2)
+    window = max(int(search * spacing), 2)
     blurred = cv2.GaussianBlur(view.astype(np.float32), (0, 0), BLUR_PX)
     fine = cv2.resize(blurred, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 200, 1e-6)
-    start = (2 * seen.pixels + 0.5).astype(np.float32).reshape(-1, 1, 2)
-    moved = cv2.cornerSubPix(fine, start, (2 * reach, 2 * reach), (-1, -1), criteria)
-    pixels = (moved.reshape(-1, 2).astype(np.float64) - 0.5) / 2
+    start = (2 * detection.pixels + 0.5).astype(np.float32).reshape(-1, 1, 2)
+    refined = cv2.cornerSubPix(fine, start, (2 * window, 2 * window), (-1, -1), criteria)
+    pixels = (refined.reshape(-1, 2).astype(np.float64) - 0.5) / 2
     height, width = view.shape
-    margin = reach + BLUR_PX
+    margin = window + BLUR_PX
     inside = ((pixels > margin) & (pixels < [width - 1 - margin, height - 1 - margin])).all(axis=1)
-    kept = inside & (np.linalg.norm(pixels - seen.pixels, axis=1) < reach)
-    return BoardDetection(seen.numbers[kept], pixels[kept]) if kept.any() else None
+    valid = inside & (np.linalg.norm(pixels - detection.pixels, axis=1) < window)
+    return BoardDetection(detection.numbers[valid], pixels[valid]) if valid.any() else None
 
 
-def _spacing(seen: BoardDetection, board: Chessboard | Charuco) -> float:
+def _spacing(detection: BoardDetection, board: Chessboard | Charuco) -> float:
     """Compute the least distance [px] of neighbours in a row or column; infinite without any."""
     pixels = np.full((board.rows * board.columns, 2), np.nan)
-    pixels[seen.numbers] = seen.pixels
+    pixels[detection.numbers] = detection.pixels
     grid = pixels.reshape(board.rows, board.columns, 2)
     steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (0, 1)]
     distances = np.concatenate(steps)

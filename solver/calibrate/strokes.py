@@ -14,14 +14,14 @@ from solver.instrument.arrays import Floats
 # A lens bends lines little and smoothly: degree five leaves errors below a thousandth of a pixel.
 _DEGREE: Final = 5
 # Centres are measured clear of the crossing lines, and beyond the last crossing before the line
-# ends: shares of the distance between two crossings.
-_CLEAR, _BEYOND = 0.22, 0.42
+# ends: fractions of the distance between two crossings.
+_CLEARANCE, _EXTENSION = 0.22, 0.42
 # The blur spreads a line's darkness by this many pixels on either side.
-_SKIRT_PX: Final = 4.0
+_BLUR_MARGIN_PX: Final = 4.0
 _STEP_PX: Final = 0.5
 # Least half width of a window: lines nearer to each other overlap.
-_LEAST_REACH_PX: Final = 3.0
-_ROUNDS: Final = 3
+_MIN_HALF_WIDTH_PX: Final = 3.0
+_ITERATIONS: Final = 3
 _HUBER: Final = 1.5
 
 
@@ -43,8 +43,8 @@ class Curve:
 
     def place(self, points: Floats) -> tuple[Floats, Floats]:
         """Compute t (n,) and the offset (n,) [px] of points (n, 2)."""
-        apart = points - self.origin
-        return apart @ self.half / (self.half @ self.half), apart @ self.normal
+        relative = points - self.origin
+        return relative @ self.half / (self.half @ self.half), relative @ self.normal
 
     def at(self, t: Floats) -> tuple[Floats, Floats]:
         """Compute points (n, 2) [px] and their derivatives (n, 2) by t."""
@@ -74,34 +74,34 @@ def stroke(spline: Floats, numbers: Sequence[int], nodes: Floats, widest: float)
     t, offset = curve.place(nodes)
     if not (np.diff(t) > 0).all():
         return None
-    curve = Curve(middle, half, _robust(t, offset, min(3, len(t) - 1)))
-    along, spacing = _clear_of_crossings(t, numbers, float(np.linalg.norm(half)))
-    reach = min(widest / 2 + _SKIRT_PX, 0.4 * spacing)
-    if reach < _LEAST_REACH_PX:
+    curve = Curve(middle, half, _robust_fit(t, offset, min(3, len(t) - 1)))
+    positions, spacing = _between_crossings(t, numbers, float(np.linalg.norm(half)))
+    half_width = min(widest / 2 + _BLUR_MARGIN_PX, 0.4 * spacing)
+    if half_width < _MIN_HALF_WIDTH_PX:
         return None
-    across = np.linspace(-reach, reach, 2 * round(reach / _STEP_PX) + 1)
+    across = np.linspace(-half_width, half_width, 2 * round(half_width / _STEP_PX) + 1)
     degree, width = min(_DEGREE, len(nodes) - 1), 0.0
     # Each round centres the windows on the fitted line, so that the card's contribution to the
     # darkness biases the centre to neither side.
-    for _ in range(_ROUNDS):
-        points, tangents = curve.at(along)
+    for _ in range(_ITERATIONS):
+        points, tangents = curve.at(positions)
         normals = np.column_stack([-tangents[:, 1], tangents[:, 0]])
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         window = points[:, None] + across[:, None] * normals[:, None]
         profile = map_coordinates(
             spline, (window[..., 1], window[..., 0]), order=3, prefilter=False, cval=np.nan
         )
-        seen = np.isfinite(profile).all(axis=1)
-        if not seen.any():
+        valid = np.isfinite(profile).all(axis=1)
+        if not valid.any():
             return None
-        shift, area = _shifts(profile[seen], across)
+        shift, area = _shifts(profile[valid], across)
         width = float(np.median(area))
-        clear = (area > 0.5 * width) & (np.abs(shift) < reach)
-        seen[seen], shift = clear, shift[clear]
+        accepted = (area > 0.5 * width) & (np.abs(shift) < half_width)
+        valid[valid], shift = accepted, shift[accepted]
         if len(shift) <= 2 * degree:
             return None
-        t, offset = curve.place(points[seen] + shift[:, None] * normals[seen])
-        curve = Curve(middle, half, _robust(t, offset, degree))
+        t, offset = curve.place(points[valid] + shift[:, None] * normals[valid])
+        curve = Curve(middle, half, _robust_fit(t, offset, degree))
     return Stroke(curve, width)
 
 
@@ -111,45 +111,50 @@ def _shifts(profiles: Floats, across: Floats) -> tuple[Floats, Floats]:
     Every profile is modelled as the common one, made symmetric, moved and scaled, on a card that
     may be brighter on one side, which would bias a centroid towards the darker side.
     """
-    common = profiles.mean(axis=0)
-    common = (common + common[::-1]) / 2
+    template = profiles.mean(axis=0)
+    template = (template + template[::-1]) / 2
     step = across[1] - across[0]
-    design = np.column_stack([common, -np.gradient(common, step), np.ones_like(across), across])
-    dark, moved, _, _ = np.linalg.lstsq(design, profiles.T, rcond=None)[0]
-    ink = common - common[[0, -1]].mean()
-    return moved / dark, np.asarray(dark * ink.sum() * step)
+    design = np.column_stack([template, -np.gradient(template, step), np.ones_like(across), across])
+    contrast, scaled_shift, _, _ = np.linalg.lstsq(design, profiles.T, rcond=None)[0]
+    ink = template - template[[0, -1]].mean()
+    return scaled_shift / contrast, np.asarray(contrast * ink.sum() * step)
 
 
 def crossing(one: Curve, other: Curve, near: Floats) -> Floats:
     """Compute the intersection (2,) [px] of two curves by Newton's method from `near` (2,)."""
     t = np.array([one.place(near[None])[0][0], other.place(near[None])[0][0]])
-    for _ in range(_ROUNDS + 2):
-        (here,), (along_one,) = one.at(t[:1])
-        (there,), (along_other,) = other.at(t[1:])
-        t += np.linalg.solve(np.column_stack([along_one, -along_other]), there - here)
+    for _ in range(_ITERATIONS + 2):
+        (point_one,), (tangent_one,) = one.at(t[:1])
+        (point_other,), (tangent_other,) = other.at(t[1:])
+        t += np.linalg.solve(
+            np.column_stack([tangent_one, -tangent_other]), point_other - point_one
+        )
     return np.asarray(one.at(t[:1])[0][0])
 
 
-def _clear_of_crossings(t: Floats, numbers: Sequence[int], half: float) -> tuple[Floats, float]:
+def _between_crossings(t: Floats, numbers: Sequence[int], half: float) -> tuple[Floats, float]:
     """Return places along a line, a pixel apart, clear of crossings; the least spacing [px]."""
-    pieces, least = [], np.inf
+    intervals, min_spacing = [], np.inf
     for (left, right), (a, b) in zip(pairwise(t), pairwise(numbers), strict=True):
         gap = float(right - left) / (b - a)
-        least = min(least, gap * half)
+        min_spacing = min(min_spacing, gap * half)
         if b - a == 1:  # skip a gap with a missed crossing
-            pieces.append((left + _CLEAR * gap, right - _CLEAR * gap))
+            intervals.append((left + _CLEARANCE * gap, right - _CLEARANCE * gap))
         if left == t[0]:
-            pieces.append((left - _BEYOND * gap, left - _CLEAR * gap))
+            intervals.append((left - _EXTENSION * gap, left - _CLEARANCE * gap))
         if right == t[-1]:
-            pieces.append((right + _CLEAR * gap, right + _BEYOND * gap))
-    filled = [np.linspace(*piece, max(3, round((piece[1] - piece[0]) * half))) for piece in pieces]
-    return np.concatenate(filled), float(least)
+            intervals.append((right + _CLEARANCE * gap, right + _EXTENSION * gap))
+    samples = [
+        np.linspace(*interval, max(3, round((interval[1] - interval[0]) * half)))
+        for interval in intervals
+    ]
+    return np.concatenate(samples), float(min_spacing)
 
 
-def _robust(t: Floats, offset: Floats, degree: int) -> Floats:
+def _robust_fit(t: Floats, offset: Floats, degree: int) -> Floats:
     """Fit Legendre coefficients with Huber's weights, which limit the influence of dirt."""
     weight = np.ones_like(t)
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         fitted = np.asarray(legendre.legfit(t, offset, degree, w=np.sqrt(weight)), np.float64)
         residual = np.abs(offset - legendre.legval(t, fitted))
         scale = _HUBER * 1.4826 * float(np.median(residual)) + 1e-12

@@ -33,38 +33,38 @@ def calibration_uncertainty(calibration: Calibration, rig: Rig) -> CalibrationUn
         return CalibrationUncertainty(0.0, 0.0, 0.0, 0.0)
     camera = calibration.camera
     x = rig.beam.length * np.linspace(0.05, 0.95, 10)
-    places = rig.base_position + np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
-    shown = camera.shows(places)
-    x, places = x[shown], places[shown]
-    pixels = camera.project(places)
+    points = rig.base_position + np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+    visible = camera.shows(points)
+    x, points = x[visible], points[visible]
+    pixels = camera.project(points)
     # The line through the errors along the beam: its value at the clamp, and its slope.
     line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))
     sigma = np.sqrt(np.diag(calibration.covariance))
-    slopes = np.empty((4, len(sigma)))
+    jacobian = np.empty((4, len(sigma)))
     # Steps are small enough to be linear: parameters are jointly more certain than each alone.
     for i, step in enumerate(1e-3 * sigma):
-        moved = np.zeros_like(sigma)
-        moved[i] = step
-        seen, _ = on_plane(_moved(camera, moved, rig), pixels, np.zeros_like(pixels))
-        slopes[:2, i] = line @ (seen[:, 0] - places[:, 0]) / (step or 1.0)
-        slopes[2:, i] = line @ (seen[:, 1] - places[:, 1]) / (step or 1.0)
-    variance = np.diag(slopes @ calibration.covariance @ slopes.T)
+        change = np.zeros_like(sigma)
+        change[i] = step
+        shifted, _ = on_plane(_changed_camera(camera, change, rig), pixels, np.zeros_like(pixels))
+        jacobian[:2, i] = line @ (shifted[:, 0] - points[:, 0]) / (step or 1.0)
+        jacobian[2:, i] = line @ (shifted[:, 1] - points[:, 1]) / (step or 1.0)
+    variance = np.diag(jacobian @ calibration.covariance @ jacobian.T)
     return CalibrationUncertainty(*(float(value) for value in np.sqrt(np.maximum(variance, 0.0))))
 
 
-def _moved(camera: Camera, change: Floats, rig: Rig) -> Camera:
+def _changed_camera(camera: Camera, change: Floats, rig: Rig) -> Camera:
     """Return the camera with changed parameters, in the order of Calibration.covariance."""
-    lens = len(camera.distortion)
+    n = len(camera.distortion)
     camera_from_board = camera.camera_from_antenna @ rig.antenna_from_board
-    turn, shift = change[3 + lens : 6 + lens], change[6 + lens :]
-    turned = rigid(turn, np.zeros(3)) @ camera_from_board
-    turned[:3, 3] = camera_from_board[:3, 3] + shift
+    rotation, shift = change[3 + n : 6 + n], change[6 + n :]
+    changed_pose = rigid(rotation, np.zeros(3)) @ camera_from_board
+    changed_pose[:3, 3] = camera_from_board[:3, 3] + shift
     return replace(
         camera,
         fx=camera.fx + change[0],
         fy=camera.fy + change[0],
         cx=camera.cx + change[1],
         cy=camera.cy + change[2],
-        distortion=tuple(np.asarray(camera.distortion) + change[3 : 3 + lens]),
-        camera_from_antenna=turned @ invert(rig.antenna_from_board),
+        distortion=tuple(np.asarray(camera.distortion) + change[3 : 3 + n]),
+        camera_from_antenna=changed_pose @ invert(rig.antenna_from_board),
     )

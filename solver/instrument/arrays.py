@@ -20,10 +20,11 @@ def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floa
     """
     array = np.array(values, dtype=np.float64)
     if len(array.shape) != len(shape) or any(
-        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+        expected is not None and actual != expected
+        for actual, expected in zip(array.shape, shape, strict=True)
     ):
-        wanted = tuple("any" if n is None else n for n in shape)
-        raise ValueError(f"{name} has shape {array.shape}, allowed is {wanted}")
+        allowed = tuple("any" if n is None else n for n in shape)
+        raise ValueError(f"{name} has shape {array.shape}, allowed is {allowed}")
     if not _finite(array.ravel("K")):
         raise ValueError(f"{name} holds a value that is not finite")
     array.setflags(write=False)

@@ -46,11 +46,14 @@ class Charuco(Board):
     dictionary: str
 
     def __post_init__(self) -> None:
-        needed, held = (self.columns + 1) * (self.rows + 1) // 2, int(self.dictionary.split("_")[1])
-        if needed > held:
+        needed, available = (
+            (self.columns + 1) * (self.rows + 1) // 2,
+            int(self.dictionary.split("_")[1]),
+        )
+        if needed > available:
             raise ValueError(
                 f"a board of {self.columns} x {self.rows} corners has {needed} markers, "
-                f"the dictionary {self.dictionary} only {held}"
+                f"the dictionary {self.dictionary} only {available}"
             )
 
 
@@ -69,7 +72,7 @@ class LineNetwork(Board):
     def __post_init__(self) -> None:
         if not 0 < self.line_width <= self.square / 8:
             raise ValueError(
-                f"the lines are {self.line_width / self.square:.3g} of their distance wide, "
+                f"the line width is {self.line_width / self.square:.3g} of a square, "
                 "allowed is up to 0.125"
             )
 

@@ -15,10 +15,10 @@ from solver.instrument.arrays import Floats, Mask, frozen_floats
 from solver.instrument.distortion import COUNTS, distort, undistort
 from solver.instrument.transforms import apply, invert
 
-# Largest difference, in normalised units, between an ideal point and its distortion undone: a
+# Largest difference, in normalised units, between an ideal point and its round trip: a
 # thousandth of a pixel. Rounding errors, magnified near the fold, are smaller; a point folded back
 # into the image differs by far more.
-_SAME = 1e-6
+_ROUND_TRIP_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -93,10 +93,10 @@ class Camera:
         image.
         """
         x, y, z = apply(self.camera_from_antenna, points).T
-        seen = np.column_stack([x, y]) / self._divisor(z)[:, None]
+        image_points = np.column_stack([x, y]) / self._divisor(z)[:, None]
         if self.distortion:
-            seen, _ = distort(seen, self.distortion)
-        return self._pixels(seen)
+            image_points, _ = distort(image_points, self.distortion)
+        return self._pixels(image_points)
 
     def shows(self, points: Floats) -> Mask:
         """Return a mask (n,) of the points (n, 3) in Sigma_a [m] that `project` maps correctly.
@@ -105,12 +105,12 @@ class Camera:
         farther out, `project` folds a point back towards the axis. They may be outside the image.
         """
         x, y, z = apply(self.camera_from_antenna, points).T
-        shown = np.ones(len(points), np.bool_) if self.telecentric else z > 0
+        valid = np.ones(len(points), np.bool_) if self.telecentric else z > 0
         if self.distortion:
-            ideal = np.column_stack([x, y])[shown] / z[shown, None]
-            back = undistort(distort(ideal, self.distortion)[0], self.distortion)
-            shown[shown] = np.abs(back - ideal).max(axis=1) < _SAME
-        return shown
+            ideal = np.column_stack([x, y])[valid] / z[valid, None]
+            undistorted = undistort(distort(ideal, self.distortion)[0], self.distortion)
+            valid[valid] = np.abs(undistorted - ideal).max(axis=1) < _ROUND_TRIP_TOLERANCE
+        return valid
 
     def normalised(self, pixels: Floats) -> Floats:
         """Convert pixels (n, 2), (u, v), to ideal coordinates (n, 2): x and y over depth.

@@ -28,8 +28,8 @@ def _set_folder(package: Path) -> None:
     state = hashlib.sha256(compiled).hexdigest()[:12]
     folder = cache / f"compiled-{state}"
     if not folder.is_dir():
-        for older in cache.glob("compiled-*"):
-            shutil.rmtree(older, ignore_errors=True)
+        for old_folder in cache.glob("compiled-*"):
+            shutil.rmtree(old_folder, ignore_errors=True)
     settings["CACHE_DIR"] = str(folder)
 
 

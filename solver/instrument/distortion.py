@@ -23,17 +23,17 @@ _EXACT: Final = 1e-12
 # Newton's method converges quadratically from about the fifth step; halved steps near a fold take
 # some more.
 _MOST_STEPS: Final = 60
-# Largest step, as a share of the distance to the rim of the one-to-one field: the Jacobian is
+# Largest step, as a fraction of the distance to the rim of the one-to-one field: the Jacobian is
 # singular on the rim, and Newton's method cannot continue from there.
 _TO_THE_RIM: Final = 0.95
 # Chosen: 84 degrees off the axis, outside the view of any pinhole camera. Rings 0.005 apart are
 # 5 px at a focal length of 1000 px; a narrower fold would be missed. Only the tangential part
 # depends on direction.
-_FARTHEST: Final = 10.0
+_MAX_RADIUS: Final = 10.0
 _RINGS: Final = 2001
-_HALVINGS: Final = 40
-_TURN: Final = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-_DIRECTIONS: Final = np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+_BISECTIONS: Final = 40
+_ANGLES: Final = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+_DIRECTIONS: Final = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 def distort(points: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floats]:
@@ -41,7 +41,7 @@ def distort(points: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floa
 
     The Jacobian d(distorted)/d(ideal) is symmetric.
     """
-    distorted, jacobian = _distorted(_contiguous(points), _eight(coefficients))
+    distorted, jacobian = _distorted(_contiguous(points), _padded(coefficients))
     return distorted, jacobian
 
 
@@ -54,8 +54,10 @@ def undistort(points: Floats, coefficients: Sequence[float]) -> Floats:
     """
     if not coefficients:
         return points.astype(np.float64)  # a copy
-    radius, shown = _field(tuple(coefficients))
-    ideal: Floats = _undistorted(_contiguous(points), _eight(coefficients), radius, shown)
+    radius, distorted_radius = _one_to_one_field(tuple(coefficients))
+    ideal: Floats = _undistorted(
+        _contiguous(points), _padded(coefficients), radius, distorted_radius
+    )
     return ideal
 
 
@@ -65,19 +67,19 @@ def one_to_one(points: Floats, coefficients: Sequence[float]) -> bool:
 
 
 @lru_cache(maxsize=64)
-def _field(coefficients: tuple[float, ...]) -> tuple[float, float]:
+def _one_to_one_field(coefficients: tuple[float, ...]) -> tuple[float, float]:
     """Find the radius of the one-to-one field, and the largest radius of its distorted image.
 
     The distortion is the gradient of a potential. If its Jacobian is positive definite on a disc,
     the potential is convex there, and no two points have the same gradient.
     """
-    radii = np.linspace(0.0, _FARTHEST, _RINGS)
-    good = [_positive(radius, coefficients) for radius in radii]
-    low = _FARTHEST
-    if not all(good):
-        first = good.index(False)
+    radii = np.linspace(0.0, _MAX_RADIUS, _RINGS)
+    positive = [_positive(radius, coefficients) for radius in radii]
+    low = _MAX_RADIUS
+    if not all(positive):
+        first = positive.index(False)
         low, high = radii[max(first - 1, 0)], radii[first]
-        for _ in range(_HALVINGS):
+        for _ in range(_BISECTIONS):
             middle = (low + high) / 2
             low, high = (middle, high) if _positive(middle, coefficients) else (low, middle)
     rim, _ = distort(low * _DIRECTIONS, coefficients)
@@ -98,7 +100,7 @@ def _contiguous(points: Floats) -> Floats:
     return np.array(points, dtype=np.float64, order="C").reshape(-1, 2)
 
 
-def _eight(coefficients: Sequence[float]) -> Floats:
+def _padded(coefficients: Sequence[float]) -> Floats:
     return np.array([*coefficients, *(0.0,) * (8 - len(coefficients))], dtype=np.float64)
 
 

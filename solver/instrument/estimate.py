@@ -35,21 +35,21 @@ class Outcome(StrEnum):
 
 
 _SENTENCES = {
-    Outcome.CONTACT: "The beam touches an object at the stated place.",
-    Outcome.WEAK_CONTACT: "The beam is bent, but so little that the place is only an interval.",
+    Outcome.CONTACT: "The beam touches an object at the estimated place.",
+    Outcome.WEAK_CONTACT: "The beam bends so little that only an interval of x_c is known.",
     Outcome.TIP_CONTACT: "The contact lies within two sigma of the beam's tip.",
     Outcome.NO_CONTACT: "The beam is straight within the noise.",
-    Outcome.NOT_IDENTIFIABLE: "What is visible does not determine the contact.",
+    Outcome.NOT_IDENTIFIABLE: "The visible points do not determine the contact.",
     Outcome.EDGE_ON: "The camera looks along the plane in which the beam bends.",
-    Outcome.INVALID: "The measured shape is not one that a point contact can make.",
+    Outcome.INVALID: "A point contact cannot cause the measured shape.",
     Outcome.NOT_CONVERGED: "The iteration stopped before it reached a minimum.",
     Outcome.CAMERA_MOVED: "The camera or the clamp has moved since the images at rest.",
-    Outcome.CRASHED: "The method raised an error or gave no answer.",
+    Outcome.CRASHED: "The method failed or returned no estimate.",
 }
 
 
 # Columns that the representation of an estimate shows: label and unit.
-_SHOWN = {
+_REPR_COLUMNS = {
     "x_c_mm": ("x_c", "mm"),
     "force_n": ("force", "N"),
     "psi_deg": ("psi", "deg"),
@@ -106,7 +106,7 @@ class Estimate:
         Raises ValueError if there is none.
         """
         if self.covariance is None:
-            raise ValueError("the estimate states no covariance")
+            raise ValueError("the estimate has no covariance")
         quantity = QUANTITY_OF.get(name, name)
         if quantity not in self.values:
             raise ValueError(f"the estimate has no {name}, but {', '.join(self.values)}")
@@ -123,11 +123,11 @@ class Estimate:
         raise AttributeError(f"an estimate has no {name!r}, but {', '.join(QUANTITY_OF)}")
 
     def __repr__(self) -> str:
-        shown = []
-        for name, (label, unit) in _SHOWN.items():
+        parts = []
+        for name, (label, unit) in _REPR_COLUMNS.items():
             value = getattr(self, name)
             if value is not None:
                 sigma = f" +- {self.sigma(name):.2g}" if self.covariance is not None else ""
-                shown.append(f"{label} {value:.6g}{sigma} {unit}")
-        summary = ", ".join(shown) or self.message or self.outcome.sentence
+                parts.append(f"{label} {value:.6g}{sigma} {unit}")
+        summary = ", ".join(parts) or self.message or self.outcome.sentence
         return f"Estimate({self.outcome}: {summary})"

@@ -10,7 +10,7 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 
 # Bit depths of industrial cameras (GenICam's Mono8 to Mono16).
-_USUAL: Final = (8, 10, 12, 14, 16)
+_USUAL_DEPTHS: Final = (8, 10, 12, 14, 16)
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class GrayScale:
             if self.bits == 8:
                 return image
             raise InputError(f"the image has 8 bits, the images at rest have {self.bits}")
-        held = _bits_held(image)
-        if held >> self.shift > self.full_scale or held & (2**self.shift - 1):
-            where = "upper" if self.shift else "lower"
+        used = _used_bits(image)
+        if used >> self.shift > self.full_scale or used & (2**self.shift - 1):
+            position = "upper" if self.shift else "lower"
             raise InputError(
                 f"the image has gray values up to {int(image.max())}, which are not in the "
-                f"{where} {self.bits} of its 16 bits as those at rest are: store all images alike, "
-                "or state camera.bits in rig.json"
+                f"{position} {self.bits} of its 16 bits as in the rest images: store all images "
+                "alike, or set camera.bits in rig.json"
             )
         return np.asarray(image >> self.shift, dtype=np.uint16) if self.shift else image
 
@@ -56,25 +56,25 @@ def gray_scale(images: Iterable[Grey], bits: int | None) -> GrayScale:
     other bits are the camera's; otherwise it is the smallest usual depth that holds the brightest
     pixel. Raises InputError if the images contradict each other or the stated depth.
     """
-    held, kinds = 0, set()
+    used, dtypes = 0, set()
     for image in images:
-        kinds.add(image.dtype)
-        held |= _bits_held(image)
-    if len(kinds) != 1:
+        dtypes.add(image.dtype)
+        used |= _used_bits(image)
+    if len(dtypes) != 1:
         raise InputError("some images at rest have 8 bits and some 16, allowed is one depth")
-    if kinds == {np.dtype(np.uint8)}:
+    if dtypes == {np.dtype(np.uint8)}:
         if bits not in (None, 8):
             raise InputError(f"the images at rest have 8 bits, camera.bits in rig.json is {bits}")
         return EIGHT_BIT
-    empty = (held & -held).bit_length() - 1 if held else 0
-    upper = 16 - min(empty, 8)
+    zero_bits = (used & -used).bit_length() - 1 if used else 0
+    upper = 16 - min(zero_bits, 8)
     if bits is None:
-        if empty and upper in _USUAL:
+        if zero_bits and upper in _USUAL_DEPTHS:
             return GrayScale(upper, 16 - upper)
-        return GrayScale(next(usual for usual in _USUAL if held < 2**usual))
+        return GrayScale(next(depth for depth in _USUAL_DEPTHS if used < 2**depth))
     if upper <= bits:
         return GrayScale(bits, 16 - bits)
-    if held < 2**bits:
+    if used < 2**bits:
         return GrayScale(bits)
     raise InputError(
         f"the images at rest have gray values in more than the lower or the upper {bits} of 16 "
@@ -82,6 +82,6 @@ def gray_scale(images: Iterable[Grey], bits: int | None) -> GrayScale:
     )
 
 
-def _bits_held(image: Grey) -> int:
+def _used_bits(image: Grey) -> int:
     """Return the bits that are set in any pixel, as a mask."""
     return int(np.bitwise_or.reduce(image, axis=None)) if image.size else 0

@@ -14,7 +14,7 @@ from typing import Final
 from solver.instrument.errors import DamageError, InputError
 
 HASHES: Final = "hashes.json"
-MEND: Final = "run the command that made it again: it remakes what is damaged"
+MEND: Final = "run the command that made it again to replace damaged files"
 
 
 def digest(data: bytes) -> str:
@@ -89,14 +89,14 @@ def listed(tree: Path) -> list[str] | None:
     if table is None:
         if any(tree.glob(f"shard_*/{HASHES}")):
             raise InputError(
-                f"{tree}: is incomplete; run the command that was making it again to finish it"
+                f"{tree}: is incomplete; run the command that made it again to finish it"
             )
         return None
     names = set(table)
     for name in table:
-        folder, _, last = name.rpartition("/")
-        if folder and last == HASHES:
-            names |= {f"{folder}/{inner}" for inner in read_hashes(tree / folder) or {}}
+        folder, _, file_name = name.rpartition("/")
+        if folder and file_name == HASHES:
+            names |= {f"{folder}/{listed_name}" for listed_name in read_hashes(tree / folder) or {}}
     for name in sorted(names):
         if not (tree / name).is_file():
             raise DamageError(f"{tree / name}: is missing; {MEND}")

@@ -24,10 +24,10 @@ _PNG = [
 _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD: Final = 25  # bytes up to the bit depth
 # Chosen: the largest cameras have 150 megapixels, the largest scene 67.
-MOST_PIXELS: Final = 200_000_000
+MAX_PIXELS: Final = 200_000_000
 # Channel read from a colour image: luma, one of its colours, or blue to yellow (CIELAB's b).
 CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
-_PLACE: Final = {"b": 0, "g": 1, "r": 2}
+_CHANNEL_INDEX: Final = {"b": 0, "g": 1, "r": 2}
 _TO_GREY: Final = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 
 
@@ -42,9 +42,9 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
     data = np.frombuffer(read_bytes(path), dtype=np.uint8)
     if data[:8].tobytes() == _PNG_SIGNATURE:
         head = _png_head(data[:_PNG_HEAD].tobytes(), path)
-        if head.width * head.height > MOST_PIXELS:  # before memory is allocated for them
+        if head.width * head.height > MAX_PIXELS:  # before memory is allocated for them
             raise InputError(
-                f"{path}: claims {head.width} x {head.height} px, allowed are {MOST_PIXELS:,} px"
+                f"{path}: has {head.width} x {head.height} px, allowed are {MAX_PIXELS:,} px"
             )
     try:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
@@ -68,11 +68,11 @@ def to_grey(image: Any, name: str, channel: str = "gray") -> Grey:
         )
     if channels == 1:
         return np.asarray(image.reshape(image.shape[:2]))
-    if channel in _PLACE:
-        return np.ascontiguousarray(image[:, :, _PLACE[channel]])
+    if channel in _CHANNEL_INDEX:
+        return np.ascontiguousarray(image[:, :, _CHANNEL_INDEX[channel]])
     if channel == "lab_b":
         if image.dtype != np.uint8:
-            raise InputError(f"{name}: has 16 bits, the channel lab_b is of images of 8 bits")
+            raise InputError(f"{name}: has 16 bits, the channel lab_b needs 8 bits")
         lab = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_BGR2LAB)
         return np.ascontiguousarray(lab[:, :, 2])
     return np.asarray(cv2.cvtColor(image, _TO_GREY[channels]))
@@ -85,8 +85,8 @@ def eight_bit(image: Grey) -> npt.NDArray[np.uint8]:
     """
     if image.dtype == np.uint8:
         return np.asarray(image, dtype=np.uint8)
-    shown = np.rint(image * (255 / max(int(image.max()), 1)))
-    return np.asarray(shown, dtype=np.uint8)
+    scaled = np.rint(image * (255 / max(int(image.max()), 1)))
+    return np.asarray(scaled, dtype=np.uint8)
 
 
 def png_bytes(image: Grey) -> bytes:

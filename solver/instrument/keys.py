@@ -15,11 +15,11 @@ from solver.instrument.errors import InputError
 from solver.instrument.hashes import read_bytes
 
 # A key or a value is truncated to this number of characters in messages.
-_LONGEST: Final = 80
-_SHORT: Final = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = _LONGEST
+_MAX_CHARACTERS: Final = 80
+_SHORT_REPR: Final = reprlib.Repr()
+_SHORT_REPR.maxstring = _SHORT_REPR.maxother = _SHORT_REPR.maxlong = _MAX_CHARACTERS
 # Largest document [bytes]: a hundred times the size of one with every key.
-_LARGEST: Final = 1 << 18
+_MAX_BYTES: Final = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Keys:
         generated.
         """
         try:
-            if path.is_file() and path.stat().st_size > _LARGEST:
-                raise InputError(f"{path}: is larger than {_LARGEST} bytes, which no rig needs")
+            if path.is_file() and path.stat().st_size > _MAX_BYTES:
+                raise InputError(f"{path}: is larger than {_MAX_BYTES} bytes, the limit for a rig")
             return cls(path, json.loads(read_bytes(path).decode("utf-8")))
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
@@ -53,18 +53,17 @@ class Keys:
     def refuse_others(self) -> None:
         """Raise InputError if the document contains a key that was not looked up."""
         for key in _names(self.document):
-            if not any(asked == key or asked.startswith(f"{key}.") for asked in self.asked):
-                short = key[:_LONGEST]
+            if not any(used == key or used.startswith(f"{key}.") for used in self.asked):
+                short = key[:_MAX_CHARACTERS]
                 nearest = difflib.get_close_matches(short, self.asked, n=1, cutoff=0.0)[0]
                 raise InputError(
-                    f"{self.path}: the key {short} means nothing here, "
-                    f"the nearest allowed is {nearest}"
+                    f"{self.path}: the key {short} is unknown, the nearest allowed is {nearest}"
                 )
 
     def refuse(self, key: str, allowed: str) -> NoReturn:
         """Raise InputError with the key, its value and the allowed values."""
         raise InputError(
-            f"{self.path}: {key} is {_SHORT.repr(self._value(key))}, allowed is {allowed}"
+            f"{self.path}: {key} is {_SHORT_REPR.repr(self._value(key))}, allowed is {allowed}"
         )
 
     def _value(self, key: str) -> Any:
@@ -119,12 +118,12 @@ class Keys:
         return np.array(value, dtype=np.float64)
 
 
-def _names(document: Any, before: str = "", deeper: int = 3) -> Iterator[str]:
-    """Yield every dotted key of a document, sections before their keys, to a depth of `deeper`."""
-    if isinstance(document, dict) and deeper:
+def _names(document: Any, prefix: str = "", depth: int = 3) -> Iterator[str]:
+    """Yield every dotted key of a document, sections before their keys, to a depth of `depth`."""
+    if isinstance(document, dict) and depth:
         for name, value in document.items():
-            yield before + name
-            yield from _names(value, f"{before}{name}.", deeper - 1)
+            yield prefix + name
+            yield from _names(value, f"{prefix}{name}.", depth - 1)
 
 
 def _is_number(value: Any, low: float, high: float) -> bool:

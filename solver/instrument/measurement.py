@@ -10,7 +10,7 @@ from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.compiled import njit
 from solver.instrument.rig import Rig
 
-UNKNOWN_VIEWPOINT = "plane C alone was calibrated; more views of the board tell the viewpoint"
+UNKNOWN_VIEWPOINT = "only plane C was calibrated; the viewpoint needs more board views"
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Measurement:
         pose = frozen_floats("antenna_from_beam", self.antenna_from_beam, (4, 4))
         object.__setattr__(self, "antenna_from_beam", pose)
         if not 0 <= self.scale_sigma < math.inf:
-            raise ValueError(f"scale_sigma is {self.scale_sigma}, allowed is a number from 0 on")
+            raise ValueError(f"scale_sigma is {self.scale_sigma}, allowed is a finite number >= 0")
         for name in ("motor_angle", "moment_y", "base_force", "base_moment"):
             reading = getattr(self, name)
             if reading is not None and not np.isfinite(reading).all():
@@ -126,9 +126,7 @@ class Measurement:
 
 def _check_positive_definite(name: str, covariance: Floats) -> None:
     if not _positive_definite(covariance):
-        raise ValueError(
-            f"{name} is not positive definite: what is known exactly needs a small variance"
-        )
+        raise ValueError(f"{name} is not positive definite: give exact quantities a small variance")
 
 
 @njit(cache=True, error_model="numpy")

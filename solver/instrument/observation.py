@@ -32,9 +32,9 @@ from solver.instrument.rig import Rig, read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE
 
 # Longest name in a table. Chosen: file names can have 255 characters, suffix included.
-LONGEST_NAME: Final = 250
+MAX_NAME_LENGTH: Final = 250
 # Chosen: enough frames to detect a tree of mixed depths, and opening stays fast.
-LOOKED_AT: Final = 8
+CHECKED_FRAMES: Final = 8
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Observations:
 
     def __iter__(self) -> Iterator[ImageFrame]:
         """Iterate over the frames, ordered by push and step."""
-        return (self.frames[place] for place in push_order(self.frames))
+        return (self.frames[i] for i in push_order(self.frames))
 
     def read_board_views(self) -> Iterator[Grey]:
         """Read the board views one by one, in gray. Raises InputError."""
@@ -101,10 +101,8 @@ class Observations:
 
 def push_order(frames: Sequence[ImageFrame]) -> list[int]:
     """Sort the indices of frames by push, in the order of their first frames, then by step."""
-    first = {frame.push_id: place for place, frame in reversed(list(enumerate(frames)))}
-    return sorted(
-        range(len(frames)), key=lambda place: (first[frames[place].push_id], frames[place].step)
-    )
+    first = {frame.push_id: i for i, frame in reversed(list(enumerate(frames)))}
+    return sorted(range(len(frames)), key=lambda i: (first[frames[i].push_id], frames[i].step))
 
 
 def open_observations(root: str | Path) -> Observations:
@@ -134,17 +132,17 @@ def open_observations(root: str | Path) -> Observations:
         raise InputError(
             f"{root}: {count} frames have the frame_id {shown(name)}, allowed is one each"
         )
-    _refuse_other_depth(opened.rest_images[0], frames)
+    _check_bit_depth(opened.rest_images[0], frames)
     return replace(opened, frames=frames)
 
 
-def _refuse_other_depth(rest_image: Path, frames: Sequence[ImageFrame]) -> None:
+def _check_bit_depth(rest_image: Path, frames: Sequence[ImageFrame]) -> None:
     """Raise InputError if none of the first frames has the depth of the rest image.
 
     A single frame that differs or cannot be read is reported in its own estimate.
     """
     bits, depths = png_head(rest_image).bits, set[int]()
-    for frame in frames[:LOOKED_AT]:
+    for frame in frames[:CHECKED_FRAMES]:
         try:
             depths.add(png_head(frame.path).bits)
         except InputError:
@@ -168,17 +166,17 @@ def open_rig(path: Path) -> Observations:
     has no frames. Raises InputError.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
-    names, known = ("calibration/view_*.png", "rest/rest_*.png"), read_hashes(root)
+    patterns, hashes = ("calibration/view_*.png", "rest/rest_*.png"), read_hashes(root)
     views, rests = (
         tuple(
             sorted(root.glob(pattern))
-            if known is None
-            else [root / name for name in sorted(known) if PurePath(name).match(pattern)]
+            if hashes is None
+            else [root / name for name in sorted(hashes) if PurePath(name).match(pattern)]
         )
-        for pattern in names
+        for pattern in patterns
     )
-    for name, found in zip(names, (views, rests), strict=True):
-        if not found:
+    for name, paths in zip(patterns, (views, rests), strict=True):
+        if not paths:
             raise InputError(f"{root}: holds no {name}, at least one is needed")
     expected = png_head(views[0])
     for image in (*views, *rests):
@@ -269,19 +267,19 @@ class _Cells:
                 f"{self.where}: file_name is {shown(value)}, allowed is a file beside the table"
             )
         try:
-            there = (folder / path).is_file()
+            exists = (folder / path).is_file()
         except OSError:  # an invalid file name
-            there = False
-        if not there:
+            exists = False
+        if not exists:
             raise InputError(f"{self.where}: the image {cut(path.name)} is missing")
         return folder / path
 
     def name(self, column: str) -> str:
         """Read a short text; return an empty one if there is none."""
         value = self.row.get(column) or ""
-        if len(value) > LONGEST_NAME:
+        if len(value) > MAX_NAME_LENGTH:
             raise InputError(
-                f"{self.where}: {column} has {len(value)} characters, allowed are {LONGEST_NAME}"
+                f"{self.where}: {column} has {len(value)} characters, allowed are {MAX_NAME_LENGTH}"
             )
         return value
 

@@ -1,4 +1,4 @@
-"""The nominal rig: what a laboratory knows about its antenna, with tolerances.
+"""The nominal rig: the laboratory's values for its antenna, with tolerances.
 
 Tolerances are one-sigma; methods use them as priors. The rig is stored as `rig.json`, with units in
 the keys; all values in memory are in SI units.
@@ -25,12 +25,12 @@ MOUNTS = ("antenna", "world")
 # Chosen far beyond any antenna, from a nanotube to a mast: only mistakes in the unit or in typing
 # are rejected, and no product of these values overflows.
 SIZES_MM = (1e-6, 1e6)
-FARTHEST_MM = 1e6
+MAX_POSITION_MM = 1e6
 RIGIDITIES_N_MM2 = (1e-18, 1e18)
-SENSED = (1e-15, 1e6)  # noise of a sensor [N] or [N mm]
-POINTS = (3, 200)  # per row and column of a board; OpenCV's detectors take minutes for more
+SENSOR_NOISE = (1e-15, 1e6)  # noise of a sensor [N] or [N mm]
+BOARD_POINTS = (3, 200)  # per row and column of a board; OpenCV's detectors take minutes for more
 BITS = (8, 16)
-MOST_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
+MAX_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
 
 
 @dataclass(frozen=True)
@@ -190,11 +190,12 @@ def read_rig(path: Path) -> Rig:
             flexural_rigidity=key.number("beam.flexural_rigidity_n_mm2", *RIGIDITIES_N_MM2)
             * NEWTON_SQUARE_MILLIMETRE,
         ),
-        base_position=key.triple("base.position_mm", -FARTHEST_MM, FARTHEST_MM) * mm,
+        base_position=key.triple("base.position_mm", -MAX_POSITION_MM, MAX_POSITION_MM) * mm,
         board=_board(key),
         antenna_from_board=rigid(
             key.triple("board.antenna_from_board_rotation_vector_deg", -360, 360) * DEGREE,
-            key.triple("board.antenna_from_board_translation_mm", -FARTHEST_MM, FARTHEST_MM) * mm,
+            key.triple("board.antenna_from_board_translation_mm", -MAX_POSITION_MM, MAX_POSITION_MM)
+            * mm,
         ),
         deflects_towards=int(key.one_of("beam.deflects_towards", (1, -1))),
         tolerances=Tolerances(
@@ -203,11 +204,11 @@ def read_rig(path: Path) -> Rig:
                 "beam.flexural_rigidity_sigma_n_mm2", 0, RIGIDITIES_N_MM2[1]
             )
             * NEWTON_SQUARE_MILLIMETRE,
-            base_position=key.number("base.position_sigma_mm", 0, FARTHEST_MM) * mm,
-            board_translation=key.number("board.translation_sigma_mm", 0, FARTHEST_MM) * mm,
+            base_position=key.number("base.position_sigma_mm", 0, MAX_POSITION_MM) * mm,
+            board_translation=key.number("board.translation_sigma_mm", 0, MAX_POSITION_MM) * mm,
             board_rotation=key.number("board.rotation_sigma_deg", 0, 180) * DEGREE,
             encoder=key.number("encoder.sigma_deg", 0, 180) * DEGREE,
-            camera_shift_px=key.number("camera.camera_shift_sigma_px", 0, MOST_SHIFT_PX)
+            camera_shift_px=key.number("camera.camera_shift_sigma_px", 0, MAX_SHIFT_PX)
             if key.has("camera.camera_shift_sigma_px")
             else 0.0,
         ),
@@ -229,7 +230,10 @@ def read_rig(path: Path) -> Rig:
 
 
 def _board(key: Keys) -> Board:
-    columns, rows = key.count("board.columns", *POINTS), key.count("board.rows", *POINTS)
+    columns, rows = (
+        key.count("board.columns", *BOARD_POINTS),
+        key.count("board.rows", *BOARD_POINTS),
+    )
     square = key.number("board.square_mm", *SIZES_MM) * MILLIMETRE
     # Default for a rig.json without the kind of its board: a chessboard.
     kind = key.one_of("board.kind", BOARDS) if key.has("board.kind") else "chessboard"
@@ -254,9 +258,11 @@ def _distortion_coefficients(key: Keys, telecentric: bool) -> int:
 
 def _sensors(key: Keys) -> Sensors:
     if key.has("force_sensor"):
-        force = key.number("force_sensor.force_sigma_n", *SENSED)
-        moment = key.number("force_sensor.moment_sigma_n_mm", *SENSED) * MILLIMETRE
-    moment_y = key.number("moment_sensor.sigma_n_mm", *SENSED) if key.has("moment_sensor") else None
+        force = key.number("force_sensor.force_sigma_n", *SENSOR_NOISE)
+        moment = key.number("force_sensor.moment_sigma_n_mm", *SENSOR_NOISE) * MILLIMETRE
+    moment_y = (
+        key.number("moment_sensor.sigma_n_mm", *SENSOR_NOISE) if key.has("moment_sensor") else None
+    )
     return Sensors(
         moment_y=None if moment_y is None else moment_y * MILLIMETRE,
         base_force=force if key.has("force_sensor") else None,

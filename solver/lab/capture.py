@@ -13,7 +13,7 @@ from solver.instrument.images import to_grey
 from solver.lab.shots import Shot
 
 # Longest wait for a camera that hangs in a read, so that the program can end [s].
-LONGEST_READ_S = 2.0
+MAX_READ_S = 2.0
 
 
 class Capture(Protocol):
@@ -44,8 +44,8 @@ class Video:
     def __iter__(self) -> Iterator[Shot]:
         number = 0
         while True:
-            there, image = self._capture.read()
-            if not there:
+            ok, image = self._capture.read()
+            if not ok:
                 break
             seconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
             grey = to_grey(image, self._name, self._channel)
@@ -53,7 +53,7 @@ class Video:
             number += 1
         self._capture.release()
         if number == 0:
-            raise InputError(f"{self._name}: holds no frame that can be decoded")
+            raise InputError(f"{self._name}: has no frame that can be decoded")
 
 
 class CameraStream:
@@ -72,9 +72,9 @@ class CameraStream:
         self._ended = False
 
     def __iter__(self) -> Iterator[Shot]:
-        grabbing = threading.Thread(target=self._grab, daemon=True)
-        grabbing.start()
-        last = -1
+        thread = threading.Thread(target=self._grab, daemon=True)
+        thread.start()
+        last_number = -1
         try:
             while True:
                 with self._arrival:
@@ -82,29 +82,29 @@ class CameraStream:
                         self._arrival.wait()
                     if self._newest is None:
                         raise InputError(f"{self._name} gives no more images")
-                    number, image, seconds, taken = self._newest
+                    number, image, seconds, loaded_at = self._newest
                     self._newest = None
                 yield Shot(
                     str(number),
                     number,
                     to_grey(image, self._name, self._channel),
-                    taken,
+                    loaded_at,
                     seconds=seconds,
-                    skipped=number - last - 1,
+                    skipped=number - last_number - 1,
                 )
-                last = number
+                last_number = number
         finally:
             self._ended = True
-            grabbing.join(LONGEST_READ_S)
-            if not grabbing.is_alive():
+            thread.join(MAX_READ_S)
+            if not thread.is_alive():
                 self._capture.release()
 
     def _grab(self) -> None:
         number = 0
         try:
             while not self._ended:
-                there, image = self._capture.read()
-                if not there:
+                ok, image = self._capture.read()
+                if not ok:
                     break
                 with self._arrival:
                     self._newest = number, image, time.time(), time.perf_counter()
@@ -129,8 +129,8 @@ def open_capture(address: str | int) -> Any:
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture(address)
     if not capture.isOpened():
-        what = f"camera {address}" if isinstance(address, int) else str(address)
-        raise InputError(f"{what}: cannot be opened as a video or a camera")
+        source = f"camera {address}" if isinstance(address, int) else str(address)
+        raise InputError(f"{source}: cannot be opened as a video or a camera")
     # Ignore the orientation tag, as `read_grey` does.
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture

@@ -11,11 +11,11 @@ from solver.centreline.extractor import BeamExtractor
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.lab.findings import Finding, findings
 
-# Thresholds above (for THIN_PX: below) which the report contains advice.
-LARGE_REPROJECTION_PX = 0.2
-LARGE_SCALE = 2e-3
-THIN_PX = 1.2
-ROUGH_PX = 0.05
+# Thresholds above (for MIN_WIDTH_PX: below) which the report contains a warning; chosen.
+MAX_REPROJECTION_PX = 0.2
+MAX_SCALE_SIGMA = 2e-3
+MIN_WIDTH_PX = 1.2
+MAX_ROUGHNESS_PX = 0.05
 
 
 @dataclass(frozen=True)
@@ -58,36 +58,36 @@ class Checked:
 
     @property
     def meaning(self) -> str:
-        """Assessment with advice, in one line."""
-        odd = []
-        if self.reprojection_px > LARGE_REPROJECTION_PX:
-            odd.append("the board fits badly: blurred views, a bent sheet, or a richer lens")
+        """Assessment with warnings and remedies, in one line."""
+        warnings = []
+        if self.reprojection_px > MAX_REPROJECTION_PX:
+            warnings.append("poor board fit: blurred views, bent board, or more lens distortion")
         if not self.viewpoint_known:
-            odd.append("one view: only methods in plane C, of a beam that does not leave it")
-        if 0.01 * self.lengths_sigma_pct > LARGE_SCALE:
-            odd.append("lengths are known poorly: more views, nearer, the board filling the image")
-        if self.width_px < THIN_PX:
-            odd.append("the beam is thin in the image: come nearer, or take more pixels")
-        if self.roughness_px > ROUGH_PX:
-            odd.append("the beam is rough or its light uneven: centres err by more than the noise")
-        odd += [finding.message for finding in self.findings]
-        return f"look again: {'; '.join(odd)}" if odd else "good: nothing stands out"
+            warnings.append("one board view: use only methods restricted to plane C")
+        if 0.01 * self.lengths_sigma_pct > MAX_SCALE_SIGMA:
+            warnings.append("large scale uncertainty: add closer board views that fill the image")
+        if self.width_px < MIN_WIDTH_PX:
+            warnings.append("beam too narrow in the image: move closer or use more pixels")
+        if self.roughness_px > MAX_ROUGHNESS_PX:
+            warnings.append("rough beam or uneven light: errors of centres exceed the image noise")
+        warnings += [finding.message for finding in self.findings]
+        return f"warning: {'; '.join(warnings)}" if warnings else "good: no problem found"
 
     def json(self) -> str:
         """Format as one line of JSON."""
-        named = [finding._asdict() for finding in self.findings]
-        return json.dumps({**asdict(self), "findings": named, "meaning": self.meaning})
+        findings_json = [finding._asdict() for finding in self.findings]
+        return json.dumps({**asdict(self), "findings": findings_json, "meaning": self.meaning})
 
     def text(self) -> str:
         """Format as a few lines of text."""
         focal_unit = "px/mm" if self.telecentric else "px"
-        viewpoint = "known" if self.viewpoint_known else "not known: plane C alone was calibrated"
+        viewpoint = "known" if self.viewpoint_known else "unknown: only plane C was calibrated"
         height = (
-            "far away (telecentric)"
+            "at infinity (telecentric)"
             if self.height_mm is None
-            else f"{_with_sigma(self.height_mm, self.height_sigma_mm)} mm above C"
+            else f"{_with_sigma(self.height_mm, self.height_sigma_mm)} mm above plane C"
         )
-        bow = f"bowed by {self.bow_mm:.3f} mm, which is taken off" if self.bow_mm else "straight"
+        bow = f"bow {self.bow_mm:.3f} mm (subtracted)" if self.bow_mm else "straight"
         principal = ", ".join(
             _with_sigma(value, sigma)
             for value, sigma in (
@@ -96,14 +96,14 @@ class Checked:
             )
         )
         rows = (
-            ("reprojection", f"{self.reprojection_px:.3f} px"),
+            ("reprojection RMS", f"{self.reprojection_px:.3f} px"),
             ("focal length", f"{_with_sigma(self.focal, self.focal_sigma)} {focal_unit}"),
             ("principal point", f"{principal} px"),
-            ("camera", f"{height}, leaning {self.leaning_deg:.2f} deg"),
+            ("camera", f"{height}, tilt {self.leaning_deg:.2f} deg"),
             ("viewpoint", viewpoint),
             (
-                "lengths in C",
-                f"+- {self.lengths_sigma_pct:.2g} %, a pixel is {self.pixel_mm:.3g} mm",
+                "scale in plane C",
+                f"+- {self.lengths_sigma_pct:.2g} %, pixel size {self.pixel_mm:.3g} mm",
             ),
             (
                 "beam at rest",
@@ -111,15 +111,15 @@ class Checked:
                 f"slope {self.rest_slope_deg:.3f} deg, {bow}",
             ),
             (
-                "noise",
-                f"variance {self.noise_dark:.3g} + {self.noise_per_gray:.3g} per gray value",
+                "image noise",
+                f"variance {self.noise_dark:.3g} + {self.noise_per_gray:.3g} x gray value",
             ),
             (
-                "beam's look",
-                f"{self.beam}, {self.width_px:.2f} px wide, spread by {self.spread_px:.2f} px, "
-                f"rough by {self.roughness_px:.3f} px",
+                "beam appearance",
+                f"{self.beam}, width {self.width_px:.2f} px, blur {self.spread_px:.2f} px (sigma), "
+                f"roughness {self.roughness_px:.3f} px",
             ),
-            ("meaning", self.meaning),
+            ("assessment", self.meaning),
         )
         return "\n".join(f"{name:16} {value}" for name, value in rows)
 
@@ -128,10 +128,10 @@ def checked(antenna: Antenna) -> Checked:
     """Collect the report on an antenna whose centreline is measured by the profile fit."""
     calibration, rest, beam = antenna.calibration, antenna.rest, antenna.extract
     assert isinstance(beam, BeamExtractor)
-    camera, look = calibration.camera, beam.appearance
-    lens: list[float | None] = [None] * 3
+    camera, appearance = calibration.camera, beam.appearance
+    sigmas: list[float | None] = [None] * 3
     if calibration.covariance is not None:
-        lens = [float(sigma) for sigma in np.sqrt(np.diag(calibration.covariance)[:3])]
+        sigmas = [float(sigma) for sigma in np.sqrt(np.diag(calibration.covariance)[:3])]
     bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
     bow_size = float(np.abs(bow).max())
     height, height_sigma = _height(antenna)
@@ -140,11 +140,11 @@ def checked(antenna: Antenna) -> Checked:
         reprojection_px=calibration.reprojection_px,
         telecentric=camera.telecentric,
         focal=camera.fx * (MILLIMETRE if camera.telecentric else 1.0),
-        focal_sigma=lens[0],
+        focal_sigma=sigmas[0],
         principal_u_px=camera.cx,
         principal_v_px=camera.cy,
-        principal_u_sigma_px=lens[1],
-        principal_v_sigma_px=lens[2],
+        principal_u_sigma_px=sigmas[1],
+        principal_v_sigma_px=sigmas[2],
         viewpoint_known=calibration.viewpoint_known,
         height_mm=height,
         height_sigma_mm=height_sigma,
@@ -155,12 +155,12 @@ def checked(antenna: Antenna) -> Checked:
         rest_slope_deg=math.atan(rest.slope) / DEGREE,
         bow_mm=bow_size / MILLIMETRE,
         bow_share=bow_size / rest.length,
-        noise_dark=look.noise.dark,
-        noise_per_gray=look.noise.per_gray,
-        beam="bright" if look.polarity > 0 else "dark",
-        width_px=2 * look.section.radius,
-        spread_px=look.section.spread,
-        roughness_px=look.sigma_px,
+        noise_dark=appearance.noise.dark,
+        noise_per_gray=appearance.noise.per_gray,
+        beam="bright" if appearance.polarity > 0 else "dark",
+        width_px=2 * appearance.section.radius,
+        spread_px=appearance.section.spread,
+        roughness_px=appearance.sigma_px,
         findings=findings(antenna),
     )
 
@@ -178,8 +178,8 @@ def _height(antenna: Antenna) -> tuple[float | None, float | None]:
     normal, shift = camera_from_board[:3, 2], camera_from_board[:3, 3]
     # Derivatives by the board's rotation and shift: height = -normal . shift, and a rotation t
     # changes the normal by t x normal.
-    slopes = np.concatenate([np.cross(normal, shift), normal])
-    variance = float(slopes @ calibration.covariance[-6:, -6:] @ slopes)
+    derivatives = np.concatenate([np.cross(normal, shift), normal])
+    variance = float(derivatives @ calibration.covariance[-6:, -6:] @ derivatives)
     return height, math.sqrt(variance) / MILLIMETRE
 
 

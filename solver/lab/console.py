@@ -28,18 +28,18 @@ def watched(given: Iterator[Answer], source: Source, quiet: bool) -> Iterator[It
     if quiet:
         yield given
     elif source.live:
-        with console.status("waiting for the camera; Ctrl-C ends") as status:
-            yield _shown(given, status)
+        with console.status("waiting for the camera; Ctrl-C stops") as status:
+            yield _with_latest(given, status)
     else:
         assert isinstance(source, Sized)
         with Progress(
             *Progress.get_default_columns(), MofNCompleteColumn(), console=console
-        ) as bars:
-            yield iter(bars.track(given, total=len(source) or None, description="solving"))
+        ) as progress:
+            yield iter(progress.track(given, total=len(source) or None, description="solving"))
 
 
-def _shown(given: Iterator[Answer], status: Status) -> Iterator[Answer]:
-    for answer in given:
+def _with_latest(answers: Iterator[Answer], status: Status) -> Iterator[Answer]:
+    for answer in answers:
         latency = f"{1e3 * answer.latency:.1f} ms"
         status.update(escape(f"{answer.shot.name}  {sentence(answer.row)}  {latency}"))
         yield answer
@@ -47,16 +47,16 @@ def _shown(given: Iterator[Answer], status: Status) -> Iterator[Answer]:
 
 def table(rows: list[Row], method: str) -> Table:
     """Make a table of a method's estimates, with frames named by the shortest end of their path."""
-    shown_table = Table(title=escape(method))
+    rich_table = Table(title=escape(method))
     columns = ("frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
     for column in (*columns, "image_ms"):
-        shown_table.add_column(column)
+        rich_table.add_column(column)
     names = short_names([str(cells["frame_id"]) for cells in rows])
     for name, cells in zip(names, rows, strict=True):
-        shown = [cells[column] for column in (*columns[1:], "image_ms")]
-        texts = (f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in shown)
-        shown_table.add_row(escape(name), *texts)
-    return shown_table
+        values = [cells[column] for column in (*columns[1:], "image_ms")]
+        texts = (f"{v:.4g}" if isinstance(v, float) else str(v or "") for v in values)
+        rich_table.add_row(escape(name), *texts)
+    return rich_table
 
 
 def short_names(paths: list[str]) -> list[str]:

@@ -10,9 +10,9 @@ import cv2
 from solver.instrument.errors import InputError
 
 # Value of CAP_PROP_AUTO_EXPOSURE for manual exposure: 1 with V4L2, 0 with other back ends.
-_BY_HAND: Final = {"V4L2": 1.0}
+_MANUAL_EXPOSURE: Final = {"V4L2": 1.0}
 # Relative tolerance of the exposure: a camera sets the nearest value that it supports.
-_NEAR: Final = 0.05
+_EXPOSURE_TOLERANCE: Final = 0.05
 
 
 class Adjustable(Protocol):
@@ -63,20 +63,20 @@ def _property(text: str) -> tuple[int, float]:
     if number == cv2.CAP_PROP_FOURCC and 0 < len(value) <= 4:
         return number, float(cv2.VideoWriter.fourcc(*value.ljust(4)))
     try:
-        found = float(value)
+        parsed = float(value)
     except ValueError:
-        found = math.nan
-    if not math.isfinite(found):
+        parsed = math.nan
+    if not math.isfinite(parsed):
         raise InputError(f"--control is '{text}', allowed after = is a finite number")
-    return number, found
+    return number, parsed
 
 
 def set_controls(capture: Adjustable | Any, controls: Controls, name: str) -> None:
-    """Set a camera before its first frame. Raises InputError if it does not take a setting."""
+    """Set a camera before its first frame. Raises InputError if it rejects a setting."""
     # The format is set first: available sizes depend on it, and exposures on both.
     for number, value in sorted(controls.properties, key=lambda p: p[0] != cv2.CAP_PROP_FOURCC):
         if not capture.set(number, value):
-            raise InputError(f"{name} does not take property {number} with the value {value:g}")
+            raise InputError(f"{name} rejects property {number} = {value:g}")
     if controls.size is not None:
         sides = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT
         for side, pixels in zip(sides, controls.size, strict=True):
@@ -84,15 +84,17 @@ def set_controls(capture: Adjustable | Any, controls: Controls, name: str) -> No
         width, height = (int(capture.get(side)) for side in sides)
         if (width, height) != controls.size:
             raise InputError(
-                f"{name} gives {width} x {height} px, not the {controls.size[0]} x "
-                f"{controls.size[1]} of --size"
+                f"{name} delivers {width} x {height} px, --size is "
+                f"{controls.size[0]}x{controls.size[1]}"
             )
     if controls.exposure is not None:
-        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _BY_HAND.get(capture.getBackendName(), 0.0))
-        taken = capture.set(cv2.CAP_PROP_EXPOSURE, controls.exposure)
-        has = capture.get(cv2.CAP_PROP_EXPOSURE)
-        if not taken or abs(has - controls.exposure) > _NEAR * max(abs(controls.exposure), 1.0):
+        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _MANUAL_EXPOSURE.get(capture.getBackendName(), 0.0))
+        accepted = capture.set(cv2.CAP_PROP_EXPOSURE, controls.exposure)
+        actual = capture.get(cv2.CAP_PROP_EXPOSURE)
+        if not accepted or abs(actual - controls.exposure) > _EXPOSURE_TOLERANCE * max(
+            abs(controls.exposure), 1.0
+        ):
             raise InputError(
-                f"{name} does not take the exposure {controls.exposure:g}, it has {has:g}; the "
+                f"{name} rejects the exposure {controls.exposure:g}, it has {actual:g}; the "
                 "unit is the camera's own (on Linux 0.1 ms, on Windows a power of two of seconds)"
             )

@@ -31,8 +31,8 @@ def enlarged(image: Grey, factor: int) -> Picture:
 
 def place(point: Floats, factor: int) -> tuple[int, int]:
     """Map a pixel of the image to the enlarged picture, in 2^-SHIFT px, clipped at 10^6."""
-    there = (np.asarray(point) + 0.5) * factor - 0.5
-    u, v = np.clip(np.rint(there * 2**SHIFT), -1e6, 1e6)
+    scaled = (np.asarray(point) + 0.5) * factor - 0.5
+    u, v = np.clip(np.rint(scaled * 2**SHIFT), -1e6, 1e6)
     return int(u), int(v)
 
 

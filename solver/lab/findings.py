@@ -32,8 +32,8 @@ def _copies(antenna: Antenna) -> Iterator[Finding]:
     if antenna.at_rest.copies:
         yield Finding(
             "rest_images_identical",
-            f"{antenna.at_rest.copies} of the rest images are copies of another and count for "
-            "nothing: take each with an exposure of its own",
+            f"{antenna.at_rest.copies} of the rest images are copies of another and are ignored: "
+            "record each with a separate exposure",
         )
 
 
@@ -42,8 +42,8 @@ def _left_out(antenna: Antenna) -> Iterator[Finding]:
         numbers = ", ".join(str(i + 1) for i in antenna.at_rest.left_out)
         yield Finding(
             "rest_image_left_out",
-            f"distinct rest image {numbers} shows the beam elsewhere than the others, touched or "
-            "swinging, and was left out",
+            f"distinct rest image {numbers} was rejected: its beam is displaced from the "
+            "others (touched or swinging)",
         )
 
 
@@ -53,18 +53,18 @@ def _bent(antenna: Antenna) -> Iterator[Finding]:
         bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
         yield Finding(
             "rest_images_bent",
-            f"the beam at rest is bent by {np.abs(bow).max() / MILLIMETRE:.3f} mm, which is taken "
-            "off as its own bow: if it is straight by itself, something touches it; if it hangs, "
-            "state beam.sag_mm",
+            f"the beam at rest has a bow of {np.abs(bow).max() / MILLIMETRE:.3f} mm, which is "
+            "subtracted: if the unloaded beam is straight, something touches it; if it sags, set "
+            "beam.sag_mm",
         )
     elif rest.bow_undecided:
         _, sigma = rest.bow_at(np.linspace(0.0, rest.length, 50))
         yield Finding(
             "bow_undecided",
-            f"the beam at rest looks bent by {math.sqrt(3) * sigma.max() / MILLIMETRE:.3f} mm, "
-            "but it crosses so few pixel rows that the camera's processing or compression may do "
-            "that; the stated sigmas include it: turn the camera until the beam crosses more rows, "
-            "or take unprocessed images",
+            f"the beam at rest may have a bow of {math.sqrt(3) * sigma.max() / MILLIMETRE:.3f} mm, "
+            "or image processing or compression imitates one, because the beam crosses few pixel "
+            "rows; the sigmas include it: rotate the camera so that the beam crosses more rows, or "
+            "record unprocessed images",
         )
 
 
@@ -83,14 +83,14 @@ def _scale(antenna: Antenna) -> Iterator[Finding]:
         math.sqrt(tip.covariance[0, 0]),
         rig.beam.radius / 2,
     )
-    off = tip.point[0] - length
-    if abs(off) > CONTRADICTION * sigma:
+    difference = tip.point[0] - length
+    if abs(difference) > CONTRADICTION * sigma:
         yield Finding(
             "scale_inconsistent",
-            f"the tip at rest is seen {tip.point[0] / MILLIMETRE:.2f} mm from the clamp, stated is "
-            f"a length of {length / MILLIMETRE:.2f} mm, and their sigma is "
-            f"{sigma / MILLIMETRE:.2f} mm: board.square_mm, beam.length_mm, base.position_mm or a "
-            "zoom after the calibration is wrong; nothing in the images says which",
+            f"the tip at rest is measured {tip.point[0] / MILLIMETRE:.2f} mm from the clamp, "
+            f"beam.length_mm is {length / MILLIMETRE:.2f} (sigma of the difference "
+            f"{sigma / MILLIMETRE:.2f} mm): board.square_mm, beam.length_mm or base.position_mm is "
+            "wrong, or the zoom has changed since the calibration",
         )
 
 
@@ -100,31 +100,31 @@ def _pose(antenna: Antenna) -> Iterator[Finding]:
     if antenna.in_world:  # then the motor angle at rest is not stated
         return
     tolerance = rig.tolerances
-    known = calibration_uncertainty(antenna.calibration, rig)
-    place_sigma = math.hypot(
+    uncertainty = calibration_uncertainty(antenna.calibration, rig)
+    offset_sigma = math.hypot(
         tolerance.base_position,
         tolerance.board_translation,
         # The board rotates about its centre.
         tolerance.board_rotation * rig.beam.length / 2,
-        known.across,
+        uncertainty.across,
         math.sqrt(rest.line_covariance[0, 0]),
     )
-    turn_sigma = math.hypot(
-        tolerance.board_rotation, known.turn, math.sqrt(rest.line_covariance[1, 1])
+    angle_sigma = math.hypot(
+        tolerance.board_rotation, uncertainty.turn, math.sqrt(rest.line_covariance[1, 1])
     )
-    place, turn = rest.y_at_clamp - rig.base_position[1], math.atan(rest.slope)
-    if abs(turn) > CONTRADICTION * turn_sigma:
+    offset, angle = rest.y_at_clamp - rig.base_position[1], math.atan(rest.slope)
+    if abs(angle) > CONTRADICTION * angle_sigma:
         yield Finding(
             "pose_inconsistent",
-            f"the beam at rest lies at {turn / DEGREE:.3f} degrees to the rig's x axis, with a "
-            f"sigma of {turn_sigma / DEGREE:.3f}: board.antenna_from_board_rotation_vector_deg is "
-            "wrong, board.rotation_sigma_deg too small, or the beam is clamped askew",
+            f"the beam at rest is at {angle / DEGREE:.3f} deg to the rig's x axis (sigma "
+            f"{angle_sigma / DEGREE:.3f} deg): board.antenna_from_board_rotation_vector_deg is "
+            "wrong, board.rotation_sigma_deg too small, or the beam misaligned in the clamp",
         )
-    elif abs(place) > CONTRADICTION * place_sigma:
+    elif abs(offset) > CONTRADICTION * offset_sigma:
         yield Finding(
             "pose_inconsistent",
-            f"the beam at rest leaves the clamp {place / MILLIMETRE:.3f} mm beside its stated "
-            f"place, with a sigma of {place_sigma / MILLIMETRE:.3f} mm: base.position_mm or "
+            f"the beam at rest leaves the clamp {offset / MILLIMETRE:.3f} mm along y from "
+            f"base.position_mm (sigma {offset_sigma / MILLIMETRE:.3f} mm): base.position_mm or "
             "board.antenna_from_board_translation_mm is wrong, or their sigmas are too small",
         )
 
@@ -132,11 +132,11 @@ def _pose(antenna: Antenna) -> Iterator[Finding]:
 def _landmarks(antenna: Antenna) -> Iterator[Finding]:
     landmarks = antenna.at_rest.landmarks
     if not landmarks.known:
-        least = 3 * landmarks.shift_sigma
-        moves = f"by less than {least:.1f} px " if least <= FARTHEST else ""
+        min_shift = 3 * landmarks.shift_sigma
+        amount = f"of less than {min_shift:.1f} px " if min_shift <= FARTHEST else ""
         yield Finding(
             "camera_shift_unknown",
-            f"a camera that moves {moves}later cannot be noticed, for what the image shows beside "
-            "the beam has too few or too faint edges: bring the clamp or a fixed mark into view, "
-            "or state camera.camera_shift_sigma_px",
+            f"camera motion {amount}cannot be detected, because the image beside the beam has too "
+            "few or too weak edges: bring the clamp or a fixed mark into view, or set "
+            "camera.camera_shift_sigma_px",
         )

@@ -25,10 +25,10 @@ from solver.tracker import (
     run_method,
 )
 
-# Offset of stray points: every fit rejects them. One point in twenty is stray, so that every fit
+# Offset of outliers: every fit rejects them. One point in twenty is an outlier, so that every fit
 # succeeds with the others.
-_STRAY_SIGMAS = 60.0
-_TURNED = 0.05  # [rad]
+_OUTLIER_SIGMAS = 60.0
+_ROTATION = 0.05  # [rad]
 
 
 @dataclass(frozen=True)
@@ -54,53 +54,57 @@ def answers(
     """
     tracker = PushTracker(antenna, method)
     for shot in source:
-        waited = time.perf_counter() - shot.taken
+        wait = time.perf_counter() - shot.taken
         if shot.image is None:
-            nothing = Solved(Estimate(Outcome.INVALID, shot.fault), None, 0.0)
-            yield Answer(shot, nothing, row(shot.name, nothing.estimate, 0.0), waited)
+            failed = Solved(Estimate(Outcome.INVALID, shot.fault), None, 0.0)
+            yield Answer(shot, failed, row(shot.name, failed.estimate, 0.0), wait)
             continue
         # Each repeat uses a copy; otherwise the frame would be among its own previous frames.
         shared = {id(part): part for part in (antenna, method)}
-        trials = [copy.deepcopy(tracker, dict(shared)) for _ in range(repeats - 1)]
-        runs = [one.solve(shot.image, shot.readings, shot.push_id) for one in (*trials, tracker)]
+        copies = [copy.deepcopy(tracker, dict(shared)) for _ in range(repeats - 1)]
+        runs = [
+            runner.solve(shot.image, shot.readings, shot.push_id) for runner in (*copies, tracker)
+        ]
         seconds = statistics.median(run.seconds for run in runs)
         estimate = runs[-1].estimate
-        yield Answer(shot, runs[-1], row(shot.name, estimate, 1e3 * seconds), waited + seconds)
+        yield Answer(shot, runs[-1], row(shot.name, estimate, 1e3 * seconds), wait + seconds)
 
 
 def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     """Run a method on synthetic inputs, so that no frame has to wait for numba's compilation.
 
     The beam at rest is bent artificially, its tip by 3 % of the length, as if touched in the
-    middle. Inputs include a blank image and stray points, because numba compiles anew for other
+    middle. Inputs include a blank image and outliers, because numba compiles anew for other
     array layouts: those of an image without any candidate, and those of the points left after some
     are rejected.
     """
     extract_centreline(antenna, np.full_like(rest_image, np.median(rest_image)))
     refusal_of_moved_camera(antenna, rest_image)
-    resting = to_measurement(antenna, extract_centreline(antenna, rest_image))
-    length, view = resting.rig.beam.length, resting.view
+    at_rest = to_measurement(antenna, extract_centreline(antenna, rest_image))
+    length, view = at_rest.rig.beam.length, at_rest.view
     x = np.clip(view.points[:, 0] / length, 0.0, 1.0)
     y = 0.05 * length * np.where(x < 0.5, x**2 * (1.5 - x), 0.75 * x - 0.125)
     bent = np.column_stack([view.points[:, 0], view.points[:, 1] + y])
     clean = View(bent, view.sigma_vectors, view.viewpoint)
-    stray = bent + _STRAY_SIGMAS * view.sigma_vectors * (np.arange(len(bent)) % 20 == 0)[:, None]
-    for tipless in (clean, View(stray, view.sigma_vectors, view.viewpoint)):
-        run_method(method, replace(resting, view=tipless))
+    with_outliers = (
+        bent + _OUTLIER_SIGMAS * view.sigma_vectors * (np.arange(len(bent)) % 20 == 0)[:, None]
+    )
+    for tipless in (clean, View(with_outliers, view.sigma_vectors, view.viewpoint)):
+        run_method(method, replace(at_rest, view=tipless))
     # A push of two frames; the motor's rotation is of the order of the slope of the bent beam.
-    first = replace(resting, view=clean, motor_angle=_TURNED / 2)
-    run_method(method, replace(first, motor_angle=_TURNED, earlier=(first,)))
+    first = replace(at_rest, view=clean, motor_angle=_ROTATION / 2)
+    run_method(method, replace(first, motor_angle=_ROTATION, earlier=(first,)))
 
 
 def json_line(given: Answer) -> str:
     """Format one frame's answer as one line of JSON, with units in the names."""
-    said: Row = {
+    metadata: Row = {
         "frame": given.shot.number,
         "name": given.shot.name,
         "time_s": given.shot.seconds,
         "latency_ms": 1e3 * given.latency,
         "skipped": given.shot.skipped,
     }
-    known = {key: value for key, value in given.row.items() if value is not None}
-    known.pop("frame_id")
-    return json.dumps({**said, **known})
+    values = {key: value for key, value in given.row.items() if value is not None}
+    values.pop("frame_id")
+    return json.dumps({**metadata, **values})

@@ -40,18 +40,18 @@ def draw(antenna: Antenna, given: Answer) -> Picture:
         mark(picture, line, factor)
         if line.tip is not None:
             _ring(picture, line.tip, factor, TIP)
-    pushed = _pushed(antenna, given.solved, given.shot.readings.motor_angle)
-    if pushed is not None:
-        at, towards = pushed
-        _arrow(picture, at, towards, factor, _arrow_px(antenna, given.solved, len(picture)))
-        _ring(picture, at, factor, CONTACT)
+    contact = _contact_in_image(antenna, given.solved, given.shot.readings.motor_angle)
+    if contact is not None:
+        point, direction = contact
+        _arrow(picture, point, direction, factor, _arrow_px(antenna, given.solved, len(picture)))
+        _ring(picture, point, factor, CONTACT)
     name = f"{Path(given.shot.name).name}  {1e3 * given.latency:.1f} ms"
     for number, text in enumerate((sentence(given.row), name)):
         _write(picture, text, number)
     return picture
 
 
-def _pushed(
+def _contact_in_image(
     antenna: Antenna, solved: Solved, motor_angle: float | None
 ) -> tuple[Floats, Floats] | None:
     """Project the contact to (2,) [px] and the direction of its force to a unit vector (2,)."""
@@ -62,12 +62,12 @@ def _pushed(
     names = [f"contact_{frame}_{axis}_m" for axis in "xyz"]
     pose = to_measurement(antenna, solved.line).antenna_from_beam
     if all(name in values for name in names):
-        at = np.array([values[name] for name in names])
+        point = np.array([values[name] for name in names])
     elif frame == "antenna" and "x_c_m" in values and "y_c_m" in values:
         psi = values.get("psi_rad", 0.0)
         y = values["y_c_m"]
-        in_beam = np.array([values["x_c_m"], y * math.cos(psi), y * math.sin(psi)])
-        at = apply(pose, in_beam[None])[0]
+        beam_point = np.array([values["x_c_m"], y * math.cos(psi), y * math.sin(psi)])
+        point = apply(pose, beam_point[None])[0]
     else:
         return None
     if "force_x_n" in values and "force_y_n" in values:
@@ -84,12 +84,12 @@ def _pushed(
         ]
         force = pose[:3, :3] @ np.array(normal)
     step = 1e-3 * rig.beam.length * force / max(float(np.linalg.norm(force)), 1e-12)
-    ends = antenna.calibration.camera.project(np.vstack([at, at + step]))
-    towards = ends[1] - ends[0]
-    size = float(np.linalg.norm(towards))
-    if not np.isfinite(ends).all() or size < 1e-9:
+    projected = antenna.calibration.camera.project(np.vstack([point, point + step]))
+    direction = projected[1] - projected[0]
+    norm = float(np.linalg.norm(direction))
+    if not np.isfinite(projected).all() or norm < 1e-9:
         return None
-    return ends[0], towards / size
+    return projected[0], direction / norm
 
 
 def _arrow_px(antenna: Antenna, solved: Solved, height: int) -> float:
@@ -99,20 +99,20 @@ def _arrow_px(antenna: Antenna, solved: Solved, height: int) -> float:
     """
     force = abs(solved.estimate.values.get("force_n", 0.0))
     beam = antenna.rig.beam
-    unit = 0.3 * beam.flexural_rigidity / beam.length**2
-    return height / 4 * force / (force + unit)
+    reference_force = 0.3 * beam.flexural_rigidity / beam.length**2
+    return height / 4 * force / (force + reference_force)
 
 
 def _ring(picture: Any, point: Floats, factor: int, colour: Colour) -> None:
     cv2.circle(picture, place(point, factor), 9 << SHIFT, colour, 2, cv2.LINE_AA, SHIFT)
 
 
-def _arrow(picture: Any, at: Floats, towards: Floats, factor: int, length: float) -> None:
+def _arrow(picture: Any, point: Floats, direction: Floats, factor: int, length: float) -> None:
     """Draw an arrow from the object's side, with its head at the ring of the contact."""
     if length < 1:
         return
-    tail = at - towards * (length + 12) / factor
-    head = at - towards * 12 / factor
+    tail = point - direction * (length + 12) / factor
+    head = point - direction * 12 / factor
     cv2.arrowedLine(
         picture,
         place(tail, factor),
@@ -127,13 +127,13 @@ def _arrow(picture: Any, at: Floats, towards: Floats, factor: int, length: float
 
 def _write(picture: Any, text: str, number: int) -> None:
     font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.55
-    plain = text.encode("ascii", "replace").decode()
-    width = cv2.getTextSize(plain, font, size, 1)[0][0]
-    shown = plain[: int(len(plain) * min(1.0, (picture.shape[1] - 20) / max(width, 1)))]
-    at = (10, 24 + 22 * number)
-    shade = at[0] + 1, at[1] + 1
-    cv2.putText(picture, shown, shade, font, size, (0, 0, 0), 1, cv2.LINE_AA)
-    cv2.putText(picture, shown, at, font, size, (255, 255, 255), 1, cv2.LINE_AA)
+    ascii_text = text.encode("ascii", "replace").decode()
+    width = cv2.getTextSize(ascii_text, font, size, 1)[0][0]
+    clipped = ascii_text[: int(len(ascii_text) * min(1.0, (picture.shape[1] - 20) / max(width, 1)))]
+    origin = (10, 24 + 22 * number)
+    shadow = origin[0] + 1, origin[1] + 1
+    cv2.putText(picture, clipped, shadow, font, size, (0, 0, 0), 1, cv2.LINE_AA)
+    cv2.putText(picture, clipped, origin, font, size, (255, 255, 255), 1, cv2.LINE_AA)
 
 
 class OverlayWriter:

@@ -53,7 +53,7 @@ class Files:
     rate = 25.0
 
     def __init__(self, frames: Sequence[ImageFrame]) -> None:
-        self._frames = [(place, frames[place]) for place in push_order(frames)]
+        self._frames = [(i, frames[i]) for i in push_order(frames)]
 
     def __len__(self) -> int:
         return len(self._frames)

@@ -25,35 +25,37 @@ def open_source(
     `readings` is a table as in an observations tree, in the folder of the images; `channel` is the
     channel read from colour images; `controls` are set on a camera. Raises InputError.
     """
-    only = names[0] if len(names) == 1 else ""
-    if only.isdecimal() or "://" in only or only.startswith("/dev/"):
-        name = f"camera {only}"
-        capture = open_capture(int(only) if only.isdecimal() else only)
+    single_name = names[0] if len(names) == 1 else ""
+    if single_name.isdecimal() or "://" in single_name or single_name.startswith("/dev/"):
+        name = f"camera {single_name}"
+        capture = open_capture(int(single_name) if single_name.isdecimal() else single_name)
         set_controls(capture, controls, name)
         return CameraStream(name, capture, channel)
     if controls != NO_CONTROLS:
-        raise InputError(f"{names[0]}: is no camera, whose size, exposure or controls could be set")
-    if Path(only).suffix.lower() in VIDEOS:
-        if not Path(only).is_file():
-            raise InputError(f"{only}: there is no such video")
-        return Video(only, open_capture(only), channel)
+        raise InputError(f"{names[0]}: is not a camera; size, exposure and controls need one")
+    if Path(single_name).suffix.lower() in VIDEOS:
+        if not Path(single_name).is_file():
+            raise InputError(f"{single_name}: does not exist")
+        return Video(single_name, open_capture(single_name), channel)
     for name in names:
         if Path(name).is_dir():
-            raise InputError(f"{name}: is a folder, name the images in it: {name}/*.png")
+            raise InputError(f"{name}: is a folder, list its images: {name}/*.png")
         if not Path(name).is_file():
-            raise InputError(f"{name}: there is no such image")
+            raise InputError(f"{name}: does not exist")
         if Path(name).suffix.lower() in VIDEOS:
             raise InputError(f"{name}: one video at a time")
     paths = [Path(name) for name in names]
-    read = {} if readings is None else {f.path.resolve(): f for f in read_frames(readings)}
+    frames_by_path = (
+        {} if readings is None else {f.path.resolve(): f for f in read_frames(readings)}
+    )
     frames = []
     for path in paths:
-        known = read.get(path.resolve())
-        if readings is not None and known is None:
+        frame = frames_by_path.get(path.resolve())
+        if readings is not None and frame is None:
             raise InputError(f"{readings}: holds no row for {path.name}")
         frames.append(
             ImageFrame(str(path), path, channel=channel)
-            if known is None
-            else replace(known, frame_id=str(path), path=path, channel=channel)
+            if frame is None
+            else replace(frame, frame_id=str(path), path=path, channel=channel)
         )
     return Files(frames)

@@ -54,27 +54,27 @@ def black_rectangles(board: Board) -> Floats:
 def _lines(board: LineNetwork) -> Floats:
     column = np.arange(board.columns)
     row = np.arange(board.rows)
-    across = np.where(column == board.thick_column, 2.0, 1.0) * board.line_width
-    down = np.where(row == board.thick_row, 2.0, 1.0) * board.line_width
+    column_widths = np.where(column == board.thick_column, 2.0, 1.0) * board.line_width
+    row_widths = np.where(row == board.thick_row, 2.0, 1.0) * board.line_width
     square = board.square
     # The outermost crossings are two squares inside the card, the ends of lines one and a half.
-    upright = np.column_stack(
+    vertical = np.column_stack(
         [
-            (column + 2) * square - across / 2,
+            (column + 2) * square - column_widths / 2,
             np.full(board.columns, 1.5 * square),
-            across,
+            column_widths,
             np.full(board.columns, board.rows * square),
         ]
     )
-    lying = np.column_stack(
+    horizontal = np.column_stack(
         [
             np.full(board.rows, 1.5 * square),
-            (row + 2) * square - down / 2,
+            (row + 2) * square - row_widths / 2,
             np.full(board.rows, board.columns * square),
-            down,
+            row_widths,
         ]
     )
-    return np.vstack([upright, lying])
+    return np.vstack([vertical, horizontal])
 
 
 def _charuco(board: Charuco) -> Mask:
@@ -82,8 +82,8 @@ def _charuco(board: Charuco) -> Mask:
     name = f"DICT_{board.dictionary.upper()}"
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     size = (board.columns + 1, board.rows + 1)
-    drawing = cv2.aruco.CharucoBoard(size, 1.0, 0.6, dictionary)
-    return np.asarray(drawing.generateImage((size[0] * _BITS, size[1] * _BITS)) == 0)
+    aruco_board = cv2.aruco.CharucoBoard(size, 1.0, 0.6, dictionary)
+    return np.asarray(aruco_board.generateImage((size[0] * _BITS, size[1] * _BITS)) == 0)
 
 
 def _runs(black: Mask, cell: float, margin: float) -> Floats:

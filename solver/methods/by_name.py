@@ -19,14 +19,14 @@ def find_method(name: str) -> Method:
             "or package.module:function"
         )
     try:
-        found = getattr(importlib.import_module(module), function)
+        attribute = getattr(importlib.import_module(module), function)
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(last.filename).name}:{last.lineno}"
         raise InputError(
             f"method '{name}' cannot be imported: {type(error).__name__} at {where}: {error}"
         ) from error
-    if not callable(found):
-        raise InputError(f"method '{name}' is a {type(found).__name__}, allowed is a function")
-    method: Method = found
+    if not callable(attribute):
+        raise InputError(f"method '{name}' is a {type(attribute).__name__}, allowed is a function")
+    method: Method = attribute
     return method

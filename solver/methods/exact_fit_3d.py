@@ -24,14 +24,12 @@ from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 
 STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
 # With a larger sigma of psi, force and plane are not identifiable.
-MOST_SIGMA = math.radians(30)
+MAX_PSI_SIGMA = math.radians(30)
 # Minima within three sigmas of the best are possible solutions.
 CLOSE_CHI2 = 9.0
-AWAY = (
-    "the beam is seen bent away from the object, as in a plane almost along which the camera looks"
-)
+BENT_AWAY = "the beam appears bent away from the object, as in a plane that is seen nearly edge-on"
 # Largest increase of chi2 by the tip at which the fit keeps the tip: five sigmas.
-MOST_TIP_CHI2 = 25.0
+MAX_TIP_CHI2 = 25.0
 
 
 def exact_fit_3d(measurement: Measurement) -> Estimate:
@@ -44,36 +42,38 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
     """
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
-    found = _fitted(measurement)
-    if found.outcome.has_values or len(measurement.points) < LEAST_POINTS:
-        return found
+    estimate = _fit(measurement)
+    if estimate.outcome.has_values or len(measurement.points) < LEAST_POINTS:
+        return estimate
     refusal = no_contact(nearest_linear_bend(measurement))
     if refusal is not None and refusal.outcome is Outcome.INVALID:
-        return replace(found, outcome=Outcome.EDGE_ON, message=AWAY)
-    return found
+        return replace(estimate, outcome=Outcome.EDGE_ON, message=BENT_AWAY)
+    return estimate
 
 
-def _fitted(measurement: Measurement) -> Estimate:
-    """Estimate by the fit, whichever side the beam appears bent to."""
+def _fit(measurement: Measurement) -> Estimate:
+    """Estimate by the fit, for a beam bent to either side."""
     problem = problem_of(measurement)
     minima = _robust_minima(problem)
     if len(problem.arrays[3]):
         tipless = problem_of(measurement, with_tips=False)
-        freely = _robust_minima(tipless)
-        if _contradicted(minima, freely):
-            problem, minima = tipless, freely
+        tipless_minima = _robust_minima(tipless)
+        if _contradicted(minima, tipless_minima):
+            problem, minima = tipless, tipless_minima
     best = minima[0] if minima else None
     refusal = refusal_of(measurement, problem, best, either_side=True)
     if best is None or (refusal is not None and refusal.outcome is not Outcome.NOT_CONVERGED):
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    spread, others = _spread(best, minima[1:])
+    spread, close = _spread(best, minima[1:])
     sigma = math.sqrt(best.covariance[PSI, PSI] + spread[PSI] ** 2)
     psi = math.degrees(float(best.p[PSI]))
-    if sigma > MOST_SIGMA:
-        also = "".join(f", or {math.degrees(float(one.p[PSI])):.0f}" for one in others)
+    if sigma > MAX_PSI_SIGMA:
+        alternatives = "".join(
+            f", or {math.degrees(float(minimum.p[PSI])):.0f}" for minimum in close
+        )
         return Estimate(
             Outcome.NOT_IDENTIFIABLE,
-            f"the inclination would be {psi:.0f} deg{also}, with a sigma of "
+            f"the inclination would be {psi:.0f} deg{alternatives}, with a sigma of "
             f"{min(math.degrees(sigma), 180):.0f} deg",
             chi2=best.chi2,
             iterations=best.iterations,
@@ -82,7 +82,7 @@ def _fitted(measurement: Measurement) -> Estimate:
         return Estimate(
             Outcome.EDGE_ON,
             f"the inclination of {psi:.0f} deg, with a sigma of {math.degrees(sigma):.1f} deg, "
-            "may be that along which the camera looks",
+            "may be that of a plane seen edge-on",
             chi2=best.chi2,
             iterations=best.iterations,
         )
@@ -97,9 +97,11 @@ def _robust_minima(problem: Problem) -> list[FrameFit]:
     """Find the distinct minima of chi2, best first, without outliers; none for too few points."""
     minima = _minima(problem) if problem.points >= LEAST_POINTS else []
     if minima and not minima[0].kept.all():
-        # Outliers bias every start: search again with the points that the first search has kept.
-        again = _minima(without(problem, minima[0].kept))
-        minima = [fit_from(problem, one.p, psi_free=True) for one in again] or minima
+        # Outliers bias every start: search again with the inliers of the first search.
+        inlier_minima = _minima(without(problem, minima[0].kept))
+        minima = [
+            fit_from(problem, minimum.p, psi_free=True) for minimum in inlier_minima
+        ] or minima
         minima.sort(key=_rank)
     return minima
 
@@ -111,10 +113,10 @@ def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool
     if not with_tip or with_tip[0].status != CONVERGED:
         return True
     tip, free = with_tip[0], without_tip[0]
-    fewer = int(free.kept.sum()) - int(tip.kept.sum())
+    rejected = int(free.kept.sum()) - int(tip.kept.sum())
     return (
-        fewer > 0.05 * len(free.kept)
-        or tip.chi2 - free.chi2 > MOST_TIP_CHI2 * free.variance_inflation
+        rejected > 0.05 * len(free.kept)
+        or tip.chi2 - free.chi2 > MAX_TIP_CHI2 * free.variance_inflation
     )
 
 
@@ -128,29 +130,33 @@ def _minima(problem: Problem) -> list[FrameFit]:
     starts = [
         start for start in (start_of(problem, float(psi)) for psi in STARTS) if start is not None
     ]
-    found = sorted((fit_from(problem, start, psi_free=True) for start in starts), key=_rank)
+    fits = sorted((fit_from(problem, start, psi_free=True) for start in starts), key=_rank)
     distinct: list[FrameFit] = []
-    for fit in found:
+    for fit in fits:
         near = 0.1 * math.sqrt(max(float(fit.covariance[PSI, PSI]), 0.0)) + 1e-6
-        if all(abs(fit.p[PSI] - other.p[PSI]) > near for other in distinct):
+        if all(abs(fit.p[PSI] - known.p[PSI]) > near for known in distinct):
             distinct.append(fit)
     return distinct
 
 
-def _spread(best: FrameFit, others: list[FrameFit]) -> tuple[Floats, list[FrameFit]]:
+def _spread(best: FrameFit, minima: list[FrameFit]) -> tuple[Floats, list[FrameFit]]:
     """Compute the additional sigma of the parameters (8,) due to other minima; return these too.
 
     Each further minimum is weighted by its likelihood, relative to the best's.
     """
     spread, close = np.zeros(len(best.p)), []
-    for one in others:
-        worse = (one.chi2 - best.chi2) / best.variance_inflation
-        if one.status == CONVERGED and worse < CLOSE_CHI2 and one.kept.sum() == best.kept.sum():
-            likelihood = math.exp(-max(worse, 0.0) / 2)
-            apart = math.sqrt(likelihood / (1 + likelihood)) * (one.p - best.p)
-            if abs(apart[PSI]) > abs(spread[PSI]):
-                spread = apart
-            close.append(one)
+    for minimum in minima:
+        excess = (minimum.chi2 - best.chi2) / best.variance_inflation
+        if (
+            minimum.status == CONVERGED
+            and excess < CLOSE_CHI2
+            and minimum.kept.sum() == best.kept.sum()
+        ):
+            likelihood = math.exp(-max(excess, 0.0) / 2)
+            deviation = math.sqrt(likelihood / (1 + likelihood)) * (minimum.p - best.p)
+            if abs(deviation[PSI]) > abs(spread[PSI]):
+                spread = deviation
+            close.append(minimum)
     return spread, close
 
 

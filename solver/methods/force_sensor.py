@@ -25,9 +25,9 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 # Probability that noise alone exceeds the threshold of a load: that of five sigmas.
-NOISE_ALONE: Final = 5.7e-7
+FALSE_ALARM: Final = 5.7e-7
 # Probability that a frictionless contact is rejected.
-REFUSED: Final = 1e-4
+FALSE_REJECTION: Final = 1e-4
 
 
 def force_sensor(measurement: Measurement) -> Estimate:
@@ -43,7 +43,7 @@ def force_sensor(measurement: Measurement) -> Estimate:
     sigma = np.repeat([sensors.base_force, sensors.base_moment], 3)
     load = _load_on_beam(measurement)
     significance = float(((load / sigma) ** 2).sum())
-    if significance < distribution.isf(NOISE_ALONE, 6):
+    if significance < distribution.isf(FALSE_ALARM, 6):
         return Estimate(
             Outcome.NO_CONTACT, f"a load of {math.sqrt(significance):.1f} sigmas at the clamp"
         )
@@ -56,13 +56,13 @@ def force_sensor(measurement: Measurement) -> Estimate:
         return (predicted[0] - load) / sigma, predicted[1] / sigma[:, None]
 
     force, moment = (float(np.linalg.norm(part)) for part in (load[:3], load[3:]))
-    # The moment is normal to the plane; start inside the model's domain.
+    # The moment is normal to the plane. Start inside the model's domain.
     lever = min(max(moment / max(force, sensors.base_force), length / 100), length)
     q = min(max(moment / lever / rigidity, 1e-9), 1.6 / lever**2)
     fit = gauss_newton(
         residuals, np.array([q, lever, math.atan2(-load[4], load[5])]), step_tolerance=1e-2
     )
-    return _answer(measurement, fit)
+    return _estimate(measurement, fit)
 
 
 def _load_on_beam(measurement: Measurement) -> Floats:
@@ -97,25 +97,25 @@ def _predicted(p: Floats, rigidity: float) -> Linearised | None:
     return np.concatenate([force * direction, force * lever * normal]), jacobian
 
 
-def _answer(measurement: Measurement, fit: Fit) -> Estimate:
+def _estimate(measurement: Measurement, fit: Fit) -> Estimate:
     dof = 3
 
-    def refused(outcome: Outcome, message: str = "") -> Estimate:
+    def failure(outcome: Outcome, message: str = "") -> Estimate:
         return Estimate(outcome, message, chi2=fit.chi2, dof=dof, iterations=fit.iterations)
 
     if fit.rank_deficient:
-        return refused(Outcome.NOT_IDENTIFIABLE)
-    if fit.chi2 > distribution.isf(REFUSED, dof):
-        return refused(
+        return failure(Outcome.NOT_IDENTIFIABLE)
+    if fit.chi2 > distribution.isf(FALSE_REJECTION, dof):
+        return failure(
             Outcome.INVALID,
-            f"force and moment are not those of one contact without friction: chi^2 is "
+            f"force and moment do not fit one contact without friction: chi^2 is "
             f"{fit.chi2:.3g} on {dof} degrees of freedom",
         )
     if not fit.converged:
-        return refused(Outcome.NOT_CONVERGED)
+        return failure(Outcome.NOT_CONVERGED)
     q, lever, psi = (float(v) for v in fit.parameters)
     if abs(math.remainder(psi, math.tau)) > math.pi / 2 + 3 * math.sqrt(fit.covariance[2, 2]):
-        return refused(
+        return failure(
             Outcome.INVALID, "the beam is pushed from the side where the rig has no object"
         )
     rig = measurement.rig
@@ -123,14 +123,14 @@ def _answer(measurement: Measurement, fit: Fit) -> Estimate:
     column = {name: i for i, name in enumerate(SHAPE)}
     shape[:3] = q, lever, math.remainder(psi, math.tau)
     shape[column["motor_angle"]] = measurement.motor_angle or 0.0
-    values, by_shape, placed = shape_quantities(measurement, shape, psi_fitted=True)
+    values, by_shape, placement = shape_quantities(measurement, shape, psi_fitted=True)
     # Force and lever are measured; with another flexural rigidity they give another shape.
     by_shape[:, column["rigidity"]] -= by_shape[:, 0] * q
     tolerances = np.zeros(len(SHAPE))
     tolerances[column["motor_angle"]] = rig.tolerances.encoder
     tolerances[column["rigidity"]] = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
-    known = np.diag(tolerances**2)
-    known[:3, :3] = fit.covariance
-    known[3:6, 3:6] = measurement.base_covariance
-    covariance = by_shape @ known @ by_shape.T + placed
+    input_covariance = np.diag(tolerances**2)
+    input_covariance[:3, :3] = fit.covariance
+    input_covariance[3:6, 3:6] = measurement.base_covariance
+    covariance = by_shape @ input_covariance @ by_shape.T + placement
     return judged(rig, values, covariance, "", chi2=fit.chi2, dof=dof, iterations=fit.iterations)

@@ -36,17 +36,17 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
-LEAST_POINTS = 8
+MIN_POINTS = 8
 # The load enters the clamp's prior and the points' errors; it is known well after two rounds.
 ROUNDS = 2
 
 
 def linear_fit(measurement: Measurement) -> Estimate:
     """Estimate contact distance x_c, force f and derived values, with their joint covariance."""
-    found = bent(measurement, LEAST_POINTS)
-    if isinstance(found, Estimate):
-        return found
-    planar, bend = found
+    prepared = bent(measurement, MIN_POINTS)
+    if isinstance(prepared, Estimate):
+        return prepared
+    planar, bend = prepared
     length = planar.rig.beam.length
     projection = _Projection(planar, bend)
     iterations = 0
@@ -58,9 +58,9 @@ def linear_fit(measurement: Measurement) -> Estimate:
         iterations += steps
         linear = projection.linear(x_c)
         if linear[0] <= 0:
-            return Estimate(Outcome.NOT_IDENTIFIABLE, "the load comes out as none or negative")
+            return Estimate(Outcome.NOT_IDENTIFIABLE, "the estimated load is not positive")
         projection = _Projection(planar, Bend(x_c, float(linear[0]), bend.significance))
-    return _answer(planar, projection, x_c, iterations)
+    return _estimate(planar, projection, x_c, iterations)
 
 
 class _Projection:
@@ -76,8 +76,10 @@ class _Projection:
         # A clamp at dx shifts the shape: -dx load u'. With load dx as the unknown this is linear.
         self.load = bend.amplitude
         scale = np.array([self.load, 1.0, 1.0])
-        known = planar.base_covariance * np.outer(scale, scale)
-        self.prior = np.asarray(solve_triangular(np.linalg.cholesky(known), np.eye(3), lower=True))
+        covariance = planar.base_covariance * np.outer(scale, scale)
+        self.prior = np.asarray(
+            solve_triangular(np.linalg.cholesky(covariance), np.eye(3), lower=True)
+        )
         self.target = np.concatenate([self.weight * self.y, np.zeros(3)])
 
     def design(self, x_c: float) -> Floats:
@@ -93,8 +95,8 @@ class _Projection:
         columns = self.design(x_c)
         scale = np.linalg.norm(columns, axis=0)
         orthogonal, upper = np.linalg.qr(columns / scale)
-        solved = solve_triangular(upper, orthogonal.T @ self.target) / scale
-        return np.asarray(solved, dtype=np.float64)
+        solution = solve_triangular(upper, orthogonal.T @ self.target) / scale
+        return np.asarray(solution, dtype=np.float64)
 
     def by_contact(self, x_c: float, linear: Floats) -> Floats:
         """Compute d(model)/d x_c (n + 3,) at fixed linear parameters."""
@@ -127,12 +129,12 @@ def _root(projection: _Projection, start: float, length: float) -> tuple[float, 
     while projection.descent(low) <= 0:
         low, step, evaluations = low - step, 1.5 * step, evaluations + 1
         if low <= 0.001 * length:
-            return "the contact would lie at the clamp"
+            return "the contact would be at the clamp"
     step = 0.02 * length
     while descent > 0:
         high, step, evaluations = high + step, 1.5 * step, evaluations + 1
         if high > 4 * length:
-            return "the contact would lie far beyond the tip"
+            return "the contact would be far beyond the tip"
         descent = projection.descent(high)
     if low == high:
         return low, evaluations
@@ -142,17 +144,19 @@ def _root(projection: _Projection, start: float, length: float) -> tuple[float, 
     return float(root), evaluations + int(report.function_calls)
 
 
-def _answer(planar: Measurement, projection: _Projection, x_c: float, iterations: int) -> Estimate:
+def _estimate(
+    planar: Measurement, projection: _Projection, x_c: float, iterations: int
+) -> Estimate:
     linear = projection.linear(x_c)
     load = float(linear[0])
     residual = projection.residual(x_c, linear)
     chi2, dof = float(residual @ residual), len(planar.points) - 2
     # Residuals larger than the stated sigmas inflate the covariance; smaller ones do not reduce it.
     in_order = residual[:-3][np.argsort(planar.points[:, 0], kind="stable")]
-    widening = max(chi2 / dof, 1.0) * correlation_length(in_order)
+    variance_inflation = max(chi2 / dof, 1.0) * correlation_length(in_order)
     jacobian = np.column_stack([projection.by_contact(x_c, linear), projection.design(x_c)])
     # The variance inflation applies to the points, not to the prior.
-    jacobian[:-3] /= math.sqrt(widening)
+    jacobian[:-3] /= math.sqrt(variance_inflation)
     scale = np.linalg.norm(jacobian, axis=0)
     _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)
     if singular[-1] < 1e-10 * singular[0]:

@@ -40,10 +40,10 @@ from solver.fitting.linear_estimate import (
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
-from solver.methods.two_point import LEAST_POINTS, MeanOfPairs, mean_of_pairs
+from solver.methods.two_point import MIN_POINTS, MeanOfPairs, mean_of_pairs
 from solver.planes.plane_d import on_deformation_plane, unproject
 
-MOST_ITERATIONS = 40
+MAX_ITERATIONS = 40
 TOLERANCE = 1e-9  # rad
 
 
@@ -55,10 +55,10 @@ def moment_sensor(measurement: Measurement) -> Estimate:
         return Estimate(Outcome.INVALID, "the rig states no sigma of its moment sensor")
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
-    if len(measurement.points) < LEAST_POINTS:
+    if len(measurement.points) < MIN_POINTS:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE,
-            f"{len(measurement.points)} visible points, needed are {LEAST_POINTS}",
+            f"{len(measurement.points)} visible points, needed are {MIN_POINTS}",
         )
     # About the y axis of the beam's frame; the force has no moment about its x axis.
     axis = measurement.handedness * measurement.antenna_from_beam[1, 1]
@@ -71,7 +71,7 @@ def moment_sensor(measurement: Measurement) -> Estimate:
             and abs(moment) > LEAST_SIGNIFICANCE * moment_sigma
         ):
             return Estimate(
-                Outcome.EDGE_ON, "the sensor feels a force, and the image shows no bend"
+                Outcome.EDGE_ON, "the sensor measures a force, but the image shows no bend"
             )
         return refusal
 
@@ -88,11 +88,11 @@ def moment_sensor(measurement: Measurement) -> Estimate:
         return mean if isinstance(mean, Estimate) else (mean, planar)
 
     psi, step, previous = 0.0, math.inf, None
-    for iteration in range(1, MOST_ITERATIONS + 1):
-        found = mean_at(psi)
-        if isinstance(found, Estimate):
-            return found
-        mean, planar = found
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        result = mean_at(psi)
+        if isinstance(result, Estimate):
+            return result
+        mean, planar = result
         excess = _inclination(mean.x_c, mean.load, psi, moment, rigidity) - psi
         if abs(excess) < TOLERANCE:
             covariance = _covariance(
@@ -102,14 +102,14 @@ def moment_sensor(measurement: Measurement) -> Estimate:
             return estimate_from_linear_fit(
                 contact, planar, f"mean of {mean.pairs} pairs", iterations=iteration
             )
-        ahead = excess
+        change = excess
         if previous is not None and previous[1] != excess:  # Aitken: secant through both points
-            ahead = -excess * (psi - previous[0]) / (excess - previous[1])
-        if abs(ahead) > step / 2:
-            ahead = math.copysign(min(abs(ahead), step / 2), excess)
-        previous, step = (psi, excess), abs(ahead) if previous is not None else math.inf
-        psi += ahead
-    return Estimate(Outcome.NOT_CONVERGED, iterations=MOST_ITERATIONS)
+            change = -excess * (psi - previous[0]) / (excess - previous[1])
+        if abs(change) > step / 2:
+            change = math.copysign(min(abs(change), step / 2), excess)
+        previous, step = (psi, excess), abs(change) if previous is not None else math.inf
+        psi += change
+    return Estimate(Outcome.NOT_CONVERGED, iterations=MAX_ITERATIONS)
 
 
 def _inclination(
@@ -140,15 +140,15 @@ def _covariance(
     `sensor` is (moment [N m], its sigma, EI).
     """
     moment, moment_sigma, rigidity = sensor
-    widening = nearest_linear_bend(planar).widening
-    fixed_plane = errors_of_planar_fit(planar, mean.noise * widening, mean.by_base)
+    variance_inflation = nearest_linear_bend(planar).widening
+    fixed_plane = errors_of_planar_fit(planar, mean.noise * variance_inflation, mean.by_base)
     # Derivative of the mean by the inclination of the plane onto which the points are un-projected.
-    _, _, turned = unproject(measurement.points, measurement.view.viewpoint, psi)
-    by_plane = mean.moved(turned[mean.rows])
+    _, _, points_by_psi = unproject(measurement.points, measurement.view.viewpoint, psi)
+    by_plane = mean.moved(points_by_psi[mean.rows])
     # Derivatives of inclination(x_c, load, psi, moment, scale, EI), by central differences.
     point = np.array([mean.x_c, mean.load, psi, moment, rigidity, 0.0, 0.0])
-    natural = rigidity * mean.load * mean.x_c  # the moment's order, whatever the rig's size
-    size = np.array([mean.x_c, mean.load, 1.0, natural, 1.0, 1.0, 1.0]) * 1e-6
+    moment_unit = rigidity * mean.load * mean.x_c  # of the moment's order of magnitude
+    size = np.array([mean.x_c, mean.load, 1.0, moment_unit, 1.0, 1.0, 1.0]) * 1e-6
     slopes = np.zeros(7)
     for i in (0, 1, 2, 3, 5, 6):
         ahead, behind = point.copy(), point.copy()
@@ -156,12 +156,12 @@ def _covariance(
         behind[i] -= size[i]
         slopes[i] = (_inclination(*ahead) - _inclination(*behind)) / (2 * size[i])
     by_x_c, by_load, by_psi, by_moment, _, by_scale, by_rigidity = slopes
-    stiffness = 1 - by_psi - by_x_c * by_plane[0] - by_load * by_plane[1]
+    denominator = 1 - by_psi - by_x_c * by_plane[0] - by_load * by_plane[1]
     row = np.zeros(ERRORS)
     row[[X_C, LOAD, SCALE, RIGIDITY]] = np.array([by_x_c, by_load, by_scale, by_rigidity])
-    row /= stiffness
-    followed = np.zeros(ERRORS)
-    followed[[X_C, LOAD, PSI]] = [*by_plane, 1.0]
-    carried = np.eye(ERRORS) + np.outer(followed, row)
-    by_reading = followed * by_moment / stiffness
-    return carried @ fixed_plane @ carried.T + np.outer(by_reading, by_reading) * moment_sigma**2
+    row /= denominator
+    along_psi = np.zeros(ERRORS)
+    along_psi[[X_C, LOAD, PSI]] = [*by_plane, 1.0]
+    jacobian = np.eye(ERRORS) + np.outer(along_psi, row)
+    by_reading = along_psi * by_moment / denominator
+    return jacobian @ fixed_plane @ jacobian.T + np.outer(by_reading, by_reading) * moment_sigma**2

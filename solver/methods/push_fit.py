@@ -48,15 +48,15 @@ from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 
 # Probability that a push with a single object is rejected.
-REFUSED: Final = 1e-4
+FALSE_REJECTION: Final = 1e-4
 # Friction is reported only if its sigma is below this, half of its prior sigma.
-TOLD: Final = DRY / 2
+MAX_FRICTION_SIGMA: Final = DRY / 2
 # With a compliance above this many sigmas an object is distinguished from a rigid one.
-SOFT: Final = 2.0
+SOFT_SIGMAS: Final = 2.0
 # A radius or a compliance below zero by this many sigmas is impossible.
-IMPOSSIBLE: Final = 4.0
-# A motor that has turned by fewer sigmas of its encoder counts as not turned.
-TURNED: Final = 5.0
+IMPOSSIBLE_SIGMAS: Final = 4.0
+# A motor turned by fewer sigmas of its encoder counts as not turned.
+MIN_TURN_SIGMAS: Final = 5.0
 
 
 def push_fit_friction(measurement: Measurement) -> Estimate:
@@ -69,25 +69,25 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
 
     With `friction` also estimate its coefficient, which a single frame does not determine.
     """
-    alone = exact_fit(measurement)
-    if not alone.values:
-        return alone
+    single = exact_fit(measurement)
+    if not single.values:
+        return single
     if friction:
-        alone = with_unknown_grip(alone, measurement)
+        single = with_unknown_grip(single, measurement)
     if measurement.rig.known_psi:
-        return _of_last(alone, "the push is not in plane C")
+        return _single_frame(single, "the push is not in plane C")
     if measurement.motor_angle is None:
-        return _of_last(alone, "no motor angle is read")
-    frames, lever = _bent(measurement)
-    slippery = np.zeros((len(frames), 0))
-    push = Push(tuple(frames), measurement.rig, measurement.base_covariance, slippery)
+        return _single_frame(single, "no motor angle is read")
+    frames, lever = _bent_frames(measurement)
+    no_grip = np.zeros((len(frames), 0))
+    push = Push(tuple(frames), measurement.rig, measurement.base_covariance, no_grip)
     if len(frames) < 2:
-        return _of_last(alone, "no earlier one shows the beam bent")
-    if np.ptp(push.motor_angles) < TURNED * push.encoder_sigma:
-        return _of_last(alone, "the motor has not turned")
+        return _single_frame(single, "no earlier frame shows a bend")
+    if np.ptp(push.motor_angles) < MIN_TURN_SIGMAS * push.encoder_sigma:
+        return _single_frame(single, "the motor has not turned")
     start = _start(push, lever)
     if start is None or push.residuals(start) is None:
-        return Estimate(Outcome.INVALID, "the frames' shapes are not those of one push")
+        return Estimate(Outcome.INVALID, "the frames' shapes do not fit one push")
     if friction:
         pushing_angles = push.rig.deflects_towards * (start[-PUSH + 1] - push.motor_angles)
         begins = [frame.begins for frame in frames]
@@ -96,34 +96,36 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
         push = replace(push, grip_matrix=matrix)
         start = np.append(start, np.zeros(push.grip_matrix.shape[1]))
     fit = gauss_newton(push.residuals, start)
-    return _judged(push, measurement, fit, alone)
+    return _estimate(push, measurement, fit, single)
 
 
-def _of_last(alone: Estimate, why: str) -> Estimate:
-    """Return the estimate of the last frame alone, with the reason."""
-    message = "; ".join(part for part in (f"of this frame alone: {why}", alone.message) if part)
-    return replace(alone, message=message)
+def _single_frame(estimate: Estimate, reason: str) -> Estimate:
+    """Return a single frame's estimate, with the reason."""
+    message = "; ".join(
+        part for part in (f"from this frame alone: {reason}", estimate.message) if part
+    )
+    return replace(estimate, message=message)
 
 
-def _bent(measurement: Measurement) -> tuple[list[PushFrame], float]:
+def _bent_frames(measurement: Measurement) -> tuple[list[PushFrame], float]:
     """Return the frames with contact and a motor angle, without outliers, and the best lever [m].
 
     Each frame is fitted by itself first, which gives the outliers, the variance inflation of the
     other points, and the contact.
     """
     frames, best, lever, begins = [], math.inf, 0.0, True
-    for one in (*measurement.earlier, measurement):
+    for frame in (*measurement.earlier, measurement):
         # As in `exact_fit`, without tips: a detected tip may be an occluder's edge.
-        problem = problem_of(one, with_tips=False)
+        problem = problem_of(frame, with_tips=False)
         start = start_of(problem, 0.0) if problem.points else None
         fit = None if start is None else fit_from(problem, start, psi_free=False)
-        refusal = refusal_of(one, problem, fit)
+        refusal = refusal_of(frame, problem, fit)
         if refusal is not None and refusal.outcome is Outcome.NO_CONTACT:
             begins = True
-        if fit is None or one.motor_angle is None or refusal is not None:
+        if fit is None or frame.motor_angle is None or refusal is not None:
             continue
-        kept = problem if fit.kept.all() else without(problem, fit.kept)
-        frames.append(PushFrame(one.motor_angle, kept, fit.variance_inflation, begins))
+        inliers = problem if fit.kept.all() else without(problem, fit.kept)
+        frames.append(PushFrame(frame.motor_angle, inliers, fit.variance_inflation, begins))
         begins = False
         if fit.covariance[LEVER, LEVER] < best:
             best, lever = fit.covariance[LEVER, LEVER], fit.p[LEVER]
@@ -147,50 +149,51 @@ def _start(push: Push, lever: float) -> Floats | None:
     # pushing angle = side (onset - motor angle); a spring reduces it by compliance F / x0.
     force = beam.flexural_rigidity * np.array(bends)
     design = np.column_stack([np.full(len(bends), side), -force / lever])
-    rigid = shapes.pushing_angles + side * push.motor_angles
-    parameters[-PUSH + 1 : -1] = np.linalg.lstsq(design, rigid, rcond=None)[0]
+    target = shapes.pushing_angles + side * push.motor_angles
+    parameters[-PUSH + 1 : -1] = np.linalg.lstsq(design, target, rcond=None)[0]
     return parameters
 
 
-def _judged(push: Push, last: Measurement, fit: Fit, alone: Estimate) -> Estimate:
+def _estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> Estimate:
     """Return the estimate, or the outcome if the frames are inconsistent or insufficient."""
     count, chi2 = len(push.frames), fit.chi2
     dof = sum(frame.problem.points for frame in push.frames) + 1 - PUSH
 
-    def refused(outcome: Outcome, message: str = "") -> Estimate:
+    def failure(outcome: Outcome, message: str = "") -> Estimate:
         return Estimate(outcome, message, chi2=chi2, dof=dof, iterations=fit.iterations)
 
     if fit.rank_deficient:
-        return _of_last(alone, f"{count} frames leave the push open")
+        return _single_frame(single, f"{count} frames do not determine the push")
     consistency, equations = push.consistency_chi2(fit.parameters)
-    if consistency > distribution.isf(REFUSED, equations):
-        return refused(
+    if consistency > distribution.isf(FALSE_REJECTION, equations):
+        return failure(
             Outcome.INVALID,
-            f"the {count} frames of the push are not those of one object at one place on a linear "
+            f"the {count} frames of the push do not fit one object at one place on a linear "
             f"spring: chi^2 of the push is {consistency:.3g} on {equations} degrees of freedom",
         )
     if not fit.converged:
-        return _of_last(alone, f"the fit of {count} frames did not converge")
-    reach = push.size - 1
-    roundness = fit.parameters[reach] - last.rig.beam.radius
-    if roundness < -IMPOSSIBLE * math.sqrt(fit.covariance[reach, reach]):
-        return refused(
+        return _single_frame(single, f"the fit of {count} frames did not converge")
+    radius_index = push.size - 1
+    excess_radius = fit.parameters[radius_index] - last.rig.beam.radius
+    if excess_radius < -IMPOSSIBLE_SIGMAS * math.sqrt(fit.covariance[radius_index, radius_index]):
+        return failure(
             Outcome.INVALID,
-            "the contact moves along the beam as on no object that stands still"
+            "the contact's motion along the beam fits no object at rest"
             + ("" if push.friction else " without friction"),
         )
     coefficient = fit.parameters[push.size] if push.friction else 0.0
-    if coefficient < 0 and coefficient**2 > IMPOSSIBLE**2 * fit.covariance[push.size, push.size]:
-        return refused(
-            Outcome.INVALID, "the object would pull the beam along by less than no friction"
-        )
+    if (
+        coefficient < 0
+        and coefficient**2 > IMPOSSIBLE_SIGMAS**2 * fit.covariance[push.size, push.size]
+    ):
+        return failure(Outcome.INVALID, "the coefficient of friction would be negative")
     values, covariance = _quantities(push, last, fit)
     row = list(values).index("compliance_m_per_n")
-    if values["compliance_m_per_n"] < -IMPOSSIBLE * math.sqrt(covariance[row, row]):
-        return refused(
+    if values["compliance_m_per_n"] < -IMPOSSIBLE_SIGMAS * math.sqrt(covariance[row, row]):
+        return failure(
             Outcome.INVALID,
-            "the object comes towards the beam the more it is pushed: the motor turns about "
-            "another axis than the clamp's, or the beam is not the rig's",
+            "the compliance would be negative: the motor turns about another axis than the "
+            "clamp's, or the beam is not the rig's",
         )
     return judged(
         last.rig,
@@ -207,24 +210,27 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     """Compute all values of the last frame and of the push, and their joint covariance."""
     tolerances, side = last.rig.tolerances, last.rig.deflects_towards
     rigidity = last.rig.beam.flexural_rigidity
-    count, n, of_push = len(push.frames), len(fit.parameters), push.size - PUSH
-    onset, compliance = float(fit.parameters[of_push + 1]), float(fit.parameters[of_push + 2])
+    count, n, push_index = len(push.frames), len(fit.parameters), push.size - PUSH
+    onset, compliance = float(fit.parameters[push_index + 1]), float(fit.parameters[push_index + 2])
     shapes = push.shapes(fit.parameters)
     assert shapes is not None
     column = {name: i for i, name in enumerate(SHAPE)}
     # The last frame's shape, and its derivative by the fit's parameters.
-    in_base = [column[name] for name in ("dx", "dy", "tilt")]
+    base_rows = [column[name] for name in ("dx", "dy", "tilt")]
     shape, by_fit = np.zeros(len(SHAPE)), np.zeros((len(SHAPE), n))
     shape[column["q"]], by_fit[column["q"], count - 1] = fit.parameters[count - 1], 1.0
     shape[column["lever"]], by_fit[column["lever"]] = shapes.levers[-1], shapes.d_levers[-1]
-    shape[in_base], by_fit[in_base, count:of_push] = fit.parameters[count:of_push], np.eye(BASE)
+    shape[base_rows], by_fit[base_rows, count:push_index] = (
+        fit.parameters[count:push_index],
+        np.eye(BASE),
+    )
     shape[column["grip"]] = push.grip_matrix[-1] @ fit.parameters[push.size :]
     by_fit[column["grip"], push.size :] = push.grip_matrix[-1]
     # The encoder's reading, corrected by the shapes: onset less the pushing angle.
     shape[column["motor_angle"]] = onset - side * shapes.pushing_angles[-1]
     by_fit[column["motor_angle"]] = -side * shapes.d_pushing_angles[-1]
-    by_fit[column["motor_angle"], of_push + 1] += 1.0
-    values, by_shape, placed = shape_quantities(
+    by_fit[column["motor_angle"], push_index + 1] += 1.0
+    values, by_shape, placement = shape_quantities(
         last, shape, clamp_fitted=True, grip_fitted=push.friction
     )
     rows = len(values)
@@ -233,23 +239,27 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     jacobian[:rows, :n] = by_shape @ by_fit
     jacobian[:rows, n:] = by_shape[:, [column["rigidity"], column["scale"]]]
     # Shapes determine only compliance times EI; by similarity it grows as a length cubed.
-    jacobian[rows, of_push + 2] = 1.0
+    jacobian[rows, push_index + 2] = 1.0
     jacobian[rows, n:] = -compliance, 3 * compliance
-    jacobian[rows + 1, of_push + 1] = 1.0
+    jacobian[rows + 1, push_index + 1] = 1.0
     values |= {"compliance_m_per_n": compliance, "onset_angle_rad": onset}
-    if push.friction and math.sqrt(fit.covariance[push.size, push.size]) < TOLD:
+    if push.friction and math.sqrt(fit.covariance[push.size, push.size]) < MAX_FRICTION_SIGMA:
         values["friction"] = float(fit.parameters[push.size])
         jacobian = np.vstack([jacobian, np.arange(n + 2) == push.size])
-    known = np.zeros((n + 2, n + 2))
-    known[:n, :n] = fit.covariance
-    known[n, n] = (tolerances.flexural_rigidity / rigidity) ** 2
-    known[n + 1, n + 1] = last.scale_sigma**2
-    if compliance > SOFT * math.sqrt(float(jacobian[rows] @ known @ jacobian[rows])):
+    input_covariance = np.zeros((n + 2, n + 2))
+    input_covariance[:n, :n] = fit.covariance
+    input_covariance[n, n] = (tolerances.flexural_rigidity / rigidity) ** 2
+    input_covariance[n + 1, n + 1] = last.scale_sigma**2
+    if compliance > SOFT_SIGMAS * math.sqrt(
+        float(jacobian[rows] @ input_covariance @ jacobian[rows])
+    ):
         values["stiffness_n_per_m"] = 1 / compliance
         jacobian = np.vstack([jacobian, -jacobian[rows] / compliance**2])
-    covariance = jacobian @ known @ jacobian.T
-    covariance[:rows, :rows] += placed
+    covariance = jacobian @ input_covariance @ jacobian.T
+    covariance[:rows, :rows] += placement
     force = list(values).index("force_n")
-    grip_sigma = math.sqrt(by_fit[column["grip"]] @ known[:n, :n] @ by_fit[column["grip"]])
+    grip_sigma = math.sqrt(
+        by_fit[column["grip"]] @ input_covariance[:n, :n] @ by_fit[column["grip"]]
+    )
     covariance[force, force] += curved_by_grip(values["force_n"], shape[column["grip"]], grip_sigma)
     return values, covariance

@@ -34,11 +34,11 @@ from solver.methods.two_point import MeanOfPairs, mean_of_pairs, two_point
 from solver.planes.plane_d import known_plane
 
 # With a compliance above this many sigmas an object is distinguished from a rigid one.
-SOFT: Final = 2.0
-# A motor that has turned by fewer sigmas of its encoder counts as not turned.
-TURNED: Final = 5.0
-# Least encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
-LEAST_ENCODER: Final = 1e-6
+SOFT_SIGMAS: Final = 2.0
+# A motor turned by fewer sigmas of its encoder counts as not turned.
+MIN_TURN_SIGMAS: Final = 5.0
+# Minimum encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
+MIN_ENCODER_SIGMA: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -67,43 +67,41 @@ class _Onset:
 
 def stiffness(measurement: Measurement) -> Estimate:
     """Estimate x_c, force, the object's compliance and the onset, with their joint covariance."""
-    alone = two_point(measurement)
-    found = known_plane(measurement)
-    if not alone.values or isinstance(found, Estimate):
-        return alone
+    single = two_point(measurement)
+    plane = known_plane(measurement)
+    if not single.values or isinstance(plane, Estimate):
+        return single
     if measurement.motor_angle is None:
-        return _of_last(alone, "no motor angle is read")
-    mean = mean_of_pairs(found[0])
+        return _single_frame(single, "no motor angle is read")
+    mean = mean_of_pairs(plane[0])
     assert not isinstance(mean, Estimate)
     loads = _loads(measurement, mean.x_c)
-    encoder = max(measurement.rig.tolerances.encoder, LEAST_ENCODER)
+    encoder = max(measurement.rig.tolerances.encoder, MIN_ENCODER_SIGMA)
     if len(loads) < 2:
-        return _of_last(alone, "no earlier one shows the beam bent")
-    if np.ptp([load.motor_angle for load in loads]) < TURNED * encoder:
-        return _of_last(alone, "the motor has not turned")
+        return _single_frame(single, "no earlier frame shows a bend")
+    if np.ptp([load.motor_angle for load in loads]) < MIN_TURN_SIGMAS * encoder:
+        return _single_frame(single, "the motor has not turned")
     onset = _onset(loads, measurement.rig.deflects_towards, encoder)
     if onset is None:
-        return Estimate(
-            Outcome.INVALID, "the load does not grow with the motor angle as from one first contact"
-        )
-    errors = _errors(loads, onset, mean, found[0], encoder)
-    values, covariance = _quantities(mean, onset, found[0], errors)
-    return Estimate(alone.outcome, f"{len(loads)} frames", values=values, covariance=covariance)
+        return Estimate(Outcome.INVALID, "the loads do not fit a push from one first contact")
+    errors = _errors(loads, onset, mean, plane[0], encoder)
+    values, covariance = _quantities(mean, onset, plane[0], errors)
+    return Estimate(single.outcome, f"{len(loads)} frames", values=values, covariance=covariance)
 
 
-def _of_last(alone: Estimate, why: str) -> Estimate:
-    """Return the estimate of the last frame alone, with the reason."""
-    return replace(alone, message=f"of this frame alone: {why}; {alone.message}")
+def _single_frame(estimate: Estimate, reason: str) -> Estimate:
+    """Return a single frame's estimate, with the reason."""
+    return replace(estimate, message=f"from this frame alone: {reason}; {estimate.message}")
 
 
 def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
     """Compute the loads of the bent frames so far, in order of time, for a contact at x_c."""
     loads = []
     for frame in (*measurement.earlier, measurement):
-        found = known_plane(frame)
-        if frame.motor_angle is None or isinstance(found, Estimate):
+        plane = known_plane(frame)
+        if frame.motor_angle is None or isinstance(plane, Estimate):
             continue
-        planar = found[0]
+        planar = plane[0]
         if nearest_linear_bend(planar).significance < LEAST_SIGNIFICANCE:
             continue
         x, y = planar.points.T
@@ -140,12 +138,12 @@ def _onset(loads: list[_Load], side: int, encoder: float) -> _Onset | None:
         return (growth * tangent - measured) / sigma, jacobian
 
     fit = gauss_newton(residuals, np.array([growth, -level / slope]))
-    here = residuals(fit.parameters)
-    if here is None or not fit.converged or fit.rank_deficient or fit.parameters[0] <= 0:
+    linearised = residuals(fit.parameters)
+    if linearised is None or not fit.converged or fit.rank_deficient or fit.parameters[0] <= 0:
         return None
-    by_load = (fit.covariance @ here[1].T)[1] / sigma
+    by_load = (fit.covariance @ linearised[1].T)[1] / sigma
     # A larger motor angle changes the residual as a smaller onset does.
-    return _Onset(float(fit.parameters[1]), by_load, by_load * here[1][:, 1] * sigma)
+    return _Onset(float(fit.parameters[1]), by_load, by_load * linearised[1][:, 1] * sigma)
 
 
 def _quantities(
@@ -182,7 +180,7 @@ def _quantities(
         by_compliance,
         [0.0, 0.0, 0.0, 0.0, 1.0],
     ]
-    if compliance > SOFT * math.sqrt(float(by_compliance @ errors @ by_compliance)):
+    if compliance > SOFT_SIGMAS * math.sqrt(float(by_compliance @ errors @ by_compliance)):
         values["stiffness_n_per_m"] = 1 / compliance
         rows.append([-part / compliance**2 for part in by_compliance])
     jacobian = np.array(rows)
@@ -198,35 +196,35 @@ def _errors(
     the scale of lengths and EI are common to all.
     """
     side, tolerances = planar.rig.deflects_towards, planar.rig.tolerances
-    final = len(loads) - 1
+    last = len(loads) - 1
 
     def row(x_c: Floats | float, load: Floats | float, onset: Floats | float) -> Floats:
         """Combine errors of the last shape and of the onset, which changes the pushing angle."""
         return np.array([x_c + 0 * onset, load + 0 * onset, side * onset, 0 * onset, onset])
 
     along, across = planar.sigma_vectors.T
-    clear = np.zeros_like(across)
+    zeros = np.zeros_like(across)
     covariance = np.zeros((5, 5))
-    of_clamp = row(mean.by_base[0], mean.by_base[1], np.zeros(3))
+    by_clamp = row(mean.by_base[0], mean.by_base[1], np.zeros(3))
     for i, load in enumerate(loads):
-        of_clamp += row(0.0, 0.0, onset.by_load[i] * load.by_base)
+        by_clamp += row(0.0, 0.0, onset.by_load[i] * load.by_base)
         motor = row(0.0, 0.0, float(onset.by_motor[i]))
-        if i == final:
+        if i == last:
             motor[2] -= side
         covariance += np.outer(motor, motor) * encoder**2
-        if i < final:
-            alone = row(0.0, 0.0, float(onset.by_load[i]) * load.sigma)
-            covariance += np.outer(alone, alone)
+        if i < last:
+            noise = row(0.0, 0.0, float(onset.by_load[i]) * load.sigma)
+            covariance += np.outer(noise, noise)
     # The last frame's points affect both its contact and its part of the onset.
-    by_contact = np.vstack([clear, clear])
+    by_contact = np.vstack([zeros, zeros])
     by_contact[:, mean.rows] = mean.by_point
-    slope = clear.copy()
+    slope = zeros.copy()
     slope[mean.rows] = mean.slope
-    points = row(by_contact[0], by_contact[1], onset.by_load[final] * loads[final].by_y)
+    points = row(by_contact[0], by_contact[1], onset.by_load[last] * loads[last].by_y)
     points = points * (across - slope * along)
     covariance += points @ points.T
-    covariance += of_clamp @ planar.base_covariance @ of_clamp.T
-    # The onset is an angle, which no scale changes.
+    covariance += by_clamp @ planar.base_covariance @ by_clamp.T
+    # The onset is an angle: the scale does not change it.
     scale = row(mean.x_c, -2 * mean.load, 0.0)
     covariance += np.outer(scale, scale) * planar.scale_sigma**2
     covariance[3, 3] += tolerances.flexural_rigidity**2

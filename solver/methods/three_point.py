@@ -52,20 +52,20 @@ from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 from solver.methods.two_point import MeanOfPairs, mean_of_pairs
 from solver.planes.plane_d import on_deformation_plane, opening, unproject
 
-LEAST_POINTS = 3 * STRETCHES
+MIN_POINTS = 3 * STRETCHES
 GRID = np.radians(np.arange(-89.0, 89.5, 1.0))
-COARSE = 4  # every fourth plane of the grid is tested for the sigma of psi
+COARSE_STEP = 4  # every fourth plane of the grid is tested for the sigma of psi
 
 
 def three_point(measurement: Measurement) -> Estimate:
     """Estimate inclination psi, contact distance x_c, force f, derived values, with covariance."""
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
-    # A repeated column does not add another place of the beam.
+    # A repeated column adds no information.
     count = len(np.unique(measurement.points[measurement.points[:, 0] > 0, 0]))
-    if count < LEAST_POINTS:
+    if count < MIN_POINTS:
         return Estimate(
-            Outcome.NOT_IDENTIFIABLE, f"{count} visible points, needed are {LEAST_POINTS}"
+            Outcome.NOT_IDENTIFIABLE, f"{count} visible points, needed are {MIN_POINTS}"
         )
     bend = nearest_linear_bend(measurement)
     refusal = no_contact(bend)
@@ -78,7 +78,7 @@ def three_point(measurement: Measurement) -> Estimate:
     if not votes.weights.any():
         return Estimate(
             Outcome.NOT_IDENTIFIABLE,
-            "no three points far enough apart tell planes of different inclination apart",
+            "no three points far enough apart distinguish planes by their inclination",
         )
 
     def disagreement(psi: float) -> float:
@@ -88,7 +88,7 @@ def three_point(measurement: Measurement) -> Estimate:
     scan = np.array([disagreement(psi) for psi in GRID])
     roots = _roots(disagreement, scan, viewpoint)
     if not roots:
-        return Estimate(Outcome.INVALID, "on no plane do three points show the same contact")
+        return Estimate(Outcome.INVALID, "the contacts of three points agree on no plane")
     psi = min(roots, key=abs)
     planar = on_deformation_plane(measurement, psi)
     if planar is None:
@@ -98,11 +98,11 @@ def three_point(measurement: Measurement) -> Estimate:
         return mean
     covariance = _covariance(measurement, planar, mean, nodes, votes.weights, psi, scan)
     if covariance is None:
-        return Estimate(
-            Outcome.NOT_IDENTIFIABLE, "the image does not tell the inclination of the beam's plane"
-        )
-    others = "".join(f", {math.degrees(root):.0f}" for root in roots if root != psi)
-    message = f"mean of {mean.pairs} pairs" + (f"; other inclinations{others} deg" * bool(others))
+        return Estimate(Outcome.NOT_IDENTIFIABLE, "the image does not determine the beam's plane")
+    other_roots = "".join(f", {math.degrees(root):.0f}" for root in roots if root != psi)
+    message = f"mean of {mean.pairs} pairs" + (
+        f"; other inclinations{other_roots} deg" * bool(other_roots)
+    )
     contact = LinearContact(mean.x_c, mean.load, covariance, psi)
     return estimate_from_linear_fit(contact, planar, message)
 
@@ -114,12 +114,12 @@ def _roots(disagreement: Callable[[float], float], scan: Floats, viewpoint: Floa
     """
     roots = []
     side = np.array([opening(viewpoint, psi) > 0 for psi in GRID])
-    together = (side[1:] == side[:-1]) & np.isfinite(scan[1:]) & np.isfinite(scan[:-1])
-    for i in np.flatnonzero(together):
-        here, there = scan[i], scan[i + 1]
-        if here == 0 and there != 0:
+    same_side = (side[1:] == side[:-1]) & np.isfinite(scan[1:]) & np.isfinite(scan[:-1])
+    for i in np.flatnonzero(same_side):
+        left, right = scan[i], scan[i + 1]
+        if left == 0 and right != 0:
             roots.append(float(GRID[i]))
-        elif here * there < 0:
+        elif left * right < 0:
             roots.append(float(brentq(disagreement, GRID[i], GRID[i + 1], xtol=1e-12)))
     return roots
 
@@ -141,43 +141,43 @@ def _covariance(
     """
     bend = nearest_linear_bend(planar)  # not the mean of pairs, whose bias would enter the noise
     viewpoint, length = measurement.view.viewpoint, measurement.rig.beam.length
-    here, lifted = by_sources(nodes, viewpoint, psi, bend.x_c, bend.amplitude, length, weights)
-    by_psi = here[-1]
+    at_root, height = by_sources(nodes, viewpoint, psi, bend.x_c, bend.amplitude, length, weights)
+    by_psi = at_root[-1]
     if abs(by_psi) < 1e-12:
         return None
     count = len(measurement.points)
     by_error = np.zeros((3, count))
     by_base = np.zeros((3, 3))
-    by_error[2] = -here[:count] / by_psi
-    by_base[2] = -here[count:-1] / by_psi
-    seen = np.flatnonzero(np.isfinite(unproject(measurement.points, viewpoint, psi)[0][:, 0]))
+    by_error[2] = -at_root[:count] / by_psi
+    by_base[2] = -at_root[count:-1] / by_psi
+    visible = np.flatnonzero(np.isfinite(unproject(measurement.points, viewpoint, psi)[0][:, 0]))
     along, across = planar.sigma_vectors[mean.rows].T
-    by_error[:2, seen[mean.rows]] = mean.by_point * (across - mean.slope * along)
+    by_error[:2, visible[mean.rows]] = mean.by_point * (across - mean.slope * along)
     by_base[:2] = mean.by_base
-    _, _, turned = unproject(measurement.points[seen], viewpoint, psi)
-    by_plane = mean.moved(turned[mean.rows])
+    _, _, points_by_psi = unproject(measurement.points[visible], viewpoint, psi)
+    by_plane = mean.moved(points_by_psi[mean.rows])
     base = planar.base_covariance
 
     def variance(by_source: Floats) -> float:
         noise, clamp = by_source[:count], by_source[count:-1]
         return float(noise @ noise * bend.widening + clamp @ base @ clamp)
 
-    sigma = math.sqrt(variance(here)) / abs(by_psi)
+    sigma = math.sqrt(variance(at_root)) / abs(by_psi)
     farthest = sigma
-    for other, value in zip(GRID[::COARSE], scan[::COARSE], strict=True):
-        if abs(other - psi) > farthest and math.isfinite(value):
-            there, _ = by_sources(
-                nodes, viewpoint, other, bend.x_c, bend.amplitude, length, weights, lifted
+    for plane_psi, value in zip(GRID[::COARSE_STEP], scan[::COARSE_STEP], strict=True):
+        if abs(plane_psi - psi) > farthest and math.isfinite(value):
+            at_plane, _ = by_sources(
+                nodes, viewpoint, plane_psi, bend.x_c, bend.amplitude, length, weights, height
             )
-            if value**2 <= variance(there):
-                farthest = abs(other - psi)
+            if value**2 <= variance(at_plane):
+                farthest = abs(plane_psi - psi)
     if sigma <= 0 or farthest > math.pi / 2:
         return None
     by_error[2] *= farthest / sigma
     by_base[2] *= farthest / sigma
-    carried = np.eye(3)
-    carried[:2, 2] = by_plane
-    by_error, by_base = carried @ by_error, carried @ by_base
+    transfer = np.eye(3)
+    transfer[:2, 2] = by_plane
+    by_error, by_base = transfer @ by_error, transfer @ by_base
     covariance = stated_errors(planar)
     covariance[:3, :3] = by_error @ by_error.T * bend.widening + by_base @ base @ by_base.T
     covariance[:3, BASE] = -by_base @ base

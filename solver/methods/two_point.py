@@ -38,17 +38,17 @@ from solver.instrument.compiled import njit
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
-LEAST_PAIRS = 500
-LEAST_POINTS = 33  # fewer points cannot make 500 pairs
-LEAST_SEPARATION = 0.25  # of the beam's length
+MIN_PAIRS = 500
+MIN_POINTS = 33  # fewer points cannot make 500 pairs
+MIN_SEPARATION = 0.25  # of the beam's length
 
 
 def two_point(measurement: Measurement) -> Estimate:
     """Estimate contact distance x_c, force f and derived values, with their joint covariance."""
-    found = bent(measurement, LEAST_POINTS)
-    if isinstance(found, Estimate):
-        return found
-    planar, bend = found
+    prepared = bent(measurement, MIN_POINTS)
+    if isinstance(prepared, Estimate):
+        return prepared
+    planar, bend = prepared
     mean = mean_of_pairs(planar)
     if isinstance(mean, Estimate):
         return mean
@@ -87,20 +87,20 @@ def mean_of_pairs(planar: Measurement) -> MeanOfPairs | Estimate:
     ahead = np.flatnonzero(planar.points[:, 0] > 0)
     rows = ahead[np.argsort(planar.points[ahead, 0], kind="stable")]
     x, y = planar.points[rows].T
-    sums, by_point, tried = _sum_over_pairs(x, y, LEAST_SEPARATION * length, length)
+    sums, by_point, tried = _sum_over_pairs(x, y, MIN_SEPARATION * length, length)
     pairs = int(sums[0])
-    if tried < LEAST_PAIRS:
+    if tried < MIN_PAIRS:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE,
-            f"{tried} pairs of points lie far enough apart, needed are {LEAST_PAIRS}",
+            f"{tried} pairs of points are far enough apart, needed are {MIN_PAIRS}",
         )
-    if pairs < LEAST_PAIRS:
+    if pairs < MIN_PAIRS:
         return Estimate(
             Outcome.INVALID,
-            f"{pairs} of {tried} pairs of points fit a point contact, needed are {LEAST_PAIRS}",
+            f"{pairs} of {tried} pairs of points fit a point contact, needed are {MIN_PAIRS}",
         )
     x_c, load = float(sums[1]) / pairs, float(sums[2]) / pairs
-    # The pairs share their points, so the scatter of pairs is no measure of the mean's error: the
+    # The pairs share points, so the scatter of pairs does not measure the mean's error: the
     # points' own errors are propagated instead, by d(mean)/d(y_i), pair by pair. An error along
     # the beam, of a point or of the clamp, shifts the beam across by its slope there.
     by_point /= pairs

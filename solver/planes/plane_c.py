@@ -18,20 +18,20 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
     distortion model does not reach.
     """
     if not camera.distortion:
-        points, moved = _moved(camera.plane_from_pixels, pixels, sigmas)
-        return points, moved
-    seen = camera.normalised(pixels)
-    lost = np.isnan(seen[:, 0])
-    if lost.any():
-        u, v = pixels[lost][0]
+        points, vectors = _moved(camera.plane_from_pixels, pixels, sigmas)
+        return points, vectors
+    normalised = camera.normalised(pixels)
+    outside = np.isnan(normalised[:, 0])
+    if outside.any():
+        u, v = pixels[outside][0]
         raise ValueError(
-            f"the pixel ({u:.0f}, {v:.0f}) lies where the distortion {camera.distortion} shows "
-            "nothing: it is not one-to-one so far off the axis"
+            f"the pixel ({u:.0f}, {v:.0f}) is outside the field of the distortion "
+            f"{camera.distortion}: it is not one-to-one so far off the axis"
         )
-    _, jacobian = distort(seen, camera.distortion)
-    along = _undone(jacobian, sigmas / [camera.fx, camera.fy])
-    points, moved = _moved(camera.plane_from_normalised, seen, along)
-    return points, moved
+    _, jacobian = distort(normalised, camera.distortion)
+    normalised_sigmas = _undone(jacobian, sigmas / [camera.fx, camera.fy])
+    points, vectors = _moved(camera.plane_from_normalised, normalised, normalised_sigmas)
+    return points, vectors
 
 
 @njit(cache=True, error_model="numpy")

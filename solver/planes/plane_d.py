@@ -18,9 +18,9 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement, View
 
-# Sine of the least angle between the line of sight and D. There errors grow fifty times, and a
+# Sine of the minimum angle between the line of sight and D. There errors grow fifty times, and a
 # degree in psi decides which side of the beam is visible.
-LEAST_OPENING = 0.02
+MIN_OPENING = 0.02
 
 
 def opening(viewpoint: Floats, psi: float) -> float:
@@ -43,16 +43,16 @@ def unproject(points: Floats, viewpoint: Floats, psi: float) -> tuple[Floats, Fl
     edge = vz * cosine - vy * sine  # g at the clamp
     visible = g * edge > 0
     g = np.where(visible, g, 1.0)
-    aside = vx - w * x
-    on_d = np.column_stack([x + y * sine * aside / g, vz * y / g])
+    lateral = vx - w * x
+    on_d = np.column_stack([x + y * sine * lateral / g, vz * y / g])
     on_d[~visible] = np.inf
     by_point = np.empty((len(points), 2, 2))
     by_point[:, 0, 0] = 1 - w * y * sine / g
-    by_point[:, 0, 1] = sine * aside * edge / g**2
+    by_point[:, 0, 1] = sine * lateral * edge / g**2
     by_point[:, 1, 0] = 0.0
     by_point[:, 1, 1] = vz * edge / g**2
-    turned = (w * y - vy) * cosine - vz * sine  # dg / dpsi
-    by_psi = np.column_stack([vz * y * aside, -vz * y * turned]) / g[:, None] ** 2
+    g_by_psi = (w * y - vy) * cosine - vz * sine  # dg / dpsi
+    by_psi = np.column_stack([vz * y * lateral, -vz * y * g_by_psi]) / g[:, None] ** 2
     return on_d, by_point, by_psi
 
 
@@ -67,10 +67,10 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
     if psi == 0.0:
         return measurement
     view = measurement.view
-    if abs(opening(view.viewpoint, psi)) < LEAST_OPENING:
+    if abs(opening(view.viewpoint, psi)) < MIN_OPENING:
         return None
     points, by_point, _ = unproject(view.points, view.viewpoint, psi)
-    seen = np.isfinite(points[:, 0])
+    visible = np.isfinite(points[:, 0])
     sigma_vectors = np.einsum("nij,nj->ni", by_point, view.sigma_vectors)
     sine, cosine = math.sin(psi), math.cos(psi)
     antenna_from_beam = measurement.antenna_from_beam.copy()
@@ -84,7 +84,7 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
     clamp[0, 1] = sine * vx / edge
     return replace(
         measurement,
-        view=View(points[seen], sigma_vectors[seen], viewpoint),
+        view=View(points[visible], sigma_vectors[visible], viewpoint),
         base_covariance=clamp @ measurement.base_covariance @ clamp.T,
         antenna_from_beam=antenna_from_beam,
         other_views=(),

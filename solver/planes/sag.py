@@ -6,11 +6,11 @@ from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 
 # Relative sigma of the sag: bent aside, the beam hangs a little less than straight.
-UNKNOWN_SHARE = 0.02
+RELATIVE_SIGMA = 0.02
 
 
 def correct_for_sag(points: Floats, viewpoint: Floats, rig: Rig) -> Floats:
-    """Move points (n, 2) [m] of a sagging beam to where they would be seen if it lay in C.
+    """Move points (n, 2) [m] of a sagging beam to their positions for a beam in C.
 
     `points` are where the rays from `viewpoint` (4,), homogeneous, to the sagging beam meet C, in
     Sigma_a. At arc length s a cantilever hangs by sag (s^4 - 4 L s^3 + 6 L^2 s^2) / (3 L^4) under
@@ -18,16 +18,16 @@ def correct_for_sag(points: Floats, viewpoint: Floats, rig: Rig) -> Floats:
     """
     if rig.sag == 0:
         return points
-    *centre, height, near = viewpoint
-    place = points
+    *centre, height, w = viewpoint
+    corrected = points
     for _ in range(2):
-        chord = np.hypot(*(place - rig.base_position[:2]).T) / rig.beam.length
+        chord = np.hypot(*(corrected - rig.base_position[:2]).T) / rig.beam.length
         depth = rig.sag * chord**2 * (chord**2 - 4 * chord + 6) / 3
         # The ray from V through the point on C meets the beam below it.
-        place = points - (depth / height)[:, None] * (np.array(centre) - near * points)
-    return np.asarray(place)
+        corrected = points - (depth / height)[:, None] * (np.array(centre) - w * points)
+    return np.asarray(corrected)
 
 
 def scale_error(viewpoint: Floats, rig: Rig) -> float:
     """Compute the relative sigma of lengths that results from the sag's uncertainty."""
-    return float(UNKNOWN_SHARE * abs(rig.sag * viewpoint[3] / viewpoint[2]))
+    return float(RELATIVE_SIGMA * abs(rig.sag * viewpoint[3] / viewpoint[2]))

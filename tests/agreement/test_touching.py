@@ -53,7 +53,7 @@ def test_beam_and_object_touch_and_do_not_intersect(path: Path) -> None:
     file = load_scene(path)
     scene, work = file.scene, plan(file)
     touching = 0
-    pushes = list(dict.fromkeys(trial.push for trial in work.frame_specs))
+    pushes = list(dict.fromkeys(spec.push for spec in work.frame_specs))
     for push in pushes[:: max(len(pushes) // 3, 1)]:
         experiment = Experiment(scene, work.rig, push, path.parent)
         states = experiment.states()
@@ -91,10 +91,10 @@ def test_a_second_peg_stands_upright_and_touches() -> None:
     scene, work = file.scene, plan(file)
     pose = max(
         (
-            Pose(experiment, trial, experiment.states()[trial.step])
-            for trial in work.frame_specs
-            if trial.repeat == 0
-            for experiment in [Experiment(scene, work.rig, trial.push, path.parent)]
+            Pose(experiment, spec, experiment.states()[spec.step])
+            for spec in work.frame_specs
+            if spec.repeat == 0
+            for experiment in [Experiment(scene, work.rig, spec.push, path.parent)]
         ),
         key=lambda pose: pose.state.pushing_angle,
     )

@@ -329,7 +329,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
 
     check_refused(small_scene / "below_a_file", "cannot be written")
     check_refused(tmp_path / ("n" * 300), r"cannot be written.*too long")
-    check_refused(small_scene.parent, "something else")
+    check_refused(small_scene.parent, "holds other files")
     check_refused(
         tmp_path / "new",
         "are 2,000,000 frames, allowed are 1,000,000",

@@ -70,7 +70,7 @@ def test_an_interrupted_dataset_is_finished_to_the_same_bytes(
 
 def test_a_dead_worker_is_an_error_and_no_hang() -> None:
     pool = Pool(1, Mortal, ())
-    with pytest.raises(WorkerDiedError, match="goes on from what is finished"), pool:
+    with pytest.raises(WorkerDiedError, match="repeat the command to resume"), pool:
         pool.call("die")
     with Pool(1, Mortal, ()) as pool:
         pieces: list[int] = []
@@ -106,7 +106,7 @@ def test_a_complete_dataset_is_left_alone_and_another_scene_refused(
     generate(load_scene(small_scene), dataset, variant, 1, quiet)
     with pytest.raises(InputError, match="another scene, seed or mesh"):
         generate(load_scene(small_scene, seed=12), dataset, variant, 1, quiet)
-    with pytest.raises(InputError, match="something else"):
+    with pytest.raises(InputError, match="holds other files"):
         generate(load_scene(small_scene), small_scene.parent, variant, 1, quiet)
     with pytest.raises(InputError, match="cannot be written"):
         generate(load_scene(small_scene), small_scene / "below_a_file", variant, 1, quiet)

@@ -35,7 +35,7 @@ class Dataset:
 
     @cached_property
     def truth(self) -> Truth:
-        """The manifest, the true camera, and `frames`, a polars DataFrame, one row per frame."""
+        """The manifest, the true camera, and `frames`: a polars DataFrame, one row per frame."""
         return open_truth(self._layout.truth)
 
 
@@ -55,7 +55,7 @@ def usable_variant(asked: str | None = None) -> str:
 
 def worker_count(asked: int | None, variant: str) -> int:
     """Return the number of rendering processes, by default one per core."""
-    # Without wavefronts Mitsuba's own threads use the machine better than processes do.
+    # A scalar variant uses the machine better with Mitsuba's own threads than with processes.
     return asked or (1 if variant == PLAIN else cores())
 
 
@@ -70,28 +70,28 @@ def generate(
     """Render the dataset of a scene into the folder `out`; finish an interrupted one.
 
     `workers` is the number of processes, by default one per core. `variant` is Mitsuba's, by
-    default the fastest one that works. `progress` shows bars and remarks on stderr. The files do
-    not depend on the number of workers.
+    default the fastest one that works. `progress` shows progress bars and messages on stderr. The
+    files do not depend on the number of workers.
 
-    Raises InputError for an impossible scene, and for a folder that cannot be written or holds
-    something else.
+    Raises InputError for an impossible scene, and for a folder that cannot be written or contains
+    other files.
     """
-    file, chosen = scene_file(scene), usable_variant(variant)
+    file, chosen_variant = scene_file(scene), usable_variant(variant)
 
-    def remark(sentence: str) -> None:
+    def remark(message: str) -> None:
         if progress:
-            console.print(sentence, markup=False)
+            console.print(message, markup=False)
 
-    if chosen == PLAIN and variant is None:
-        remark(f"rendering with scalar_rgb, about ten times slower: {ADVICE}")
+    if chosen_variant == PLAIN and variant is None:
+        remark(f"rendering with scalar_rgb, about ten times slower; {ADVICE}")
     with progress_bars(shown=progress) as bars:
         planning = bars.add_task("mechanics", total=None)
         rendering = bars.add_task("rendering", total=None, visible=False)
         generate_dataset(
             file,
             Path(out),
-            chosen,
-            worker_count(workers, chosen),
+            chosen_variant,
+            worker_count(workers, chosen_variant),
             lambda done, total: bars.update(rendering, completed=done, total=total, visible=True),
             lambda done, total: bars.update(planning, completed=done, total=total),
             remark,

@@ -31,8 +31,8 @@ class Forecast:
 
     `hours_low` and `hours_high` span the fastest and the slowest probed frame, each widened by a
     factor of 1.5 for frames that differ more and for workers that slow each other down. They hold
-    for a machine as busy as during the probe. `memory_gb` is that of all workers together; None if
-    the system does not report it.
+    for the machine load during the probe. `memory_gb` is that of all workers together; None if the
+    system does not report it.
     """
 
     frames: int
@@ -55,10 +55,10 @@ class Forecast:
             f"{self.frames:,} frames of {self.pushes:,} pushes, and {self.images} images of the "
             f"board and the beam at rest\n"
             f"time:    {_duration(self.hours)} with {self.workers} workers, between "
-            f"{_duration(self.hours_low)} and {_duration(self.hours_high)} if the machine stays as "
-            f"busy as during the probe\n"
-            f"disk:    {_size(self.gigabytes)}, to about a tenth\n"
-            f"memory:  {memory} in all, the most that a probing worker took, times the workers"
+            f"{_duration(self.hours_low)} and {_duration(self.hours_high)} at the machine load of "
+            f"the probe\n"
+            f"disk:    {_size(self.gigabytes)}, within about 10 %\n"
+            f"memory:  {memory} in total, the peak of a probing worker times the number of workers"
         )
 
 
@@ -73,31 +73,31 @@ def forecast(
 
     Raises InputError if a probed push is impossible.
     """
-    file, chosen = scene_file(scene), usable_variant(variant)
-    count = worker_count(workers, chosen)
-    made = frame_specs(file.scene)
-    shards = len(in_shards(file.scene, made))
-    pushes = len({trial.push for trial in made})
-    first, *probes = _spread(made, 1 + PROBES * count)
-    probe = _probe(file, first, probes or [first], chosen, count)
+    file, chosen_variant = scene_file(scene), usable_variant(variant)
+    count = worker_count(workers, chosen_variant)
+    specs = frame_specs(file.scene)
+    shards = len(in_shards(file.scene, specs))
+    pushes = len({spec.push for spec in specs})
+    first, *probes = _spread(specs, 1 + PROBES * count)
+    probe = _probe(file, first, probes or [first], chosen_variant, count)
     images = file.scene.calibration.views + file.scene.sensor.rest_images
 
     def hours(frame_s: float) -> float:
         # No worker renders less than one shard.
-        frames = math.ceil(shards / count) / shards * len(made)
+        frames = math.ceil(shards / count) / shards * len(specs)
         rendering = frames * frame_s + images * probe.image_s / count
         return (probe.start_s + pushes * probe.push_s + rendering) / 3600
 
     mean = sum(probe.frames_s) / len(probe.frames_s)
     return Forecast(
-        frames=len(made),
+        frames=len(specs),
         pushes=pushes,
         images=images,
         workers=count,
         hours=hours(mean),
         hours_low=hours(min(probe.frames_s)) / _FACTOR,
         hours_high=hours(max(probe.frames_s)) * _FACTOR,
-        gigabytes=(len(made) * probe.frame_bytes + images * probe.image_bytes) / 1e9,
+        gigabytes=(len(specs) * probe.frame_bytes + images * probe.image_bytes) / 1e9,
         memory_gb=None if probe.memory_bytes is None else count * probe.memory_bytes / 1e9,
     )
 
@@ -120,7 +120,7 @@ class _Probe:
 
 
 class _ProbedFrame(NamedTuple):
-    """Times [s] of a frame and of its worker's first frame; the worker's peak memory [bytes]."""
+    """Times [s] of a frame and of its worker's first frame, and its peak memory [bytes]."""
 
     seconds: float
     first_s: float
@@ -139,15 +139,15 @@ class _ProbedBench(FrameRenderer):
         frames: tuple[FrameSpec, FrameSpec],
         exposure: float,
     ) -> _ProbedFrame:
-        """Make a shard of the second trial; render the first trial before, once per worker."""
-        first, trial = frames
-        begun = time.perf_counter()
+        """Render a shard of the second frame; once per worker, render the first frame before it."""
+        first, spec = frames
+        start = time.perf_counter()
         if self._first_s is None:
             self.frame(first, exposure)
-            self._first_s = time.perf_counter() - begun
-        begun = time.perf_counter()
-        self.shard(tick, number, [trial], exposure)
-        return _ProbedFrame(time.perf_counter() - begun, self._first_s, _peak_memory())
+            self._first_s = time.perf_counter() - start
+        start = time.perf_counter()
+        self.shard(tick, number, [spec], exposure)
+        return _ProbedFrame(time.perf_counter() - start, self._first_s, _peak_memory())
 
 
 def _peak_memory() -> int | None:
@@ -160,22 +160,22 @@ def _peak_memory() -> int | None:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def _spread(made: Sequence[FrameSpec], most: int) -> list[FrameSpec]:
+def _spread(specs: Sequence[FrameSpec], max_count: int) -> list[FrameSpec]:
     """Choose frames evenly spread over a scene's pushes."""
-    by_index = sorted(made, key=lambda trial: trial.index)
-    count = min(most, len(made))
-    return [by_index[(2 * place + 1) * len(made) // (2 * count)] for place in range(count)]
+    by_index = sorted(specs, key=lambda spec: spec.index)
+    count = min(max_count, len(specs))
+    return [by_index[(2 * i + 1) * len(specs) // (2 * count)] for i in range(count)]
 
 
 def _probe(
     file: SceneFile, first: FrameSpec, probes: Sequence[FrameSpec], variant: str, workers: int
 ) -> _Probe:
     clock = time.perf_counter
-    begun = clock()
-    rig = plan(file, of=[first]).rig  # compiles what mechanics needs
+    start = clock()
+    rig = plan(file, of=[first]).rig  # compiles the mechanics
     compiled = clock()
     plan(file, of=probes)
-    push_s = (clock() - compiled) / len({trial.push for trial in probes})
+    push_s = (clock() - compiled) / len({spec.push for spec in probes})
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
         layout, view = Layout(Path(folder)), "calibration/view_00.png"
         (layout.observations / view).parent.mkdir(parents=True)
@@ -186,7 +186,7 @@ def _probe(
             exposure = float(pool.call("measure_exposure"))
             started = clock()
             frames: list[_ProbedFrame] = pool.run(
-                [("probe", (n, (first, trial), exposure)) for n, trial in enumerate(probes)],
+                [("probe", (n, (first, spec), exposure)) for n, spec in enumerate(probes)],
                 lambda _done: None,
             )
             pool.call("image", view, exposure)  # compiles
@@ -196,11 +196,11 @@ def _probe(
         files = [path for path in layout.root.glob("*/shard_*/*") if path.is_file()]
         frame_bytes = sum(path.stat().st_size for path in files) / len(probes)
         image_bytes = (layout.observations / view).stat().st_size
-    memory = [one.memory_bytes for one in frames if one.memory_bytes is not None]
+    memory = [frame.memory_bytes for frame in frames if frame.memory_bytes is not None]
     return _Probe(
-        start_s=started - begun + max(one.first_s for one in frames),
+        start_s=started - start + max(frame.first_s for frame in frames),
         push_s=push_s,
-        frames_s=[one.seconds for one in frames],
+        frames_s=[frame.seconds for frame in frames],
         image_s=image_s,
         frame_bytes=frame_bytes,
         image_bytes=image_bytes,

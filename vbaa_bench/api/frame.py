@@ -78,18 +78,18 @@ def render_frame(scene: AnyScene, number: int = 0, *, variant: str | None = None
     ((88, 256), 120.1, ['arc_length', 'beam_mask'])
     """
     file = scene_file(scene)
-    made = frame_specs(file.scene)
-    if not 0 <= number < len(made):
-        raise InputError(f"frame {number} does not exist, allowed is 0 to {len(made) - 1}")
-    trial = next(trial for trial in made if trial.index == number)
-    rig = plan(file, of=[trial]).rig
-    chosen = usable_variant(variant)
-    bench = FrameRenderer(
-        file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen, threads=0
+    specs = frame_specs(file.scene)
+    if not 0 <= number < len(specs):
+        raise InputError(f"frame {number} does not exist, allowed is 0 to {len(specs) - 1}")
+    spec = next(spec for spec in specs if spec.index == number)
+    rig = plan(file, of=[spec]).rig
+    chosen_variant = usable_variant(variant)
+    renderer = FrameRenderer(
+        file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen_variant, threads=0
     )
-    exposure = bench.measure_exposure(lambda: None)
-    rendered = bench.frame(trial, exposure)
-    row = {"frame_id": trial.frame_id, **rendered.truth}
-    facts = dataset_facts(file.scene, rig, exposure, chosen)
+    exposure = renderer.measure_exposure(lambda: None)
+    rendered = renderer.frame(spec, exposure)
+    row = {"frame_id": spec.frame_id, **rendered.truth}
+    facts = dataset_facts(file.scene, rig, exposure, chosen_variant)
     truth = Truth(Path(), facts, pl.DataFrame([row], infer_schema_length=None))
     return Frame(rendered.image, rendered.readings, row, rendered.layers, truth)

@@ -19,8 +19,8 @@ from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, kept_as
 from vbaa_bench.scoring.score import read_scores, with_own
 from vbaa_bench.scoring.score import score as write_scores
 
-# The name that stands for all methods of the solver.
-_ALL: Final = "all"
+# Name that selects all methods of the solver.
+_ALL_METHODS: Final = "all"
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,11 @@ def solve(
     one. Raises InputError.
     """
     results = Results(dataset_folder(data))
-    asked = [methods] if isinstance(methods, str) else methods
-    asked = asked or applicable(open_observations(results.dataset.observations))
-    chosen = dict.fromkeys(name for one in asked for name in (METHODS if one == _ALL else [one]))
+    requested = [methods] if isinstance(methods, str) else methods
+    requested = requested or applicable(open_observations(results.dataset.observations))
+    chosen = dict.fromkeys(
+        name for entry in requested for name in (METHODS if entry == _ALL_METHODS else [entry])
+    )
     runs = {}
     for method, centreline in product(chosen, dict.fromkeys(centrelines)):
         name = kept_as(method, centreline)
@@ -97,7 +99,7 @@ def solve(
         )
         if runs[name].traceback:
             crashed = runs[name].crashed
-            on_output(f"{name}, the first of {crashed} crashes:\n{runs[name].traceback}")
+            on_output(f"{name}: first of {crashed} crashes:\n{runs[name].traceback}")
     return runs
 
 
@@ -120,9 +122,9 @@ def score(
     root = dataset_folder(data)
     if methods is not None:
         runs = {**(runs or {}), **solve(data, methods)}
-    own = [Path(path) for path in predictions]
-    tables = with_own(Results(root), own)
+    user_files = [Path(path) for path in predictions]
+    tables = with_own(Results(root), user_files)
     if runs is not None:
-        chosen = {*runs, *(path.stem for path in own)}
+        chosen = {*runs, *(path.stem for path in user_files)}
         tables = {name: path for name, path in tables.items() if name in chosen}
     return Scores(root, write_scores(Results(root), tables), runs or {})

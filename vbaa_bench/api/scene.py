@@ -11,8 +11,8 @@ AnyScene = SceneFile | Path | str
 class Scene(SceneFile):
     """A scene built in Python, with the same keys as a scene file.
 
-    Missing keys have their defaults. Files that the scene names are looked up in the current
-    folder. `scene` holds the checked values.
+    Missing keys have their defaults. File names in the scene are relative to the current folder.
+    `scene` holds the checked values.
 
     Raises InputError that lists all mistakes.
 

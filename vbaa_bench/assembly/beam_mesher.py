@@ -31,29 +31,31 @@ class BeamMesher:
         line, director = state.centreline, state.director
         s = rings(line[:, 0], line[:, 1:], self._rings)
         points = CubicSpline(line[:, 0], line[:, 1:])(s)
-        across = None if director is None else CubicSpline(line[:, 0], director)(s)
+        directors = None if director is None else CubicSpline(line[:, 0], director)(s)
         if spec.section == "strip":
-            assert across is not None
+            assert directors is not None
             width = spec.aspect_ratio * beam.diameter
-            return strip(points, across, beam.diameter, width), arc_length_of_vertices(s, 4)
+            return strip(points, directors, beam.diameter, width), arc_length_of_vertices(s, 4)
         radius = beam.radius * (1 + (spec.tip_ratio - 1) * s / beam.length)
-        skin = tube(points, radius, self._facets, across, spec.aspect_ratio)
-        return skin, arc_length_of_vertices(s, self._facets)
+        mesh = tube(points, radius, self._facets, directors, spec.aspect_ratio)
+        return mesh, arc_length_of_vertices(s, self._facets)
 
     @cached_property
     def _facets(self) -> int:
         beam = self.scene.beam
-        thickest = self.rig.beam.radius * max(beam.aspect_ratio, 1.0) * max(beam.tip_ratio, 1.0)
-        return facets(thickest, self._tolerance)
+        max_radius = self.rig.beam.radius * max(beam.aspect_ratio, 1.0) * max(beam.tip_ratio, 1.0)
+        return facets(max_radius, self._tolerance)
 
     @cached_property
     def _rings(self) -> int:
         beam, spec = self.rig.beam, self.scene.beam
-        thinnest = beam.radius * min(spec.tip_ratio, 1.0)
-        sharpest = spec.yield_stress_mpa * 1e6 / (spec.youngs_modulus_gpa * 1e9 * thinnest)
+        min_radius = beam.radius * min(spec.tip_ratio, 1.0)
+        curvature = spec.yield_stress_mpa * 1e6 / (spec.youngs_modulus_gpa * 1e9 * min_radius)
         if spec.allow_above_yield:
-            sharpest *= _ABOVE_YIELD
-        return min(ring_count(beam.length, sharpest, self._tolerance), spec.centreline_segments + 1)
+            curvature *= _ABOVE_YIELD
+        return min(
+            ring_count(beam.length, curvature, self._tolerance), spec.centreline_segments + 1
+        )
 
     @property
     def _tolerance(self) -> float:

@@ -30,7 +30,7 @@ from vbaa_bench.scene.objects import (
 )
 
 # Allowed extent of a mesh, in beam radii. Outside this range a wrong unit is likely.
-SMALLEST, LARGEST = 0.5, 2000.0
+MIN_EXTENT, MAX_EXTENT = 0.5, 2000.0
 
 
 @dataclass(frozen=True)
@@ -104,10 +104,10 @@ class Body:
                 f"the beam touches {abs(x) / mm:.4g} mm from the object's middle, "
                 f"allowed is up to {half / mm:.4g} mm"
             )
-        lean = abs(float(np.arctan2(tangent[1], tangent[0])))
-        if lean > flank:
+        inclination = abs(float(np.arctan2(tangent[1], tangent[0])))
+        if inclination > flank:
             return (
-                f"the beam leans by {lean / DEGREE:.3g} degrees, into the object's flank, "
+                f"the beam leans by {inclination / DEGREE:.3g} degrees, into the object's flank, "
                 f"allowed is {flank / DEGREE:.3g}"
             )
         return None
@@ -157,7 +157,7 @@ class Body:
                     self.folder / spec.file, spec.unit_mm * mm, self.beam_radius
                 ).copy()
             case NothingSpec():
-                raise ValueError("nothing has no mesh")
+                raise ValueError("no mesh to build")
 
 
 @lru_cache(maxsize=4)
@@ -168,23 +168,23 @@ def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
     """
     mesh = touching(read_mesh(path, unit), beam_radius)
     extent = float(mesh.extents.max())
-    if not SMALLEST * beam_radius < extent < LARGEST * beam_radius:
+    if not MIN_EXTENT * beam_radius < extent < MAX_EXTENT * beam_radius:
         raise InputError(
-            f"{path}: is {extent / MILLIMETRE:.4g} mm across, before a beam of "
-            f"{2 * beam_radius / MILLIMETRE:.4g} mm; does object.unit_mm say what its numbers mean?"
+            f"{path}: is {extent / MILLIMETRE:.4g} mm across, for a beam of "
+            f"{2 * beam_radius / MILLIMETRE:.4g} mm; check object.unit_mm"
         )
     low, high = (float(x) for x in mesh.bounds[:, 0])
     along = np.linspace(low, high, 1001)
     beam = np.column_stack([along, np.full(1001, beam_radius), np.zeros(1001)])
-    touched = Solid(mesh).touched_by(beam)
-    assert isinstance(touched, Line | Ball)
-    at = touched.point
-    if isinstance(touched, Line):  # the point on the edge that is nearest to the beam
-        across = touched.direction[1:]
-        size = float(across @ across)
-        share = float((beam[0, 1:] - at[1:]) @ across) / size if size > 0 else 0.0
-        at = at + share * touched.direction
-    mesh.apply_translation([-at[0], 0.0, 0.0])
+    part = Solid(mesh).touched_by(beam)
+    assert isinstance(part, Line | Ball)
+    point = part.point
+    if isinstance(part, Line):  # the point on the edge that is nearest to the beam
+        across = part.direction[1:]
+        squared = float(across @ across)
+        fraction = float((beam[0, 1:] - point[1:]) @ across) / squared if squared > 0 else 0.0
+        point = point + fraction * part.direction
+    mesh.apply_translation([-point[0], 0.0, 0.0])
     return mesh
 
 

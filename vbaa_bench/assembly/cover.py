@@ -13,12 +13,12 @@ from vbaa_bench.scene.objects import OcclusionSpec
 from vbaa_bench.scene.trials import Cover
 
 # Ratio of the extent of all bars to the width that they hide: half is visible, if there is room.
-SPARSEST = 2.0
+BARS_EXTENT_RATIO = 2.0
 # Maximum size of a leaf, relative to the hidden region's extent across the beam.
-LARGEST_LEAF = 0.5
+MAX_LEAF_RATIO = 0.5
 # A stretch about the contact has it at a random place in its middle 80 %: a fixed place would
 # reveal the contact.
-OFF_MIDDLE = 0.4
+MAX_OFFSET = 0.4
 
 
 def hidden_stretch(
@@ -34,7 +34,7 @@ def hidden_stretch(
     width = (1 - cover.availability) * length
     middle = {"base": 0.0, "middle": length / 2, "tip": length}.get(cover.place, length / 2)
     if cover.place == "contact" and state.contacts:
-        middle = float(state.contact.point[0]) + random.uniform(-1, 1) * OFF_MIDDLE * width
+        middle = float(state.contact.point[0]) + random.uniform(-1, 1) * MAX_OFFSET * width
     start = float(np.clip(middle - width / 2, 0.0, length - width))
     return start, start + width
 
@@ -56,15 +56,15 @@ def occluder(
     line, (first, last) = state.centreline, stretch
     length, hidden = float(line[-1, 0]), last - first
     if spec.body == "bars":
-        wide = min(SPARSEST * hidden, length)
-        first = float(np.clip((first + last - wide) / 2, 0.0, length - wide))
-        last = first + wide
+        extent = min(BARS_EXTENT_RATIO * hidden, length)
+        first = float(np.clip((first + last - extent) / 2, 0.0, length - extent))
+        last = first + extent
     inside = (line[:, 1] >= first) & (line[:, 1] <= last)
     inside[np.abs(line[:, 1] - (first + last) / 2).argmin()] = True
     height = max(float(line[:, 3].max()), top) + spec.height_mm * MILLIMETRE
-    seen = _towards(camera, camera_from_clamp, line[inside, 1:], height)
+    projected = _project_to_height(camera, camera_from_clamp, line[inside, 1:], height)
     margin = 0.1 * length
-    (x_from, y_from), (x_to, y_to) = seen.min(axis=0), seen.max(axis=0)
+    (x_from, y_from), (x_to, y_to) = projected.min(axis=0), projected.max(axis=0)
     # The stretch is an interval of x; its ends are between two rows of the centreline.
     x_from -= max(line[inside, 1].min() - first, 0.0)
     x_to += max(last - line[inside, 1].max(), 0.0)
@@ -74,15 +74,17 @@ def occluder(
     if spec.body == "bars":
         width = hidden / (last - first) * (x_to - x_from) / spec.count
         return bars(x_from, x_to, y_from, y_to, height, spec.count, 0.999 * width)
-    size = min(3 * (x_to - x_from) / np.sqrt(spec.count), LARGEST_LEAF * (y_to - y_from))
+    size = min(3 * (x_to - x_from) / np.sqrt(spec.count), MAX_LEAF_RATIO * (y_to - y_from))
     return leaves(x_from, x_to, y_from, y_to, height, spec.count, size, random)
 
 
-def _towards(camera: Camera, camera_from_clamp: Floats, points: Floats, height: float) -> Floats:
+def _project_to_height(
+    camera: Camera, camera_from_clamp: Floats, points: Floats, height: float
+) -> Floats:
     """Intersect (n, 2) [m] the lines of sight to points (n, 3) with a height above plane C."""
     clamp_from_camera = invert(camera_from_clamp)
     if camera.telecentric:
-        sight = np.broadcast_to(-clamp_from_camera[:3, 2], points.shape)
+        direction = np.broadcast_to(-clamp_from_camera[:3, 2], points.shape)
     else:
-        sight = apply(clamp_from_camera, np.zeros((1, 3))) - points
-    return np.asarray((points + sight * ((height - points[:, 2:]) / sight[:, 2:]))[:, :2])
+        direction = apply(clamp_from_camera, np.zeros((1, 3))) - points
+    return np.asarray((points + direction * ((height - points[:, 2:]) / direction[:, 2:]))[:, :2])

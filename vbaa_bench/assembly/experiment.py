@@ -65,8 +65,8 @@ class Experiment:
     def body(self) -> Body:
         """The touched object."""
         # If the beam sags, the object's frame moves with it; the ground does not.
-        place, _ = self._resting_at(self.push.contact_distance or 0.0)
-        ground = self.ground - float(place[2])
+        point, _ = self._resting_at(self.push.contact_distance or 0.0)
+        ground = self.ground - float(point[2])
         return Body(self.scene.object, self.rig.beam.radius, ground, self.folder)
 
     @property
@@ -92,12 +92,12 @@ class Experiment:
         obstacles = [self._obstacle()]
         peg = self.scene.second_peg
         if peg is not None:
-            at, tangent = self._resting_at(peg.distance_mm * MILLIMETRE)
+            point, tangent = self._resting_at(peg.distance_mm * MILLIMETRE)
             gap = (peg.gap_mm * MILLIMETRE) * np.array([0.0, 1.0, 0.0])
-            reach = self.rod.reach(peg.distance_mm * MILLIMETRE, np.pi)
+            offset = self.rod.reach(peg.distance_mm * MILLIMETRE, np.pi)
             # The peg is on the other side of the beam, so the tangent is reversed.
-            there = place(at + gap, -tangent, 0.0, reach)
-            obstacles.append(Obstacle(upright(peg.radius_mm * MILLIMETRE), there))
+            pose = place(point + gap, -tangent, 0.0, offset)
+            obstacles.append(Obstacle(upright(peg.radius_mm * MILLIMETRE), pose))
         return obstacles
 
     @property
@@ -106,10 +106,10 @@ class Experiment:
         if self.scene.mechanics == "linear":
             return LINEAR
         scene, first = self.scene, self.obstacles[0]
-        straight = isinstance(first.surface, Line) and self.push.normal == 0
+        upright_edge = isinstance(first.surface, Line) and self.push.normal == 0
         drifts = any(getattr(scene.object, "drift_mm", ()))
-        bare = not (first.friction or drifts or scene.second_peg or any(scene.clamp_offset_mm))
-        return PLANAR if self.rod.plain and straight and bare else SPATIAL
+        simple = not (first.friction or drifts or scene.second_peg or any(scene.clamp_offset_mm))
+        return PLANAR if self.rod.plain and upright_edge and simple else SPATIAL
 
     def states(self) -> list[State]:
         """Solve the equilibria of the push, one per step.
@@ -118,39 +118,39 @@ class Experiment:
         that far.
         """
         states = self._states()
-        gives = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
+        shifts = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
         if isinstance(self.scene.object, PlungerSpec | PadSpec):  # check size and give
-            self.body.mesh(max(gives, default=0.0))
+            self.body.mesh(max(shifts, default=0.0))
         if not isinstance(self.scene.object, NothingSpec):
-            self._clear_of_hub()
+            self._check_hub()
         for step, state in enumerate(states):
             for contact in state.contacts[:1]:
                 object_from_clamp = invert(self.clamp_from_object(state, step))
-                touched = apply(object_from_clamp, (contact.point + contact.lever)[None])[0]
+                point = apply(object_from_clamp, (contact.point + contact.lever)[None])[0]
                 tangent = object_from_clamp[:3, :3] @ contact.tangent
-                reason = self.body.misses(touched, tangent)
+                reason = self.body.misses(point, tangent)
                 if reason is not None:
                     raise EquilibriumError(f"at {self.push.goals[step]} {reason}")
         return states
 
-    def _clear_of_hub(self) -> None:
+    def _check_hub(self) -> None:
         """Raise EquilibriumError if the object overlaps the hub about the motor's axis."""
         first, hub = self.obstacles[0], self.scene.hub.radius_mm * MILLIMETRE
         axis = apply(invert(first.world_from_object), np.array([self.motor.point]))[0]
-        clear, _ = first.surface.distance(axis)
+        clearance, _ = first.surface.distance(axis)
         # The distance to a sharp edge does not account for the object's width behind it.
         edge = isinstance(first.surface, Line) and first.surface.radius == 0
-        if (abs(clear) if edge else clear) < hub:
+        if (abs(clearance) if edge else clearance) < hub:
             raise EquilibriumError(
-                f"the object stands {clear / MILLIMETRE:.4g} mm from the motor's axis, "
+                f"the object is {clearance / MILLIMETRE:.4g} mm from the motor's axis, "
                 f"allowed is beyond the hub's radius of {hub / MILLIMETRE:g} mm"
             )
 
     def _states(self) -> list[State]:
-        model, goals, pieces = self.model, self.push.goals, self.scene.beam.centreline_segments
+        model, goals, segments = self.model, self.push.goals, self.scene.beam.centreline_segments
         distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
         if model == SPATIAL:
-            return push(self.rod, self.motor, self.obstacles, distance, self.steps, pieces)
+            return push(self.rod, self.motor, self.obstacles, distance, self.steps, segments)
         if model == LINEAR:
             solve = partial(linear.push, normal_angle=self.push.normal)
         else:
@@ -160,7 +160,7 @@ class Experiment:
         for goal in goals:
             angle = goal.pushing_angle
             if angle is not None and angle <= 0:
-                states += push(self.rod, self.motor, [first], distance, [Step(angle)], pieces)
+                states += push(self.rod, self.motor, [first], distance, [Step(angle)], segments)
             else:
                 states.append(
                     solve(
@@ -169,7 +169,7 @@ class Experiment:
                         deflection=goal.deflection,
                         pushing_angle=angle,
                         compliance=first.compliance,
-                        intervals=pieces,
+                        intervals=segments,
                     )
                 )
         return states
@@ -228,25 +228,25 @@ class Experiment:
     def _obstacle(self) -> Obstacle:
         spec = self.scene.object
         if isinstance(spec, WallSpec):
-            at = np.array([self.rig.beam.length / 2, -spec.gap_mm * MILLIMETRE, 0.0])
+            point = np.array([self.rig.beam.length / 2, -spec.gap_mm * MILLIMETRE, 0.0])
             tangent = np.array([1.0, 0.0, 0.0])
         else:
-            at, tangent = self._resting_at(self.push.contact_distance or 0.0)
-        reach = self.rod.reach(self.push.contact_distance or 0.0, self.push.normal)
-        there = place(at, tangent, self.push.normal, reach)
+            point, tangent = self._resting_at(self.push.contact_distance or 0.0)
+        offset = self.rod.reach(self.push.contact_distance or 0.0, self.push.normal)
+        pose = place(point, tangent, self.push.normal, offset)
         friction = 0.0 if isinstance(spec, NothingSpec) else spec.friction
         return Obstacle(
             self.body.surface(),
-            there,
+            pose,
             compliance=self.push.compliance,
-            spring=there[:3, 1],
+            spring=pose[:3, 1],
             friction=friction,
         )
 
     def _resting_at(self, s: float) -> tuple[Floats, Floats]:
         """Interpolate point and tangent (3,) of the beam at rest at arc length `s` [m]."""
         line = self.rest.centreline
-        at = np.array([np.interp(s, line[:, 0], line[:, i]) for i in (1, 2, 3)])
+        point = np.array([np.interp(s, line[:, 0], line[:, i]) for i in (1, 2, 3)])
         i = int(np.clip(np.searchsorted(line[:, 0], s), 1, len(line) - 1))
         step = line[i, 1:] - line[i - 1, 1:]
-        return at, step / np.linalg.norm(step)
+        return point, step / np.linalg.norm(step)

@@ -30,8 +30,8 @@ def exposed(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
     beam = rig.beam
     scale = float(rig.camera.pixels_per_metre(np.array([[beam.length / 2, 0.0, 0.0]]))[0])
     half = math.ceil(abs(turn) * beam.length * scale / STEP_PX / 2)
-    shares = np.arange(-half, half + 1) / (2 * half + 1)
-    goals = tuple(StepTarget(None, pose.state.pushing_angle + turn * float(s)) for s in shares)
+    fractions = np.arange(-half, half + 1) / (2 * half + 1)
+    goals = tuple(StepTarget(None, pose.state.pushing_angle + turn * float(s)) for s in fractions)
     push = replace(pose.experiment.push, goals=goals)
     experiment = Experiment(scene, rig, push, pose.experiment.folder)
     try:

@@ -78,7 +78,7 @@ class SceneAssembler:
 
     def rest(self, experiment: Experiment) -> World:
         """Build the world of the beam at rest, without an object."""
-        return self._world(dict(self._standing(experiment, experiment.rest, 0.0)))
+        return self._world(dict(self._antenna_and_ground(experiment, experiment.rest, 0.0)))
 
     def bench(self, pose: Pose) -> World:
         """Build the world of the beam pushed against its object."""
@@ -88,20 +88,23 @@ class SceneAssembler:
         return self._world(surfaces)
 
     def _surfaces(self, pose: Pose) -> dict[str, Surface]:
-        standing = self._standing(pose.experiment, pose.state, pose.motor_angle)
-        return {**dict(self.things(pose)), **dict(standing)}
+        antenna = self._antenna_and_ground(pose.experiment, pose.state, pose.motor_angle)
+        return {**dict(self.things(pose)), **dict(antenna)}
 
     def repose(self, world: World, pose: Pose) -> None:
         """Move the vertices of a world, made by `bench`, to another pose."""
         surfaces = self._surfaces(pose)
-        moving = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
-        world.move(moving, surfaces["beam"].arc_length)
+        vertices = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
+        world.move(vertices, surfaces["beam"].arc_length)
 
     def centreline(self, pose: Pose) -> Floats:
         """Compute the beam's arc length and position (n, 4) [m] in the fixed camera's frame."""
         line = pose.state.centreline
         return np.column_stack(
-            [line[:, 0], apply(self._stage(pose.experiment, pose.motor_angle), line[:, 1:])]
+            [
+                line[:, 0],
+                apply(self._frame_from_clamp(pose.experiment, pose.motor_angle), line[:, 1:]),
+            ]
         )
 
     def card(self, view: int) -> World:
@@ -119,74 +122,79 @@ class SceneAssembler:
         if view == 0:
             return np.eye(4)
         random = random_generator(self.scene, "board view", view)
-        most = self.scene.calibration.tilt_deg * DEGREE
+        max_tilt = self.scene.calibration.tilt_deg * DEGREE
         # Tilt directions are spread evenly, and no tilt is near zero, as in careful calibration.
-        share = (view + random.uniform(-0.2, 0.2)) / (self.scene.calibration.views - 1)
-        compass = 2 * np.pi * share
-        lean = most * random.uniform(0.7, 1.0)
-        axis = np.array([np.cos(compass), np.sin(compass), 0.0])
+        fraction = (view + random.uniform(-0.2, 0.2)) / (self.scene.calibration.views - 1)
+        azimuth = 2 * np.pi * fraction
+        angle = max_tilt * random.uniform(0.7, 1.0)
+        axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         # Tilting brings one side nearer to the camera; lower the card so that it stays in view.
-        away = random.uniform(0.12, 0.2) * self.scene.camera.position_mm[2] * MILLIMETRE
-        return rigid(lean * axis, np.array([0.0, 0.0, -away]))
+        lowering = random.uniform(0.12, 0.2) * self.scene.camera.position_mm[2] * MILLIMETRE
+        return rigid(angle * axis, np.array([0.0, 0.0, -lowering]))
 
-    def _standing(
+    def _antenna_and_ground(
         self, experiment: Experiment, state: State, motor_angle: float
     ) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces of the antenna and of the background."""
         scene, spec = self.scene, self.scene.beam
-        stage = self._stage(experiment, motor_angle)
-        steel, arc_length = self._skin.mesh(state)
-        yield "beam", replace(_painted(_set(steel, stage), spec), arc_length=arc_length)
-        clamp, mm = scene.hub, MILLIMETRE
-        bottom = experiment.ground if clamp.bottom_mm is None else clamp.bottom_mm * mm
-        shaft = hub(clamp.radius_mm * mm, bottom, clamp.top_mm * mm)
+        frame_from_clamp = self._frame_from_clamp(experiment, motor_angle)
+        mesh, s = self._beam_mesher.mesh(state)
+        yield "beam", replace(_painted(_placed(mesh, frame_from_clamp), spec), arc_length=s)
+        hub_spec, mm = scene.hub, MILLIMETRE
+        bottom = experiment.ground if hub_spec.bottom_mm is None else hub_spec.bottom_mm * mm
+        shaft = hub(hub_spec.radius_mm * mm, bottom, hub_spec.top_mm * mm)
         offset = np.array(scene.clamp_offset_mm) * mm
         if offset.any():
             shaft.apply_translation(-offset)
-            arm = adaptor(offset, clamp.radius_mm * mm / 2)
-            yield "adaptor", _painted(_set(arm, stage), clamp)
-        yield "hub", _painted(_set(shaft, stage), clamp)
+            arm = adaptor(offset, hub_spec.radius_mm * mm / 2)
+            yield "adaptor", _painted(_placed(arm, frame_from_clamp), hub_spec)
+        yield "hub", _painted(_placed(shaft, frame_from_clamp), hub_spec)
         yield from self._background(experiment, motor_angle)
 
     def things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces that the beam is pushed against, and the occluder."""
         experiment, state, scene = pose.experiment, pose.state, self.scene
-        stage, top = self._stage(experiment, pose.motor_angle), 0.0
+        frame_from_clamp, top = self._frame_from_clamp(experiment, pose.motor_angle), 0.0
         if not isinstance(scene.object, NothingSpec):
-            touched = experiment.touched_mesh(state, pose.trial.step)
-            top = float(touched.vertices[:, 2].max())
-            yield "object", _painted(_set(touched, stage), scene.object)
-        second = scene.second_peg
-        if second is not None:
+            object_mesh = experiment.touched_mesh(state, pose.trial.step)
+            top = float(object_mesh.vertices[:, 2].max())
+            yield "object", _painted(_placed(object_mesh, frame_from_clamp), scene.object)
+        second_peg = scene.second_peg
+        if second_peg is not None:
             spec = PegSpec(
                 kind="peg",
-                radius_mm=second.radius_mm,
-                top_mm=second.top_mm,
-                bottom_mm=second.bottom_mm,
+                radius_mm=second_peg.radius_mm,
+                top_mm=second_peg.top_mm,
+                bottom_mm=second_peg.bottom_mm,
             )
-            placed = experiment.clamp_from_object(state, pose.trial.step, 1)
+            clamp_from_peg = experiment.clamp_from_object(state, pose.trial.step, 1)
             peg = Body(spec, self.rig.beam.radius, experiment.ground, self.folder).mesh(0.0)
-            yield "second_peg", _painted(_set(peg, stage @ placed), second)
-        hiding = scene.occlusion
-        if hiding is not None and hiding.body is not None:
+            yield (
+                "second_peg",
+                _painted(_placed(peg, frame_from_clamp @ clamp_from_peg), second_peg),
+            )
+        occlusion = scene.occlusion
+        if occlusion is not None and occlusion.body is not None:
             cover = pose.trial.cover
-            hides = cover is not None and cover.kind != "removed"
-            stretch = pose.hidden if hides else None
+            covers = cover is not None and cover.kind != "removed"
+            stretch = pose.hidden if covers else None
             random = random_generator(scene, "occluder", pose.trial.index)
             camera = self.rig.camera
-            seen_from = camera.camera_from_antenna @ stage
+            camera_from_clamp = camera.camera_from_antenna @ frame_from_clamp
             covered = pose.covered or state
-            some = (0.0, 0.1 * self.rig.beam.length)
-            mesh = occluder(hiding, stretch or some, covered, camera, seen_from, top, random)
+            placeholder = (0.0, 0.1 * self.rig.beam.length)
+            mesh = occluder(
+                occlusion, stretch or placeholder, covered, camera, camera_from_clamp, top, random
+            )
             if stretch is None:  # shrunk to a point at the hub's foot, hides and shades nothing
                 mesh.vertices[:] = (0.0, 0.0, experiment.ground)
-            yield "occluder", _painted(_set(mesh, stage), hiding)
+            yield "occluder", _painted(_placed(mesh, frame_from_clamp), occlusion)
 
-    def _stage(self, experiment: Experiment, motor_angle: float) -> Floats:
+    def _frame_from_clamp(self, experiment: Experiment, motor_angle: float) -> Floats:
         """Compute the transform (4, 4) from the clamp's frame to that of the fixed camera."""
-        stage = experiment.camera_frame_from_clamp(motor_angle).copy()
-        stage[:3, 3] += self.rig.base_position
-        return stage
+        transform = experiment.camera_frame_from_clamp(motor_angle).copy()
+        transform[:3, 3] += self.rig.base_position
+        return transform
 
     def _background(
         self, experiment: Experiment, motor_angle: float
@@ -199,15 +207,15 @@ class SceneAssembler:
         elif mount == "antenna":
             yield from self._ground(experiment.clamp_from_world(motor_angle))
         else:
-            yield from self._ground(self._stage(experiment, motor_angle))
+            yield from self._ground(self._frame_from_clamp(experiment, motor_angle))
 
-    def _ground(self, stage: Floats) -> Iterator[tuple[str, Surface]]:
+    def _ground(self, frame_from_ground: Floats) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces of a ground so large that the camera never sees its border."""
         spec, length = self.scene.background, self.rig.beam.length
         middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
         if spec.pattern != "squares":
-            whole = _set(sheet(middle, 20 * length, 1), stage)
-            yield "background", Surface(whole, spec.reflectance, texture=self._texture)
+            mesh = _placed(sheet(middle, 20 * length, 1), frame_from_ground)
+            yield "background", Surface(mesh, spec.reflectance, texture=self._texture)
             return
         side = chequered_side(self.scene, self.rig.camera)
         light, dark = squares(side, spec.square_mm * MILLIMETRE)
@@ -216,33 +224,33 @@ class SceneAssembler:
             ("background_squares", dark, spec.square_reflectance),
         ):
             cells.apply_translation(middle)
-            yield name, Surface(_set(cells, stage), reflectance)
+            yield name, Surface(_placed(cells, frame_from_ground), reflectance)
 
     @cached_property
-    def _skin(self) -> BeamMesher:
+    def _beam_mesher(self) -> BeamMesher:
         return BeamMesher(self.scene, self.rig)
 
     @cached_property
     def _texture(self) -> Texture | None:
         """Texture of the background, centred on the beam's middle."""
         spec, length, mm = self.scene.background, self.rig.beam.length, MILLIMETRE
-        places = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
+        corners = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
         match spec.pattern:
             case "graded":
-                azimuth, over = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
-                return graded(places, spec.reflectance, spec.far_reflectance, azimuth, over)
+                azimuth, extent = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
+                return graded(corners, spec.reflectance, spec.far_reflectance, azimuth, extent)
             case "textured":
-                across, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
-                lengths = (across * spec.correlation_ratio, across)
+                grain, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
+                lengths = (grain * spec.correlation_ratio, grain)
                 mean, contrast = spec.reflectance, spec.contrast
-                return grown(places, mean, contrast, lengths, 2 * length, random)
+                return grown(corners, mean, contrast, lengths, 2 * length, random)
         return None
 
     @cached_property
     def _lights(self) -> list[Light]:
         return lights(self.scene, self.folder)
 
-    def _world(self, surfaces: dict[str, Surface], shining: list[Light] | None = None) -> World:
+    def _world(self, surfaces: dict[str, Surface], lamps: list[Light] | None = None) -> World:
         optics = self.scene.optics
         lens = Lens(
             optics.point_spread_px,
@@ -251,7 +259,7 @@ class SceneAssembler:
         )
         return World(
             self.rig.camera,
-            self._lights if shining is None else shining,
+            self._lights if lamps is None else lamps,
             surfaces,
             self._unit(),
             still=self._still & set(surfaces),
@@ -285,9 +293,9 @@ class SceneAssembler:
         return RenderUnit(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
 
 
-def _set(mesh: trimesh.Trimesh, stage: Floats) -> trimesh.Trimesh:
+def _placed(mesh: trimesh.Trimesh, transform: Floats) -> trimesh.Trimesh:
     """Transform a mesh in place; its vertices keep their order."""
-    mesh.vertices = apply(stage, np.asarray(mesh.vertices))
+    mesh.vertices = apply(transform, np.asarray(mesh.vertices))
     return mesh
 
 

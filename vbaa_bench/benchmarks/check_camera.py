@@ -22,7 +22,7 @@ from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_rig
 POINTS_MM: Final = 0.01
 FOCAL_LENGTH_PCT: Final = 0.03
 PRINCIPAL_POINT_PX: Final = 0.2
-# Decentring distortion shifts the image much as the principal point does.
+# Decentring distortion and the principal point shift the image almost equally.
 PRINCIPAL_POINT_DISTORTED_PX: Final = 0.3
 POSE_SIGMAS: Final = 3.0
 # Region of plane C over which the beam may move, over its length: its visible part is checked.
@@ -52,36 +52,38 @@ def check_camera(
     Raises InputError if the images do not allow a calibration.
     """
     scene, views = file.scene, file.scene.calibration.views
-    rig, told = true_rig(scene), nominal_rig(scene)
-    bench = FrameRenderer(
+    rig, nominal = true_rig(scene), nominal_rig(scene)
+    renderer = FrameRenderer(
         scene, rig, file.path.parent.resolve(), Layout(Path()), variant, threads=0
     )
-    exposure = bench.measure_exposure(lambda: None)
+    exposure = renderer.measure_exposure(lambda: None)
     images = []
     for view in range(views):
-        images.append(bench.board_image(view, exposure))
+        images.append(renderer.board_image(view, exposure))
         progress(view + 1, views)
-    calibration = calibrate(images, told)
-    return compare(calibration, _as_told(rig, told.antenna_from_board), told), calibration
+    calibration = calibrate(images, nominal)
+    return compare(
+        calibration, _with_nominal_board(rig, nominal.antenna_from_board), nominal
+    ), calibration
 
 
 def compare(calibration: Calibration, true: Camera, told: Rig) -> list[Check]:
     """Compare a calibration with the true camera, whose board is where the rig states it."""
-    found = calibration.camera
+    estimated = calibration.camera
     points = _field(true, told.beam.length)
-    back, _ = on_plane(found, true.project(points), np.zeros((len(points), 2)))
-    off = float(np.linalg.norm(back - points[:, :2], axis=1).max())
-    scale = abs(found.fx / true.fx - 1)
-    checks = [Check("points on plane C", off / MILLIMETRE, POINTS_MM, "mm")]
-    if true.telecentric:  # it has no principal point, and its pose only two of six numbers
-        return [*checks, Check("magnification", scale / PERCENT, FOCAL_LENGTH_PCT, "%")]
+    estimates, _ = on_plane(estimated, true.project(points), np.zeros((len(points), 2)))
+    max_distance = float(np.linalg.norm(estimates - points[:, :2], axis=1).max())
+    scale_error = abs(estimated.fx / true.fx - 1)
+    checks = [Check("points on plane C", max_distance / MILLIMETRE, POINTS_MM, "mm")]
+    if true.telecentric:  # no principal point, and only two of the pose's six numbers
+        return [*checks, Check("magnification", scale_error / PERCENT, FOCAL_LENGTH_PCT, "%")]
     allowed = PRINCIPAL_POINT_DISTORTED_PX if true.distortion else PRINCIPAL_POINT_PX
-    shift = float(np.hypot(found.cx - true.cx, found.cy - true.cy))
+    shift = float(np.hypot(estimated.cx - true.cx, estimated.cy - true.cy))
     board = told.antenna_from_board
     sigmas = _pose_sigmas(calibration, true.camera_from_antenna @ board, board)
     return [
         *checks,
-        Check("focal length", scale / PERCENT, FOCAL_LENGTH_PCT, "%"),
+        Check("focal length", scale_error / PERCENT, FOCAL_LENGTH_PCT, "%"),
         Check("principal point", shift, allowed, "px"),
         Check("pose", sigmas, POSE_SIGMAS, "sigma"),
     ]
@@ -90,14 +92,14 @@ def compare(calibration: Calibration, true: Camera, told: Rig) -> list[Check]:
 def record(checks: list[Check], calibration: Calibration) -> dict[str, Any]:
     """Convert checks and calibration to a record for scripts."""
     return {
-        "checks": [asdict(one) | {"passed": one.passed} for one in checks],
-        "passed": all(one.passed for one in checks),
+        "checks": [asdict(check) | {"passed": check.passed} for check in checks],
+        "passed": all(check.passed for check in checks),
         "reprojection_px": calibration.reprojection_px,
     }
 
 
-def _as_told(rig: TrueRig, antenna_from_board: Floats) -> Camera:
-    """Return the true camera relative to the board, assumed to be where the rig states it.
+def _with_nominal_board(rig: TrueRig, antenna_from_board: Floats) -> Camera:
+    """Return the true camera relative to the board, assumed at its nominal pose.
 
     The board's displacement is the laboratory's error, with a tolerance of its own.
     """
@@ -108,9 +110,9 @@ def _as_told(rig: TrueRig, antenna_from_board: Floats) -> Camera:
 
 def _field(camera: Camera, length: float) -> Floats:
     """Return points (n, 3) [m] on plane C over which the beam moves, in the camera's view."""
-    x, y = (np.linspace(*share, 25) * length for share in _FIELD)
-    right, up = np.meshgrid(x, y)
-    points = np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
+    x, y = (np.linspace(*limits, 25) * length for limits in _FIELD)
+    x_grid, y_grid = np.meshgrid(x, y)
+    points = np.column_stack([x_grid.ravel(), y_grid.ravel(), np.zeros(x_grid.size)])
     pixels = camera.project(points)
     inside = (pixels >= 0) & (pixels <= [camera.width - 1, camera.height - 1])
     return np.asarray(points[inside.all(axis=1)])
@@ -119,8 +121,8 @@ def _field(camera: Camera, length: float) -> Floats:
 def _pose_sigmas(calibration: Calibration, true: Floats, antenna_from_board: Floats) -> float:
     """Compute the largest error of the six numbers of view 0's pose, in their stated sigmas."""
     assert calibration.covariance is not None
-    found = calibration.camera.camera_from_antenna @ antenna_from_board
-    turn = np.eye(4)
-    turn[:3, :3] = found[:3, :3] @ true[:3, :3].T
-    error = np.concatenate([rotation_vector(turn), found[:3, 3] - true[:3, 3]])
+    estimated = calibration.camera.camera_from_antenna @ antenna_from_board
+    rotation = np.eye(4)
+    rotation[:3, :3] = estimated[:3, :3] @ true[:3, :3].T
+    error = np.concatenate([rotation_vector(rotation), estimated[:3, 3] - true[:3, 3]])
     return float(np.abs(error / np.sqrt(np.diag(calibration.covariance)[-6:])).max())

@@ -1,4 +1,4 @@
-"""Contact sheet: one frame of every scene in one picture."""
+"""Contact sheet: one frame of every scene in one image."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -33,58 +33,62 @@ def contact_sheet(
         progress(number + 1, len(scenes))
     tiles += [np.full_like(tiles[0], PAPER)] * (-len(tiles) % COLUMNS)
     rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
-    written, data = cv2.imencode(".png", np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    assert written
+    success, data = cv2.imencode(".png", np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    assert success
     write_bytes(out, data.tobytes())
 
 
 def _tile(file: SceneFile, variant: str) -> np.ndarray:
-    image, bench, pose = photograph(file, variant)
+    image, renderer, pose = photograph(file, variant)
     tile = np.full((CAPTION_PX + TILE_PX, TILE_PX), PAPER, np.uint8)
     group = file.path.parent.name
     name = file.path.stem if group == "scenes" else f"{group}/{file.path.stem}"
     cv2.putText(tile, name, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
     scale = TILE_PX / max(image.shape)
     resized = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    small = np.asarray(resized, dtype=np.uint8)
-    tile[CAPTION_PX : CAPTION_PX + small.shape[0], : small.shape[1]] = brightened(small)
+    thumbnail = np.asarray(resized, dtype=np.uint8)
+    tile[CAPTION_PX : CAPTION_PX + thumbnail.shape[0], : thumbnail.shape[1]] = brightened(thumbnail)
     if pose.state.contacts:
-        around = brightened(_surroundings(image, _contact_pixel(pose, bench)))
-        side = len(around)
-        tile[-side:, -side:] = around
+        inset = brightened(_surroundings(image, _contact_pixel(pose, renderer)))
+        side = len(inset)
+        tile[-side:, -side:] = inset
         cv2.rectangle(tile, (TILE_PX - side, len(tile) - side), (TILE_PX - 1, len(tile) - 1), 160)
     return tile
 
 
 def photograph(file: SceneFile, variant: str) -> tuple[Grey, FrameRenderer, Pose]:
-    """Render the frame of a scene that shows most; return it as 8 bits, its bench and its pose."""
-    work = plan(file)
+    """Render a scene's representative frame; return its 8-bit image, renderer and pose."""
+    scene_plan = plan(file)
     folder = file.path.parent.resolve()
-    bench = FrameRenderer(file.scene, work.rig, folder, Layout(Path()), variant, threads=0)
-    trial = _telling(work, bench)
-    image, _ = bench.photograph(trial, bench.measure_exposure(lambda: None))
-    return eight_bit(image), bench, bench.pose(trial)
+    renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(Path()), variant, threads=0)
+    trial = _representative_frame(scene_plan, renderer)
+    image, _ = renderer.photograph(trial, renderer.measure_exposure(lambda: None))
+    return eight_bit(image), renderer, renderer.pose(trial)
 
 
-def _telling(work: Plan, bench: FrameRenderer) -> FrameSpec:
-    """Choose the frame that shows most: large push, largest occlusion, contact in the middle."""
-    trials = list(work.frame_specs)
-    hidden = min((t.cover.availability for t in trials if t.cover is not None), default=1.0)
-    chosen = [t for t in trials if t.cover is None or t.cover.availability == hidden]
-    chosen = [t for t in chosen if t.cover is None or t.cover.kind != "removed"] or chosen
-    farthest = {
+def _representative_frame(scene_plan: Plan, renderer: FrameRenderer) -> FrameSpec:
+    """Choose a frame of the largest push and occlusion, with a contact of medium distance."""
+    trials = list(scene_plan.frame_specs)
+    availability = min((t.cover.availability for t in trials if t.cover is not None), default=1.0)
+    candidates = [t for t in trials if t.cover is None or t.cover.availability == availability]
+    candidates = [
+        t for t in candidates if t.cover is None or t.cover.kind != "removed"
+    ] or candidates
+    largest = {
         t.push: max(t.push.goals, key=lambda g: g.pushing_angle or g.deflection or 0)
-        for t in chosen
+        for t in candidates
     }
-    chosen = [t for t in chosen if t.goal == farthest[t.push]]
-    chosen.sort(key=lambda t: (bench.pose(t).state.pushing_angle, t.index))
-    return chosen[len(chosen) // 2]
+    candidates = [t for t in candidates if t.goal == largest[t.push]]
+    candidates.sort(key=lambda t: (renderer.pose(t).state.pushing_angle, t.index))
+    return candidates[len(candidates) // 2]
 
 
-def _contact_pixel(pose: Pose, bench: FrameRenderer) -> Floats:
-    stage = pose.camera_frame_from_clamp
-    point = apply(stage, pose.state.contact.point[None]) + bench.rig.base_position
-    pixel: Floats = bench.rig.camera.project(point)[0]
+def _contact_pixel(pose: Pose, renderer: FrameRenderer) -> Floats:
+    camera_frame_from_clamp = pose.camera_frame_from_clamp
+    point = (
+        apply(camera_frame_from_clamp, pose.state.contact.point[None]) + renderer.rig.base_position
+    )
+    pixel: Floats = renderer.rig.camera.project(point)[0]
     return pixel
 
 

@@ -15,17 +15,17 @@ from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.rigs import TrueRig
 
-# Least half-height of the window of a centroid, and its least margin above and below the beam.
+# Minimum half-height of a centroid's window, and its minimum margin above and below the beam.
 _WINDOW_PX, _MARGIN_PX = 4, 3
 # Number of renderings averaged for a reference, if there is time.
-_PARTS = 32
+_MAX_RENDERINGS = 32
 
 
 @dataclass(frozen=True)
 class Line:
     """Position of a beam in an image, with a window about it.
 
-    `rows` (width,) are those of its centreline in every column, nan where there is none; `half`
+    `rows` (width,) are those of its centreline in every column, nan if undefined; `half`
     is half the height of the window.
     """
 
@@ -41,25 +41,25 @@ class Line:
         """
         inside = (self.rows >= self.half) & (self.rows < len(image) - self.half - 0.5)
         columns = np.flatnonzero(inside)
-        away = np.arange(-self.half, self.half + 1)[:, None]
-        rows = np.rint(self.rows[columns]).astype(int) + away
-        ground = reference[rows[[0, -1]], columns].mean(axis=0)
-        light, expected = image[rows, columns] - ground, reference[rows, columns] - ground
-        found = np.full(len(self.rows), np.nan)
-        there = expected.sum(axis=0) > np.median(expected.sum(axis=0)) / 2
-        centroid = (light * rows)[:, there].sum(axis=0) / light[:, there].sum(axis=0)
-        found[columns[there]] = centroid
-        return found
+        offsets = np.arange(-self.half, self.half + 1)[:, None]
+        rows = np.rint(self.rows[columns]).astype(int) + offsets
+        background = reference[rows[[0, -1]], columns].mean(axis=0)
+        light, expected = image[rows, columns] - background, reference[rows, columns] - background
+        centroids = np.full(len(self.rows), np.nan)
+        lit = expected.sum(axis=0) > np.median(expected.sum(axis=0)) / 2
+        centroid = (light * rows)[:, lit].sum(axis=0) / light[:, lit].sum(axis=0)
+        centroids[columns[lit]] = centroid
+        return centroids
 
 
 def beam_line(rig: TrueRig, pose: Pose) -> Line:
     """Compute the true position of a pose's beam in the image, from left to right as in methods."""
     state, camera = pose.state, rig.camera
-    stage = pose.camera_frame_from_clamp
-    places = apply(stage, state.centreline[:, 1:]) + rig.base_position
-    u, v = camera.project(places).T
+    camera_frame_from_clamp = pose.camera_frame_from_clamp
+    points = apply(camera_frame_from_clamp, state.centreline[:, 1:]) + rig.base_position
+    u, v = camera.project(points).T
     rows = np.interp(np.arange(camera.width), u, v, left=np.nan, right=np.nan)
-    radius_px = rig.beam.radius * float(camera.pixels_per_metre(places).max())
+    radius_px = rig.beam.radius * float(camera.pixels_per_metre(points).max())
     return Line(rows, max(_WINDOW_PX, math.ceil(radius_px) + _MARGIN_PX))
 
 
@@ -80,14 +80,14 @@ class Reference:
 
     def errors(self, radiance: Floats) -> tuple[float, float]:
         """Compute mean squared errors: of the beam's radiance over its peak, centroids [px^2]."""
-        apart = (radiance - self.radiance)[self.beam] / self.peak
+        difference = (radiance - self.radiance)[self.beam] / self.peak
         truth = self.line.centroids(self.radiance, self.radiance)
-        moved = self.line.centroids(radiance, self.radiance) - truth
-        return float(np.mean(apart**2)), float(np.nanmean(moved**2))
+        shift = self.line.centroids(radiance, self.radiance) - truth
+        return float(np.mean(difference**2)), float(np.nanmean(shift**2))
 
 
 def reference_of(world: World, seen: RenderedRadiance, line: Line, seconds: float) -> Reference:
-    """Average many renderings, each with the largest number of samples that ours ever takes."""
+    """Average many renderings, each with our renderer's maximum number of samples."""
     square = np.ones((3, 3), np.uint8)
     beam = cv2.dilate((seen.coverage > 0).astype(np.uint8), square) > 0
     known = beam.copy()
@@ -95,13 +95,17 @@ def reference_of(world: World, seen: RenderedRadiance, line: Line, seconds: floa
         middle = round(line.rows[column])
         known[max(middle - line.half, 0) : max(middle + line.half + 1, 0), column] = True
     rows, columns = np.nonzero(known)
-    pixels, size = np.column_stack([columns, rows]), np.full(len(rows), MOST)
-    start, parts = perf_counter(), list[Floats]()
-    while len(parts) < 2 or (len(parts) < _PARTS and perf_counter() - start < seconds):
-        parts.append(trace(world, pixels, size, 7_000_000 * (1 + len(parts)), "whole").radiance)
-    made = np.zeros(known.shape)
-    made[known] = np.mean(parts, axis=0)
-    peak = float(np.quantile(made[seen.core], 0.99))
+    pixels, samples = np.column_stack([columns, rows]), np.full(len(rows), MOST)
+    start, renderings = perf_counter(), list[Floats]()
+    while len(renderings) < 2 or (
+        len(renderings) < _MAX_RENDERINGS and perf_counter() - start < seconds
+    ):
+        renderings.append(
+            trace(world, pixels, samples, 7_000_000 * (1 + len(renderings)), "whole").radiance
+        )
+    mean = np.zeros(known.shape)
+    mean[known] = np.mean(renderings, axis=0)
+    peak = float(np.quantile(mean[seen.core], 0.99))
     noise = np.zeros(known.shape)
-    noise[known] = np.var(parts, axis=0, ddof=1) / len(parts)
-    return Reference(made, known, beam, line, peak, float(np.sqrt(noise[beam].mean())) / peak)
+    noise[known] = np.var(renderings, axis=0, ddof=1) / len(renderings)
+    return Reference(mean, known, beam, line, peak, float(np.sqrt(noise[beam].mean())) / peak)

@@ -1,4 +1,4 @@
-"""Lighting sheet: one picture of the same push under each light, by material and background."""
+"""Lighting sheet: one image of the same push under each light, by material and background."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -83,12 +83,12 @@ def lighting_sheet(
     for number, path in enumerate(scenes):
         file = load_scene(path)
         tiles = []
-        for place, (name, look) in enumerate(LOOKS.items()):
+        for column, (name, look) in enumerate(LOOKS.items()):
             tiles.append(_tile(file, look, f"{path.stem}: {name}", variant))
-            progress(number * len(LOOKS) + place + 1, len(scenes) * len(LOOKS))
+            progress(number * len(LOOKS) + column + 1, len(scenes) * len(LOOKS))
         rows.append(np.hstack(tiles))
-    written, data = cv2.imencode(".png", np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    assert written
+    success, data = cv2.imencode(".png", np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    assert success
     write_bytes(out, data.tobytes())
 
 

@@ -19,16 +19,16 @@ from solver.methods import Method
 from solver.tracker import PushTracker
 
 Record = dict[str, Any]
-# Gathers measurements and returns a function that solves them all at once.
+# Takes measurements and returns a function that solves them all at once.
 Batch = Callable[[Sequence[Measurement]], Callable[[], object]]
 
 
-def _gathered(measurements: Sequence[Measurement]) -> Callable[[], object]:
-    counts = [len(one.points) for one in measurements]
+def _prepare_exact_fit(measurements: Sequence[Measurement]) -> Callable[[], object]:
+    counts = [len(measurement.points) for measurement in measurements]
     return partial(
         exact_fit_batch,
-        np.vstack([one.points for one in measurements]),
-        np.vstack([one.sigma_vectors for one in measurements]),
+        np.vstack([measurement.points for measurement in measurements]),
+        np.vstack([measurement.sigma_vectors for measurement in measurements]),
         np.cumsum([0, *counts]),
         measurements[0].base_covariance,
         measurements[0].rig.beam,
@@ -36,7 +36,7 @@ def _gathered(measurements: Sequence[Measurement]) -> Callable[[], object]:
 
 
 # Methods that can solve many frames in one call.
-BATCHES: Final[dict[str, Batch]] = {"exact_fit": _gathered}
+BATCHES: Final[dict[str, Batch]] = {"exact_fit": _prepare_exact_fit}
 
 
 class _Watch:
@@ -47,17 +47,17 @@ class _Watch:
         self.measurement: Measurement | None = None
         self.seconds = 0.0
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset the record before a frame, which may not reach the method."""
         self.measurement, self.seconds = None, 0.0
 
     def __call__(self, measurement: Measurement) -> Estimate:
         self.measurement = measurement
-        began = time.perf_counter()
+        start = time.perf_counter()
         try:
             return self._method(measurement)
         finally:
-            self.seconds = time.perf_counter() - began
+            self.seconds = time.perf_counter() - start
 
 
 class Run:
@@ -65,9 +65,9 @@ class Run:
 
     def __init__(self, method: Method, batch: Batch | None, antenna: Antenna, frames: int) -> None:
         self._method, self._antenna = method, antenna
-        self._answers: list[Estimate] = []
+        self._estimates: list[Estimate] = []
         self._images: list[Floats] = []
-        self._within: list[Floats] = []
+        self._in_method: list[Floats] = []
         self._points: list[Floats] = []
         self._batches: list[float] = []
         self._frames = frames
@@ -75,24 +75,24 @@ class Run:
 
     def once(self, frames: Sequence[ImageFrame], images: Sequence[Grey]) -> None:
         """Solve every frame once from its image, and once from its points."""
-        watch = _Watch(self._method)
-        push = PushTracker(self._antenna, watch)
-        image, within, points = (np.full(self._frames, np.nan) for _ in range(3))
-        self._answers, measurements = [], list[Measurement]()
+        timed = _Watch(self._method)
+        tracker = PushTracker(self._antenna, timed)
+        from_image, in_method, from_points = (np.full(self._frames, np.nan) for _ in range(3))
+        self._estimates, measurements = [], list[Measurement]()
         for i, (frame, pixels) in enumerate(zip(frames, images, strict=True)):
-            watch.forget()
-            solved = push.solve(pixels, frame.readings, frame.push_id)
-            image[i], within[i] = solved.seconds, watch.seconds
-            if watch.measurement is not None:
-                points[i] = _seconds(partial(self._method, watch.measurement))
-                measurements.append(watch.measurement)
-            self._answers.append(solved.estimate)
-        self._images.append(image)
-        self._within.append(within)
-        self._points.append(points)
+            timed.reset()
+            solved = tracker.solve(pixels, frame.readings, frame.push_id)
+            from_image[i], in_method[i] = solved.seconds, timed.seconds
+            if timed.measurement is not None:
+                from_points[i] = _seconds(partial(self._method, timed.measurement))
+                measurements.append(timed.measurement)
+            self._estimates.append(solved.estimate)
+        self._images.append(from_image)
+        self._in_method.append(in_method)
+        self._points.append(from_points)
         if self._batch is not None and measurements:
-            spent = _seconds(self._batch(measurements))
-            self._batches.append(spent / len(measurements))
+            elapsed = _seconds(self._batch(measurements))
+            self._batches.append(elapsed / len(measurements))
 
     @property
     def image_s(self) -> Floats:
@@ -102,19 +102,19 @@ class Run:
     @property
     def method_s(self) -> Floats:
         """Seconds of each frame in the method itself (n,)."""
-        return _typical(self._within)
+        return _typical(self._in_method)
 
     def record(self, frames: Sequence[ImageFrame]) -> Record:
         """Convert times and estimates to a record."""
-        points = _typical(self._points)
+        from_points = _typical(self._points)
         rows = [
-            row(frame.frame_id, answer, 1e3 * seconds)
-            for frame, answer, seconds in zip(frames, self._answers, self.image_s, strict=True)
+            row(frame.frame_id, estimate, 1e3 * seconds)
+            for frame, estimate, seconds in zip(frames, self._estimates, self.image_s, strict=True)
         ]
         return {
             "image_ms_per_frame": 1e3 * float(np.median(self.image_s)),
             "image_ms_p95": 1e3 * float(np.quantile(self.image_s, 0.95)),
-            "points_us_per_frame": _microseconds(points),
+            "points_us_per_frame": _microseconds(from_points),
             "points_us_per_frame_batched": _microseconds(self._batches[1:]),
             "predictions": csv_text(rows),
         }
@@ -127,15 +127,15 @@ def _typical(rounds: Sequence[Floats]) -> Floats:
 
 def _microseconds(seconds: npt.ArrayLike) -> float | None:
     """Compute the median of the finite times in microseconds; return None if there are none."""
-    known = np.asarray(seconds)[np.isfinite(seconds)]
-    return 1e6 * float(np.median(known)) if len(known) else None
+    finite = np.asarray(seconds)[np.isfinite(seconds)]
+    return 1e6 * float(np.median(finite)) if len(finite) else None
 
 
-def _seconds(act: Callable[[], object]) -> float:
+def _seconds(call: Callable[[], object]) -> float:
     """Time a call [s]; return NaN where it fails, which the table of estimates shows."""
-    began = time.perf_counter()
+    start = time.perf_counter()
     try:
-        act()
-    except Exception:  # noqa: BLE001 - a method may do anything
+        call()
+    except Exception:  # noqa: BLE001 - a method may raise any error
         return float("nan")
-    return time.perf_counter() - began
+    return time.perf_counter() - start

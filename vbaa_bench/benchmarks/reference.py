@@ -27,12 +27,12 @@ def reference(push: Push, state: State) -> tuple[Floats, float, Floats]:
     x_0, radius = push[0] / length, BEAM.radius / length
 
     def contact(strength: float, s_c: float) -> tuple[float, float, float]:
-        theta, _, along, across = _walk(strength, s_c)[:, -1]
+        theta, _, along, across = _integrate(strength, s_c)[:, -1]
         cosine, sine = math.cos(theta), math.sin(theta)
         return theta, along * cosine + across * sine, along * sine - across * cosine
 
-    def errors(unknown: Floats) -> list[float]:
-        strength, s_c, angle = unknown
+    def errors(unknowns: Floats) -> list[float]:
+        strength, s_c, angle = unknowns
         theta, x, y = contact(strength, s_c)
         return [
             x + radius * math.sin(theta) - x_0 * math.cos(angle) - radius * math.sin(angle),
@@ -41,37 +41,39 @@ def reference(push: Push, state: State) -> tuple[Floats, float, Floats]:
         ]
 
     strength = float(np.linalg.norm(state.contact.force)) / unit
-    near = np.array([strength, state.contact.s / length, state.pushing_angle])
-    strength, s_c, _ = root(errors, 1.01 * near, method="hybr", options={"xtol": 1e-14}).x
+    guess = np.array([strength, state.contact.s / length, state.pushing_angle])
+    strength, s_c, _ = root(errors, 1.01 * guess, method="hybr", options={"xtol": 1e-14}).x
     theta, x, y = contact(strength, s_c)
     tangent = np.array([math.cos(theta), math.sin(theta)])
     normal = np.array([-math.sin(theta), math.cos(theta)])
     back = s_c - state.centreline[:, 0] / length
     curved = np.clip(back[state.contact.row :: -1], 0.0, s_c)
-    _, _, along, across = _walk(strength, s_c, at=curved)[:, ::-1]
-    ahead = np.column_stack([-back, 0 * back])
-    ahead[: len(curved)] = np.column_stack([-along, across])
-    points = np.array([x, y]) + ahead[:, :1] * tangent + ahead[:, 1:] * normal
+    _, _, along, across = _integrate(strength, s_c, at=curved)[:, ::-1]
+    offsets = np.column_stack([-back, 0 * back])
+    offsets[: len(curved)] = np.column_stack([-along, across])
+    points = np.array([x, y]) + offsets[:, :1] * tangent + offsets[:, 1:] * normal
     force = unit * strength * np.array([*normal, 0.0])
     return force, s_c * length, length * np.column_stack([points, 0 * back])
 
 
 def dead_load_tip(load: float) -> Floats:
     """Compute the tip (3,) over L under a dead load [EI / L^2] (Bisshopp and Drucker 1945)."""
-    slope = brentq(lambda slope: _walk(load, 1.0, slope)[0, -1] - slope, 0.01, 1.5, xtol=1e-14)
-    _, _, along, across = _walk(load, 1.0, slope)[:, -1]
+    slope = brentq(lambda slope: _integrate(load, 1.0, slope)[0, -1] - slope, 0.01, 1.5, xtol=1e-14)
+    _, _, along, across = _integrate(load, 1.0, slope)[:, -1]
     cosine, sine = math.cos(slope), math.sin(slope)
     return np.array([along * cosine + across * sine, along * sine - across * cosine, 0.0])
 
 
-def _walk(force: float, end: float, lean: float = 0.0, at: Floats | None = None) -> Floats:
+def _integrate(
+    force: float, end: float, load_angle: float = 0.0, at: Floats | None = None
+) -> Floats:
     """Integrate the beam back from the force; return (phi, phi', along, across) as (4, n).
 
-    phi'' = force cos(phi - lean), lengths in units of L and the force in EI / L^2; `along` and
-    `across` are in the frame of the tangent there.
+    phi'' = force cos(phi - load_angle), lengths in L and force in EI / L^2; `along` and `across`
+    are in the frame of the tangent there.
     """
     solution = solve_ivp(
-        lambda _, y: (y[1], force * math.cos(y[0] - lean), math.cos(y[0]), math.sin(y[0])),
+        lambda _, y: (y[1], force * math.cos(y[0] - load_angle), math.cos(y[0]), math.sin(y[0])),
         (0.0, end),
         np.zeros(4),
         method="DOP853",

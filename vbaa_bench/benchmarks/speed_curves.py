@@ -26,25 +26,25 @@ def at_equal_error(curve: Sequence[Record], target: float = TARGET) -> Record:
     points = sorted(curve, key=lambda point: float(point["rmse_over_peak"]))
     error = np.log([point["rmse_over_peak"] for point in points])
     seconds = np.log([point["seconds"] for point in points])
-    wanted = math.log(target)
-    inside = bool(error[0] <= wanted <= error[-1])
+    log_target = math.log(target)
+    inside = bool(error[0] <= log_target <= error[-1])
     if inside:
-        at = float(np.interp(wanted, error, seconds))
+        log_seconds = float(np.interp(log_target, error, seconds))
     else:
-        end, next_to_it = (0, 1) if wanted < error[0] else (-1, -2)
-        slope = (seconds[end] - seconds[next_to_it]) / (error[end] - error[next_to_it])
-        at = float(seconds[end] + slope * (wanted - error[end]))
-    return {"seconds": math.exp(at), "extrapolated": not inside}
+        end, neighbour = (0, 1) if log_target < error[0] else (-1, -2)
+        slope = (seconds[end] - seconds[neighbour]) / (error[end] - error[neighbour])
+        log_seconds = float(seconds[end] + slope * (log_target - error[end]))
+    return {"seconds": math.exp(log_seconds), "extrapolated": not inside}
 
 
 def sentence(record: Record, out: Path) -> str:
     """Summarise a record in one sentence."""
-    beyond = any(found["extrapolated"] for found in record["at_target"].values())
+    extrapolated = any(point["extrapolated"] for point in record["at_target"].values())
     return (
         f"at an error of {100 * TARGET:g} % of the beam's peak "
         f"{record['speedup_at_equal_rmse']:.3g} times as fast as plain Mitsuba"
-        f"{', extrapolated' if beyond else ''}; as the scene asks "
-        f"{record['frames_per_s']:.3g} frames a second, "
+        f"{', extrapolated' if extrapolated else ''}; scene's noise targets: "
+        f"{record['frames_per_s']:.3g} frames/s, error "
         f"{100 * record['rmse_over_peak']:.2g} %; {out / 'render_speed.png'}"
     )
 
@@ -57,12 +57,12 @@ def write(record: Record, out: Path, names: Sequence[str]) -> None:
     )
     out.mkdir(parents=True, exist_ok=True)
     table.write_csv(out / "render_speed.csv")
-    shown = table.with_columns(percent=100 * pl.col("rmse_over_peak"))
+    plotted = table.with_columns(percent=100 * pl.col("rmse_over_peak"))
     x = alt.X("seconds:Q", title="seconds per frame, end to end").scale(type="log", nice=False)
     y = alt.Y("percent:Q", title="RMSE on the beam [% of its peak]").scale(type="log", nice=False)
     colour = alt.Color("renderer:N", title=None, sort=list(names)).legend(orient="bottom")
     target = alt.Chart(pl.DataFrame({"percent": [100 * TARGET]})).mark_rule(strokeDash=[4, 3])
-    base = alt.Chart(shown)
+    base = alt.Chart(plotted)
     chart = alt.layer(
         target.encode(y=y),
         base.mark_line().encode(x=x, y=y, color=colour, order="rmse_over_peak:Q"),

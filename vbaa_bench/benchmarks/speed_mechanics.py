@@ -43,8 +43,10 @@ def measure_apart(yardstick_seconds: float) -> Record:
         "vbaa_bench.benchmarks.speed_mechanics",
         str(yardstick_seconds),
     ]
-    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    record: Record = json.loads(done.stdout)
+    completed = subprocess.run(
+        command, env=environment, stdout=subprocess.PIPE, text=True, check=True
+    )
+    record: Record = json.loads(completed.stdout)
     return record
 
 
@@ -53,7 +55,7 @@ def measure(
 ) -> Record:
     """Measure states per second, and the error, of every model.
 
-    `flat` pushes are solved by the fast path, and `compared` of them by scipy's integration, too;
+    `flat` pushes are solved by the planar model, `compared` of them also by scipy's integrator;
     `spatial` pushes are solved by the rod in space.
     """
     generator = np.random.default_rng(0)
@@ -66,16 +68,16 @@ def measure(
         "space_all_effects": _space_all_effects(pushes[:spatial]),
         "yardstick": yardstick(yardstick_seconds),
     }
-    found = record["yardstick"]
+    baseline = record["yardstick"]
     for model in ("planar", "space_plain", "space_all_effects"):
         speed = record[model]["states_per_s"]
-        record[model]["times_yardstick"] = found and speed / found["states_per_s"]
+        record[model]["times_yardstick"] = baseline and speed / baseline["states_per_s"]
     return record
 
 
 def rows(record: Record) -> list[tuple[str, str, str, str, str]]:
     """Format rows: model, states per second, ratio to the yardstick, worst error, remark."""
-    flat, found = record["planar"], record["yardstick"]
+    flat, baseline = record["planar"], record["yardstick"]
     bare, cold = flat["states_per_s_without_centreline"], flat["cold_start_s"]
     remarks = {
         "planar": f"against DOP853; {_three_digits(bare)}/s without centreline; "
@@ -84,20 +86,25 @@ def rows(record: Record) -> list[tuple[str, str, str, str, str]]:
         "space_all_effects": "weight, bow, taper, stretch, ellipse, tilt, spring, friction; "
         "against a finer mesh",
     }
-    rests = found is None or found["at_rest"]
-    said = []
+    at_rest = baseline is None or baseline["at_rest"]
+    table = []
     for model, remark in remarks.items():
-        one = record[model]
-        ratio = _three_digits(one["times_yardstick"]) if found else "–"
-        error = f"{max(one['worst_relative_error'], one['worst_residual']):.1e}"
-        name, speed = model.replace("_", " "), _three_digits(one["states_per_s"])
-        said.append((name, speed, ratio if rests else f"> {ratio}", error, remark))
-    if found is None:
-        return [*said, ("yardstick", "–", "–", "–", NOT_INSTALLED)]
-    speed, error = _three_digits(found["states_per_s"]), f"{found['tip_error_pct_L'] / 100:.1e}"
-    state = "at rest" if rests else "not yet at rest"
-    remark = f"PyElastica, dead load, {state} after {1 / found['states_per_s']:.3g} s; tip over L"
-    return [*said, ("yardstick", speed if rests else f"< {speed}", "1", error, remark)]
+        result = record[model]
+        ratio = _three_digits(result["times_yardstick"]) if baseline else "–"
+        error = f"{max(result['worst_relative_error'], result['worst_residual']):.1e}"
+        name, speed = model.replace("_", " "), _three_digits(result["states_per_s"])
+        table.append((name, speed, ratio if at_rest else f"> {ratio}", error, remark))
+    if baseline is None:
+        return [*table, ("yardstick", "–", "–", "–", NOT_INSTALLED)]
+    speed, error = (
+        _three_digits(baseline["states_per_s"]),
+        f"{baseline['tip_error_pct_L'] / 100:.1e}",
+    )
+    state = "at rest" if at_rest else "not yet at rest"
+    remark = (
+        f"PyElastica, dead load, {state} after {1 / baseline['states_per_s']:.3g} s; tip over L"
+    )
+    return [*table, ("yardstick", speed if at_rest else f"< {speed}", "1", error, remark)]
 
 
 def _three_digits(number: float) -> str:
@@ -105,9 +112,9 @@ def _three_digits(number: float) -> str:
 
 
 def _planar(pushes: Sequence[Push], compared: int) -> Record:
-    find = partial(_flat, intervals=480)
-    cold, speed, states = _timed(find, pushes)
-    _, bare, _ = _timed(partial(_flat, intervals=3), pushes)
+    solve = partial(_planar_state, intervals=480)
+    cold, speed, states = _timed(solve, pushes)
+    _, bare, _ = _timed(partial(_planar_state, intervals=3), pushes)
     return {
         "states_per_s": speed,
         "states_per_s_without_centreline": bare,
@@ -125,18 +132,23 @@ def _planar(pushes: Sequence[Push], compared: int) -> Record:
 def _space_plain(pushes: Sequence[Push]) -> Record:
     rod = Rod(BEAM)
 
-    def find(push: Push) -> State:
+    def solve(push: Push) -> State:
         distance, deflection = push
         edge = Obstacle(upright(), rigid([0.0, 0.0, 0.0], [distance, -BEAM.radius, 0.0]))
         return pushing.push(rod, Motor(), [edge], distance, [Step(deflection=deflection)])[0]
 
-    cold, speed, states = _timed(find, pushes)
-    flat = [_flat(push, 480) for push in pushes]
+    cold, speed, states = _timed(solve, pushes)
+    references = [_planar_state(push, 480) for push in pushes]
     return {
         "states_per_s": speed,
         "worst_relative_error": max(
-            _difference(state, one.contact.force, one.contact.s, one.centreline[:, 1:])
-            for state, one in zip(states, flat, strict=True)
+            _difference(
+                state,
+                reference_state.contact.force,
+                reference_state.contact.s,
+                reference_state.centreline[:, 1:],
+            )
+            for state, reference_state in zip(states, references, strict=True)
         ),
         "worst_residual": max(state.residual for state in states),
         "states": len(states),
@@ -155,26 +167,26 @@ def _space_all_effects(pushes: Sequence[Push]) -> Record:
         bow=(0.2, 0.1),
         extensible=True,
     )
-    resting, tilt = pushing.rest(rod).centreline, math.radians(30)
+    rest_line, tilt = pushing.rest(rod).centreline, math.radians(30)
     normal = np.array([0.0, math.cos(tilt), math.sin(tilt)])
 
-    def find(push: Push) -> State:
-        s, *point = resting[np.searchsorted(resting[:, 0], push[0])]
-        place = rigid([tilt, 0.0, 0.0], np.array(point) - rod.reach(float(s), tilt) * normal)
-        edge = Obstacle(upright(), place, compliance=1e-3, friction=0.1)
+    def solve(push: Push) -> State:
+        s, *point = rest_line[np.searchsorted(rest_line[:, 0], push[0])]
+        pose = rigid([tilt, 0.0, 0.0], np.array(point) - rod.reach(float(s), tilt) * normal)
+        edge = Obstacle(upright(), pose, compliance=1e-3, friction=0.1)
         return pushing.push(rod, Motor(), [edge], float(s), [Step(deflection=push[1])])[0]
 
-    _, speed, states = _timed(find, pushes)
+    _, speed, states = _timed(solve, pushes)
     return {
         "states_per_s": speed,
-        "worst_relative_error": max(_unbalanced(rod, state) for state in states),
+        "worst_relative_error": max(_refinement_error(rod, state) for state in states),
         "worst_residual": max(state.residual for state in states),
         "states": len(states),
     }
 
 
 def _timed(
-    find: Callable[[Push], State], pushes: Sequence[Push]
+    solve: Callable[[Push], State], pushes: Sequence[Push]
 ) -> tuple[float, float, list[State]]:
     """Time all states.
 
@@ -182,17 +194,17 @@ def _timed(
     and the states.
     """
     start = perf_counter()
-    find(pushes[0])
+    solve(pushes[0])
     cold = perf_counter() - start
-    spent = []
+    times = []
     for _ in range(_REPEATS):
         start = perf_counter()
-        states = [find(push) for push in pushes]
-        spent.append(perf_counter() - start)
-    return cold, len(pushes) / median(spent), states
+        states = [solve(push) for push in pushes]
+        times.append(perf_counter() - start)
+    return cold, len(pushes) / median(times), states
 
 
-def _flat(push: Push, intervals: int) -> State:
+def _planar_state(push: Push, intervals: int) -> State:
     return planar.push(BEAM, push[0], deflection=push[1], intervals=intervals)
 
 
@@ -203,29 +215,29 @@ def _difference(state: State, force: Floats, s_c: float, points: Floats) -> floa
     difference is relative to the tip's deflection.
     """
     contact = state.contact
-    apart = np.linalg.norm(state.centreline[:, 1:] - points, axis=1).max() / state.tip[1]
-    strength = np.linalg.norm(contact.force - force) / np.linalg.norm(force)
-    return float(max(apart, strength, abs(contact.s / s_c - 1)))
+    position_error = np.linalg.norm(state.centreline[:, 1:] - points, axis=1).max() / state.tip[1]
+    force_error = np.linalg.norm(contact.force - force) / np.linalg.norm(force)
+    return float(max(position_error, force_error, abs(contact.s / s_c - 1)))
 
 
-def _unbalanced(rod: Rod, state: State) -> float:
+def _refinement_error(rod: Rod, state: State) -> float:
     """Compute the change of a state on a mesh eight times as fine, under its own forces.
 
-    Positions are relative to the tip's deflection, the moment left at the tip to the clamp's.
+    Positions are relative to the tip's deflection, the residual moment at the tip to the clamp's.
     """
     length, unit, contact = rod.beam.length, rod.force_unit, state.contact
-    turned = Motor().clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))[:3, :3]
-    properties, s_c = rod.properties(turned), contact.s / length
+    rotation = Motor().clamp_from_world(state.pushing_angle, (0.0, 0.0, 0.0))[:3, :3]
+    properties, s_c = rod.properties(rotation), contact.s / length
     clamp, steps = rod.clamp(-state.base_moment / (unit * length)), 8 * STEPS
-    touched = advance(clamp, 0.0, s_c, steps, contact.force / unit, properties)
-    moved = touched[:3] * length - contact.point
-    touched[9:] -= np.cross(contact.lever, contact.force) / (unit * length)
-    tip = advance(touched, s_c, 1.0, steps, np.zeros(3), properties)
-    apart = max(np.linalg.norm(moved), np.linalg.norm(tip[:3] * length - state.tip))
-    left = np.linalg.norm(tip[9:]) / np.linalg.norm(clamp[9:])
-    return float(max(apart / state.tip[1], left))
+    at_contact = advance(clamp, 0.0, s_c, steps, contact.force / unit, properties)
+    shift = at_contact[:3] * length - contact.point
+    at_contact[9:] -= np.cross(contact.lever, contact.force) / (unit * length)
+    tip = advance(at_contact, s_c, 1.0, steps, np.zeros(3), properties)
+    distance = max(np.linalg.norm(shift), np.linalg.norm(tip[:3] * length - state.tip))
+    residual_moment = np.linalg.norm(tip[9:]) / np.linalg.norm(clamp[9:])
+    return float(max(distance / state.tip[1], residual_moment))
 
 
 if __name__ == "__main__":
-    logging.disable(logging.WARNING)  # PyElastica warns of every thin rod's small inertia
+    logging.disable(logging.WARNING)  # PyElastica warns about every thin rod's small inertia
     print(json.dumps(measure(float(sys.argv[1]))))

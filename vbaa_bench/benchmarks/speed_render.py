@@ -1,11 +1,10 @@
 """Measure seconds per frame against image error, for our renderer and for plain Mitsuba.
 
 A frame is end to end, for both: new vertices of all moving parts, render, truth layers, sensor,
-PNG and EXR; the mechanics are excluded. Our time includes each frame's share of the static layer,
-which is rendered once for all frames of the scene. Plain Mitsuba renders all
-pixels by `mi.render`; it computes no variance and coverage, for which its EXR holds zeros. Both run
-in this one process on all threads, with kernels compiled before, except plain points that there is
-time to make only once.
+PNG and EXR; the mechanics are excluded. Our time includes each frame's part of the static layer,
+which is rendered once for all frames of the scene. Plain Mitsuba renders all pixels by `mi.render`;
+it computes no variance and coverage, for which its EXR holds zeros. Both run in this process on all
+threads, with compiled kernels, except plain points for which there is time only once.
 """
 
 import math
@@ -47,22 +46,22 @@ from vbaa_bench.scene.trials import random_generator
 # Ours: factors of the scene's noise targets. Plain: samples per pixel.
 _SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
 _SAMPLES = (4, 16, 64, 256, 1024)
-# Samples that fit into memory at a time.
-_LARGEST_FRAME = 1 << 28
+# Number of samples that fit into memory.
+_MAX_SAMPLES_PER_FRAME = 1 << 28
 # Repetitions of each frame, if there is time; the median time and the mean squared error count.
 _REPEATS = 3
-# Warm-up frames. Dr.Jit traces one program to kernels of several orders by chance; each is
-# compiled when it first occurs.
-_WARM = 4
-# The reference may take this share of the time.
-_REFERENCE_SHARE = 0.25
+# Dr.Jit orders the operations of one program at random; each order is compiled when it first
+# occurs.
+_WARM_UP_FRAMES = 4
+# Maximum fraction of the time for the reference.
+_REFERENCE_FRACTION = 0.25
 
 Shoot = Callable[[int], RenderedRadiance]
 
 
 @dataclass(frozen=True)
 class Stand:
-    """One pose on one bench, rendered repeatedly."""
+    """One pose of a scene, rendered repeatedly."""
 
     bench: FrameRenderer
     pose: Pose
@@ -79,23 +78,23 @@ class Stand:
         """Make one frame, end to end, and return its radiance."""
         bench = self.bench
         bench.pushed_world(self.pose)
-        seen = shoot(seed)
+        rendered = shoot(seed)
         noise = random_generator(bench.scene, "speed", seed)
-        image = bench.sensor(self.exposure).expose(seen.radiance, noise, seen.variance)
+        image = bench.sensor(self.exposure).expose(rendered.radiance, noise, rendered.variance)
         write_bytes(self.folder / "frame.png", png_bytes(image))
-        made = seen.by_name()
-        write_exr(self.folder / "frame.exr", {str(k): made[k] for k in bench.scene.layers})
-        return seen.radiance
+        layers = rendered.by_name()
+        write_exr(self.folder / "frame.exr", {str(k): layers[k] for k in bench.scene.layers})
+        return rendered.radiance
 
     def measured(self, shoot: Shoot, reference: Reference, deadline: float) -> Record:
         """Measure the seconds of a frame, and its errors."""
-        seconds, squares = list[float](), list[tuple[float, float]]()
+        seconds, squared_errors = list[float](), list[tuple[float, float]]()
         while not seconds or (len(seconds) < _REPEATS and perf_counter() < deadline):
             start = perf_counter()
             radiance = self.frame(shoot, len(seconds))
             seconds.append(perf_counter() - start)
-            squares.append(reference.errors(radiance))
-        image, line = np.sqrt(np.mean(squares, axis=0)).tolist()
+            squared_errors.append(reference.errors(radiance))
+        image, line = np.sqrt(np.mean(squared_errors, axis=0)).tolist()
         return {
             "seconds": median(seconds),
             "rmse_over_peak": image,
@@ -104,7 +103,7 @@ class Stand:
         }
 
     def kernel_share(self, shoot: Shoot) -> float:
-        """Measure the share of a frame's time in which compiled kernels run."""
+        """Measure the fraction of a frame's time in which compiled kernels run."""
         start = perf_counter()
         busy = seconds_in_kernels(lambda: self.frame(shoot, 0))
         return busy / (perf_counter() - start)
@@ -116,121 +115,129 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
     This takes about `seconds`. Writes render_speed.csv and render_speed.png to `out`. Raises
     InputError where plain Mitsuba cannot render the scene, and where `out` cannot be written.
     """
-    _refuse(file, variant)
+    _require_plain_mitsuba(file, variant)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror})") from error
-    end = perf_counter() + seconds
-    work = plan(file)
+    deadline = perf_counter() + seconds
+    scene_plan = plan(file)
     folder, threads = file.path.parent.resolve(), cores()
-    bench = FrameRenderer(file.scene, work.rig, folder, Layout(out), variant, threads)
-    trial = sorted(work.frame_specs, key=lambda trial: trial.index)[work.frames // 2]
-    with tempfile.TemporaryDirectory() as aside:
-        exposure = bench.measure_exposure(lambda: None)
-        stand = Stand(bench, bench.pose(trial), exposure, Path(aside))
-        record = _compared(stand, work.frames, end)
+    renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(out), variant, threads)
+    trial = sorted(scene_plan.frame_specs, key=lambda trial: trial.index)[scene_plan.frames // 2]
+    with tempfile.TemporaryDirectory() as temporary:
+        exposure = renderer.measure_exposure(lambda: None)
+        stand = Stand(renderer, renderer.pose(trial), exposure, Path(temporary))
+        record = _compare(stand, scene_plan.frames, deadline)
     record |= {"scene": file.path.stem, "threads": threads, "frame_id": trial.frame_id}
     write(record, out, ["ours", *SAMPLERS])
     return record
 
 
-def _refuse(file: SceneFile, variant: str) -> None:
+def _require_plain_mitsuba(file: SceneFile, variant: str) -> None:
     """Raise InputError where plain Mitsuba cannot render the scene."""
     scene = file.scene
     if variant == PLAIN:
-        raise InputError(f"variant is {variant}, allowed are those that compile kernels")
-    asked = [key for key in ("point_spread_px", "aperture_mm") if getattr(scene.optics, key) > 0]
-    asked += ["distortion"] if any(scene.camera.distortion) else []
-    asked += ["motor_speed_deg_s"] if scene.motor_speed_deg_s else []
-    if asked:
-        said = f"has {', '.join(asked)}, allowed is a scene without, as plain Mitsuba has none"
-        raise InputError(f"{file.path}: {said}")
+        raise InputError(f"variant is {variant}, allowed are variants that compile kernels")
+    unsupported = [
+        key for key in ("point_spread_px", "aperture_mm") if getattr(scene.optics, key) > 0
+    ]
+    unsupported += ["distortion"] if any(scene.camera.distortion) else []
+    unsupported += ["motor_speed_deg_s"] if scene.motor_speed_deg_s else []
+    if unsupported:
+        message = (
+            f"has {', '.join(unsupported)}, allowed is a scene without: plain Mitsuba has none"
+        )
+        raise InputError(f"{file.path}: {message}")
 
 
-def _compared(stand: Stand, frames: int, end: float) -> Record:
-    world, wanted = stand.bench.pushed_world(stand.pose), stand.wanted(1)
-    ground, plate_seconds = _timed_plate(world, wanted)
-    for seed in range(_WARM):
-        stand.frame(_ours(world, ground, wanted), seed)
-    seen = render_frame(world, ground, wanted, 0)
+def _compare(stand: Stand, frames: int, deadline: float) -> Record:
+    world, target = stand.bench.pushed_world(stand.pose), stand.wanted(1)
+    static_layer, layer_seconds = _timed_static_layer(world, target)
+    for seed in range(_WARM_UP_FRAMES):
+        stand.frame(_ours(world, static_layer, target), seed)
+    rendered = render_frame(world, static_layer, target, 0)
     line = beam_line(stand.bench.rig, stand.pose)
-    share = _REFERENCE_SHARE * (end - perf_counter())
-    reference = reference_of(world, seen, line, share)
+    budget = _REFERENCE_FRACTION * (deadline - perf_counter())
+    reference = reference_of(world, rendered, line, budget)
     ours: list[Record] = []
     for scale in _SCALES:
-        shoot = _ours(world, ground, stand.wanted(scale))
+        shoot = _ours(world, static_layer, stand.wanted(scale))
         point: Record = {"renderer": "ours", "noise_wanted": scale, "samples_per_pixel": None}
         ours.append(point | stand.measured(shoot, reference, math.inf))
-        ours[-1]["seconds"] += plate_seconds / frames
+        ours[-1]["seconds"] += layer_seconds / frames
     default = ours[_SCALES.index(1.0)]
     curves = {"ours": ours}
     for number, sampler in enumerate(SAMPLERS):
-        share = (end - perf_counter()) / (len(SAMPLERS) - number)
-        curves[sampler] = _plain(stand, world, sampler, reference, perf_counter() + share)
+        budget = (deadline - perf_counter()) / (len(SAMPLERS) - number)
+        curves[sampler] = _plain(stand, world, sampler, reference, perf_counter() + budget)
     at_target = {name: at_equal_error(curve) for name, curve in curves.items()}
     plain = min(at_target[name]["seconds"] for name in SAMPLERS)
-    as_fine = min(
+    plain_at_scenes_noise = min(
         at_equal_error(curves[name], default["rmse_over_peak"])["seconds"] for name in SAMPLERS
     )
-    busy = stand.kernel_share(_ours(world, ground, wanted))
-    few = _shoot(world, SAMPLERS[0], _SAMPLES[1])
+    busy = stand.kernel_share(_ours(world, static_layer, target))
+    few_samples = _shoot(world, SAMPLERS[0], _SAMPLES[1])
     return {
         "speedup_at_equal_rmse": plain / at_target["ours"]["seconds"],
         # Nearly always extrapolated: plain Mitsuba would need minutes.
-        "speedup_at_scenes_noise": as_fine / default["seconds"],
+        "speedup_at_scenes_noise": plain_at_scenes_noise / default["seconds"],
         "rmse_over_peak": default["rmse_over_peak"],
         "centreline_rmse_px": default["centreline_rmse_px"],
         "frames_per_s": 1 / default["seconds"],
         "target_rmse_over_peak": TARGET,
         "at_target": at_target,
-        "plate_seconds": plate_seconds,
+        "plate_seconds": layer_seconds,
         "frames": frames,
-        "kernel_share": {"ours": busy, SAMPLERS[0]: stand.kernel_share(few)},
+        "kernel_share": {"ours": busy, SAMPLERS[0]: stand.kernel_share(few_samples)},
         "reference_noise_over_peak": reference.noise_over_peak,
         "curves": curves,
     }
 
 
-def _timed_plate(world: World, wanted: NoiseTarget) -> tuple[StaticLayer | None, float]:
-    """Render and time the static layer; None if light goes between surfaces, as in a dataset."""
+def _timed_static_layer(world: World, target: NoiseTarget) -> tuple[StaticLayer | None, float]:
+    """Render and time the static layer; None with interreflections, as in datasets."""
     if world.bounces > 1:
         return None, 0.0
-    render_static_layer(world, wanted, 0)  # compiles kernels
+    render_static_layer(world, target, 0)  # compiles kernels
     start = perf_counter()
-    return render_static_layer(world, wanted, 0), perf_counter() - start
+    return render_static_layer(world, target, 0), perf_counter() - start
 
 
-def _ours(world: World, ground: StaticLayer | None, wanted: NoiseTarget) -> Shoot:
-    return lambda seed: render_frame(world, ground, wanted, 1 + seed)
+def _ours(world: World, static_layer: StaticLayer | None, target: NoiseTarget) -> Shoot:
+    return lambda seed: render_frame(world, static_layer, target, 1 + seed)
 
 
 def _shoot(world: World, sampler: Sampler, samples: int) -> Shoot:
     plain = Plain(world, sampler)
-    nothing = np.zeros((world.camera.height, world.camera.width))
+    zeros = np.zeros((world.camera.height, world.camera.width))
 
     def shoot(seed: int) -> RenderedRadiance:
         radiance = plain.radiance(samples, seed)
-        return RenderedRadiance(radiance, nothing, every_pixel(world), nothing, nothing + samples)
+        return RenderedRadiance(radiance, zeros, every_pixel(world), zeros, zeros + samples)
 
     return shoot
 
 
 def _plain(
-    stand: Stand, world: World, sampler: Sampler, reference: Reference, end: float
+    stand: Stand, world: World, sampler: Sampler, reference: Reference, deadline: float
 ) -> list[Record]:
-    """Measure plain Mitsuba with four times the samples from point to point.
+    """Measure plain Mitsuba; each point has four times the samples of the one before.
 
     Stops when the target error is reached or time is up.
     """
-    found: list[Record] = []
+    points: list[Record] = []
     stand.frame(_shoot(world, sampler, _SAMPLES[0]), 0)  # compiles kernels
     for samples in _SAMPLES:
         lanes = samples * world.camera.width * world.camera.height
-        late = len(found) > 2 and perf_counter() + 4 * found[-1]["seconds"] > end
-        if late or lanes > _LARGEST_FRAME or (found and found[-1]["rmse_over_peak"] < TARGET):
+        no_time = len(points) > 2 and perf_counter() + 4 * points[-1]["seconds"] > deadline
+        if (
+            no_time
+            or lanes > _MAX_SAMPLES_PER_FRAME
+            or (points and points[-1]["rmse_over_peak"] < TARGET)
+        ):
             break
         point: Record = {"renderer": sampler, "noise_wanted": None, "samples_per_pixel": samples}
         shoot = _shoot(world, sampler, samples)
-        found.append(point | stand.measured(shoot, reference, end))
-    return found
+        points.append(point | stand.measured(shoot, reference, deadline))
+    return points

@@ -1,7 +1,7 @@
 """Measure each method's time, from an image in memory and from points, all in one process.
 
-No truth is available here: the measuring process gets a copy of the observations, and returns its
-estimates to be scored.
+The measuring process has no access to the truth: it gets a copy of the observations, and returns
+its estimates to be scored.
 """
 
 import json
@@ -26,7 +26,7 @@ from solver.tracker import PushTracker
 from vbaa_bench.benchmarks.method_runs import BATCHES, Record, Run
 
 # Variables that a process needs, and one thread for every library: times are of one core.
-_KEPT: Final = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
+_ENVIRONMENT: Final = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
 _ONE_THREAD: Final = ("OMP", "OPENBLAS", "MKL", "NUMBA")
 
 
@@ -40,8 +40,8 @@ def measure_apart(
 ) -> Record:
     """Run `measure` in a fresh process on one thread, and each method's cold start in another.
 
-    For `cold_start` an earlier process has compiled all code, as every day but the first.
-    `first_start` compiles all that the method needs, as right after an installation; it is None
+    For `cold_start` an earlier process has compiled all code, as in all starts but the first.
+    `first_start` compiles all that the method needs, as after an installation; it is None
     without `first_ever`. Without `methods`, all are measured. Raises InputError where one is
     unknown, and where the observations cannot be solved.
     """
@@ -55,9 +55,9 @@ def measure_apart(
         shutil.copytree(observations, copy)
         record = _child(folder, "measure", copy, most_frames, repeats, *methods)
         for name in methods:
-            found = record["methods"][name]
-            found["cold_start"] = _child(folder, "start_cold", copy, name, repr(time.time()))
-            found["first_start"] = _first_start(folder, copy, name) if first_ever else None
+            result = record["methods"][name]
+            result["cold_start"] = _child(folder, "start_cold", copy, name, repr(time.time()))
+            result["first_start"] = _first_start(folder, copy, name) if first_ever else None
     return record
 
 
@@ -71,14 +71,14 @@ def measure(observations: Path, methods: Sequence[str], most_frames: int, repeat
     """
     opened = open_observations(observations)
     frames = chosen(opened.frames, most_frames)
-    images, decoding = [], []
+    images, decode_times = [], []
     for frame in frames:
-        began = time.perf_counter()
+        start = time.perf_counter()
         images.append(frame.image())
-        decoding.append(time.perf_counter() - began)
-    began = time.perf_counter()
+        decode_times.append(time.perf_counter() - start)
+    start = time.perf_counter()
     antenna = set_up(opened)
-    set_up_s = time.perf_counter() - began
+    set_up_s = time.perf_counter() - start
     runs = {name: Run(METHODS[name], BATCHES.get(name), antenna, len(frames)) for name in methods}
     for _ in range(1 + repeats):
         for run in runs.values():
@@ -89,7 +89,7 @@ def measure(observations: Path, methods: Sequence[str], most_frames: int, repeat
         "image_px": [images[0].shape[1], images[0].shape[0]],
         "image_bits": 8 * images[0].itemsize,
         "repeats": repeats,
-        "decode_ms_per_frame": 1e3 * statistics.median(decoding),
+        "decode_ms_per_frame": 1e3 * statistics.median(decode_times),
         "extract_ms_per_frame": 1e3 * float(np.median(extraction)),
         "set_up_s": set_up_s,
         "methods": {name: run.record(frames) for name, run in runs.items()},
@@ -102,14 +102,14 @@ def start_cold(observations: Path, name: str, launched: float) -> Record:
     opened = open_observations(observations)
     first = opened.frames[0]
     image = first.image()
-    began = time.time()
+    start = time.time()
     antenna = set_up(opened)
     ready = time.time()
     PushTracker(antenna, METHODS[name]).solve(image, first.readings, first.push_id)
     done = time.time()
     return {
         "import_s": imported - launched,
-        "set_up_s": ready - began,
+        "set_up_s": ready - start,
         "first_image_ms": 1e3 * (done - ready),
         "total_s": done - launched,
     }
@@ -125,9 +125,9 @@ def chosen(frames: Sequence[ImageFrame], most: int) -> list[ImageFrame]:
         pushes.setdefault(frame.push_id or frame.frame_id, []).append(frame)
     longest = max(map(len, pushes.values()))
     count = max(min(len(pushes), most // longest), 1)
-    places = np.unique(np.linspace(0, len(pushes) - 1, count).round().astype(int))
+    indices = np.unique(np.linspace(0, len(pushes) - 1, count).round().astype(int))
     ordered = [pushes[name] for name in sorted(pushes)]
-    return [one for place in places for one in sorted(ordered[place], key=lambda f: f.step)]
+    return [picked for index in indices for picked in sorted(ordered[index], key=lambda f: f.step)]
 
 
 def _first_start(folder: str, observations: Path, name: str) -> Record:
@@ -141,26 +141,30 @@ def _child(folder: str, *arguments: object, compiled: str | None = None) -> Reco
 
     Compiled code is cached in the folder `compiled`, or in the usual place.
     """
-    environment = {name: os.environ[name] for name in _KEPT if name in os.environ}
+    environment = {name: os.environ[name] for name in _ENVIRONMENT if name in os.environ}
     environment |= {f"{name}_NUM_THREADS": "1" for name in _ONE_THREAD}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
     if compiled is not None:
         environment["NUMBA_CACHE_DIR"] = compiled
     command = [sys.executable, "-m", "vbaa_bench.benchmarks.speed_solve", *map(str, arguments)]
-    done = subprocess.run(
+    completed = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        raise InputError(f"the methods could not be measured: {said}".replace(folder + os.sep, ""))
-    record: Record = json.loads(done.stdout)
+    if completed.returncode:
+        message = (
+            completed.stderr.strip().splitlines() or [f"exit status {completed.returncode}"]
+        )[-1]
+        raise InputError(
+            f"the methods could not be measured: {message}".replace(folder + os.sep, "")
+        )
+    record: Record = json.loads(completed.stdout)
     return record
 
 
-def _main(verb: str, observations: str, *more: str) -> Record:
+def _main(verb: str, observations: str, *options: str) -> Record:
     if verb == "start_cold":
-        return start_cold(Path(observations), more[0], float(more[1]))
-    most_frames, repeats, *methods = more
+        return start_cold(Path(observations), options[0], float(options[1]))
+    most_frames, repeats, *methods = options
     return measure(Path(observations), methods, int(most_frames), int(repeats))
 
 

@@ -51,7 +51,7 @@ SIGMA_PX: Final = 0.05
 VIEWPOINT: Final = np.array([-0.12, 0.0, 0.36, 1.0])
 STRETCHES: Final = 32
 # Pushing angles of the frames before the last, over that of the last.
-EARLIER: Final = (0.5, 0.75)
+EARLIER_FRACTIONS: Final = (0.5, 0.75)
 ONSET: Final = 0.2  # motor angle of first contact [rad]
 FITTED: Final = ("x_c_m", "force_n", "psi_rad", "compliance_m_per_n", "onset_angle_rad")
 
@@ -83,8 +83,8 @@ def pushed(beam: Beam, distance: float, deflection: float) -> Measurement:
     """
     last = push(beam, distance, deflection=deflection, intervals=4000)
     before = [
-        push(beam, distance, pushing_angle=share * last.pushing_angle, intervals=4000)
-        for share in EARLIER
+        push(beam, distance, pushing_angle=fraction * last.pushing_angle, intervals=4000)
+        for fraction in EARLIER_FRACTIONS
     ]
     *frames, final = [_frame(beam, state, last) for state in (*before, last)]
     return replace(final, earlier=tuple(frames))
@@ -93,10 +93,10 @@ def pushed(beam: Beam, distance: float, deflection: float) -> Measurement:
 def judged(method: Method, measurement: Measurement) -> Record:
     """Measure outcome, amplification, condition and rounding of one method on one push.
 
-    A number that does not exist is None.
+    An undefined number is None.
     """
     plain = run_method(method, measurement)
-    found: Record = {
+    record: Record = {
         "outcome": str(plain.outcome),
         "x_c_pct_L_per_px": None,
         "force_pct_per_px": None,
@@ -104,12 +104,12 @@ def judged(method: Method, measurement: Measurement) -> Record:
         "rounding": None,
     }
     if not plain.values:
-        return found
-    by_noise = amplification(method, measurement, plain)
-    if by_noise is not None:
-        found["x_c_pct_L_per_px"] = 100 * by_noise[0] * PIXEL / measurement.rig.beam.length
-        found["force_pct_per_px"] = 100 * by_noise[1] * PIXEL / plain.values["force_n"]
-    return found | {"rounding": rounding(method, measurement, plain)}
+        return record
+    gains = amplification(method, measurement, plain)
+    if gains is not None:
+        record["x_c_pct_L_per_px"] = 100 * gains[0] * PIXEL / measurement.rig.beam.length
+        record["force_pct_per_px"] = 100 * gains[1] * PIXEL / plain.values["force_n"]
+    return record | {"rounding": rounding(method, measurement, plain)}
 
 
 def amplification(
@@ -124,10 +124,10 @@ def amplification(
     for stretch in np.array_split(np.argsort(points[:, 0]), STRETCHES):
         moved = points.copy()
         moved[stretch] += sigmas[stretch]
-        there = run_method(method, _with_points(measurement, moved))
-        if not there.values:
+        estimate = run_method(method, _with_points(measurement, moved))
+        if not estimate.values:
             return None
-        change = [there.values[name] - plain.values[name] for name in ("x_c_m", "force_n")]
+        change = [estimate.values[name] - plain.values[name] for name in ("x_c_m", "force_n")]
         squares += np.square(change) / len(stretch)
     x_c, force = np.sqrt(squares) / (SIGMA_PX * PIXEL)
     return float(x_c), float(force)
@@ -136,10 +136,10 @@ def amplification(
 def condition(estimate: Estimate) -> float | None:
     """Compute the condition number of the scaled normal equations from an estimate's covariance."""
     names = list(estimate.values)
-    chosen = [names.index(name) for name in FITTED if name in names]
-    if estimate.covariance is None or not chosen:
+    fitted = [names.index(name) for name in FITTED if name in names]
+    if estimate.covariance is None or not fitted:
         return None
-    covariance = estimate.covariance[np.ix_(chosen, chosen)]
+    covariance = estimate.covariance[np.ix_(fitted, fitted)]
     free = np.diag(covariance) > 0
     normal: Floats = np.linalg.inv(_scaled(covariance[np.ix_(free, free)])).astype(np.float64)
     return float(np.linalg.cond(_scaled(normal)))
@@ -148,16 +148,16 @@ def condition(estimate: Estimate) -> float | None:
 def rounding(method: Method, measurement: Measurement, plain: Estimate) -> float | None:
     """Compute the largest change of x_c / L under perturbations of one unit in the last place."""
     random = np.random.default_rng(0)
-    worst = 0.0
+    largest = 0.0
     for _ in range(3):
-        towards = np.where(random.random(measurement.points.shape) < 0.5, -np.inf, np.inf)
-        there = run_method(
-            method, _with_points(measurement, np.nextafter(measurement.points, towards))
+        directions = np.where(random.random(measurement.points.shape) < 0.5, -np.inf, np.inf)
+        estimate = run_method(
+            method, _with_points(measurement, np.nextafter(measurement.points, directions))
         )
-        if not there.values:
+        if not estimate.values:
             return None
-        worst = max(worst, abs(there.values["x_c_m"] - plain.values["x_c_m"]))
-    return worst / measurement.rig.beam.length
+        largest = max(largest, abs(estimate.values["x_c_m"] - plain.values["x_c_m"]))
+    return largest / measurement.rig.beam.length
 
 
 def rows(record: Record) -> list[tuple[str, ...]]:
@@ -166,23 +166,23 @@ def rows(record: Record) -> list[tuple[str, ...]]:
     A row has both, the amplification of x_c and of the force at every contact distance, the range
     of the condition number, and the worst rounding.
     """
-    found: list[tuple[str, ...]] = []
+    table: list[tuple[str, ...]] = []
     for name, cases in record["methods"].items():
         for deflection in DEFLECTIONS:
-            here = [case for case in cases if case["deflection"] == deflection]
-            conditions = [case["condition"] for case in here if case["condition"] is not None]
-            roundings = [case["rounding"] for case in here if case["rounding"] is not None]
-            found.append(
+            selected = [case for case in cases if case["deflection"] == deflection]
+            conditions = [case["condition"] for case in selected if case["condition"] is not None]
+            roundings = [case["rounding"] for case in selected if case["rounding"] is not None]
+            table.append(
                 (
                     name,
                     f"{100 * deflection:.0f} %",
-                    "  ".join(_short(case["x_c_pct_L_per_px"]) for case in here),
-                    "  ".join(_short(case["force_pct_per_px"]) for case in here),
+                    "  ".join(_short(case["x_c_pct_L_per_px"]) for case in selected),
+                    "  ".join(_short(case["force_pct_per_px"]) for case in selected),
                     _range(conditions),
                     f"{max(roundings):.0e}" if roundings else "–",
                 )
             )
-    return found
+    return table
 
 
 def _frame(beam: Beam, state: State, last: State) -> Measurement:
@@ -195,9 +195,11 @@ def _frame(beam: Beam, state: State, last: State) -> Measurement:
     )
     force, moment = state.base_force, state.base_moment
     # One per cent of the last frame's load.
-    size = 0.01 * float(np.linalg.norm(last.base_moment))
+    moment_sigma = 0.01 * float(np.linalg.norm(last.base_moment))
     sensors = Sensors(
-        moment_y=size, base_force=0.01 * float(np.linalg.norm(last.base_force)), base_moment=size
+        moment_y=moment_sigma,
+        base_force=0.01 * float(np.linalg.norm(last.base_force)),
+        base_moment=moment_sigma,
     )
     return Measurement(
         view=View(points, np.tile([0.0, SIGMA_PX * PIXEL], (len(x), 1)), VIEWPOINT),

@@ -1,4 +1,4 @@
-"""Yardstick of speed: PyElastica's simulation of a cantilever until it comes to rest."""
+"""Yardstick of speed: PyElastica's simulation of a cantilever until it is at rest."""
 
 import importlib
 import math
@@ -17,13 +17,13 @@ DENSITY: Final = 7850.0
 _DEAD_LOAD = 0.625
 _ELEMENTS = 50
 # Steps between two tests for rest. The rod is at rest when no node would move farther than this
-# share of L while the phase of the slowest mode changes by a radian.
-_LOOK = 1000
-_REST = 1e-6
+# fraction of L while the phase of the slowest mode changes by a radian.
+_STEPS_PER_TEST = 1000
+_MAX_REST_SPEED = 1e-6
 
 
 def yardstick(seconds: float) -> dict[str, Any] | None:
-    """Simulate a cantilever under a dead load by PyElastica until it rests, and time it.
+    """Simulate a cantilever under a dead load by PyElastica until it is at rest, and time it.
 
     The simulation stops at rest, or after `seconds` of wall time. Returns None if PyElastica is
     not installed.
@@ -33,21 +33,24 @@ def yardstick(seconds: float) -> dict[str, Any] | None:
     except ModuleNotFoundError:
         return None
     start = perf_counter()
-    rod, advance_once, slowest = _cantilever(elastica)
+    rod, advance_once, slowest_rate = _cantilever(elastica)
     advance_once()
     cold = perf_counter() - start
-    start, elapsed, rests, steps = perf_counter(), 0.0, False, 1
-    while not rests and elapsed < seconds:
-        for _ in range(_LOOK):
+    start, elapsed, at_rest, steps = perf_counter(), 0.0, False, 1
+    while not at_rest and elapsed < seconds:
+        for _ in range(_STEPS_PER_TEST):
             advance_once()
-        steps += _LOOK
+        steps += _STEPS_PER_TEST
         speed = float(np.linalg.norm(rod.velocity_collection, axis=0).max())
-        rests, elapsed = speed < _REST * slowest * BEAM.length, perf_counter() - start
+        at_rest, elapsed = (
+            speed < _MAX_REST_SPEED * slowest_rate * BEAM.length,
+            perf_counter() - start,
+        )
     error = np.linalg.norm(rod.position_collection[:, -1] / BEAM.length - dead_load_tip(_DEAD_LOAD))
     return {
         "states_per_s": 1 / elapsed,
         "tip_error_pct_L": 100 * float(error),
-        "at_rest": rests,
+        "at_rest": at_rest,
         "steps": steps,
         "elements": _ELEMENTS,
         "cold_start_s": cold,
@@ -73,24 +76,24 @@ def _cantilever(elastica: ModuleType) -> tuple[Any, Callable[[], None], float]:
         youngs_modulus=YOUNGS_MODULUS,
         shear_modulus=YOUNGS_MODULUS / (2 * (1 + POISSON)),
     )
-    sound = 2 * math.sqrt(YOUNGS_MODULUS / DENSITY) / element
+    sound_rate = 2 * math.sqrt(YOUNGS_MODULUS / DENSITY) / element
     inertia = rod.mass_second_moment_of_inertia[0, 0, 1]
-    raised = max(rod.shear_matrix[0, 0, 1] * element / inertia / sound**2, 1.0)
-    rod.mass_second_moment_of_inertia *= raised
-    rod.inv_mass_second_moment_of_inertia /= raised
+    factor = max(rod.shear_matrix[0, 0, 1] * element / inertia / sound_rate**2, 1.0)
+    rod.mass_second_moment_of_inertia *= factor
+    rod.inv_mass_second_moment_of_inertia /= factor
     linear_density = DENSITY * math.pi * BEAM.radius**2
-    slowest = 1.8751**2 * math.sqrt(BEAM.flexural_rigidity / linear_density) / BEAM.length**2
-    time_step = 0.8 / sound
-    parts = ("BaseSystemCollection", "Constraints", "Forcing", "Damping")
-    world: Any = type("World", tuple(getattr(elastica, part) for part in parts), {})()
+    slowest_rate = 1.8751**2 * math.sqrt(BEAM.flexural_rigidity / linear_density) / BEAM.length**2
+    time_step = 0.8 / sound_rate
+    mixins = ("BaseSystemCollection", "Constraints", "Forcing", "Damping")
+    world: Any = type("World", tuple(getattr(elastica, mixin) for mixin in mixins), {})()
     world.append(rod)
-    held = {"constrained_position_idx": (0,), "constrained_director_idx": (0,)}
-    world.constrain(rod).using(elastica.OneEndFixedBC, **held)
+    clamped = {"constrained_position_idx": (0,), "constrained_director_idx": (0,)}
+    world.constrain(rod).using(elastica.OneEndFixedBC, **clamped)
     force = np.array([0.0, _DEAD_LOAD * BEAM.flexural_rigidity / BEAM.length**2, 0.0])
     load = {"start_force": np.zeros(3), "end_force": force, "ramp_up_time": time_step}
     world.add_forcing_to(rod).using(elastica.EndpointForces, **load)
     # The slowest mode comes to rest soonest when it is damped critically.
-    damping = {"uniform_damping_constant": 2 * slowest, "time_step": time_step}
+    damping = {"uniform_damping_constant": 2 * slowest_rate, "time_step": time_step}
     world.dampen(rod).using(elastica.AnalyticalLinearDamper, **damping)
     world.finalize()
     stepper, now = elastica.PositionVerlet(), 0.0
@@ -99,4 +102,4 @@ def _cantilever(elastica: ModuleType) -> tuple[Any, Callable[[], None], float]:
         nonlocal now
         now = stepper.step(world, now, time_step)
 
-    return rod, advance_once, slowest
+    return rod, advance_once, slowest_rate

@@ -15,16 +15,16 @@ from vbaa_bench.report.console import console, progress_bars, say
 def preview(
     scene: ScenePath,
     frame: Annotated[
-        int, typer.Option(min=0, help="counted in the order of the scene's pushes")
+        int, typer.Option(min=0, help="frame number, in the order of the scene's pushes")
     ] = 0,
     out: Annotated[
-        Path | None, typer.Option(help="PNG to write", show_default="<scene>_<frame>.png")
+        Path | None, typer.Option(help="PNG file to write", show_default="<scene>_<frame>.png")
     ] = None,
     seed: Seed = None,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Render one frame as a PNG, with the true centreline and contact drawn on it."""
+    """Render one frame of a scene as a PNG, with the true centreline and contact drawn on it."""
     with importing():
         from solver.lab.writing import make_room, write
         from vbaa_bench.api.frame import render_frame
@@ -46,9 +46,9 @@ def plan(
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """State frames, time, disk space and memory of a dataset before it is rendered.
+    """Forecast the number of frames, time, disk space and memory of a dataset.
 
-    A few frames are rendered, timed and weighed, and nothing is kept.
+    A few frames are rendered for this and then deleted.
     """
     with importing():
         from vbaa_bench.api.forecast import forecast
@@ -68,7 +68,7 @@ def generate(
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Render a scene into a dataset. Interrupted, the same command finishes it."""
+    """Render a scene into a dataset. Run it again to finish an interrupted dataset."""
     root = generate_dataset(scene, out, seed, workers, variant)
     frames = len(list(root.glob("observations/shard_*/*.png")))
     say({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
@@ -86,60 +86,63 @@ def generate_dataset(
     try:
         data.generate(file, root, workers=workers, variant=variant, progress=True)
     except KeyboardInterrupt:
-        console.print("interrupted; the same command goes on from what is finished")
+        console.print("interrupted; run the same command again to continue")
         raise
     return root
 
 
 def contact_sheet(
-    scenes: Annotated[Path, typer.Argument(help="a folder of scenes")] = Path("scenes"),
+    scenes: Annotated[Path, typer.Argument(help="folder of scenes")] = Path("scenes"),
     out: Picture = None,
     lights: Annotated[
-        bool, typer.Option("--lights", help="SCENES/lighting, by materials and backgrounds")
+        bool,
+        typer.Option("--lights", help="render SCENES/lighting, each by material and background"),
     ] = False,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Render one frame of every scene in a folder onto one picture."""
+    """Render one frame of every scene in a folder into one image."""
     with importing():
         from solver.instrument.errors import InputError
         from vbaa_bench.benchmarks.contact_sheet import contact_sheet as write_sheet
         from vbaa_bench.benchmarks.lighting_sheet import lighting_sheet
         from vbaa_bench.render.variant import choose
 
-    found = sorted(scenes.rglob("*.yaml"))
+    paths = sorted(scenes.rglob("*.yaml"))
     out = out or Path("results/lighting.png" if lights else "results/scenes.png")
     if lights:
-        found, write_sheet = sorted((scenes / "lighting").glob("*.yaml")), lighting_sheet
-    if not found:
-        raise InputError(f"{scenes}: holds no scene, *.yaml")
+        paths, write_sheet = sorted((scenes / "lighting").glob("*.yaml")), lighting_sheet
+    if not paths:
+        raise InputError(f"{scenes}: holds no scene (*.yaml)")
     with progress_bars() as progress:
-        task = progress.add_task("scenes", total=len(found))
-        write_sheet(found, out, choose(variant), lambda n, _: progress.update(task, completed=n))
-    say({"picture": str(out), "scenes": len(found)}, str(out), as_json)
+        task = progress.add_task("scenes", total=len(paths))
+        write_sheet(paths, out, choose(variant), lambda n, _: progress.update(task, completed=n))
+    say({"picture": str(out), "scenes": len(paths)}, str(out), as_json)
 
 
 def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = False) -> None:
-    """Calibrate from a scene's rendered calibration images, and compare with the true camera."""
+    """Calibrate a scene's camera from rendered images, and compare it with the true camera."""
     with importing():
         from vbaa_bench.benchmarks import check_camera as camera
         from vbaa_bench.render.variant import choose
         from vbaa_bench.scene.load import load_scene
 
-    file, chosen = load_scene(scene), choose(variant)
+    file, chosen_variant = load_scene(scene), choose(variant)
     with progress_bars() as progress:
         task = progress.add_task("calibration images", total=None)
-        tested, found = camera.check_camera(
-            file, chosen, lambda done, total: progress.update(task, completed=done, total=total)
+        checks, calibration = camera.check_camera(
+            file,
+            chosen_variant,
+            lambda done, total: progress.update(task, completed=done, total=total),
         )
-    record = camera.record(tested, found)
+    record = camera.record(checks, calibration)
     if as_json:
         say(record, "", True)
     else:
-        shown = Table("quantity", "error", "allowed", "passes")
-        for one in tested:
-            row = f"{one.error:.3g} {one.unit}", f"{one.allowed:g} {one.unit}"
-            shown.add_row(one.quantity, *row, "yes" if one.passed else "no")
-        Console().print(shown)
+        table = Table("quantity", "error", "allowed", "passes")
+        for check in checks:
+            row = f"{check.error:.3g} {check.unit}", f"{check.allowed:g} {check.unit}"
+            table.add_row(check.quantity, *row, "yes" if check.passed else "no")
+        Console().print(table)
     if not record["passed"]:
         raise typer.Exit(1)

@@ -22,23 +22,23 @@ class Diagnosis:
     @property
     def healthy(self) -> bool:
         """Whether any variant renders."""
-        return any(found.works for found in self.probes)
+        return any(result.works for result in self.probes)
 
     @property
     def fast(self) -> bool:
         """Whether a vectorised variant works."""
-        return any(found.works for found in self.probes if found.variant in (FAST, CUDA))
+        return any(result.works for result in self.probes if result.variant in (FAST, CUDA))
 
     @property
     def advice(self) -> str:
         """Next step for the user, in a sentence."""
         if not self.healthy:
-            return f"Nothing renders here. {ADVICE}."
+            return f"Nothing renders on this machine. {ADVICE}."
         if not self.fast:
-            return f"Everything runs, but about ten times slower than it could. {ADVICE}."
-        if any(found.works for found in self.probes if found.variant == CUDA):
-            return f"All is well. CUDA is used when asked for: --variant {CUDA}."
-        return f"All is well, on the processor: {CUDA} does not work here."
+            return f"Rendering works, but about ten times slower than possible. {ADVICE}."
+        if any(result.works for result in self.probes if result.variant == CUDA):
+            return f"Rendering works. CUDA is used with the option --variant {CUDA}."
+        return f"Rendering works, on the processor: {CUDA} does not work here."
 
     def record(self) -> dict[str, Any]:
         """Convert the diagnosis to a record for scripts."""
@@ -56,18 +56,18 @@ def diagnose() -> Diagnosis:
 
 
 def install_libraries() -> str:
-    """Install by apt what the fast variant needs, where allowed; return a sentence about it."""
+    """Install the libraries of the fast variant with apt, if allowed; return a message."""
     if probe(FAST).works:
         return f"{FAST} works; nothing to install."
     if shutil.which("apt-get") is None or os.geteuid() != 0:
-        until = "until then everything runs on scalar_rgb, slower"
-        return f"{ADVICE}; {until if probe(PLAIN).works else 'until then nothing renders'}."
+        meanwhile = "until then scalar_rgb is used, which is slower"
+        return f"{ADVICE}; {meanwhile if probe(PLAIN).works else 'until then nothing renders'}."
     steps = (("apt-get", "update", "--quiet"), INSTALL)
     quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     for step in steps:
-        done = subprocess.run(step, env=quiet, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            reason = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]
+        result = subprocess.run(step, env=quiet, capture_output=True, text=True, check=False)
+        if result.returncode != 0:
+            reason = (result.stderr.strip() or result.stdout.strip()).splitlines()[-1:]
             return f"'{' '.join(step)}' failed ({' '.join(reason)}). {ADVICE}."
     state = "works" if probe(FAST).works else "still fails"
     return f"Installed {' and '.join(PACKAGES)}; {FAST} {state}."

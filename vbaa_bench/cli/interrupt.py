@@ -18,12 +18,12 @@ def _exit(_signal: int, _frame: FrameType | None) -> None:
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """End the process at Ctrl-C within this block, then let Ctrl-C raise KeyboardInterrupt again.
+    """End the process at Ctrl-C within this block; restore KeyboardInterrupt after it.
 
-    Nothing is changed if Ctrl-C is ignored or has another handler already.
+    Nothing is changed if Ctrl-C is ignored or already has another handler.
     """
-    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if not usual or threading.current_thread() is not threading.main_thread():
+    default_handler = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not default_handler or threading.current_thread() is not threading.main_thread():
         yield
         return
     signal.signal(signal.SIGINT, _exit)

@@ -29,8 +29,8 @@ app.command()(measure.doctor)
 app.add_typer(speed_app, name="speed")
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         print(importlib.metadata.version("vbaa-bench"))
         raise typer.Exit
 
@@ -39,10 +39,10 @@ def _print_version(asked: bool) -> None:
 def options(
     _version: Annotated[
         bool,
-        typer.Option("--version", is_eager=True, callback=_print_version, help="print the version"),
+        typer.Option("--version", is_eager=True, callback=_print_version, help="show the version"),
     ] = False,
 ) -> None:
-    """Render a vision-based active antenna, solve it, and compare speed with error."""
+    """Benchmark vision-based active antennas: render datasets, solve them, score methods."""
 
 
 def main() -> None:

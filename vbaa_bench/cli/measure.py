@@ -23,9 +23,9 @@ def stability(as_json: AsJson = False) -> None:
         say(record, "", True)
         return
     contacts = sorted({case["contact"] for case in record["methods"]["exact_fit"]})
-    places = ", ".join(f"{contact:g}" for contact in contacts)
+    distances = ", ".join(f"{contact:g}" for contact in contacts)
     show_table(
-        f"per pixel of noise, for contacts at x_c / L = {places}; condition; rounding",
+        f"error per pixel of noise, contacts at x_c / L = {distances}; condition; rounding",
         ("method", "deflection", "x_c, % of L", "force, %", "condition", "x_c / L by 1 ulp"),
         methods.rows(record),
     )
@@ -33,27 +33,27 @@ def stability(as_json: AsJson = False) -> None:
 
 def stress(
     scene: ScenePath,
-    rigs: Annotated[int, typer.Option(min=1, max=10_000, help="drawn rigs")] = 30,
-    frames: Annotated[int, typer.Option(min=1, max=10_000, help="frames of each rig")] = 10,
-    seed: Annotated[int, typer.Option(min=0, help="draws other rigs")] = 1,
+    rigs: Annotated[int, typer.Option(min=1, max=10_000, help="number of random rigs")] = 30,
+    frames: Annotated[int, typer.Option(min=1, max=10_000, help="frames per rig")] = 10,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the random rigs")] = 1,
     row: Annotated[
-        list[str] | None, typer.Option(help="a row of the table; repeatable", show_default="all")
+        list[str] | None, typer.Option(help="row of the table; repeatable", show_default="all")
     ] = None,
     method: Annotated[str, typer.Option(help=", ".join(METHODS))] = "exact_fit",
     work: Annotated[
         Path | None,
-        typer.Option(help="folder of the rigs' datasets", show_default="runs/stress/<scene>"),
+        typer.Option(help="folder for the rigs' datasets", show_default="runs/stress/<scene>"),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="JSON to write, with the result of every frame")
+        Path | None, typer.Option(help="JSON file to write, with the result of every frame")
     ] = None,
     workers: Workers = None,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Perturb the images of drawn rigs as ordinary cameras and laboratories do, and solve them.
+    """Measure errors under disturbances of ordinary cameras and laboratories, on random rigs.
 
-    Exit status 1 if a wanted figure is not reached. Rendered rigs are kept and used again.
+    The exit status is 1 if a target is missed. Rendered rigs are stored and reused.
     """
     with importing():
         from solver.lab.writing import make_room, write
@@ -79,7 +79,7 @@ def stress(
                 lambda name, done, total: progress.update(bars[name], completed=done, total=total),
             )
         except KeyboardInterrupt:
-            console.print("interrupted; the same command uses the rigs that are rendered")
+            console.print("interrupted; the same command reuses the rendered rigs")
             raise
     if out:
         write(out, command.text(record).encode())
@@ -94,12 +94,12 @@ def stress(
 
 def doctor(
     install: Annotated[
-        bool, typer.Option("--install", help="install missing libraries by apt, as root")
+        bool, typer.Option("--install", help="install missing libraries with apt, as root")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="one line")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="print one line only")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say what this machine can render with, and what to install."""
+    """Report which renderer variants work on this machine, and what to install."""
     # Import nothing that needs the renderer's libraries: this command must run without them.
     with importing():
         from vbaa_bench.cli import doctor as checks
@@ -108,15 +108,15 @@ def doctor(
         console.print(checks.install_libraries())
         if quiet:
             return
-    found = checks.diagnose()
-    shown = Table("variant", "works", "said")
-    for probe in found.probes:
-        shown.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
+    diagnosis = checks.diagnose()
+    table = Table("variant", "works", "message")
+    for probe in diagnosis.probes:
+        table.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
     if as_json:
-        say(found.record(), "", True)
+        say(diagnosis.record(), "", True)
     else:
         if not quiet:
-            Console().print(shown)
-        console.print(found.advice)
-    if not found.healthy:
+            Console().print(table)
+        console.print(diagnosis.advice)
+    if not diagnosis.healthy:
         raise typer.Exit(1)

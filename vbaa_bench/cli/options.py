@@ -23,11 +23,11 @@ METHODS: Final = (
     "force_sensor",
 )
 CENTRELINES: Final = ("profile_fit", "background_subtracted", "area_weighted")
-# Memory that a method may allocate [GB].
+# Memory limit of a method [GB].
 MEMORY_GB: Final = 8.0
 
 
-def _known(centrelines: list[str] | None) -> list[str] | None:
+def _checked_centrelines(centrelines: list[str] | None) -> list[str] | None:
     """Reject an unknown name before anything is rendered. Raises InputError."""
     for name in centrelines or []:
         if name not in CENTRELINES:
@@ -37,31 +37,32 @@ def _known(centrelines: list[str] | None) -> list[str] | None:
     return centrelines
 
 
-def _nameable(path: Path | None) -> Path | None:
+def _checked_path(path: Path | None) -> Path | None:
     """Reject an invalid file name before minutes of work. Raises InputError."""
     try:
         if path is not None:
             path.exists()
     except OSError as error:
-        raise InputError(f"{path}: is no name of a file or folder ({error.strerror})") from error
+        raise InputError(f"{path}: is not a file or folder name ({error.strerror})") from error
     return path
 
 
-ScenePath = Annotated[Path, typer.Argument(help="a scene, such as scenes/quickstart.yaml")]
+ScenePath = Annotated[Path, typer.Argument(help="scene file, such as scenes/quickstart.yaml")]
 DatasetPath = Annotated[
-    Path, typer.Argument(callback=_nameable, help="a folder made by generate or run")
+    Path, typer.Argument(callback=_checked_path, help="dataset folder, from generate or run")
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(callback=_nameable, help="folder to write", show_default="runs/<scene>"),
+    typer.Option(callback=_checked_path, help="folder to write", show_default="runs/<scene>"),
 ]
 Picture = Annotated[
     Path | None,
-    typer.Option(callback=_nameable, help="PNG to write", show_default="in results"),
+    typer.Option(callback=_checked_path, help="PNG file to write", show_default="in results/"),
 ]
-Seed = Annotated[int | None, typer.Option(min=0, help="replaces the scene's seed")]
+Seed = Annotated[int | None, typer.Option(min=0, help="seed in place of the scene's own")]
 Workers = Annotated[
-    int | None, typer.Option(min=1, max=256, help="processes", show_default="one a core")
+    int | None,
+    typer.Option(min=1, max=256, help="number of processes", show_default="one per core"),
 ]
 Variant = Annotated[
     str | None, typer.Option(help="Mitsuba variant", show_default="llvm_ad_mono, else scalar_rgb")
@@ -70,29 +71,29 @@ Method = Annotated[
     list[str] | None,
     typer.Option(
         help=f"{', '.join(METHODS)}, all, or package.module:function; repeatable",
-        show_default="those that the dataset has readings for",
+        show_default="all that the dataset has readings for",
     ),
 ]
 Centreline = Annotated[
     list[str] | None,
     typer.Option(
-        callback=_known,
-        help=f"how the beam is measured: {', '.join(CENTRELINES)}; repeatable",
+        callback=_checked_centrelines,
+        help=f"extraction of the centreline: {', '.join(CENTRELINES)}; repeatable",
         show_default=USUAL_CENTRELINE,
     ),
 ]
-Repeats = Annotated[int, typer.Option(min=1, help="times each frame is solved; median time counts")]
+Repeats = Annotated[int, typer.Option(min=1, help="solutions per frame; the median time is used")]
 Memory = Annotated[
     float,
     typer.Option(
-        min=0, help="gigabytes that a method, and each process it starts, may allocate; 0: any"
+        min=0, help="memory limit of a method and of each process it starts [GB]; 0: no limit"
     ),
 ]
 Predictions = Annotated[
     list[Path] | None,
-    typer.Option(help="CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),
+    typer.Option(help="your own CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),
 ]
 By = Annotated[
-    str | None, typer.Option(help=f"a row for each value of one of {', '.join(CONDITIONS)}")
+    str | None, typer.Option(help=f"one row per value of this condition: {', '.join(CONDITIONS)}")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object, nothing else")]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object only")]

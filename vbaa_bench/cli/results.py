@@ -56,11 +56,13 @@ def run(
     page = _report(root)
     show_scores(summary, {"report": str(page), **summary}, as_json)
     if not as_json:
-        for name, one in runs.items():
+        for name, method_run in runs.items():
             if summary["methods"][name]["failure_rate"] == 1:
-                console.print(f"{name} answers no frame: {outcomes(one.table)}", markup=False)
+                console.print(
+                    f"{name} estimates no frame: {outcomes(method_run.table)}", markup=False
+                )
         Console(soft_wrap=True).print(f"report: {page}", highlight=False, markup=False)
-    _fail_where_all_crashed(runs)
+    _exit_if_all_crashed(runs)
 
 
 def solve(
@@ -71,16 +73,16 @@ def solve(
     memory: Memory = MEMORY_GB,
     as_json: AsJson = False,
 ) -> None:
-    """Run methods on a dataset's observations, each in a process that never sees the truth."""
+    """Run methods on a dataset's observations, each in a process without access to the truth."""
     runs = _solve(dataset, method, centreline, repeats, memory)
-    record = {"predictions": {name: str(one.table) for name, one in runs.items()}}
-    lines = [f"{one.table}: {outcomes(one.table)}" for one in runs.values()]
+    record = {"predictions": {name: str(method_run.table) for name, method_run in runs.items()}}
+    lines = [f"{method_run.table}: {outcomes(method_run.table)}" for method_run in runs.values()]
     say(record, "\n".join(lines), as_json)
-    _fail_where_all_crashed(runs)
+    _exit_if_all_crashed(runs)
 
 
 def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson = False) -> None:
-    """Score all solved methods, and predictions files of one's own beside them, which are kept."""
+    """Score all solved methods and your own predictions, which are copied to the dataset."""
     with importing():
         from vbaa_bench.api import results
 
@@ -100,7 +102,7 @@ def table(
     by: By = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print the scores of several datasets as one Markdown table, remarks below."""
+    """Print the scores of several datasets as one Markdown table, followed by remarks."""
     with importing():
         from vbaa_bench.scoring.accuracy import accuracy, markdown
 
@@ -145,7 +147,7 @@ def _warn(summary: Mapping[str, Any]) -> None:
         hear(f"warning: {warning}")
 
 
-def _fail_where_all_crashed(runs: "Mapping[str, MethodRun]") -> None:
+def _exit_if_all_crashed(runs: "Mapping[str, MethodRun]") -> None:
     """Exit with status 1 if a method crashed on every frame."""
-    if any(one.crashed == one.frames for one in runs.values()):
+    if any(method_run.crashed == method_run.frames for method_run in runs.values()):
         raise typer.Exit(1)

@@ -12,17 +12,17 @@ from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Repeats, ScenePath, Variant
 from vbaa_bench.report.console import console, say, show_table
 
-speed_app = typer.Typer(no_args_is_help=True, help="Measure speed beside error.")
+speed_app = typer.Typer(no_args_is_help=True, help="Measure speed and error.")
 
 
 @speed_app.command()
 def mechanics(
     yardstick_seconds: Annotated[
-        float, typer.Option(min=1, help="wall time PyElastica may take to come to rest")
+        float, typer.Option(min=1, help="seconds for PyElastica to reach equilibrium")
     ] = 60,
     as_json: AsJson = False,
 ) -> None:
-    """Beams per second on one core, and how far they err; PyElastica beside them, if installed."""
+    """Measure equilibria per second on one core and their error; PyElastica too, if installed."""
     with importing():
         from vbaa_bench.benchmarks import speed_mechanics
 
@@ -31,7 +31,7 @@ def mechanics(
     if as_json:
         say(record, "", True)
         return
-    table = Table(title="one core; ratio to the yardstick; worst error", title_justify="left")
+    table = Table(title="one core; ratio to PyElastica; maximum error", title_justify="left")
     for head in ("model", "states/s", "ratio", "error"):
         first = head == "model"
         table.add_column(head, justify="left" if first else "right", no_wrap=True)
@@ -47,11 +47,11 @@ def render(
     out: Annotated[
         Path | None, typer.Option(help="folder to write", show_default="runs/<scene>_speed")
     ] = None,
-    seconds: Annotated[float, typer.Option(min=1, help="about how long to measure")] = 120,
+    seconds: Annotated[float, typer.Option(min=1, help="approximate duration, in seconds")] = 120,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Seconds per frame against the error of its image, beside plain Mitsuba's."""
+    """Measure time per frame and image error, and compare them with plain Mitsuba."""
     with importing():
         from vbaa_bench.benchmarks import speed_curves, speed_render
         from vbaa_bench.render.variant import choose
@@ -70,21 +70,24 @@ QUICKSTART = Path("scenes/quickstart.yaml")
 @speed_app.command()
 def solve(
     dataset: Annotated[
-        Path | None, typer.Argument(help="a dataset", show_default=f"one of {QUICKSTART}, rendered")
+        Path | None,
+        typer.Argument(help="dataset folder", show_default=f"rendered from {QUICKSTART}"),
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option(help="a method of the solver's own; repeatable", show_default="all"),
+        typer.Option(help="method of the solver; repeatable", show_default="all"),
     ] = None,
-    frames: Annotated[int, typer.Option(min=1, help="at most so many, of whole pushes")] = 120,
+    frames: Annotated[
+        int, typer.Option(min=1, help="maximum number of frames; pushes are not split")
+    ] = 120,
     repeats: Repeats = 3,
     first_ever: Annotated[
-        bool, typer.Option(help="measure a first start, too, which compiles for over a minute")
+        bool, typer.Option(help="also measure a first start, which compiles for over a minute")
     ] = True,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Milliseconds of every method against its error: from an image in memory, and from points."""
+    """Measure the time of each method, from an image in memory and from points, and its error."""
     with importing():
         from vbaa_bench.benchmarks import speed_solve
         from vbaa_bench.dataset.layout import Layout
@@ -108,33 +111,35 @@ def show_speeds(record: dict[str, Any]) -> None:
     """Print the table of `vbaa-bench speed solve`."""
     width, height = record["image_px"]
     title = (
-        f"{record['frames']} frames of {width} x {height} px, one core; beside these times: "
-        f"decoding {record['decode_ms_per_frame']:.2g} ms a frame, "
+        f"{record['frames']} frames of {width} x {height} px, one core; not included: "
+        f"decoding {record['decode_ms_per_frame']:.2g} ms per frame, "
         f"calibration {record['set_up_s']:.2g} s"
     )
     heads = ("method", "ms/image", "us/points", "us batched", "x_c, % of L", "force, %", "start, s")
     rows = []
-    for name, found in record["methods"].items():
+    for name, values in record["methods"].items():
         numbers = (
-            found["image_ms_per_frame"],
-            found["points_us_per_frame"],
-            found["points_us_per_frame_batched"],
-            found["x_c_rmse_pct_L"],
-            found["force_rmse_pct"],
-            found["cold_start"]["total_s"],
-            (found["first_start"] or {}).get("total_s"),
+            values["image_ms_per_frame"],
+            values["points_us_per_frame"],
+            values["points_us_per_frame_batched"],
+            values["x_c_rmse_pct_L"],
+            values["force_rmse_pct"],
+            values["cold_start"]["total_s"],
+            (values["first_start"] or {}).get("total_s"),
         )
-        shown = ("–" if number is None else f"{float(f'{number:.3g}'):,g}" for number in numbers)
-        rows.append((name, *shown))
+        cells = ("–" if number is None else f"{float(f'{number:.3g}'):,g}" for number in numbers)
+        rows.append((name, *cells))
     show_table(title, (*heads, "first ever, s"), rows)
     Console().print(
-        "Errors are RMSEs of the frames that were answered. A start is from a command to its first "
-        "estimate; the first one ever compiles, later ones find what was compiled."
+        "Errors are RMSEs over frames with an estimate. A start lasts from the command to the "
+        "first estimate; the first start ever includes compilation, whose result is cached."
     )
-    for name, found in record["methods"].items():
-        if set(found["outcomes"]) != {"contact"}:
-            said = ", ".join(f"{count} {outcome}" for outcome, count in found["outcomes"].items())
-            Console(soft_wrap=True).print(f"{name}: {said}", highlight=False, markup=False)
+    for name, values in record["methods"].items():
+        if set(values["outcomes"]) != {"contact"}:
+            counts = ", ".join(
+                f"{count} {outcome}" for outcome, count in values["outcomes"].items()
+            )
+            Console(soft_wrap=True).print(f"{name}: {counts}", highlight=False, markup=False)
 
 
 def _quickstart(variant: str | None) -> Path:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parent.parent.parent
-# The module that makes images. Data depend on every module that it imports, directly or not.
-MAKER: Final = "vbaa_bench.generation.frame_renderer"
-# Imported by MAKER, but without effect on the bytes of any file.
+# The module that renders frames. Data depend on every module that it imports, also indirectly.
+RENDERING_MODULE: Final = "vbaa_bench.generation.frame_renderer"
+# Imported by RENDERING_MODULE, but without effect on the bytes of any file.
 _WITHOUT_EFFECT: Final = {
     "solver.instrument.errors",
     "solver.instrument.files",
@@ -21,25 +21,25 @@ _WITHOUT_EFFECT: Final = {
 @functools.cache
 def code_digests() -> dict[str, str]:
     """Digest the syntax tree, without docstrings, of every module that data depend on, by name."""
-    found: dict[str, str] = {}
-    waiting = [MAKER]
-    while waiting:
-        module = waiting.pop()
+    digests: dict[str, str] = {}
+    pending = [RENDERING_MODULE]
+    while pending:
+        module = pending.pop()
         path = _source(module)
-        if module in found or module in _WITHOUT_EFFECT or path is None:
+        if module in digests or module in _WITHOUT_EFFECT or path is None:
             continue
         tree = ast.parse(path.read_bytes())
-        found[module] = _digest(tree)
-        waiting += _imports(tree)
-    return dict(sorted(found.items()))
+        digests[module] = _digest(tree)
+        pending += _imports(tree)
+    return dict(sorted(digests.items()))
 
 
 def _source(module: str) -> Path | None:
     """Find the file of a module of this project; None for all others."""
     if module.partition(".")[0] not in ("vbaa_bench", "solver"):
         return None
-    place = ROOT.joinpath(*module.split("."))
-    candidates = (place.with_suffix(".py"), place / "__init__.py")
+    stem = ROOT.joinpath(*module.split("."))
+    candidates = (stem.with_suffix(".py"), stem / "__init__.py")
     return next((path for path in candidates if path.is_file()), None)
 
 

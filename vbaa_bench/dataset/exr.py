@@ -32,17 +32,17 @@ _BITS = {"radiance": 11, "variance": 11, "depth": 16}
 
 def exr_bytes(layers: Mapping[str, np.ndarray]) -> bytes:
     """Encode layers (height, width), or (height, width, 3) of vectors, keyed as in CHANNELS."""
-    written = {}
+    planes = {}
     for layer, values in layers.items():
-        names, kind = CHANNELS[layer]
+        names, dtype = CHANNELS[layer]
         for name, part in zip(names, np.atleast_3d(values).transpose(2, 0, 1), strict=True):
             # OpenEXR writes strided arrays wrongly without an error: copy to contiguous memory.
-            values_of = np.ascontiguousarray(part, dtype=kind)
-            written[name] = _rounded(values_of, _BITS[layer]) if layer in _BITS else values_of
+            plane = np.ascontiguousarray(part, dtype=dtype)
+            planes[name] = _rounded(plane, _BITS[layer]) if layer in _BITS else plane
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     # Encoded in memory: the hash is of these bytes, and a full disk raises OSError.
     stream = io.BytesIO()
-    with OpenEXR.File(header, written) as file:
+    with OpenEXR.File(header, planes) as file:
         file.write(stream)
     return stream.getvalue()
 
@@ -55,15 +55,15 @@ def write_exr(path: Path, layers: Mapping[str, np.ndarray]) -> None:
 def _rounded(values: np.ndarray, bits: int) -> np.ndarray:
     """Round 32-bit floats to the given number of significant bits."""
     dropped = 24 - bits  # of a significand's 24
-    kept = np.uint32(2**32 - 2**dropped)
-    return ((values.view(np.uint32) + np.uint32(2 ** (dropped - 1))) & kept).view(np.float32)
+    mask = np.uint32(2**32 - 2**dropped)
+    return ((values.view(np.uint32) + np.uint32(2 ** (dropped - 1))) & mask).view(np.float32)
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:
     """Read the layers of a truth image, in the format of `exr_bytes`. Raises InputError."""
-    found = channels(path)
+    planes = channels(path)
     return {
-        layer: np.dstack([found[name] for name in names]).squeeze()
+        layer: np.dstack([planes[name] for name in names]).squeeze()
         for layer, (names, _) in CHANNELS.items()
-        if names[0] in found
+        if names[0] in planes
     }

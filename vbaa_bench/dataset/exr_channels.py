@@ -16,7 +16,7 @@ def channels(path: Path) -> dict[str, np.ndarray]:
     try:
         file = OpenEXR.File(data, separate_channels=True)
     except Exception as error:
-        raise InputError(f"{path}: is not an EXR image that can be read ({error})") from error
+        raise InputError(f"{path}: is not a readable EXR image ({error})") from error
     with file:
         if not file.parts:
             raise InputError(f"{path}: is a truncated EXR image")

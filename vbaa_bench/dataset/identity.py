@@ -41,7 +41,7 @@ def check_identity(layout: Layout, here: Identity) -> bool:
     """Check that the folder holds a dataset of identity `here`; return False if it is empty.
 
     A damaged identity.json is rewritten if the hashes show that it had this content. Raises
-    InputError for a folder that holds something else, and for a dataset of another scene, seed,
+    InputError for a folder that holds other files, and for a dataset of another scene, seed,
     program or machine; the message names the first difference.
     """
     path, data = layout.identity, _encoded(here)
@@ -53,10 +53,10 @@ def check_identity(layout: Layout, here: Identity) -> bool:
         write_bytes(path, data)
         return True
     if not path.is_file():
-        other = next(_contents(layout), None)
-        if other is not None:
+        foreign_file = next(_contents(layout), None)
+        if foreign_file is not None:
             raise InputError(
-                f"{layout.root}: holds something else ({other}); choose an empty folder"
+                f"{layout.root}: holds other files ({foreign_file}); choose an empty folder"
             )
         return False
     raise InputError(_refusal(layout, read_json(path), here))
@@ -77,47 +77,47 @@ def _encoded(identity: Identity) -> bytes:
 
 def _contents(layout: Layout) -> Iterator[str]:
     """List files below the root, except those left by an interrupted start of `generate`."""
-    left = (layout.lock.name, f".{layout.identity.name}.")
+    leftovers = (layout.lock.name, f".{layout.identity.name}.")
     for path in layout.root.rglob("*") if layout.root.exists() else ():
-        if path.is_file() and not path.name.startswith(left):
+        if path.is_file() and not path.name.startswith(leftovers):
             yield path.name
 
 
-def _refusal(layout: Layout, there: Identity, here: Identity) -> str:
-    mend = "choose another folder with --out, or remove it"
-    here = json.loads(json.dumps(here))  # as in the file: tuples become lists
-    if isinstance(there.get("scene"), dict):
-        there["scene"].pop("title", None)  # older versions had it
+def _refusal(layout: Layout, recorded: Identity, current: Identity) -> str:
+    remedy = "choose another folder with --out, or delete this one"
+    current = json.loads(json.dumps(current))  # as in the file: tuples become lists
+    if isinstance(recorded.get("scene"), dict):
+        recorded["scene"].pop("title", None)  # older versions had it
     for part in ("scene", "files"):
-        if there.get(part) != here[part]:
-            key, was, now = next(_differences(there.get(part), here[part]))
+        if recorded.get(part) != current[part]:
+            key, old, new = next(_differences(recorded.get(part), current[part]))
             return (
                 f"{layout.root}: holds the dataset of another scene, seed or mesh "
-                f"({key or part} is {_short(was)} there and {_short(now)} here); {mend}"
+                f"({key or part} is {_short(old)} there and {_short(new)} here); {remedy}"
             )
-    readable = "solve, score and report read it as it is"
-    if "code" in there and there.get("made_with") != here["made_with"]:
-        key, was, now = next(_differences(there.get("made_with"), here["made_with"]))
+    readable = "solve, score and report can still read it"
+    if "code" in recorded and recorded.get("made_with") != current["made_with"]:
+        key, old, new = next(_differences(recorded.get("made_with"), current["made_with"]))
         return (
-            f"{layout.root}: was begun with {key or 'packages'} {_short(was)}, here is "
-            f"{_short(now)}; {readable}; to generate, {mend}, or go back to what it was begun with"
+            f"{layout.root}: was begun with {key or 'packages'} {_short(old)}, here is "
+            f"{_short(new)}; {readable}; to generate, {remedy}, or restore the original version"
         )
-    changed = sorted({key for key, _, _ in _differences(there.get("code"), here["code"])})
-    more = f" and {len(changed) - 1} more modules" if len(changed) > 1 else ""
+    changed = sorted({key for key, _, _ in _differences(recorded.get("code"), current["code"])})
+    rest = f" and {len(changed) - 1} more modules" if len(changed) > 1 else ""
     return (
         f"{layout.root}: was made by another version of the code ({changed[0] or 'an older one'}"
-        f"{more}); {readable}; to generate, {mend}, or go back to that version"
+        f"{rest}); {readable}; to generate, {remedy}, or restore that version"
     )
 
 
-def _differences(there: Any, here: Any, key: str = "") -> Iterator[tuple[str, Any, Any]]:
+def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Yield the dotted keys at which two JSON documents differ, with both values."""
-    if isinstance(there, dict) and isinstance(here, dict):
-        for name in sorted(there.keys() | here.keys()):
-            below = f"{key}.{name}".lstrip(".") if isinstance(name, str) else key
-            yield from _differences(there.get(name), here.get(name), below)
-    elif there != here:
-        yield key, there, here
+    if isinstance(old, dict) and isinstance(new, dict):
+        for name in sorted(old.keys() | new.keys()):
+            subkey = f"{key}.{name}".lstrip(".") if isinstance(name, str) else key
+            yield from _differences(old.get(name), new.get(name), subkey)
+    elif old != new:
+        yield key, old, new
 
 
 def _short(value: Any) -> str:

@@ -71,8 +71,8 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
                 for tree in layout.trees
             }
         except DamageError as error:
-            begun = any(layout.shard(tree, number).exists() for tree in layout.trees)
-            if begun or recorded["observations"] is not None:
+            exists = any(layout.shard(tree, number).exists() for tree in layout.trees)
+            if exists or recorded["observations"] is not None:
                 inventory.damage.append(str(error))
             continue
         for tree_name, value in digests.items():
@@ -90,13 +90,13 @@ def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
         for number in range(len(contents.shards))
     }
     for tree in layout.trees:
-        for place, folders, files in os.walk(tree):
-            here = Path(place)
-            linked = [name for name in folders if (here / name).is_symlink()]
-            folders[:] = [name for name in folders if here / name not in shards]
+        for folder, subfolders, files in os.walk(tree):
+            path = Path(folder)
+            linked = [name for name in subfolders if (path / name).is_symlink()]
+            subfolders[:] = [name for name in subfolders if path / name not in shards]
             for name in (*linked, *files):
-                if here / name not in known | shards:
-                    yield here / name
+                if path / name not in known | shards:
+                    yield path / name
 
 
 def _recorded(tree: Path) -> dict[str, str] | None:
@@ -110,14 +110,14 @@ def _recorded(tree: Path) -> dict[str, str] | None:
 def _file(path: Path, recorded: str | None) -> str:
     """Compute the sha256 of a file. Raises DamageError unless it is the recorded one."""
     try:
-        found = None if path.is_symlink() else sha256(path)
+        computed = None if path.is_symlink() else sha256(path)
     except FileNotFoundError as error:
         raise DamageError(f"{path}: is missing") from error
     except OSError as error:
         raise DamageError(f"{path}: cannot be read ({error.strerror})") from error
-    if found is None or found != recorded:
+    if computed is None or computed != recorded:
         raise DamageError(f"{path}: is not what was generated")
-    return found
+    return computed
 
 
 def _shard(folder: Path, names: Collection[str], recorded: str | None) -> str:
@@ -138,8 +138,8 @@ def _shard(folder: Path, names: Collection[str], recorded: str | None) -> str:
         raise DamageError(f"{table}: is not what was generated")
     if recorded not in (None, digest(data)):
         raise DamageError(f"{table}: is not what was generated")
-    if more := sorted(present - {*names, HASHES}):
-        raise DamageError(f"{folder / more[0]}: was not generated")
+    if surplus_names := sorted(present - {*names, HASHES}):
+        raise DamageError(f"{folder / surplus_names[0]}: was not generated")
     for name in sorted(names):
         _file(folder / name, hashes[name])
     return digest(data)

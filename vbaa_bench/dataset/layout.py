@@ -4,12 +4,12 @@ DATASET/
   observations/   see solver/instrument/observation.py
   truth/
     identity.json                    scene, variant, versions, code; written first
-    shard_00000/truth.parquet        one row a frame
+    shard_00000/truth.parquet        one row per frame
     shard_00000/<frame_id>.exr       radiance and truth layers
     shard_00000/hashes.json          sha256 of each file of the shard
     manifest.json                    scene, seed, true rig, exposure, versions
     hashes.json                      sha256 of the files above, and of each shard's hashes.json
-  .lock                              names the process that is writing
+  .lock                              identifies the writing process
 
 The shards of both trees are written first, then the manifest, truth/hashes.json and finally
 observations/hashes.json. The dataset is complete if this last file exists.

@@ -14,17 +14,18 @@ from solver.instrument.errors import InputError
 if sys.platform == "win32":
     import msvcrt
 
-    # On Windows others cannot read locked bytes: lock a byte far behind the holder's name.
-    _FAR = 1 << 30
+    # On Windows other processes cannot read locked bytes: lock a byte far behind the holder's
+    # name.
+    _LOCKED_BYTE = 1 << 30
 
-    def _take(descriptor: int) -> None:
-        os.lseek(descriptor, _FAR, os.SEEK_SET)
+    def _acquire(descriptor: int) -> None:
+        os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
         msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
         os.lseek(descriptor, 0, os.SEEK_SET)
 else:
     import fcntl
 
-    def _take(descriptor: int) -> None:
+    def _acquire(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
@@ -58,7 +59,7 @@ def _opened(path: Path) -> int:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            _take(descriptor)
+            _acquire(descriptor)
         except (BlockingIOError, PermissionError) as error:
             os.close(descriptor)
             raise InputError(
@@ -74,7 +75,7 @@ def _opened(path: Path) -> int:
 
 def _holder(path: Path) -> str:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        return f"process {found['pid']} on {found['host']} since {found['since']}"
+        holder = json.loads(path.read_text(encoding="utf-8"))
+        return f"process {holder['pid']} on {holder['host']} since {holder['since']}"
     except (OSError, ValueError, KeyError, TypeError):
         return "another process"

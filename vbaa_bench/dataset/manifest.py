@@ -54,9 +54,9 @@ def _write(path: Path, data: bytes) -> None:
 def read_json(path: Path) -> dict[str, Any]:
     """Read the object in a JSON file. Raises InputError if there is none."""
     try:
-        found = json.loads(read_bytes(path))
+        document = json.loads(read_bytes(path))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as JSON ({error})") from error
-    if not isinstance(found, dict):
-        raise InputError(f"{path}: holds {type(found).__name__}, allowed is a JSON object")
-    return found
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: holds {type(document).__name__}, allowed is a JSON object")
+    return document

@@ -35,17 +35,17 @@ class Truth:
     @property
     def camera(self) -> Camera:
         """The true camera, with which the frames were rendered."""
-        found = self.manifest["true_rig"]["camera"]
+        values = self.manifest["true_rig"]["camera"]
         return Camera(
-            width=found["width_px"],
-            height=found["height_px"],
-            fx=found["fx_px"],
-            fy=found["fy_px"],
-            cx=found["cx_px"],
-            cy=found["cy_px"],
-            camera_from_antenna=np.array(found["camera_from_antenna"]),
-            telecentric=found["telecentric"],
-            distortion=tuple(found["distortion"]),
+            width=values["width_px"],
+            height=values["height_px"],
+            fx=values["fx_px"],
+            fy=values["fy_px"],
+            cx=values["cx_px"],
+            cy=values["cy_px"],
+            camera_from_antenna=np.array(values["camera_from_antenna"]),
+            telecentric=values["telecentric"],
+            distortion=tuple(values["distortion"]),
         )
 
 
@@ -59,9 +59,9 @@ def check_complete(layout: Layout) -> None:
         return
     if begun:
         raise InputError(
-            f"{layout.root}: is incomplete; run the command that was making it again to finish it"
+            f"{layout.root}: is incomplete; run the command that generates it again to finish it"
         )
-    raise InputError(f"{layout.root}: is no dataset, it has no {HASHES} in observations")
+    raise InputError(f"{layout.root}: is not a dataset, observations/{HASHES} is missing")
 
 
 def open_truth(root: Path | str) -> Truth:
@@ -103,8 +103,8 @@ def _check_manifest(path: Path, manifest: dict[str, Any]) -> None:
         missing = sorted(keys - (part.keys() if isinstance(part, dict) else set()))
         if missing:
             raise InputError(
-                f"{path}: the key {prefix}{missing[0]} is missing; it is no manifest that generate "
-                "has written"
+                f"{path}: the key {prefix}{missing[0]} is missing; this manifest was not "
+                "written by generate"
             )
 
 

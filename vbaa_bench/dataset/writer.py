@@ -26,7 +26,7 @@ def hashes_bytes(table: Mapping[str, str]) -> bytes:
 
 
 class ShardWriter:
-    """Writer of the frames of one shard; a clean exit adds it to both trees, any other to neither.
+    """Writer of the frames of one shard; it is added to both trees at a clean exit, else to none.
 
     After a clean exit `digests` holds, by tree, the sha256 of the shard's hashes.json.
     """
@@ -66,12 +66,12 @@ class ShardWriter:
 
     def __exit__(
         self,
-        kind: type[BaseException] | None,
+        error_type: type[BaseException] | None,
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
         try:
-            if kind is None:
+            if error_type is None:
                 self._close()
         finally:
             shutil.rmtree(self._aside, ignore_errors=True)

@@ -42,9 +42,9 @@ from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.sensor.sensor import Sensor
 
 # Noise target of the image for metering the exposure, relative to its radiance.
-METERING = 0.05
+METERING_NOISE = 0.05
 # Number of pushes whose states a worker caches.
-LAST_PUSHES = 64
+CACHED_PUSHES = 64
 
 
 class RenderedFrame(NamedTuple):
@@ -73,7 +73,7 @@ class FrameRenderer:
         activate(self.variant, self.threads)
         self.studio = SceneAssembler(self.scene, self.rig, self.folder)
         # Frames are rendered in the order of their names: those of one push are not consecutive.
-        self.states = lru_cache(maxsize=LAST_PUSHES)(self._states)
+        self.states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
 
     def _states(self, push: Push) -> tuple[Experiment, list[State]]:
         experiment = Experiment(self.scene, self.rig, push, self.folder)
@@ -83,13 +83,13 @@ class FrameRenderer:
     def rest_world(self) -> World:
         """World of the beam before contact, with the motor at angle zero."""
         gravity = self.scene.gravity_m_s2
-        nothing = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
-        return self.studio.rest(Experiment(self.scene, self.rig, nothing, self.folder))
+        no_push = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
+        return self.studio.rest(Experiment(self.scene, self.rig, no_push, self.folder))
 
-    def pose(self, trial: FrameSpec) -> Pose:
+    def pose(self, spec: FrameSpec) -> Pose:
         """Compute the pose of a frame."""
-        experiment, states = self.states(trial.push)
-        return Pose(experiment, trial, states[trial.step])
+        experiment, states = self.states(spec.push)
+        return Pose(experiment, spec, states[spec.step])
 
     def pushed_world(self, pose: Pose) -> World:
         """Return the world in a pose; it is built once, then only its vertices are moved."""
@@ -105,10 +105,10 @@ class FrameRenderer:
         instead. The exposure puts this radiance at the gray value that the scene sets.
         """
         seed = render_seed(self.scene, "exposure")
-        wanted = self._wanted(lambda radiance: METERING * radiance)
-        seen = render_frame(self.rest_world, None, wanted, seed)
-        light = self._vignetting * seen.radiance
-        beam = float(np.quantile(light[seen.core], 0.99))
+        target = self._noise_target(lambda radiance: METERING_NOISE * radiance)
+        rendered = render_frame(self.rest_world, None, target, seed)
+        light = self._vignetting * rendered.radiance
+        beam = float(np.quantile(light[rendered.core], 0.99))
         peak = max(beam, float(np.quantile(light, 0.9)))
         tick()
         return metered_exposure(self.scene.sensor, peak)
@@ -116,8 +116,8 @@ class FrameRenderer:
     def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
         """Save one calibration or rest image, such as rest/rest_00.png; return its sha256."""
         kind, _, number = PurePath(name).stem.partition("_")
-        made = {"view": self.board_image, "rest": self.rest_image}[kind](int(number), exposure)
-        data = png_bytes(made)
+        image = {"view": self.board_image, "rest": self.rest_image}[kind](int(number), exposure)
+        data = png_bytes(image)
         write_bytes(self.layout.observations / name, data)
         tick()
         return digest(data)
@@ -125,62 +125,62 @@ class FrameRenderer:
     def board_image(self, view: int, exposure: float) -> Grey:
         """Render one calibration image."""
         seed = render_seed(self.scene, "board render", view)
-        wanted = self._wanted(self.sensor(exposure).noise_sigma)
-        seen = render_frame(self.studio.card(view), None, wanted, seed)
-        return self._expose(seen, exposure, "board sensor", view)
+        target = self._noise_target(self.sensor(exposure).noise_sigma)
+        rendered = render_frame(self.studio.card(view), None, target, seed)
+        return self._expose(rendered, exposure, "board sensor", view)
 
     def rest_image(self, number: int, exposure: float) -> Grey:
         """Render one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
-        wanted = self._wanted(self.sensor(exposure).noise_sigma)
-        seen = render_frame(self.rest_world, None, wanted, seed)
-        return self._expose(seen, exposure, "rest sensor", number)
+        target = self._noise_target(self.sensor(exposure).noise_sigma)
+        rendered = render_frame(self.rest_world, None, target, seed)
+        return self._expose(rendered, exposure, "rest sensor", number)
 
     def shard(
         self,
         tick: Callable[[], None],
         number: int,
-        trials: Sequence[FrameSpec],
+        specs: Sequence[FrameSpec],
         exposure: float,
     ) -> dict[str, str]:
         """Render and save the frames of one shard; return the sha256 of its hashes.json by tree."""
         with ShardWriter(self.layout, number) as writer:
-            for trial in trials:
-                writer.add(trial.frame_id, *self.frame(trial, exposure))
+            for spec in specs:
+                writer.add(spec.frame_id, *self.frame(spec, exposure))
                 tick()
         return writer.digests
 
-    def frame(self, trial: FrameSpec, exposure: float) -> RenderedFrame:
+    def frame(self, spec: FrameSpec, exposure: float) -> RenderedFrame:
         """Render one frame and collect its truth."""
-        pose = self.pose(trial)
-        image, seen = self.photograph(trial, exposure)
+        pose = self.pose(spec)
+        image, rendered = self.photograph(spec, exposure)
         length_mm = self.scene.beam.length_mm
-        truth = truth_row(pose.experiment, trial, pose.state, pose.hidden)
+        truth = truth_row(pose.experiment, spec, pose.state, pose.hidden)
         line = self.studio.centreline(pose)
-        visible = visibility(seen.coverage, self.rig.camera, line, self.rig.beam.radius)
+        visible = visibility(rendered.coverage, self.rig.camera, line, self.rig.beam.radius)
         truth["visible_share"] = visible.visible_share
         truth["availability_seen"] = visible.availability
         truth["hidden_stretches_mm"] = (length_mm * visible.hidden_stretches).ravel().tolist()
-        told = readings(self.scene, trial, pose.state, pose.hidden)
-        made = seen.by_name()
-        kept = {str(layer): made[layer] for layer in self.scene.layers}
-        return RenderedFrame(image, told, truth, kept)
+        values = readings(self.scene, spec, pose.state, pose.hidden)
+        layers = rendered.by_name()
+        saved = {str(layer): layers[layer] for layer in self.scene.layers}
+        return RenderedFrame(image, values, truth, saved)
 
-    def photograph(self, trial: FrameSpec, exposure: float) -> tuple[Grey, RenderedRadiance]:
+    def photograph(self, spec: FrameSpec, exposure: float) -> tuple[Grey, RenderedRadiance]:
         """Render one frame: its gray image, and the radiance it was exposed to."""
-        wanted = self._wanted(self.sensor(exposure).noise_sigma)
-        poses = exposed(self.pose(trial), self.scene, self.rig)
+        target = self._noise_target(self.sensor(exposure).noise_sigma)
+        poses = exposed(self.pose(spec), self.scene, self.rig)
         # The frame averages over its poses, so each may be noisier.
-        wanted = wanted.scaled(len(poses) ** 0.5)
-        seen = []
+        target = target.scaled(len(poses) ** 0.5)
+        rendered = []
         for number, pose in enumerate(poses):
             world = self.pushed_world(pose)
-            seed = render_seed(self.scene, f"frame, pose {number}", trial.index)
-            seen.append(render_frame(world, self._plate(world, wanted), wanted, seed))
-        blurred = average_poses(seen)
-        return self._expose(blurred, exposure, "sensor", trial.index), blurred
+            seed = render_seed(self.scene, f"frame, pose {number}", spec.index)
+            rendered.append(render_frame(world, self._static_layer(world, target), target, seed))
+        blurred = average_poses(rendered)
+        return self._expose(blurred, exposure, "sensor", spec.index), blurred
 
-    def _plate(self, world: World, wanted: NoiseTarget) -> StaticLayer | None:
+    def _static_layer(self, world: World, target: NoiseTarget) -> StaticLayer | None:
         """Return the static layer, rendered once.
 
         Return None if light is reflected between surfaces, so that moving surfaces affect all
@@ -189,13 +189,13 @@ class FrameRenderer:
         if self.scene.render.bounces > 1 or is_scalar():
             return None
         if self._still is None:
-            self._still = render_static_layer(world, wanted, render_seed(self.scene, "plate"))
+            self._still = render_static_layer(world, target, render_seed(self.scene, "plate"))
         return self._still
 
-    def _wanted(self, noise: Noise) -> NoiseTarget:
+    def _noise_target(self, noise: Noise) -> NoiseTarget:
         spec = self.scene.render
-        shares = (spec.noise_near_beam, spec.noise_elsewhere, spec.noise_static_layer)
-        return NoiseTarget(noise, spec.near_beam_px, *shares)
+        ratios = (spec.noise_near_beam, spec.noise_elsewhere, spec.noise_static_layer)
+        return NoiseTarget(noise, spec.near_beam_px, *ratios)
 
     def sensor(self, exposure: float) -> Sensor | Ideal:
         """Build the scene's image sensor."""
@@ -206,14 +206,16 @@ class FrameRenderer:
         camera, random = self.rig.camera, random_generator(self.scene, "fixed pattern")
         return fixed_pattern(self.scene.sensor, (camera.height, camera.width), random)
 
-    def _expose(self, seen: RenderedRadiance, exposure: float, stage: str, number: int) -> Grey:
-        noise, light = random_generator(self.scene, stage, number), self._vignetting
+    def _expose(
+        self, rendered: RenderedRadiance, exposure: float, stream: str, number: int
+    ) -> Grey:
+        noise, light = random_generator(self.scene, stream, number), self._vignetting
         sensor = self.sensor(exposure)
-        return sensor.expose(light * seen.radiance, noise, light**2 * seen.variance)
+        return sensor.expose(light * rendered.radiance, noise, light**2 * rendered.variance)
 
     @cached_property
     def _vignetting(self) -> Floats:
-        """Relative illumination (height, width): share of the light that the lens transmits."""
+        """Relative illumination (height, width): fraction of the light that the lens transmits."""
         camera = self.rig.camera
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
         across, down = columns - (camera.width - 1) / 2, rows - (camera.height - 1) / 2

@@ -26,7 +26,7 @@ Progress = Callable[[int, int], None]
 Shards = tuple[tuple[FrameSpec, ...], ...]
 
 
-def _nothing(*_: object) -> None:
+def _ignore(*_: object) -> None:
     pass
 
 
@@ -36,8 +36,8 @@ def generate(
     variant: str,
     workers: int,
     progress: Progress,
-    planning: Progress = _nothing,
-    remark: Callable[[str], None] = _nothing,
+    planning: Progress = _ignore,
+    remark: Callable[[str], None] = _ignore,
 ) -> Layout:
     """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
 
@@ -52,7 +52,7 @@ def generate(
     try:
         identity = identity_of(file, variant)
         check_identity(layout, identity)
-        with _claimed(layout):
+        with _locked_folder(layout):
             # Check again: another process may have started here before we held the lock.
             if not check_identity(layout, identity):
                 plan(file, planning)
@@ -63,7 +63,7 @@ def generate(
 
 
 @contextlib.contextmanager
-def _claimed(layout: Layout) -> Iterator[None]:
+def _locked_folder(layout: Layout) -> Iterator[None]:
     """Hold the folder's lock. A folder created for it is removed if it stays empty."""
     new = not layout.root.exists()
     layout.root.mkdir(parents=True, exist_ok=True)
@@ -92,24 +92,24 @@ def _complete(
             *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
             *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
         ),
-        shards=tuple(tuple(trial.frame_id for trial in shard) for shard in shards),
+        shards=tuple(tuple(spec.frame_id for spec in shard) for shard in shards),
         layers=bool(scene.layers),
     )
     _remove_surplus(layout, contents, remark)
     inventory = take_inventory(layout, contents)
     for sentence in inventory.damage:
-        remark(f"{sentence}; it is made again")
-    whole = inventory.whole
-    whole["truth"][layout.identity.name] = write_identity(layout, identity)
+        remark(f"{sentence}; regenerating it")
+    hashes = inventory.whole
+    hashes["truth"][layout.identity.name] = write_identity(layout, identity)
     for folder in {path.parent for path in map(PurePath, contents.images)}:
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
-    whole["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
-    if _is_whole(layout, contents, whole):
+    hashes["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
+    if _is_complete(layout, contents, hashes):
         exposure = float(read_json(layout.manifest)["exposure_per_radiance"])
     else:
-        bench = (scene, rig, file.path.parent.resolve(), layout, machine[0])
-        exposure = _make(bench, machine[1], shards, contents, whole, progress)
-    seal(layout, dataset_facts(scene, rig, exposure, machine[0]), whole)
+        arguments = (scene, rig, file.path.parent.resolve(), layout, machine[0])
+        exposure = _generate_missing(arguments, machine[1], shards, contents, hashes, progress)
+    seal(layout, dataset_facts(scene, rig, exposure, machine[0]), hashes)
 
 
 def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
@@ -131,39 +131,41 @@ def _shard_name(number: int) -> str:
     return Layout(Path()).shard(Path(), number).joinpath(HASHES).as_posix()
 
 
-def _is_whole(layout: Layout, contents: Contents, whole: Mapping[str, Mapping[str, str]]) -> bool:
+def _is_complete(
+    layout: Layout, contents: Contents, hashes: Mapping[str, Mapping[str, str]]
+) -> bool:
     """Return whether nothing has to be rendered or metered: the manifest holds the exposure."""
     shards = {_shard_name(number) for number in range(len(contents.shards))}
-    made = {*contents.images, *shards} <= whole["observations"].keys()
-    return made and {layout.manifest.name, *shards} <= whole["truth"].keys()
+    rendered = {*contents.images, *shards} <= hashes["observations"].keys()
+    return rendered and {layout.manifest.name, *shards} <= hashes["truth"].keys()
 
 
-def _make(
-    bench: tuple[Any, ...],
+def _generate_missing(
+    arguments: tuple[Any, ...],
     workers: int,
     shards: Shards,
     contents: Contents,
-    whole: dict[str, dict[str, str]],
+    hashes: dict[str, dict[str, str]],
     progress: Progress,
 ) -> float:
-    """Generate all images and shards that are not intact, and add their hashes to `whole`.
+    """Generate all images and shards that are not intact, and add their hashes to `hashes`.
 
-    `bench` holds the arguments of FrameRenderer without its threads. Return the exposure.
+    `arguments` holds the arguments of FrameRenderer without its threads. Return the exposure.
     """
-    observations = whole["observations"]
+    observations = hashes["observations"]
     threads = max(cores() // workers, 1)
     # One more than the number of images: the exposure is metered on an image that is not kept.
     total = sum(map(len, shards)) + len(contents.images) + 1
-    with Pool(workers, FrameRenderer, (*bench, threads)) as pool:
+    with Pool(workers, FrameRenderer, (*arguments, threads)) as pool:
         exposure = float(pool.call("measure_exposure"))
         images = [name for name in contents.images if name not in observations]
         numbers = [n for n in range(len(shards)) if _shard_name(n) not in observations]
         jobs: list[tuple[str, tuple[Any, ...]]] = [("image", (name, exposure)) for name in images]
         jobs += [("shard", (number, shards[number], exposure)) for number in numbers]
-        to_do = len(images) + sum(len(shards[number]) for number in numbers) + 1
-        digests = pool.run(jobs, lambda done: progress(total - to_do + done, total))
+        remaining = len(images) + sum(len(shards[number]) for number in numbers) + 1
+        digests = pool.run(jobs, lambda done: progress(total - remaining + done, total))
     observations.update(zip(images, digests, strict=False))
     for number, by_tree in zip(numbers, digests[len(images) :], strict=True):
         for tree, value in by_tree.items():
-            whole[tree][_shard_name(number)] = value
+            hashes[tree][_shard_name(number)] = value
     return exposure

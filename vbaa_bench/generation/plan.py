@@ -23,7 +23,7 @@ from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.scene.trials import FrameSpec, Push, frame_specs, in_shards
 
 # Minimum width [px] of the beam. Below it, pixel centres miss the beam over long stretches.
-THINNEST_PX = 0.25
+MIN_WIDTH_PX = 0.25
 # The axes, and the diagonals between them.
 _DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=float)
 
@@ -69,25 +69,25 @@ def plan(
     except ValueError as error:
         raise InputError(file.complaint(("camera", "look_at_mm"), str(error))) from error
     _environment_is_readable(file)
-    made = frame_specs(scene) if of is None else of
-    seen = _Seen(file, rig)
+    specs = frame_specs(scene) if of is None else of
+    extremes = _Seen(file, rig)
     mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig) + _too_fine(file, rig)
     pushes: dict[Push, set[float]] = {}
-    for trial in made:
-        pushes.setdefault(trial.push, set()).add(trial.onset)
-    for number, (wanted, onsets) in enumerate([] if mistakes else pushes.items()):
-        experiment = Experiment(scene, rig, wanted, file.path.parent)
+    for spec in specs:
+        pushes.setdefault(spec.push, set()).add(spec.onset)
+    for number, (push, onsets) in enumerate([] if mistakes else pushes.items()):
+        experiment = Experiment(scene, rig, push, file.path.parent)
         try:
-            seen.add(experiment, experiment.states(), onsets)
+            extremes.add(experiment, experiment.states(), onsets)
         except EquilibriumError as error:
-            mistakes.append(file.complaint(_key(file, wanted), f"{_said(wanted)}: {error}"))
+            mistakes.append(file.complaint(_key(file, push), f"{_description(push)}: {error}"))
         except InputError as error:
             mistakes.append(file.complaint(("object",), f"is not possible: {error}"))
         progress(number + 1, len(pushes))
-    mistakes += seen.mistakes()
+    mistakes += extremes.mistakes()
     if mistakes:
         raise InputError("\n".join(dict.fromkeys(mistakes)))
-    return Plan(rig, in_shards(scene, made), seen.residual)
+    return Plan(rig, in_shards(scene, specs), extremes.residual)
 
 
 def _environment_is_readable(file: SceneFile) -> None:
@@ -97,8 +97,8 @@ def _environment_is_readable(file: SceneFile) -> None:
             try:
                 read_environment(file.path.parent / light.file)
             except InputError as error:
-                said = file.complaint(("lights", number, "file"), str(error))
-                raise InputError(said) from error
+                message = file.complaint(("lights", number, "file"), str(error))
+                raise InputError(message) from error
 
 
 class _Seen:
@@ -113,20 +113,20 @@ class _Seen:
 
     def add(self, experiment: Experiment, states: list[State], onsets: Collection[float]) -> None:
         """Add the states of one push, with its motor angles [rad] at first contact, `onsets`."""
-        wanted = experiment.push
-        for goal, state in zip(wanted.goals, states, strict=True):
+        push = experiment.push
+        for goal, state in zip(push.goals, states, strict=True):
             self.residual = max(self.residual, state.residual)
             stress = state.largest_strain * experiment.youngs_modulus / 1e6
             if stress > self._stress:
-                self._stress, self._stressed = stress, f"{_where(wanted)}to {goal}"
+                self._stress, self._stressed = stress, f"{_location(push)}to {goal}"
             self._lowest = min(self._lowest, float(state.centreline[:, 3].min()))
             for onset in onsets:
-                stage = experiment.camera_frame_from_clamp(onset - state.pushing_angle)
-                points = apply(stage, state.centreline[:, 1:]) + self._rig.base_position
+                frame_from_clamp = experiment.camera_frame_from_clamp(onset - state.pushing_angle)
+                points = apply(frame_from_clamp, state.centreline[:, 1:]) + self._rig.base_position
                 points = np.vstack([self._points, points])
                 # Keep only the outermost points along every axis and diagonal.
-                reach = points @ _DIRECTIONS.T
-                outermost = np.unique(np.concatenate([reach.argmin(0), reach.argmax(0)]))
+                extents = points @ _DIRECTIONS.T
+                outermost = np.unique(np.concatenate([extents.argmin(0), extents.argmax(0)]))
                 self._points = points[outermost]
 
     def mistakes(self) -> list[str]:
@@ -137,11 +137,11 @@ class _Seen:
 
     def _below_ground(self) -> list[str]:
         ground = self._file.scene.background.distance_mm
-        deep = (self._rig.beam.radius - self._lowest) / MILLIMETRE
-        if deep <= ground:
+        depth = (self._rig.beam.radius - self._lowest) / MILLIMETRE
+        if depth <= ground:
             return []
-        said = f"is {ground:g}, but the beam comes as low as {deep:.4g} mm below plane C"
-        return [self._file.complaint(("background", "distance_mm"), said)]
+        message = f"is {ground:g}, but the beam reaches {depth:.4g} mm below plane C"
+        return [self._file.complaint(("background", "distance_mm"), message)]
 
     def _overstressed(self) -> list[str]:
         beam = self._file.scene.beam
@@ -159,12 +159,12 @@ class _Seen:
         camera, points, file = self._rig.camera, self._points, self._file
         depth = apply(camera.camera_from_antenna, points)[:, 2]
         if depth.min() <= 0:
-            said = "lets the camera look away from the beam"
-            return [file.complaint(("camera", "look_at_mm"), said)]
+            message = "points the camera away from the beam"
+            return [file.complaint(("camera", "look_at_mm"), message)]
         width_px = float(camera.pixels_per_metre(points).min()) * self._rig.beam.diameter
-        if width_px < THINNEST_PX:
-            said = f"sees the beam {width_px:.2g} px wide, allowed is >= {THINNEST_PX:g} px"
-            return [file.complaint(("camera",), said)]
+        if width_px < MIN_WIDTH_PX:
+            message = f"sees the beam {width_px:.2g} px wide, allowed is >= {MIN_WIDTH_PX:g} px"
+            return [file.complaint(("camera",), message)]
         u, v = camera.project(points).T
         if not file.scene.camera.tip_in_view or _in_view(camera, points):
             return []
@@ -181,47 +181,47 @@ class _Seen:
         """List the lamps that hide the beam, or the board in view 0, from the camera."""
         file, rig, pose = self._file, self._rig, self._rig.camera.camera_from_antenna
         board = apply(rig.antenna_from_board, nominal_rig(file.scene).board.corners())
-        share = np.linspace(0, 1, 65)[:, None]
-        at_rest = rig.base_position + share * [rig.beam.length, 0.0, 0.0]
+        fraction = np.linspace(0, 1, 65)[:, None]
+        at_rest = rig.base_position + fraction * [rig.beam.length, 0.0, 0.0]
         ends = np.vstack([self._points, at_rest, board])
         starts = np.broadcast_to(invert(pose)[:3, 3], ends.shape)
         if rig.camera.telecentric:
             depth = apply(pose, ends)[:, 2:]
             starts = ends - depth * pose[2, :3]
-        shining = lights(file.scene, file.path.parent) if file.scene.lights else []
+        lamps = lights(file.scene, file.path.parent) if file.scene.lights else []
         return [
             file.complaint(
                 ("lights", number),
-                "stands between the camera and the beam or the board, allowed is out of its sight",
+                "is between the camera and the beam or the board, allowed is out of its view",
             )
-            for number, light in enumerate(shining)
+            for number, light in enumerate(lamps)
             if isinstance(light, Lamp) and between(light.mesh, starts, ends).any()
         ]
 
 
-def _key(file: SceneFile, wanted: Push) -> tuple[Key, ...]:
+def _key(file: SceneFile, push: Push) -> tuple[Key, ...]:
     """Find the key of the scene file that defines a push."""
     pushes = file.scene.pushes
     if pushes is None:
         return ("sampling", "contact_distance_mm")
-    if wanted.contact_distance is None or pushes.contact_distance_mm is None:
+    if push.contact_distance is None or pushes.contact_distance_mm is None:
         return ("object", "gap_mm")
     distances = np.array(pushes.contact_distance_mm) * MILLIMETRE
-    index = int(np.argmin(np.abs(distances - wanted.contact_distance)))
+    index = int(np.argmin(np.abs(distances - push.contact_distance)))
     return ("pushes", "contact_distance_mm", index)
 
 
-def _said(wanted: Push) -> str:
-    goals = f"pushed to {', '.join(map(str, wanted.goals))}"
-    if wanted.contact_distance is None:
+def _description(push: Push) -> str:
+    goals = f"pushed to {', '.join(map(str, push.goals))}"
+    if push.contact_distance is None:
         return goals
-    return f"is {wanted.contact_distance / MILLIMETRE:g}, {goals}"
+    return f"is {push.contact_distance / MILLIMETRE:g}, {goals}"
 
 
-def _where(wanted: Push) -> str:
-    if wanted.contact_distance is None:
+def _location(push: Push) -> str:
+    if push.contact_distance is None:
         return "contact pushed "
-    return f"contact at {wanted.contact_distance / MILLIMETRE:g} mm pushed "
+    return f"contact at {push.contact_distance / MILLIMETRE:g} mm pushed "
 
 
 def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
@@ -229,13 +229,13 @@ def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
     hub, length = scene.hub.radius_mm, rig.beam.length / MILLIMETRE
     if scene.sampling is not None:
         key: tuple[Key, ...] = ("sampling", "contact_distance_mm")
-        wanted = enumerate(scene.sampling.contact_distance_mm)
+        distances = enumerate(scene.sampling.contact_distance_mm)
     else:
         key = ("pushes", "contact_distance_mm")
         pushes = scene.pushes
-        wanted = enumerate(pushes.contact_distance_mm or () if pushes else ())
+        distances = enumerate(pushes.contact_distance_mm or () if pushes else ())
     mistakes = []
-    for index, distance in wanted:
+    for index, distance in distances:
         if distance <= hub:
             mistakes.append(f"is {distance:g}, allowed is beyond the hub's radius of {hub:g} mm")
         elif distance >= length:
@@ -245,9 +245,9 @@ def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
         mistakes[-1] = file.complaint((*key, index), mistakes[-1])
     peg = scene.second_peg
     if peg is not None and not hub < peg.distance_mm < length:
-        said = f"is {peg.distance_mm:g}, allowed is between the hub's radius of {hub:g} mm"
-        place = ("second_peg", "distance_mm")
-        mistakes.append(file.complaint(place, f"{said} and the tip at {length:g} mm"))
+        message = f"is {peg.distance_mm:g}, allowed is between the hub's radius of {hub:g} mm"
+        peg_key = ("second_peg", "distance_mm")
+        mistakes.append(file.complaint(peg_key, f"{message} and the tip at {length:g} mm"))
     return mistakes
 
 
@@ -256,12 +256,12 @@ def _too_fine(file: SceneFile, rig: TrueRig) -> list[str]:
     finest = finest_square(file.scene, rig.camera) / MILLIMETRE
     if ground.pattern != "squares" or ground.square_mm >= finest:
         return []
-    said = (
+    message = (
         f"is {ground.square_mm:g}, allowed is >= {finest:.3g}: smaller squares are below "
         f"{RESOLVED_PX:g} px, or more than {MOST_SQUARES} along a side of the ground in view; "
         "pattern plain looks the same"
     )
-    return [file.complaint(("background", "square_mm"), said)]
+    return [file.complaint(("background", "square_mm"), message)]
 
 
 def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:

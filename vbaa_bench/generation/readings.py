@@ -9,7 +9,7 @@ from vbaa_bench.scene.trials import FrameSpec, random_generator
 
 
 def readings(
-    scene: Scene, trial: FrameSpec, state: State, hidden: tuple[float, float] | None
+    scene: Scene, spec: FrameSpec, state: State, hidden: tuple[float, float] | None
 ) -> dict[str, str | float | int]:
     """Collect the readings of a frame by column; all frames of a scene have the same columns.
 
@@ -17,38 +17,38 @@ def readings(
     removed stretch if nothing is removed. If `hidden` [m] is covered by an occluder in the image,
     it is not revealed.
     """
-    told: dict[str, str | float | int] = {
-        "motor_angle_deg": "" if scene.camera.mount == "world" else _encoder(scene, trial, state),
-        "push_id": trial.push_id,
-        "step": trial.step,
+    values: dict[str, str | float | int] = {
+        "motor_angle_deg": "" if scene.camera.mount == "world" else _encoder(scene, spec, state),
+        "push_id": spec.push_id,
+        "step": spec.step,
     }
     if scene.occlusion is not None and "removed" in scene.occlusion.kind:
-        told_of = hidden is not None and trial.cover is not None and trial.cover.kind == "removed"
-        first, last = hidden if told_of and hidden is not None else (None, None)
-        told["removed_from_mm"] = "" if first is None else first / MILLIMETRE
-        told["removed_to_mm"] = "" if last is None else last / MILLIMETRE
+        is_removed = hidden is not None and spec.cover is not None and spec.cover.kind == "removed"
+        first, last = hidden if is_removed and hidden is not None else (None, None)
+        values["removed_from_mm"] = "" if first is None else first / MILLIMETRE
+        values["removed_to_mm"] = "" if last is None else last / MILLIMETRE
     if scene.moment_sensor is not None:
-        noise = random_generator(scene, "moment sensor", trial.index)
+        noise = random_generator(scene, "moment sensor", spec.index)
         # Moment of the beam on the sensor, so that m_y = x_c f_z (27); right-handed, -x_c f_z.
         moment = -state.base_moment[1] / MILLIMETRE
-        told["moment_y_n_mm"] = float(noise.normal(moment, scene.moment_sensor.sigma_n_mm))
+        values["moment_y_n_mm"] = float(noise.normal(moment, scene.moment_sensor.sigma_n_mm))
     if scene.force_sensor is not None:
-        noise = random_generator(scene, "force sensor", trial.index)
+        noise = random_generator(scene, "force sensor", spec.index)
         force = noise.normal(state.base_force, scene.force_sensor.force_sigma_n)
         moment_n_mm = np.asarray(state.base_moment) / MILLIMETRE
         moments = noise.normal(moment_n_mm, scene.force_sensor.moment_sigma_n_mm)
-        told |= {f"base_force_{axis}_n": float(v) for axis, v in zip("xyz", force, strict=True)}
-        told |= {
+        values |= {f"base_force_{axis}_n": float(v) for axis, v in zip("xyz", force, strict=True)}
+        values |= {
             f"base_moment_{axis}_n_mm": float(v) for axis, v in zip("xyz", moments, strict=True)
         }
-    return told
+    return values
 
 
-def _encoder(scene: Scene, trial: FrameSpec, state: State) -> float:
+def _encoder(scene: Scene, spec: FrameSpec, state: State) -> float:
     """Simulate the encoder's reading [deg], with noise and quantised to its steps."""
-    noise = random_generator(scene, "encoder", trial.index)
+    noise = random_generator(scene, "encoder", spec.index)
     tolerance = scene.tolerances
-    true = trial.motor_angle(state.pushing_angle) / DEGREE
+    true = spec.motor_angle(state.pushing_angle) / DEGREE
     reading = float(noise.normal(true, tolerance.encoder_deg))
     if tolerance.encoder_step_deg > 0:
         reading = round(reading / tolerance.encoder_step_deg) * tolerance.encoder_step_deg

@@ -16,7 +16,7 @@ from vbaa_bench.scene.trials import FrameSpec
 
 
 def truth_row(
-    experiment: Experiment, trial: FrameSpec, state: State, hidden: tuple[float, float] | None
+    experiment: Experiment, spec: FrameSpec, state: State, hidden: tuple[float, float] | None
 ) -> dict[str, Any]:
     """Collect the truth of one frame, as a row of `truth.parquet`.
 
@@ -27,21 +27,21 @@ def truth_row(
     zero.
     """
     scene, mm = experiment.scene, MILLIMETRE
-    phi = trial.motor_angle(state.pushing_angle)
+    phi = spec.motor_angle(state.pushing_angle)
     stress = state.largest_strain * experiment.youngs_modulus / 1e6
     sag = _norm((state.tip - experiment.rest.tip)[1:])
-    cover, wanted = trial.cover, trial.push
-    rigid = wanted.compliance == 0
+    cover, push = spec.cover, spec.push
+    rigid = push.compliance == 0
     return {
         "model": experiment.model,
-        "trial": trial.index,
-        "push_id": trial.push_id,
-        "step": trial.step,
-        "repeat": trial.repeat,
-        "push": str(trial.goal),
-        "contact_distance_at_rest_mm": _scaled(wanted.contact_distance, 1 / mm),
-        "normal_deg": wanted.normal / DEGREE,
-        "k_s_n_m": None if rigid else 1 / wanted.compliance,
+        "trial": spec.index,
+        "push_id": spec.push_id,
+        "step": spec.step,
+        "repeat": spec.repeat,
+        "push": str(spec.goal),
+        "contact_distance_at_rest_mm": _scaled(push.contact_distance, 1 / mm),
+        "normal_deg": push.normal / DEGREE,
+        "k_s_n_m": None if rigid else 1 / push.compliance,
         "k_s_over_k_beam": _stiffness_ratio(experiment, state),
         "deflection_pct": sag / experiment.rig.beam.length / PERCENT,
         "pushing_angle_deg": state.pushing_angle / DEGREE,
@@ -72,10 +72,10 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
     scalars = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_psi_deg", "force_n")
     vectors = ("force_antenna_n", "contact_deformation_mm", "contact_antenna_mm")
     if not state.contacts:
-        nothing: dict[str, Any] = dict.fromkeys(
+        empty: dict[str, Any] = dict.fromkeys(
             (*scalars, "f_n", "w_s_mm", *vectors, "contact_world_mm", "contact_row")
         )
-        return nothing
+        return empty
     contact: Contact = state.contact
     base = experiment.rig.base_position
     psi = _psi(experiment, contact)
@@ -126,11 +126,11 @@ def _psi(experiment: Experiment, contact: Contact) -> float:
 
 def _second_contact(experiment: Experiment, state: State) -> dict[str, Any]:
     """Collect the columns of a second contact; all are null if there is none."""
-    second = next((one for one in state.contacts if one.obstacle == 1), None)
+    second = next((contact for contact in state.contacts if contact.obstacle == 1), None)
     if second is None:
         names = ("second_s_c_mm", "second_force_antenna_n", "second_contact_antenna_mm")
-        nothing: dict[str, Any] = dict.fromkeys(names)
-        return nothing
+        empty: dict[str, Any] = dict.fromkeys(names)
+        return empty
     base = experiment.rig.base_position
     return {
         "second_s_c_mm": second.s / MILLIMETRE,

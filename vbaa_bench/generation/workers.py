@@ -21,10 +21,10 @@ _stop: Any = None
 
 
 class WorkerDiedError(Exception):
-    """A worker process ended by itself or was killed, out of memory perhaps."""
+    """A worker process ended by itself or was killed, for example for lack of memory."""
 
     def __str__(self) -> str:
-        return "a worker process died; the same command goes on from what is finished"
+        return "a worker process died; repeat the command to resume"
 
 
 class WorkerStartError(WorkerDiedError):
@@ -67,9 +67,9 @@ class Pool:
         # SimpleQueue writes a piece before its job's result, so no piece is counted too late.
         self._pieces, self._stop = context.SimpleQueue(), context.Event()
         # Pickled here, so that a failed import in a worker can be reported.
-        made = pickle.dumps((build, arguments))
+        pickled = pickle.dumps((build, arguments))
         self._executor = ProcessPoolExecutor(
-            count, context, _settle, (made, self._pieces, self._stop)
+            count, context, _initialise, (pickled, self._pieces, self._stop)
         )
 
     def __enter__(self) -> Self:
@@ -113,17 +113,17 @@ class Pool:
                 finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
                 for future in finished:
                     future.result()
-                pieces += self._drained()
+                pieces += self._finished_pieces()
                 done(pieces)
         except BrokenProcessPool as error:
             raise WorkerDiedError from error
         return [future.result() for future in futures]
 
     def _submit(self, method: str, arguments: tuple[Any, ...]) -> Future[Any]:
-        with _interrupt_held_back(), _main_module_hidden():  # submitting starts processes
+        with _interrupt_blocked(), _main_module_hidden():  # submitting starts processes
             return self._executor.submit(_work, method, arguments)
 
-    def _drained(self) -> int:
+    def _finished_pieces(self) -> int:
         count = 0
         while not self._pieces.empty():
             count += self._pieces.get()
@@ -131,7 +131,7 @@ class Pool:
 
 
 @contextlib.contextmanager
-def _interrupt_held_back() -> Iterator[None]:
+def _interrupt_blocked() -> Iterator[None]:
     """Block Ctrl-C, and deliver it afterwards to this process only.
 
     Child processes inherit the block. Otherwise each would end with a traceback during its imports.
@@ -139,11 +139,11 @@ def _interrupt_held_back() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 @contextlib.contextmanager
@@ -161,18 +161,18 @@ def _main_module_hidden() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
-def _settle(made: bytes, pieces: Any, stop: Any) -> None:
+def _initialise(pickled: bytes, pieces: Any, stop: Any) -> None:
     """Prepare a worker. An error in building its object is raised by its first job."""
     global _resident, _pieces, _stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _resident, _pieces, _stop = _built(made), pieces, stop
+    _resident, _pieces, _stop = _build(pickled), pieces, stop
 
 
-def _built(made: bytes) -> Any:
+def _build(pickled: bytes) -> Any:
     """Build the worker's object, or return the error that prevents it."""
     try:
-        build, arguments = pickle.loads(made)
+        build, arguments = pickle.loads(pickled)
         return build(*arguments)
     except Exception as error:  # noqa: BLE001  # any exception is the reason
         return WorkerStartError(f"{type(error).__name__}: {error}")

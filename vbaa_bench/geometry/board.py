@@ -82,8 +82,8 @@ def _strokes(target: LineNetwork, count: int, thick: int) -> tuple[Floats, np.nd
     end, card = count / 2 * target.square, (count + 3) / 2 * target.square
     edges = np.array([-card, -end, *rims, end, card])
     cells = np.arange(len(edges) - 1)
-    between = (cells > 0) & (cells < cells[-1])
-    return edges, between & (cells % 2 == 0), between
+    inside = (cells > 0) & (cells < cells[-1])
+    return edges, inside & (cells % 2 == 0), inside
 
 
 def _edges(count: int, size: float) -> Floats:
@@ -96,9 +96,9 @@ def _grid(x: Floats, y: Floats) -> Floats:
     return np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
 
 
-def _cells(vertices: Floats, chosen: np.ndarray) -> trimesh.Trimesh:
-    row, column = np.nonzero(chosen)
-    stride = chosen.shape[1] + 1
+def _cells(vertices: Floats, mask: np.ndarray) -> trimesh.Trimesh:
+    row, column = np.nonzero(mask)
+    stride = mask.shape[1] + 1
     a = row * stride + column
     b, c, d = a + 1, a + stride + 1, a + stride
     faces = np.vstack([np.column_stack([a, c, b]), np.column_stack([a, d, c])])

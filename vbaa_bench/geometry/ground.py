@@ -11,10 +11,10 @@ from solver.instrument.units import MILLIMETRE
 from vbaa_bench.scene.schema import Scene
 
 # Margin beyond the camera's view, for the lens's blur.
-_BEYOND = 1.05
+_MARGIN = 1.05
 # Largest extent to either side of the beam's middle, over its length: a camera that looks across
 # the ground sees it to the horizon.
-_FARTHEST = 3.0
+_MAX_EXTENT = 3.0
 # Both tones of a chequered pattern are distinct if a square has at least two pixels.
 RESOLVED_PX = 2.0
 # Most squares along a side: each takes about 1 kB in the renderer, so that all take 1 GB at most.
@@ -29,14 +29,14 @@ def chequered_side(scene: Scene, camera: Camera) -> float:
     length = scene.beam.length_mm * MILLIMETRE
     middle = np.array([length / 2, 0.0])
     axis = -np.array(scene.clamp_offset_mm[:2]) * MILLIMETRE
-    seen = _footprint(camera, -scene.background.distance_mm * MILLIMETRE)
+    footprint = _footprint(camera, -scene.background.distance_mm * MILLIMETRE)
     half = math.inf
-    if seen is not None and scene.background.fixed_to == scene.camera.mount:
-        half = float(np.abs(seen - middle).max())
-    elif seen is not None:
-        turned = np.linalg.norm(seen - axis, axis=1).max()
-        half = float(turned + np.linalg.norm(middle - axis))
-    return 2 * min(_BEYOND * half, _FARTHEST * length)
+    if footprint is not None and scene.background.fixed_to == scene.camera.mount:
+        half = float(np.abs(footprint - middle).max())
+    elif footprint is not None:
+        radius = np.linalg.norm(footprint - axis, axis=1).max()
+        half = float(radius + np.linalg.norm(middle - axis))
+    return 2 * min(_MARGIN * half, _MAX_EXTENT * length)
 
 
 def finest_square(scene: Scene, camera: Camera) -> float:
@@ -45,8 +45,8 @@ def finest_square(scene: Scene, camera: Camera) -> float:
     The camera must resolve it, and the renderer must be able to hold all squares.
     """
     length = scene.beam.length_mm * MILLIMETRE
-    below = np.array([[length / 2, 0.0, -scene.background.distance_mm * MILLIMETRE]])
-    resolved = RESOLVED_PX / float(camera.pixels_per_metre(below)[0])
+    ground_point = np.array([[length / 2, 0.0, -scene.background.distance_mm * MILLIMETRE]])
+    resolved = RESOLVED_PX / float(camera.pixels_per_metre(ground_point)[0])
     return max(resolved, chequered_side(scene, camera) / MOST_SQUARES)
 
 
@@ -62,12 +62,12 @@ def _footprint(camera: Camera, height: float) -> Floats | None:
     rim = [(u, v) for u in across for v in down[[0, -1]]]
     rim += [(u, v) for u in across[[0, -1]] for v in down]
     x, y = camera.normalised(np.array(rim)).T
-    nothing, one = np.zeros_like(x), np.ones_like(x)
+    zeros, ones = np.zeros_like(x), np.ones_like(x)
     antenna_from_camera = invert(camera.camera_from_antenna)
-    start = np.column_stack([x, y, nothing] if camera.telecentric else [nothing] * 3)
-    ahead = np.column_stack([nothing, nothing, one] if camera.telecentric else [x, y, one])
-    start, ahead = apply(antenna_from_camera, start), ahead @ antenna_from_camera[:3, :3].T
-    if (ahead[:, 2] >= 0).any():
+    start = np.column_stack([x, y, zeros] if camera.telecentric else [zeros] * 3)
+    direction = np.column_stack([zeros, zeros, ones] if camera.telecentric else [x, y, ones])
+    start, direction = apply(antenna_from_camera, start), direction @ antenna_from_camera[:3, :3].T
+    if (direction[:, 2] >= 0).any():
         return None
-    share = (height - start[:, 2]) / ahead[:, 2]
-    return np.asarray((start + share[:, None] * ahead)[:, :2])
+    fraction = (height - start[:, 2]) / direction[:, 2]
+    return np.asarray((start + fraction[:, None] * direction)[:, :2])

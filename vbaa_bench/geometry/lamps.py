@@ -39,11 +39,11 @@ def rectangle(
 def annulus(middle: Floats, ahead: Floats, inner: float, outer: float) -> trimesh.Trimesh:
     """Mesh a flat ring about `middle` (3,) that faces `ahead` (3,), between two radii."""
     first, second, _ = axes(ahead, np.array([1.0, 0.0, 0.0]))
-    turn = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
-    circle = np.outer(np.cos(turn), first) + np.outer(np.sin(turn), second)
+    angle = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS
+    circle = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second)
     # Scale that gives a regular polygon the area of its circle.
-    grown = np.sqrt(2 * np.pi / (SEGMENTS * np.sin(2 * np.pi / SEGMENTS)))
-    vertices = middle + grown * np.vstack([inner * circle, outer * circle])
+    scale = np.sqrt(2 * np.pi / (SEGMENTS * np.sin(2 * np.pi / SEGMENTS)))
+    vertices = middle + scale * np.vstack([inner * circle, outer * circle])
     a = np.arange(SEGMENTS)
     b = (a + 1) % SEGMENTS
     c, d = b + SEGMENTS, a + SEGMENTS
@@ -62,10 +62,10 @@ def irradiance(lamp: trimesh.Trimesh, at: Floats, normal: Floats) -> float:
     triangles = np.asarray(lamp.triangles) - at
     towards = -np.einsum("ij,ij->i", np.asarray(lamp.face_normals), triangles[:, 0])
     corners = triangles[towards > 0]
-    following = np.roll(corners, -1, axis=1)
-    edges = np.cross(following, corners)
+    next_corners = np.roll(corners, -1, axis=1)
+    edges = np.cross(next_corners, corners)
     sines = np.linalg.norm(edges, axis=2)
-    angles = np.arctan2(sines, np.einsum("ijk,ijk->ij", corners, following))
+    angles = np.arctan2(sines, np.einsum("ijk,ijk->ij", corners, next_corners))
     return float(0.5 * np.sum(angles * (edges @ normal) / sines))
 
 
@@ -75,18 +75,18 @@ def between(lamp: trimesh.Trimesh, starts: Floats, ends: Floats) -> Mask:
     Each line is cut with every triangle (Moeller and Trumbore 1997).
     """
     first, second, third = np.moveaxis(np.asarray(lamp.triangles), 1, 0)
-    one, other = second - first, third - first
+    edge_1, edge_2 = second - first, third - first
     ahead, away = (ends - starts)[:, None], starts[:, None] - first
-    across = np.cross(ahead, other)
-    volume = (across * one).sum(axis=-1)
+    across = np.cross(ahead, edge_2)
+    volume = (across * edge_1).sum(axis=-1)
     # A line parallel to the lamp's plane is not blocked.
-    level = np.abs(volume) < 1e-12 * np.linalg.norm(ahead, axis=-1) * np.linalg.norm(
-        np.cross(one, other), axis=-1
+    parallel = np.abs(volume) < 1e-12 * np.linalg.norm(ahead, axis=-1) * np.linalg.norm(
+        np.cross(edge_1, edge_2), axis=-1
     )
-    scale = 1 / np.where(level, 1.0, volume)
+    scale = 1 / np.where(parallel, 1.0, volume)
     u = (away * across).sum(axis=-1) * scale
-    turned = np.cross(away, one)
-    v = (ahead * turned).sum(axis=-1) * scale
-    share = (other * turned).sum(axis=-1) * scale
-    hit = ~level & (u >= 0) & (v >= 0) & (u + v <= 1) & (share > 0) & (share < 1)
+    normal = np.cross(away, edge_1)
+    v = (ahead * normal).sum(axis=-1) * scale
+    fraction = (edge_2 * normal).sum(axis=-1) * scale
+    hit = ~parallel & (u >= 0) & (v >= 0) & (u + v <= 1) & (fraction > 0) & (fraction < 1)
     return np.asarray(hit.any(axis=1))

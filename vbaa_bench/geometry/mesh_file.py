@@ -12,11 +12,11 @@ from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.solids import together
 
 KINDS = (".stl", ".obj", ".ply")
-MOST_FACES = 200_000
-# Largest size of a file with MOST_FACES faces, in the most verbose of these formats.
-MOST_BYTES = 500 * MOST_FACES
+MAX_FACES = 200_000
+# Largest size of a file with MAX_FACES faces, in the most verbose of these formats.
+MAX_BYTES = 500 * MAX_FACES
 # Allowed extents [m] of an object.
-SMALLEST, LARGEST = 1e-9, 10.0
+MIN_EXTENT, MAX_EXTENT = 1e-9, 10.0
 
 
 def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
@@ -27,25 +27,25 @@ def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
     """
     vertices, faces = _parsed(path)
     if len(faces) == 0:
-        raise InputError(f"{path}: holds no faces, allowed is a closed mesh")
-    if len(faces) > MOST_FACES:
-        raise InputError(f"{path}: has {len(faces)} faces, allowed are {MOST_FACES}")
+        raise InputError(f"{path}: has no faces, allowed is a closed mesh")
+    if len(faces) > MAX_FACES:
+        raise InputError(f"{path}: has {len(faces)} faces, allowed are {MAX_FACES}")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise InputError(f"{path}: has faces on vertices that it does not give")
+        raise InputError(f"{path}: has faces with undefined vertices")
     if not np.isfinite(vertices).all():
         raise InputError(f"{path}: has a vertex that is not finite, allowed are numbers")
     mesh = trimesh.Trimesh(vertices * unit_m, faces, process=False)
     extent = float(max(mesh.extents))
-    if not SMALLEST <= extent <= LARGEST:
+    if not MIN_EXTENT <= extent <= MAX_EXTENT:
         raise InputError(
             f"{path}: is {extent:g} m large with its unit of {unit_m:g} m,"
-            f" allowed are {SMALLEST:g} to {LARGEST:g} m"
+            f" allowed are {MIN_EXTENT:g} to {MAX_EXTENT:g} m"
         )
     _merge(mesh, extent)
     if not mesh.is_watertight:
         raise InputError(f"{path}: is not closed, allowed is a watertight mesh")
     if not mesh.is_winding_consistent:
-        raise InputError(f"{path}: is wound this way and that, allowed is one sense all over")
+        raise InputError(f"{path}: is wound inconsistently, allowed is one orientation")
     volume = _volume(mesh)
     if abs(volume) <= 1e-12 * extent**3:
         raise InputError(f"{path}: encloses no volume, allowed is a solid")
@@ -69,16 +69,16 @@ def touching(mesh: trimesh.Trimesh, beam_radius: float) -> trimesh.Trimesh:
     if not below.any():
         bottom, top = mesh.bounds[:, 2] / MILLIMETRE
         raise InputError(
-            f"the object's mesh lies from z = {bottom:g} to {top:g} mm, beside the beam,"
+            f"the object's mesh spans z = {bottom:g} to {top:g} mm, beside the beam,"
             f" allowed is one that reaches within {beam_radius / MILLIMETRE:g} mm of z = 0"
         )
     ends, rise, run, low, high = (part[below] for part in (ends, rise, run, low, high))
     # The gap is convex along an edge: least where the beam's underside has the edge's slope.
-    level = beam_radius * rise * np.sign(run) / np.hypot(rise, run)
-    z = np.clip(level, np.maximum(low, -beam_radius), np.minimum(high, beam_radius))
-    share = (z - ends[:, 0, 2]) / run
+    tangent_z = beam_radius * rise * np.sign(run) / np.hypot(rise, run)
+    z = np.clip(tangent_z, np.maximum(low, -beam_radius), np.minimum(high, beam_radius))
+    fraction = (z - ends[:, 0, 2]) / run
     underside = beam_radius - np.sqrt((beam_radius - z) * (beam_radius + z))
-    gap = underside - (ends[:, 0, 1] + share * rise)
+    gap = underside - (ends[:, 0, 1] + fraction * rise)
     moved: trimesh.Trimesh = mesh.copy()
     moved.apply_translation([0.0, gap.min(), 0.0])
     return moved
@@ -93,12 +93,12 @@ def _parsed(path: Path) -> tuple[Floats, np.ndarray]:
         if path.exists() and not path.is_file():  # a pipe or a device may never end
             raise ValueError("it is no file")
         size = path.stat().st_size
-        content = path.read_bytes() if size <= MOST_BYTES else b""
+        content = path.read_bytes() if size <= MAX_BYTES else b""
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{path}: cannot be read ({reason})") from error
-    if size > MOST_BYTES:
-        raise InputError(f"{path}: has {size // 10**6} MB, allowed are {MOST_BYTES // 10**6} MB")
+    if size > MAX_BYTES:
+        raise InputError(f"{path}: has {size // 10**6} MB, allowed are {MAX_BYTES // 10**6} MB")
     try:
         # Loaded from memory and without materials, so that no other file named in it is opened.
         with np.errstate(all="ignore"):

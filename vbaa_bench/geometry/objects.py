@@ -106,13 +106,13 @@ def plunger(
     stem = rod(
         np.array([0.0, shoulder / 2, middle]), np.array([0.0, stem_end, middle]), 0.4 * girth
     )
-    share = np.linspace(0, 1, 32 * TURNS + 1)
-    turn = 2 * np.pi * TURNS * share
+    fraction = np.linspace(0, 1, 32 * TURNS + 1)
+    turn = 2 * np.pi * TURNS * fraction
     coil_radius = 0.7 * girth
     helix = np.column_stack(
         [
             coil_radius * np.sin(turn),
-            shoulder + (front - shoulder) * share,
+            shoulder + (front - shoulder) * fraction,
             middle + coil_radius * np.cos(turn),
         ]
     )
@@ -157,7 +157,7 @@ def pad(
     # The line of that slope tangent to the lowered face.
     below = slope * x + face_radius * (np.hypot(1.0, slope) - 1)
     front = np.stack(
-        [x, below + _pressed(undented - below, z, dent_depth, beam_radius), z], axis=-1
+        [x, below + _indented(undented - below, z, dent_depth, beam_radius), z], axis=-1
     )
     back = np.stack([x, np.full_like(x, dent_depth - thickness), z], axis=-1)
     return slab(front, back)
@@ -177,7 +177,7 @@ def _pad_rows(bottom: float, top: float, beam_radius: float) -> Floats:
     return np.concatenate([[bottom], rows[(rows > bottom) & (rows < top)], [top]])
 
 
-def _pressed(undented: Floats, z: Floats, dent_depth: float, beam_radius: float) -> Floats:
+def _indented(undented: Floats, z: Floats, dent_depth: float, beam_radius: float) -> Floats:
     """Indent a face at y = `undented` [m] by a beam along y = its radius, z = 0."""
     if dent_depth == 0:
         return undented

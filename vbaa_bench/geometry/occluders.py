@@ -15,7 +15,7 @@ from vbaa_bench.geometry.solids import box, prism, together
 THICKNESS = 0.2 * MILLIMETRE
 
 # Width of a leaf over its size, and its largest tilt [rad].
-LEAF_WIDTH, MOST_LEAN = 0.4, 15 * DEGREE
+LEAF_WIDTH, MAX_TILT = 0.4, 15 * DEGREE
 
 
 def sheet_over(
@@ -51,8 +51,8 @@ def bars(
             f" allowed is less than their pitch, {pitch / MILLIMETRE:g} mm"
         )
     starts = x_from + pitch * (np.arange(count) + 0.5) - width / 2
-    each = [sheet_over(x, x + width, y_from, y_to, height, thickness) for x in starts]
-    return together(each)
+    meshes = [sheet_over(x, x + width, y_from, y_to, height, thickness) for x in starts]
+    return together(meshes)
 
 
 def leaves(
@@ -76,12 +76,12 @@ def leaves(
     below = np.column_stack([along, -half_width])[:-1]
     above = np.column_stack([along, half_width])[:0:-1]
     leaf = prism(np.vstack([below, above]), -thickness / 2, thickness / 2)
-    each = []
-    for x, y, heading, compass, lean in random.uniform(
-        [x_from, y_from, 0, 0, 0], [x_to, y_to, 2 * np.pi, 2 * np.pi, MOST_LEAN], (count, 5)
+    meshes = []
+    for x, y, heading, azimuth, tilt in random.uniform(
+        [x_from, y_from, 0, 0, 0], [x_to, y_to, 2 * np.pi, 2 * np.pi, MAX_TILT], (count, 5)
     ):
-        tilt = lean * np.array([np.cos(compass), np.sin(compass), 0.0])
+        rotation = tilt * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         placed = leaf.copy()
-        placed.apply_transform(rigid(tilt, np.array([x, y, height])) @ turn_about_z(heading))
-        each.append(placed)
-    return together(each)
+        placed.apply_transform(rigid(rotation, np.array([x, y, height])) @ turn_about_z(heading))
+        meshes.append(placed)
+    return together(meshes)

@@ -39,13 +39,13 @@ def rings(s: Floats, points: Floats, count: int) -> Floats:
     are evenly spaced.
     """
     tangents = np.diff(points, axis=0) / np.diff(s)[:, None]
-    turned = np.linalg.norm(np.diff(tangents, axis=0), axis=1)
-    middle = (s[2:] - s[:-2]) / 2
-    density = np.sqrt(turned / middle)
-    asked = np.concatenate(
+    angles = np.linalg.norm(np.diff(tangents, axis=0), axis=1)
+    spacing = (s[2:] - s[:-2]) / 2
+    density = np.sqrt(angles / spacing)
+    integral = np.concatenate(
         [[0.0], np.cumsum(np.interp((s[1:] + s[:-1]) / 2, s[1:-1], density) * np.diff(s))]
     )
     even = (s - s[0]) / (s[-1] - s[0])
     # On a straight beam all rings are evenly spaced.
-    share = asked / asked[-1] if asked[-1] > 1e-9 else even
-    return np.interp(np.linspace(0, 1, count), (2 * share + even) / 3, s)
+    fraction = integral / integral[-1] if integral[-1] > 1e-9 else even
+    return np.interp(np.linspace(0, 1, count), (2 * fraction + even) / 3, s)

@@ -11,7 +11,7 @@ from vbaa_bench.geometry.tube import tube, tube_faces
 # Largest distance [m] of a polygon's sides from its circle: well below the resolution of a camera
 # or of a beam's contact, and yet few enough sides.
 SAGITTA = 0.5e-6
-MOST_SIDES = 2048
+MAX_SIDES = 2048
 
 
 def sides(radius: float, least: int = 128) -> int:
@@ -20,7 +20,7 @@ def sides(radius: float, least: int = 128) -> int:
     Its sides are within SAGITTA of the circle, radius (1 - cos(pi / n)), up to MOST_SIDES.
     """
     needed = np.pi * np.sqrt(radius / (2 * SAGITTA))
-    return min(4 * int(np.ceil(max(needed, least) / 4)), MOST_SIDES)
+    return min(4 * int(np.ceil(max(needed, least) / 4)), MAX_SIDES)
 
 
 def arc(radius: float, angle: Floats) -> Floats:
@@ -74,10 +74,10 @@ def slab(front: Floats, back: Floats) -> trimesh.Trimesh:
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
     face = _quads(a, d, c, b)
     rim = np.concatenate([index[0, :-1], index[:-1, -1], index[-1, :0:-1], index[:0:-1, 0]])
-    after, behind = np.roll(rim, -1), rows * columns
-    skirt = _quads(rim, rim + behind, after + behind, after)
+    next_rim, offset = np.roll(rim, -1), rows * columns
+    skirt = _quads(rim, rim + offset, next_rim + offset, next_rim)
     vertices = np.vstack([front.reshape(-1, 3), back.reshape(-1, 3)])
-    faces = np.vstack([face, face[:, ::-1] + behind, skirt])
+    faces = np.vstack([face, face[:, ::-1] + offset, skirt])
     return trimesh.Trimesh(vertices, faces, process=False)
 
 

@@ -60,15 +60,15 @@ def _swept(
 def tube_faces(rings: int, facets: int) -> np.ndarray:
     """Return the triangles of a tube of `rings` rings; they do not depend on its shape."""
     ring = np.arange(rings - 1)[:, None] * facets
-    here = np.arange(facets)[None, :]
-    after = (here + 1) % facets
-    a, b, c, d = ring + here, ring + after, ring + facets + here, ring + facets + after
+    corner = np.arange(facets)[None, :]
+    after = (corner + 1) % facets
+    a, b, c, d = ring + corner, ring + after, ring + facets + corner, ring + facets + after
     side = np.stack([np.stack([a, b, c], -1), np.stack([b, d, c], -1)], axis=2).reshape(-1, 3)
-    turn, turned = here[0], after[0]
+    ring_start, ring_next = corner[0], after[0]
     start, end = rings * facets, rings * facets + 1
-    first = np.column_stack([np.full(facets, start), turned, turn])
+    first = np.column_stack([np.full(facets, start), ring_next, ring_start])
     last_ring = (rings - 1) * facets
-    last = np.column_stack([np.full(facets, end), last_ring + turn, last_ring + turned])
+    last = np.column_stack([np.full(facets, end), last_ring + ring_start, last_ring + ring_next])
     return np.vstack([side, first, last])
 
 
@@ -84,11 +84,11 @@ def _transported(tangents: Floats) -> Floats:
     """
     along_y = abs(tangents[0, 1]) > 0.99
     first = np.array([0.0, 0.0, 1.0]) if along_y else np.array([0.0, 1.0, 0.0])
-    return np.asarray(_carried(first, np.ascontiguousarray(tangents)))
+    return np.asarray(_transport(first, np.ascontiguousarray(tangents)))
 
 
 @njit(cache=True)
-def _carried(normal: Floats, tangents: Floats) -> Floats:
+def _transport(normal: Floats, tangents: Floats) -> Floats:
     """Carry a normal (3,) along tangents (n, 3); return normals (n, 3)."""
     normals = np.empty_like(tangents)
     for i in range(len(tangents)):

@@ -60,7 +60,7 @@ class PreviousContact:
 
 @dataclass(frozen=True)
 class Touch:
-    """Residuals and geometry of a trial contact.
+    """Residuals and geometry of a contact at trial values.
 
     `errors` (4,) are zero for a contact: distance, closest point, and two of direction. `lever`
     (3,) [m] points from the centreline to the touched point, `point` (3,) [m] is that point in
@@ -83,7 +83,7 @@ def touch(
     section: Floats,
     s: float,
     force: Floats,
-    grip: PreviousContact | None,
+    previous: PreviousContact | None,
 ) -> Touch:
     """Evaluate a contact at arc length `s` [m], with `force` (3,) [N] on the beam.
 
@@ -105,8 +105,8 @@ def touch(
         across = np.array([-point[1] / length, point[0] / length])
         along = tangent
     else:
-        far, facing = obstacle.surface.distance(axes.T @ (position - origin))
-        normal = axes @ facing
+        distance, direction = obstacle.surface.distance(axes.T @ (position - origin))
+        normal = axes @ direction
         second = np.array(
             [
                 tangent[1] * director[2] - tangent[2] * director[1],
@@ -115,12 +115,12 @@ def touch(
             ]
         )
         a, b = rod.half_height(s) * (normal @ director), rod.half_height(s) * (normal @ second)
-        reach = float(np.sqrt(a * a + (rod.aspect_ratio * b) ** 2))
-        lever = -rod.half_height(s) * (a * director + rod.aspect_ratio**2 * b * second) / reach
+        extent = float(np.sqrt(a * a + (rod.aspect_ratio * b) ** 2))
+        lever = -rod.half_height(s) * (a * director + rod.aspect_ratio**2 * b * second) / extent
         point = axes.T @ (position + lever - origin)
         # The distance is least along the beam where its slope is that of the tapered surface.
-        thinning = (rod.tip_ratio - 1) * rod.beam.radius / length
-        across = np.array([(far - reach) / length, normal @ tangent - thinning])
+        taper = (rod.tip_ratio - 1) * rod.beam.radius / length
+        across = np.array([(distance - extent) / length, normal @ tangent - taper])
         along = tangent - (tangent @ normal) * normal
         along /= float(np.sqrt(along @ along))
     beside = np.array(
@@ -133,14 +133,14 @@ def touch(
     pressing = float(force @ normal)
     drag = np.array([force @ along, force @ beside])
     errors = drag / size
-    if grip is not None:
-        lag = 0.0 if grip.sticks else grip.lag
-        moved = axes @ (point - grip.point - lag) - (s - grip.s) * tangent
-        slip = np.array([moved @ along, moved @ beside])
-        errors = slip / length if grip.sticks else errors
-        if not grip.sticks:
-            if grip.drag is not None:
-                slip = -np.array([grip.drag @ along, grip.drag @ beside])
+    if previous is not None:
+        lag = 0.0 if previous.sticks else previous.lag
+        displacement = axes @ (point - previous.point - lag) - (s - previous.s) * tangent
+        slip = np.array([displacement @ along, displacement @ beside])
+        errors = slip / length if previous.sticks else errors
+        if not previous.sticks:
+            if previous.drag is not None:
+                slip = -np.array([previous.drag @ along, previous.drag @ beside])
             speed = float(np.sqrt(slip @ slip)) + 1e-300
             errors = errors + obstacle.friction * pressing / size * slip / speed
     slope = float(np.sqrt(drag @ drag)) / (abs(pressing) + 1e-300)

@@ -19,18 +19,18 @@ SCAN = 120
 
 
 def smooth(
-    bench: RodContactProblem, clamp_from_world: Floats, centreline: Floats
+    problem: RodContactProblem, clamp_from_world: Floats, centreline: Floats
 ) -> RodContactProblem:
-    """Reduce every mesh of a bench to its edge or corner nearest to a `centreline` (n, 3) [m].
+    """Reduce every mesh of a problem to its edge or corner nearest to a `centreline` (n, 3) [m].
 
     The centreline is in the clamp's frame; `clamp_from_world` is (4, 4).
     """
-    parts = []
-    for obstacle in bench.obstacles:
+    obstacles = []
+    for obstacle in problem.obstacles:
         object_from_clamp = invert(clamp_from_world @ obstacle.world_from_object)
-        touched = obstacle.surface.touched_by(apply(object_from_clamp, centreline))
-        parts.append(replace(obstacle, surface=touched))
-    return replace(bench, obstacles=tuple(parts))
+        surface = obstacle.surface.touched_by(apply(object_from_clamp, centreline))
+        obstacles.append(replace(obstacle, surface=surface))
+    return replace(problem, obstacles=tuple(obstacles))
 
 
 def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
@@ -39,14 +39,14 @@ def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
     Returns the arc length [m], the depth [m], and the normal (3,) there. A negative depth is a
     clearance.
     """
-    bench = found.bench
+    problem = found.bench
     rows, states, _ = found.traced(SCAN)
-    s = nearest(found, index, bench.obstacles[index].surface) / bench.rod.beam.length
+    s = nearest(found, index, problem.obstacles[index].surface) / problem.rod.beam.length
     force = np.zeros(3)
     if index in found.contacts:  # the force sets how far the object has yielded
-        force = found.contacts[index].force / bench.rod.force_unit
-    trial = bench.trial(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
-    return trial.s, -float(trial.touch.errors[0]) * bench.rod.beam.length, trial.touch.normal
+        force = found.contacts[index].force / problem.rod.force_unit
+    guess = problem.trial(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
+    return guess.s, -float(guess.touch.errors[0]) * problem.rod.beam.length, guess.touch.normal
 
 
 def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
@@ -60,18 +60,18 @@ def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
     line = apply(invert(clamp_from_object), states[:, :3] * length - shift)
     curve = CubicSpline(rows, line)
 
-    def far(point: Floats) -> float:
+    def distance_to(point: Floats) -> float:
         distance, _ = surface.distance(point)
         # The distance from an edge, or a cylinder's axis, is positive on both sides.
         return abs(distance + surface.radius) if isinstance(surface, Line | Ball) else distance
 
-    coarse = int(np.argmin([far(point) for point in line]))
-    around = rows[max(coarse - 1, 0)], rows[min(coarse + 1, SCAN)]
+    coarse = int(np.argmin([distance_to(point) for point in line]))
+    bracket = rows[max(coarse - 1, 0)], rows[min(coarse + 1, SCAN)]
     best = minimize_scalar(
-        lambda s: far(curve(s)), method="bounded", bounds=around, options={"xatol": 1e-9}
+        lambda s: distance_to(curve(s)), method="bounded", bounds=bracket, options={"xatol": 1e-9}
     )
     at_row = float(rows[coarse])
-    return (float(best.x) if best.fun < far(line[coarse]) else at_row) * length
+    return (float(best.x) if best.fun < distance_to(line[coarse]) else at_row) * length
 
 
 def check(found: Equilibrium) -> None:
@@ -80,16 +80,16 @@ def check(found: Equilibrium) -> None:
     It must not slip off at the tip, be pulled, cut into an object, or slip off a ball sideways.
     """
     beam = found.bench.rod.beam
-    for index, trial in found.contacts.items():
-        if trial.s >= beam.length:
+    for index, guess in found.contacts.items():
+        if guess.s >= beam.length:
             raise EquilibriumError(
-                f"the beam slips off: contact arc length {trial.s:.6g} m, "
+                f"the beam slips off: contact arc length {guess.s:.6g} m, "
                 f"allowed is up to the tip at {beam.length:.6g} m"
             )
-        pressing = float(trial.force @ trial.touch.normal)
+        pressing = float(guess.force @ guess.touch.normal)
         if pressing <= 0:
             raise EquilibriumError(
-                f"contact is lost: the object would have to pull the beam at {trial.s:.4g} m"
+                f"contact is lost: the object would have to pull the beam at {guess.s:.4g} m"
             )
         obstacle = found.bench.obstacles[index]
         surface = obstacle.surface
@@ -98,10 +98,10 @@ def check(found: Equilibrium) -> None:
         if isinstance(surface, Ball) and obstacle.friction == 0:
             # A shift z aside inclines the force by z / (R + r); the beam resists by 3 EI z / x_c^3.
             allowed = surface.radius + beam.radius
-            bent = pressing * trial.s**3 / (3 * beam.flexural_rigidity)
-            if bent > allowed:
+            bend = pressing * guess.s**3 / (3 * beam.flexural_rigidity)
+            if bend > allowed:
                 raise EquilibriumError(
-                    f"the beam would slip off the sphere sideways: bent by {bent:.4g} m at the "
+                    f"the beam would slip off the sphere sideways: bent by {bend:.4g} m at the "
                     f"contact, allowed is up to the radii's sum, {allowed:.4g} m"
                 )
         s, depth, _ = deepest(found, index)

@@ -18,110 +18,114 @@ STRIDE = 0.06
 # Largest stride where the beam may meet a second object: a longer one could jump over it.
 SHORT_STRIDE = 0.005
 TWO_EDGES = (
-    "the beam comes to rest on two edges or corners of the mesh at once: "
+    "the beam rests on two edges or corners of the mesh at once: "
     "a finer mesh or another angle is needed"
 )
 
 
-def free(bench: RodContactProblem, step: Step) -> Equilibrium:
+def free(problem: RodContactProblem, step: Step) -> Equilibrium:
     """Solve for the beam at a step at which it touches nothing."""
-    turned = bench.motor.clamp_from_world(step.size, step.drift)[:3, :3]
-    moment = np.cross([0.5, 0.0, 0.0], bench.rod.total_weight(turned))
-    return bench.solve(step, {}, np.array([*moment, step.size]))
+    turned = problem.motor.clamp_from_world(step.size, step.drift)[:3, :3]
+    moment = np.cross([0.5, 0.0, 0.0], problem.rod.total_weight(turned))
+    return problem.solve(step, {}, np.array([*moment, step.size]))
 
 
 def continue_from_first_contact(
-    bench: RodContactProblem, step: Step, contact_distance: float, resting: State
+    problem: RodContactProblem, step: Step, contact_distance: float, resting: State
 ) -> Equilibrium:
     """Find the frictionless equilibrium; repeat with finer strides if continuation fails."""
-    stride = STRIDE if len(bench.obstacles) == 1 else SHORT_STRIDE
+    stride = STRIDE if len(problem.obstacles) == 1 else SHORT_STRIDE
     strides = int(np.ceil(step.size / stride))
-    if isinstance(bench.obstacles[0].surface, Flat):
+    if isinstance(problem.obstacles[0].surface, Flat):
         strides = 1  # the contact with a wall starts far beyond the tip
     for finer in (1, 2, 4):
         try:
-            return _follow(bench, step, contact_distance, resting, finer * strides)
+            return _follow(problem, step, contact_distance, resting, finer * strides)
         except EquilibriumError as error:
             failure = error
     raise failure
 
 
 def _follow(
-    bench: RodContactProblem, step: Step, contact_distance: float, resting: State, strides: int
+    problem: RodContactProblem, step: Step, contact_distance: float, resting: State, strides: int
 ) -> Equilibrium:
     """Follow the frictionless equilibrium from first contact in even strides."""
-    on = smooth(bench, np.eye(4), resting.centreline[:, 1:])
+    current = smooth(problem, np.eye(4), resting.centreline[:, 1:])
     path: list[Equilibrium] = []
-    for share in np.arange(1, strides + 1) / strides:
-        part = step.part(float(share))
+    for fraction in np.arange(1, strides + 1) / strides:
+        part = step.part(float(fraction))
         if not path:
-            found = on.solve(part, {0: None}, _linear(bench, part, contact_distance, resting))
+            solution = current.solve(
+                part, {0: None}, _linear(problem, part, contact_distance, resting)
+            )
         else:
             start = path[-1].unknown
             if len(path) > 1 and _alike(path[-2], path[-1]):
                 start = 2 * start - path[-2].unknown
-            found = on.solve(part, dict.fromkeys(path[-1].contacts), start)
-        found = _rolled(bench, _met(found))
-        on = found.bench
-        path.append(found)
+            solution = current.solve(part, dict.fromkeys(path[-1].contacts), start)
+        solution = _rolled_on(problem, _with_new_contact(solution))
+        current = solution.bench
+        path.append(solution)
     return path[-1]
 
 
-def _rolled(bench: RodContactProblem, found: Equilibrium) -> Equilibrium:
-    """Move contacts to another edge or corner of `bench`'s meshes if the beam has rolled there."""
+def _rolled_on(problem: RodContactProblem, solution: Equilibrium) -> Equilibrium:
+    """Move contacts to the edge or corner of `problem`'s meshes onto which the beam has rolled."""
     tried: list[list[Surface]] = []
     while True:
-        _, states, _ = found.traced(SCAN)
-        shift = found.contacts[0].touch.shift  # only the first object may yield
-        line = states[:, :3] * bench.rod.beam.length - shift
-        other = smooth(bench, found.clamp_from_world, line)
-        if _surfaces(other) == _surfaces(found.bench):
-            return found
-        tried.append(_surfaces(found.bench))
-        start = found.unknown.copy()
+        _, states, _ = solution.traced(SCAN)
+        shift = solution.contacts[0].touch.shift  # only the first object may yield
+        line = states[:, :3] * problem.rod.beam.length - shift
+        smoothed = smooth(problem, solution.clamp_from_world, line)
+        if _surfaces(smoothed) == _surfaces(solution.bench):
+            return solution
+        tried.append(_surfaces(solution.bench))
+        start = solution.unknown.copy()
         try:
-            for i, index in enumerate(found.contacts):
-                surface = other.obstacles[index].surface
-                if surface is not found.bench.obstacles[index].surface:
-                    start[7 + 4 * i] = nearest(found, index, surface) / bench.rod.beam.length
-            if _surfaces(other) in tried:
-                raise EquilibriumError("it rolls to and fro")
-            found = other.solve(found.step, dict.fromkeys(found.contacts), start)
+            for i, index in enumerate(solution.contacts):
+                surface = smoothed.obstacles[index].surface
+                if surface is not solution.bench.obstacles[index].surface:
+                    start[7 + 4 * i] = nearest(solution, index, surface) / problem.rod.beam.length
+            if _surfaces(smoothed) in tried:
+                raise EquilibriumError("it alternates between edges")
+            solution = smoothed.solve(solution.step, dict.fromkeys(solution.contacts), start)
         except (EquilibriumError, ValueError) as error:  # a trial contact beyond the beam's ends
             raise EquilibriumError(TWO_EDGES) from error
 
 
-def _alike(one: Equilibrium, other: Equilibrium) -> bool:
+def _alike(first: Equilibrium, second: Equilibrium) -> bool:
     """Test whether two equilibria have the same surfaces and contacts, to extrapolate from them."""
-    same = _surfaces(one.bench) == _surfaces(other.bench)
-    return same and list(one.contacts) == list(other.contacts)
+    same = _surfaces(first.bench) == _surfaces(second.bench)
+    return same and list(first.contacts) == list(second.contacts)
 
 
-def _surfaces(bench: RodContactProblem) -> list[Surface]:
+def _surfaces(problem: RodContactProblem) -> list[Surface]:
     """List the surfaces that the beam may touch; each is equal only to itself."""
-    return [obstacle.surface for obstacle in bench.obstacles]
+    return [obstacle.surface for obstacle in problem.obstacles]
 
 
-def _met(found: Equilibrium) -> Equilibrium:
+def _with_new_contact(solution: Equilibrium) -> Equilibrium:
     """Add a contact with one further object if the beam has entered it."""
-    beam = found.bench.rod.beam
-    for other in range(len(found.bench.obstacles)):
-        if other in found.contacts:
+    beam = solution.bench.rod.beam
+    for index in range(len(solution.bench.obstacles)):
+        if index in solution.contacts:
             continue
-        s, depth, normal = deepest(found, other)
+        s, depth, normal = deepest(solution, index)
         if depth > DEEPEST * beam.radius:
-            place, entered = s / beam.length, depth / beam.length
-            start = np.concatenate([found.unknown, 3 * entered / place**3 * normal, [place]])
-            engaged = dict.fromkeys([*found.contacts, other])
-            return found.bench.solve(found.step, engaged, start)
-    return found
+            position, relative_depth = s / beam.length, depth / beam.length
+            start = np.concatenate(
+                [solution.unknown, 3 * relative_depth / position**3 * normal, [position]]
+            )
+            engaged = dict.fromkeys([*solution.contacts, index])
+            return solution.bench.solve(solution.step, engaged, start)
+    return solution
 
 
 def _linear(
-    bench: RodContactProblem, step: Step, contact_distance: float, resting: State
+    problem: RodContactProblem, step: Step, contact_distance: float, resting: State
 ) -> Floats:
     """Estimate the unknowns by linear theory, (9) and (10): F = 3 EI y_c / x_c^3."""
-    first, rod = bench.obstacles[0], bench.rod
+    first, rod = problem.obstacles[0], problem.rod
     length = rod.beam.length
     x_0 = contact_distance / length
     give = 3 * first.compliance * rod.force_unit / length
@@ -129,9 +133,9 @@ def _linear(
     if step.deflection is not None:
         y_c = step.deflection * 2 * x_0 / (3 - x_0)
         angle = float(np.arctan(y_c * (1 + give / x_0**3) / x_0))
-    normal, place = first.world_from_object[:3, 1], first.world_from_object[:3, 3]
+    normal, position = first.world_from_object[:3, 1], first.world_from_object[:3, 3]
     if isinstance(first.surface, Flat):  # its distance from the wall is gap (1 - x / x_c)^3
-        gap = -float(place @ normal + rod.beam.radius) / length
+        gap = -float(position @ normal + rod.beam.radius) / length
         x_0 = 3 * gap / angle
         if x_0 >= 1:
             raise EquilibriumError(
@@ -140,9 +144,9 @@ def _linear(
             )
         force = 6 * gap / x_0**3 * normal
     else:
-        world = bench.motor.clamp_from_world(angle, step.drift)
-        moved = (world[:3, :3] @ place + world[:3, 3] - place) @ normal / length
-        force = 3 * moved / (x_0**3 + give) * normal
+        world = problem.motor.clamp_from_world(angle, step.drift)
+        displacement = (world[:3, :3] @ position + world[:3, 3] - position) @ normal / length
+        force = 3 * displacement / (x_0**3 + give) * normal
         x_0 += step.drift[0] / length
     moment = np.cross([x_0, 0.0, 0.0], force) - resting.base_moment / (rod.force_unit * length)
     return np.array([*moment, angle, *force, x_0])

@@ -22,9 +22,9 @@ from solver.instrument.compiled import njit
 from vbaa_bench.mechanics.state import WORST_RESIDUAL, Contact, EquilibriumError, State
 
 ORDER = 16
-LONGEST_STEP = 0.125
+MAX_STEP = 0.125
 # phi reaches a right angle at tau = 1.854: no force turns the beam farther.
-_FARTHEST = 1.8
+_MAX_TAU = 1.8
 
 
 def push(
@@ -101,7 +101,7 @@ def push(
 
 
 @njit(cache=True)
-def walk(tau: float, longest_step: float = LONGEST_STEP) -> tuple[float, float, float, float]:
+def walk(tau: float, longest_step: float = MAX_STEP) -> tuple[float, float, float, float]:
     """Integrate over `tau` back from the contact; return (phi, phi', along, across).
 
     `along` and `across` are the distances in the frame of the contact's tangent. All lengths are
@@ -151,7 +151,7 @@ def _evaluate(series: Floats, state: Floats, h: float) -> None:
 @njit(cache=True)
 def _solve(
     x_0: float,
-    reach: float,
+    offset: float,
     compliance: float,
     spring_heading: float,
     deflection: float,
@@ -159,7 +159,7 @@ def _solve(
 ) -> tuple[float, float, float, float]:
     """Find (tau, lambda, dtheta, residual) of a touching beam.
 
-    A negative deflection means that `pushing_angle` is prescribed. `reach` is the distance from
+    A negative deflection means that `pushing_angle` is prescribed. `offset` is the distance from
     the beam's centreline to the edge, or to the cylinder's axis.
     """
     # Start from linear theory: y_tip / y_c = (3 L - x_c) / (2 x_c), F = 3 EI y_c / x_c^3.
@@ -173,47 +173,47 @@ def _solve(
     scale = x_0 / tau
     springs = compliance, math.cos(spring_heading), math.sin(spring_heading)
     equations, slopes = np.empty(3), np.empty((3, 3))
-    best, still = math.inf, 0
-    answer = (tau, scale, angle, math.inf)
+    best, stalled = math.inf, 0
+    solution = (tau, scale, angle, math.inf)
     for _ in range(60):
-        moment = _judge(tau, scale, angle, x_0, reach, springs, deflection, equations, slopes)
+        moment = _residuals(tau, scale, angle, x_0, offset, springs, deflection, equations, slopes)
         if deflection < 0:
             equations[2] = angle - pushing_angle
         error = np.abs(equations).max()
         # Moments about the clamp must balance, too. Errors are relative to the deflection y_c.
         residual = max(error / max(y_c, 1e-300), moment)
         if residual < best:
-            best, still = residual, 0
-            answer = (tau, scale, angle, residual)
+            best, stalled = residual, 0
+            solution = (tau, scale, angle, residual)
         else:
-            still += 1
-        if still >= 2 or not math.isfinite(error):
+            stalled += 1
+        if stalled >= 2 or not math.isfinite(error):
             break
         change = np.linalg.solve(slopes, equations)
         # Go at most half the way to the bounds of tau and lambda.
-        share = 1.0
+        fraction = 1.0
         for value, step, low, high in (
-            (tau, change[0], 0.0, _FARTHEST),
+            (tau, change[0], 0.0, _MAX_TAU),
             (scale, change[1], 0.0, math.inf),
         ):
             if step > 0:
-                share = min(share, 0.5 * (value - low) / step)
+                fraction = min(fraction, 0.5 * (value - low) / step)
             elif step < 0 and high < math.inf:
-                share = min(share, 0.5 * (high - value) / -step)
-        share = min(1.0, share)
-        tau -= share * change[0]
-        scale -= share * change[1]
-        angle -= share * change[2]
-    return answer
+                fraction = min(fraction, 0.5 * (high - value) / -step)
+        fraction = min(1.0, fraction)
+        tau -= fraction * change[0]
+        scale -= fraction * change[1]
+        angle -= fraction * change[2]
+    return solution
 
 
 @njit(cache=True)
-def _judge(
+def _residuals(
     tau: float,
     scale: float,
     angle: float,
     x_0: float,
-    reach: float,
+    offset: float,
     spring: tuple[float, float, float],
     deflection: float,
     equations: Floats,
@@ -230,9 +230,9 @@ def _judge(
     p_x, p_y = along * cosine + across * sine, along * sine - across * cosine
     # Centre of the touched edge or cylinder in the clamp's frame, and its derivatives by
     # tau and by lambda.
-    q_x, q_y = scale * p_x + reach * sine, scale * p_y - reach * cosine
-    tau_x = scale * (1 - bend * p_y) + reach * bend * cosine
-    tau_y = scale * bend * p_x + reach * bend * sine
+    q_x, q_y = scale * p_x + offset * sine, scale * p_y - offset * cosine
+    tau_x = scale * (1 - bend * p_y) + offset * bend * cosine
+    tau_y = scale * bend * p_x + offset * bend * sine
     c, s = math.cos(angle), math.sin(angle)
     force = 1 / scale**2
     # Force along the spring in the world, where the clamp's frame is turned by -angle.
@@ -241,7 +241,7 @@ def _judge(
     push_turn = force * (-math.cos(lean) * e_x - math.sin(lean) * e_y)
     w_x, w_y = q_x * c + q_y * s, -q_x * s + q_y * c
     equations[0] = w_x - x_0 + compliance * push_along * e_x
-    equations[1] = w_y + reach + compliance * push_along * e_y
+    equations[1] = w_y + offset + compliance * push_along * e_y
     slopes[0, 0] = tau_x * c + tau_y * s + compliance * push_turn * bend * e_x
     slopes[1, 0] = -tau_x * s + tau_y * c + compliance * push_turn * bend * e_y
     slopes[0, 1] = p_x * c + p_y * s - 2 * compliance * push_along / scale * e_x
@@ -270,14 +270,14 @@ def _centreline(tau: float, scale: float, intervals: int) -> tuple[Floats, int, 
     line = np.zeros((intervals + 1, 4))
     series, state = np.empty((3, ORDER + 2)), np.zeros(4)
     _expand(state, series)
-    place = 0.0  # where the series is expanded
+    origin = 0.0  # where the series is expanded
     for back in range(row + 1):
         walked = tau * back / row
-        if walked - place > LONGEST_STEP:
-            _evaluate(series, state, walked - place)
+        if walked - origin > MAX_STEP:
+            _evaluate(series, state, walked - origin)
             _expand(state, series)
-            place = walked
-        _evaluate(series, state, walked - place)
+            origin = walked
+        _evaluate(series, state, walked - origin)
         i = row - back
         line[i, 0] = s_c - scale * walked
         line[i, 1] = scale * (x_c - state[2] * cosine - state[3] * sine)

@@ -52,30 +52,30 @@ def push(
     slips off at the tip or off a ball, is pulled, cuts into an object, or rests on two edges of
     a mesh at once.
     """
-    if any(other.friction for other in obstacles[1:]):
+    if any(obstacle.friction for obstacle in obstacles[1:]):
         raise ValueError("only the first obstacle may have friction")
     surface = obstacles[0].surface
     edge = len(obstacles) == 1 and isinstance(surface, Line) and surface.radius == 0
     if rod.shape == "rectangle" and not edge:
         raise ValueError("a beam of rectangular section can be pushed by one edge alone")
     resting = rest(rod, intervals)
-    bench = RodContactProblem(rod, motor, tuple(obstacles), resting.tip / rod.beam.length)
-    onset = first_grip(bench, contact_distance)
-    grip, before = onset, None
+    problem = RodContactProblem(rod, motor, tuple(obstacles), resting.tip / rod.beam.length)
+    onset = first_grip(problem, contact_distance)
+    previous, before = onset, None
     states = []
     for number, step in enumerate(steps, start=1):
         try:
-            if step.size <= 0 or _short_of_wall(bench, step):
-                untouched = free(bench, step)
-                _clear(untouched)
+            if step.size <= 0 or _short_of_wall(problem, step):
+                untouched = free(problem, step)
+                _check_clearance(untouched)
                 states.append(untouched.state(intervals))
-                grip, before = onset, None
+                previous, before = onset, None
                 continue
             if obstacles[0].friction:
-                grip, before = slide(bench, step, contact_distance, resting, grip, before)
+                previous, before = slide(problem, step, contact_distance, resting, previous, before)
             else:
-                before = continue_from_first_contact(bench, step, contact_distance, resting)
-            _outside(bench, before)
+                before = continue_from_first_contact(problem, step, contact_distance, resting)
+            _check_outside(problem, before)
             check(before)
         except EquilibriumError as error:
             if len(steps) == 1:
@@ -85,15 +85,15 @@ def push(
     return states
 
 
-def _short_of_wall(bench: RodContactProblem, step: Step) -> bool:
+def _short_of_wall(problem: RodContactProblem, step: Step) -> bool:
     """Test whether the beam has not yet turned far enough for its tip to reach a wall."""
-    if not isinstance(bench.obstacles[0].surface, Flat):
+    if not isinstance(problem.obstacles[0].surface, Flat):
         return False
-    _, depth, _ = deepest(free(bench, step), 0)
+    _, depth, _ = deepest(free(problem, step), 0)
     return depth <= 0
 
 
-def _clear(untouched: Equilibrium) -> None:
+def _check_clearance(untouched: Equilibrium) -> None:
     """Raise EquilibriumError if a beam before contact is inside one of the objects."""
     radius = untouched.bench.rod.beam.radius
     for index, obstacle in enumerate(untouched.bench.obstacles):
@@ -112,13 +112,13 @@ def _clear(untouched: Equilibrium) -> None:
                 )
 
 
-def _outside(bench: RodContactProblem, found: Equilibrium) -> None:
-    """Raise EquilibriumError if the beam passes through one of `bench`'s meshes."""
-    _, states, _ = found.traced(SCAN)
-    for index, one in enumerate(bench.obstacles):
-        if isinstance(one.surface, Solid):
-            shift = found.contacts[index].touch.shift if index in found.contacts else 0.0
-            object_from_clamp = invert(found.clamp_from_world @ one.world_from_object)
-            line = states[:, :3] * bench.rod.beam.length - shift
-            if one.surface.holds(apply(object_from_clamp, line)):
+def _check_outside(problem: RodContactProblem, solution: Equilibrium) -> None:
+    """Raise EquilibriumError if the beam passes through one of `problem`'s meshes."""
+    _, states, _ = solution.traced(SCAN)
+    for index, obstacle in enumerate(problem.obstacles):
+        if isinstance(obstacle.surface, Solid):
+            shift = solution.contacts[index].touch.shift if index in solution.contacts else 0.0
+            object_from_clamp = invert(solution.clamp_from_world @ obstacle.world_from_object)
+            line = states[:, :3] * problem.rod.beam.length - shift
+            if obstacle.surface.holds(apply(object_from_clamp, line)):
                 raise EquilibriumError(TWO_EDGES)

@@ -151,8 +151,8 @@ def _derivative(s: float, y: Floats, ahead: Floats, p: Floats, out: Floats) -> N
     c = p[4]
     size = 1 + c * s
     # Weight of the part ahead: the integral of (1 + c s)^2.
-    rest = (1 - s) + c * (1 - s * s) + c * c * (1 - s * s * s) / 3
-    n_x, n_y, n_z = ahead[0] + p[5] * rest, ahead[1] + p[6] * rest, ahead[2] + p[7] * rest
+    tail = (1 - s) + c * (1 - s * s) + c * c * (1 - s * s * s) / 3
+    n_x, n_y, n_z = ahead[0] + p[5] * tail, ahead[1] + p[6] * tail, ahead[2] + p[7] * tail
     a_x, a_y, a_z = y[3], y[4], y[5]
     t_x, t_y, t_z = y[6], y[7], y[8]
     b_x, b_y, b_z = t_y * a_z - t_z * a_y, t_z * a_x - t_x * a_z, t_x * a_y - t_y * a_x
@@ -177,21 +177,21 @@ def advance(y: Floats, start: float, end: float, steps: int, ahead: Floats, p: F
     h = (end - start) / steps
     k = np.empty((12, _SIZE))
     y = y.copy()
-    at = np.empty(_SIZE)
+    stage_state = np.empty(_SIZE)
     for step in range(steps):
         s = start + step * h
         _derivative(s, y, ahead, p, k[0])
         for i in range(1, 12):
             c = 0.0
             for q in range(_SIZE):
-                at[q] = y[q]
+                stage_state[q] = y[q]
             for j in range(i):
                 a = _A[i, j]
                 c += a
                 if a != 0.0:
                     for q in range(_SIZE):
-                        at[q] += h * a * k[j, q]
-            _derivative(s + c * h, at, ahead, p, k[i])
+                        stage_state[q] += h * a * k[j, q]
+            _derivative(s + c * h, stage_state, ahead, p, k[i])
         for i in range(12):
             b = h * _B[i]
             for q in range(_SIZE):
@@ -207,15 +207,15 @@ def trace(
     ahead = np.zeros(3)
     for i in range(len(stops)):
         ahead += forces[i]
-    found = np.empty((len(rows), _SIZE))
-    state, place, passed = clamp, 0.0, 0
+    states = np.empty((len(rows), _SIZE))
+    state, position, passed = clamp, 0.0, 0
     for i in range(len(rows)):
-        if rows[i] > place:
-            state = advance(state, place, rows[i], 1, ahead, p)
-            place = rows[i]
-        found[i] = state
+        if rows[i] > position:
+            state = advance(state, position, rows[i], 1, ahead, p)
+            position = rows[i]
+        states[i] = state
         while passed < len(stops) and rows[i] >= stops[passed]:
             state[9:] -= couples[passed]
             ahead -= forces[passed]
             passed += 1
-    return found
+    return states

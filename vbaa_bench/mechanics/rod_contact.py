@@ -112,7 +112,7 @@ class RodContactProblem:
     ) -> "Equilibrium":
         """Find the equilibrium nearest to the unknowns `start`, touching the `engaged` obstacles.
 
-        `engaged` maps each obstacle's index to its previous grip; None makes it frictionless.
+        `engaged` maps each obstacle's index to its previous contact; None makes it frictionless.
         Raises EquilibriumError if there is none.
         """
         scale = np.abs(start)
@@ -122,11 +122,11 @@ class RodContactProblem:
         weight = np.ones(len(start))
         weight[:3] = scale[:3]
 
-        def errors(moved: Floats) -> Floats:
-            return self._errors(step, engaged, start + (moved - 1) * scale, STEPS)[0] / weight
+        def errors(scaled: Floats) -> Floats:
+            return self._errors(step, engaged, start + (scaled - 1) * scale, STEPS)[0] / weight
 
         try:
-            # Offset by 1: MINPACK varies each unknown by a share of itself, and some are zero.
+            # Offset by 1: MINPACK varies each unknown by a fraction of itself, and some are zero.
             solution = root(errors, np.ones(len(start)), method="hybr", options={"xtol": 1e-14})
             unknown = start + (solution.x - 1) * scale
             final, contacts, tip = self._errors(step, engaged, unknown, STEPS)
@@ -135,14 +135,14 @@ class RodContactProblem:
         except (ValueError, FloatingPointError, ZeroDivisionError) as error:
             raise EquilibriumError(f"no equilibrium ({error})") from error
         # Errors of lengths and angles are relative to the tip's displacement from rest.
-        bent = min(float(np.linalg.norm(tip - self.free_tip)) or 1.0, 1.0)
-        weight[3] = bent
+        displacement = min(float(np.linalg.norm(tip - self.free_tip)) or 1.0, 1.0)
+        weight[3] = displacement
         for first in range(4, len(start), 4):
-            weight[first] = bent
+            weight[first] = displacement
             # This angle error moves the closest point along the beam by the angle times the radius.
             weight[first + 1] = self.rod.beam.length / self.rod.beam.radius
-        left, wrong = np.abs(final / weight).max(), np.abs((final - coarse) / weight).max()
-        residual = float(max(left, wrong / (2**ORDER - 1)))
+        misfit, truncation = np.abs(final / weight).max(), np.abs((final - coarse) / weight).max()
+        residual = float(max(misfit, truncation / (2**ORDER - 1)))
         if not residual <= WORST_RESIDUAL:
             raise EquilibriumError(
                 f"no equilibrium (residual {residual:.1e}, allowed is {WORST_RESIDUAL:.0e})"
@@ -156,16 +156,22 @@ class RodContactProblem:
         state: Floats,
         s: float,
         force: Floats,
-        grip: PreviousContact | None = None,
+        previous: PreviousContact | None = None,
     ) -> ContactGuess:
         """Evaluate a contact with obstacle `index` at `s`: `force` (3,), rod `state` (12,)."""
         length, newtons = self.rod.beam.length, force * self.rod.force_unit
         section = state.copy()
         section[:3] *= length
-        judged = touch(
-            self.rod, self.obstacles[index], clamp_from_world, section, s * length, newtons, grip
+        evaluated = touch(
+            self.rod,
+            self.obstacles[index],
+            clamp_from_world,
+            section,
+            s * length,
+            newtons,
+            previous,
         )
-        return ContactGuess(s * length, newtons, section, judged)
+        return ContactGuess(s * length, newtons, section, evaluated)
 
     def couple(self, trial: ContactGuess) -> Floats:
         """Compute the moment (3,) of a contact's force about the centreline."""
@@ -187,19 +193,19 @@ class RodContactProblem:
         properties = self.rod.properties(world[:3, :3])
         forces, stops = unknown[4:].reshape(-1, 4)[:, :3], unknown[7::4]
         ahead = forces.sum(axis=0)
-        state, place = self.rod.clamp(unknown[:3]), 0.0
+        state, position = self.rod.clamp(unknown[:3]), 0.0
         contacts: dict[int, ContactGuess] = {}
         errors = np.zeros(len(unknown))
         indices = list(engaged)
         for i in np.argsort(stops):
             index, s = indices[i], float(stops[i])
-            state = advance(state, place, s, _share(steps, s - place), ahead, properties)
-            trial = self.trial(world, index, state, s, forces[i], engaged[index])
-            contacts[index] = trial
-            errors[4 + 4 * i : 8 + 4 * i] = trial.touch.errors
-            state[9:] -= self.couple(trial)
-            ahead, place = ahead - forces[i], s
-        tip = advance(state, place, 1.0, _share(steps, 1.0 - place), ahead, properties)
+            state = advance(state, position, s, _step_count(steps, s - position), ahead, properties)
+            guess = self.trial(world, index, state, s, forces[i], engaged[index])
+            contacts[index] = guess
+            errors[4 + 4 * i : 8 + 4 * i] = guess.touch.errors
+            state[9:] -= self.couple(guess)
+            ahead, position = ahead - forces[i], s
+        tip = advance(state, position, 1.0, _step_count(steps, 1.0 - position), ahead, properties)
         errors[:3] = tip[9:]
         if step.pushing_angle is not None:
             errors[3] = unknown[3] - step.size
@@ -238,20 +244,20 @@ class Equilibrium:
         """
         rod = self.bench.rod
         order = sorted(self.contacts, key=lambda index: self.contacts[index].s)
-        trials = [self.contacts[index] for index in order]
-        ends = np.array([0.0, *(trial.s / rod.beam.length for trial in trials), 1.0])
+        guesses = [self.contacts[index] for index in order]
+        ends = np.array([0.0, *(guess.s / rod.beam.length for guess in guesses), 1.0])
         marks = np.clip(np.rint(ends * intervals).astype(int), 2, intervals - 2)
         marks[0], marks[-1] = 0, intervals
-        stretches = [
+        segments = [
             np.linspace(ends[i], ends[i + 1], marks[i + 1] - marks[i] + 1)[1:]
             for i in range(len(marks) - 1)
         ]
-        rows = np.concatenate([[0.0], *stretches])
+        rows = np.concatenate([[0.0], *segments])
         states = trace(
             rod.clamp(self.unknown[:3]),
             ends[1:-1],
-            np.array([trial.force / rod.force_unit for trial in trials]).reshape(-1, 3),
-            np.array([self.bench.couple(trial) for trial in trials]).reshape(-1, 3),
+            np.array([guess.force / rod.force_unit for guess in guesses]).reshape(-1, 3),
+            np.array([self.bench.couple(guess) for guess in guesses]).reshape(-1, 3),
             rows,
             rod.properties(self.clamp_from_world[:3, :3]),
         )
@@ -261,24 +267,24 @@ class Equilibrium:
         """Convert to the beam's state from clamp to tip, in SI, with a row at every contact."""
         rod = self.bench.rod
         length, unit = rod.beam.length, rod.force_unit
-        rows, states, places = self.traced(intervals)
-        forces = sum((trial.force for trial in self.contacts.values()), np.zeros(3))
+        rows, states, contact_rows = self.traced(intervals)
+        forces = sum((contact.force for contact in self.contacts.values()), np.zeros(3))
         weight = rod.total_weight(self.clamp_from_world[:3, :3]) * unit
         return State(
             pushing_angle=self.angle,
             contacts=tuple(
                 Contact(
-                    s=trial.s,
-                    point=trial.section[:3],
-                    tangent=trial.section[6:9],
-                    normal=trial.touch.normal,
-                    lever=trial.touch.lever,
-                    force=trial.force,
-                    object_shift=trial.touch.shift,
-                    row=places[index],
+                    s=contact.s,
+                    point=contact.section[:3],
+                    tangent=contact.section[6:9],
+                    normal=contact.touch.normal,
+                    lever=contact.touch.lever,
+                    force=contact.force,
+                    object_shift=contact.touch.shift,
+                    row=contact_rows[index],
                     obstacle=index,
                 )
-                for index, trial in self.contacts.items()
+                for index, contact in self.contacts.items()
             ),
             base_force=-forces - weight,
             base_moment=-self.unknown[:3] * unit * length,
@@ -289,6 +295,6 @@ class Equilibrium:
         )
 
 
-def _share(steps: int, stretch: float) -> int:
+def _step_count(steps: int, stretch: float) -> int:
     """Return the integration steps for a stretch of the beam, given `steps` for the whole."""
     return max(round(steps * abs(stretch)), steps // 4)

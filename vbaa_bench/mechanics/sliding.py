@@ -19,100 +19,104 @@ from vbaa_bench.mechanics.state import EquilibriumError, State
 FRICTION_STRIDE = 0.04
 
 
-def first_grip(bench: RodContactProblem, contact_distance: float) -> PreviousContact:
+def first_grip(problem: RodContactProblem, contact_distance: float) -> PreviousContact:
     """Find the touched point at first contact: an inclined section does not touch at its middle."""
-    first, length = bench.obstacles[0], bench.rod.beam.length
+    first, length = problem.obstacles[0], problem.rod.beam.length
     if not first.friction:
         return PreviousContact(contact_distance, np.zeros(3))
-    untouched = free(bench, Step(0.0))
+    untouched = free(problem, Step(0.0))
     rows, states, _ = untouched.traced(SCAN)
     s = contact_distance / length
     force = first.world_from_object[:3, 1]
     resting = CubicSpline(rows, states)(s)
     # Only the force's direction is used: the object has not yielded yet.
-    unmoved = replace(bench, obstacles=(replace(first, compliance=0.0), *bench.obstacles[1:]))
-    touched = unmoved.trial(untouched.clamp_from_world, 0, resting, s, force).touch
-    return PreviousContact(contact_distance, touched.point)
+    rigid = replace(problem, obstacles=(replace(first, compliance=0.0), *problem.obstacles[1:]))
+    touch = rigid.trial(untouched.clamp_from_world, 0, resting, s, force).touch
+    return PreviousContact(contact_distance, touch.point)
 
 
 def slide(
-    bench: RodContactProblem,
+    problem: RodContactProblem,
     step: Step,
     contact_distance: float,
     resting: State,
-    grip: PreviousContact,
+    previous: PreviousContact,
     before: Equilibrium | None,
 ) -> tuple[PreviousContact, Equilibrium]:
     """Solve one step with friction in short steps; repeat with finer ones if it is lost."""
     start = step.part(0.0) if before is None else before.step
     count = max(int(np.ceil(abs(step.size - start.size) / FRICTION_STRIDE)), 1)
     for finer in (1, 3, 9):
-        on, now = grip, before
+        last_contact, solution = previous, before
         try:
-            for share in np.arange(1, finer * count + 1) / (finer * count):
-                last, part = now, step.since(start, float(share))
-                now = _settle(bench, part, contact_distance, resting, on, last)
-                on = _next_grip(on, last, now)
+            for fraction in np.arange(1, finer * count + 1) / (finer * count):
+                last, part = solution, step.since(start, float(fraction))
+                solution = _stick_or_slide(
+                    problem, part, contact_distance, resting, last_contact, last
+                )
+                last_contact = _next_contact(last_contact, last, solution)
         except EquilibriumError as error:
             failure = error
         else:
-            assert now is not None
-            return on, now
+            assert solution is not None
+            return last_contact, solution
     raise failure
 
 
-def _solved(before: Equilibrium, step: Step, grip: PreviousContact) -> Equilibrium:
-    """Solve for the equilibrium near `before`, with its first contact held according to `grip`.
+def _solve_near(before: Equilibrium, step: Step, previous: PreviousContact) -> Equilibrium:
+    """Solve for the equilibrium near `before`, with its first contact held according to `previous`.
 
-    Raises EquilibriumError if there is none, if it is only behind the object, which no beam can
-    continue_from_first_contact, or if the object would have to pull.
+    Raises EquilibriumError if there is none, if it is behind the object, where the beam cannot
+    get, or if the object would have to pull.
     """
-    engaged = {**dict.fromkeys(before.contacts), 0: grip}
-    found = before.bench.solve(step, engaged, before.unknown)
-    contact = found.contacts[0]
-    outward = found.clamp_from_world[:3, :3] @ found.bench.obstacles[0].world_from_object[:3, 1]
+    engaged = {**dict.fromkeys(before.contacts), 0: previous}
+    solution = before.bench.solve(step, engaged, before.unknown)
+    contact = solution.contacts[0]
+    outward = (
+        solution.clamp_from_world[:3, :3] @ solution.bench.obstacles[0].world_from_object[:3, 1]
+    )
     if contact.touch.normal @ outward <= 0:
         raise EquilibriumError("the beam would have passed through the object")
     if contact.force @ contact.touch.normal <= 0:
-        raise EquilibriumError(f"contact is lost at {contact.s:.4g} m, where nothing pulls")
-    return found
+        raise EquilibriumError(f"contact is lost: the object would pull at {contact.s:.4g} m")
+    return solution
 
 
-def _next_grip(
-    grip: PreviousContact, last: Equilibrium | None, now: Equilibrium
+def _next_contact(
+    previous: PreviousContact, last: Equilibrium | None, solution: Equilibrium
 ) -> PreviousContact:
-    """Return the grip for the next step: where the contact is, and how it slid there."""
-    contact = now.contacts[0]
-    clamp_from_object = now.clamp_from_world @ now.bench.obstacles[0].world_from_object
+    """Return the contact as the next step needs it: where it is, and how it slid there."""
+    contact = solution.contacts[0]
+    clamp_from_object = solution.clamp_from_world @ solution.bench.obstacles[0].world_from_object
     along = clamp_from_object[:3, :3].T @ contact.section[6:9]
-    slid = contact.touch.point - grip.point - (contact.s - grip.s) * along
+    slid = contact.touch.point - previous.point - (contact.s - previous.s) * along
     start = 0.0 if last is None else last.step.size
-    return PreviousContact(contact.s, contact.touch.point, slid, pace=now.step.size - start)
+    return PreviousContact(contact.s, contact.touch.point, slid, pace=solution.step.size - start)
 
 
-def _settle(
-    bench: RodContactProblem,
+def _stick_or_slide(
+    problem: RodContactProblem,
     step: Step,
     contact_distance: float,
     resting: State,
-    grip: PreviousContact,
+    previous: PreviousContact,
     before: Equilibrium | None,
 ) -> Equilibrium:
     """Solve one short step with friction: the contact slides, or it sticks."""
-    friction = bench.obstacles[0].friction
+    friction = problem.obstacles[0].friction
     if before is None:
-        return _solved(
-            continue_from_first_contact(bench, step, contact_distance, resting), step, grip
+        return _solve_near(
+            continue_from_first_contact(problem, step, contact_distance, resting), step, previous
         )
-    ratio = (step.size - before.step.size) / grip.pace
-    onward = replace(grip, ratio=max(ratio, 0.0))  # after a reversal the path starts anew
+    ratio = (step.size - before.step.size) / previous.pace
+    onward = replace(previous, ratio=max(ratio, 0.0))  # after a reversal the path starts anew
     if ratio > 0:
         try:
-            return _solved(before, step, onward)
+            return _solve_near(before, step, onward)
         except EquilibriumError:
             pass  # it sticks, or its last state is too far away to start from
     try:
-        stuck = _solved(before, step, replace(grip, sticks=True))
+        stuck = _solve_near(before, step, replace(previous, sticks=True))
     except EquilibriumError:
         pass  # there is no equilibrium that sticks
     else:
@@ -123,10 +127,10 @@ def _settle(
         normal = contact.touch.normal
         drag = contact.force - (contact.force @ normal) * normal
         try:
-            yielding = _solved(stuck, step, replace(grip, drag=drag))
-            return _solved(yielding, step, replace(grip, ratio=0.0))
+            yielding = _solve_near(stuck, step, replace(previous, drag=drag))
+            return _solve_near(yielding, step, replace(previous, ratio=0.0))
         except EquilibriumError:
             pass  # it slides too far from this start
-    return _solved(
-        continue_from_first_contact(bench, step, contact_distance, resting), step, onward
+    return _solve_near(
+        continue_from_first_contact(problem, step, contact_distance, resting), step, onward
     )

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from solver.instrument.arrays import Floats
 
 # Faces that meet at less than this angle [rad] are one face: mesh files have about seven digits.
-FLATTEST = 1e-4
-# Edges whose distances differ by less than this share of the mesh's size are touched at once.
+MIN_EDGE_ANGLE = 1e-4
+# Edges whose distances differ by less than this fraction of the mesh's size are touched at once.
 TIE = 1e-8
 
 _ORIGIN, _Y, _Z = np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -51,7 +51,7 @@ class Line:
         """Compute the distance [m] from the edge, or from the cylinder's side."""
         away = point - self.point
         away = away - (away @ self.direction) * self.direction
-        return _from(away, self.outward, self.radius)
+        return _signed_distance(away, self.outward, self.radius)
 
     def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
         """Return the whole surface."""
@@ -68,7 +68,7 @@ class Ball:
 
     def distance(self, point: Floats) -> tuple[float, Floats]:
         """Compute the distance [m] from the corner, or from the ball."""
-        return _from(point - self.point, self.outward, self.radius)
+        return _signed_distance(point - self.point, self.outward, self.radius)
 
     def touched_by(self, centreline: Floats) -> Surface:  # noqa: ARG002 - it is all smooth
         """Return the whole surface."""
@@ -103,7 +103,7 @@ class Solid:
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         # A beam rests on convex edges, not on those of dents and of flat faces.
-        convex = mesh.face_adjacency_convex & (mesh.face_adjacency_angles > FLATTEST)
+        convex = mesh.face_adjacency_convex & (mesh.face_adjacency_angles > MIN_EDGE_ANGLE)
         self._ends = np.asarray(mesh.vertices)[mesh.face_adjacency_edges[convex]]
         outward = mesh.face_normals[mesh.face_adjacency[convex]].sum(axis=1)
         self._outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
@@ -118,22 +118,22 @@ class Solid:
     def touched_by(self, centreline: Floats) -> Surface:
         """Find the edge or corner nearest to a beam that does not enter the mesh."""
         first, last = self._ends[:, 0], self._ends[:, 1]
-        far, _ = cKDTree(centreline).query((first + last) / 2)
+        to_middle, _ = cKDTree(centreline).query((first + last) / 2)
         half = np.linalg.norm(last - first, axis=1) / 2
         steps = np.linalg.norm(np.diff(centreline, axis=0), axis=1)
         pitch = float(steps.max(initial=0.0))
-        close = np.flatnonzero(far - half - pitch <= (far + pitch).min())
-        distances = np.empty(len(close))
-        shares = np.empty(len(close))
-        for i, one in enumerate(close):
-            distances[i], shares[i] = _approach(first[one], last[one], centreline)
+        candidates = np.flatnonzero(to_middle - half - pitch <= (to_middle + pitch).min())
+        distances = np.empty(len(candidates))
+        fractions = np.empty(len(candidates))
+        for i, k in enumerate(candidates):
+            distances[i], fractions[i] = _closest_approach(first[k], last[k], centreline)
         # A beam that lies along a flat face leans on the edge nearer to the clamp, once it turns.
         tied = np.flatnonzero(distances <= distances.min() + TIE * float(np.ptp(self._ends)))
-        best = int(tied[np.argmin(first[close[tied], 0] + last[close[tied], 0])])
-        edge, share = int(close[best]), float(shares[best])
-        key = (edge, share if share in (0.0, 1.0) else 0.5)
+        best = int(tied[np.argmin(first[candidates[tied], 0] + last[candidates[tied], 0])])
+        edge, fraction = int(candidates[best]), float(fractions[best])
+        key = (edge, fraction if fraction in (0.0, 1.0) else 0.5)
         if key not in self._parts:
-            self._parts[key] = self._part(edge, share)
+            self._parts[key] = self._part(edge, fraction)
         return self._parts[key]
 
     def holds(self, points: Floats) -> bool:
@@ -152,36 +152,36 @@ class Solid:
                 return True
         return False
 
-    def _part(self, edge: int, share: float) -> Surface:
+    def _part(self, edge: int, fraction: float) -> Surface:
         first, last = self._ends[edge]
-        if share in (0.0, 1.0):
-            return Ball(point=self._ends[edge, int(share)], outward=self._outward[edge])
+        if fraction in (0.0, 1.0):
+            return Ball(point=self._ends[edge, int(fraction)], outward=self._outward[edge])
         direction = (last - first) / np.linalg.norm(last - first)
         return Line(point=first, direction=direction, outward=self._outward[edge])
 
 
-def _from(away: Floats, outward: Floats, radius: float) -> tuple[float, Floats]:
-    far = float(np.sqrt(away @ away))
+def _signed_distance(away: Floats, outward: Floats, radius: float) -> tuple[float, Floats]:
+    distance = float(np.sqrt(away @ away))
     side = -1.0 if radius == 0 and away @ outward < 0 else 1.0
-    return side * far - radius, side * away / far
+    return side * distance - radius, side * away / distance
 
 
-def _approach(first: Floats, last: Floats, centreline: Floats) -> tuple[float, float]:
+def _closest_approach(first: Floats, last: Floats, centreline: Floats) -> tuple[float, float]:
     """Find the least distance [m] between an edge and a polyline, and its place (0 to 1)."""
     along = last - first
     if len(centreline) == 1:
-        share = float(np.clip((centreline[0] - first) @ along / (along @ along), 0, 1))
-        return float(np.linalg.norm(first + share * along - centreline[0])), share
+        fraction = float(np.clip((centreline[0] - first) @ along / (along @ along), 0, 1))
+        return float(np.linalg.norm(first + fraction * along - centreline[0])), fraction
     start, step = centreline[:-1], np.diff(centreline, axis=0)
     # The least distance of two segments (Ericson 2005, section 5.1.9), for all steps at once.
-    between = first - start
+    offset = first - start
     a, e = along @ along, np.einsum("ij,ij->i", step, step)
-    b, c, f = step @ along, between @ along, np.einsum("ij,ij->i", step, between)
+    b, c, f = step @ along, offset @ along, np.einsum("ij,ij->i", step, offset)
     parallel = a * e - b * b
-    share = np.clip((b * f - c * e) / np.where(parallel > 0, parallel, np.inf), 0, 1)
-    place = np.clip((b * share + f) / e, 0, 1)
-    share = np.clip((b * place - c) / a, 0, 1)
-    gaps = first + share[:, None] * along - start - place[:, None] * step
+    fraction = np.clip((b * f - c * e) / np.where(parallel > 0, parallel, np.inf), 0, 1)
+    position = np.clip((b * fraction + f) / e, 0, 1)
+    fraction = np.clip((b * position - c) / a, 0, 1)
+    gaps = first + fraction[:, None] * along - start - position[:, None] * step
     distance = np.sqrt(np.einsum("ij,ij->i", gaps, gaps))
     nearest = int(np.argmin(distance))
-    return float(distance[nearest]), float(share[nearest])
+    return float(distance[nearest]), float(fraction[nearest])

@@ -17,28 +17,28 @@ from solver.instrument.camera import Camera
 from vbaa_bench.render.lights import Environment, Lamp, Light
 
 # OpenCV draws with 16-bit integer pixel coordinates.
-_FARTHEST_PX = 30_000
+_MAX_COORDINATE_PX = 30_000
 # Faces per piece of a mesh; each piece has its own hull.
-_FACES = 2000
+_PIECE_FACES = 2000
 
 
 def pieces(faces: np.ndarray) -> list[np.ndarray]:
     """Return the vertex indices of consecutive runs of faces (n, 3)."""
-    return [np.unique(run) for run in np.array_split(faces, math.ceil(len(faces) / _FACES))]
+    return [np.unique(run) for run in np.array_split(faces, math.ceil(len(faces) / _PIECE_FACES))]
 
 
 class _Flat(NamedTuple):
     """An image free of distortion that contains the camera's view.
 
-    `low` is the position [px] of its first pixel, `size` its (width, height). `where` holds the row
-    and column (height, width) of every camera pixel in it; it is None if the camera has no
-    distortion. `stretch` is the largest magnification against the camera's image.
+    `low` is the position [px] of its first pixel, `size` its (width, height). `lookup` holds the
+    row and column (height, width) of every camera pixel in it; it is None if the camera has no
+    distortion. `scale` is the largest magnification relative to the camera's image.
     """
 
     low: Floats
     size: tuple[int, int]
-    where: tuple[np.ndarray, np.ndarray] | None
-    stretch: float
+    lookup: tuple[np.ndarray, np.ndarray] | None
+    scale: float
 
 
 @dataclass(frozen=True)
@@ -53,35 +53,35 @@ class View:
         Each body is the hull of points (n, 3) [m] in Sigma_a. A pixel that a body touches only
         partly is marked as well.
         """
-        flat = self._flat
+        image = self._undistorted
         # Drawing is accurate to 1 px: corners and sides of a polygon are rounded. Half a pixel is
         # added to the margin. The look-up in an image free of distortion rounds by 0.5 px more.
-        grown = math.floor(flat.stretch * (margin + 0.5) + (1.0 if flat.where is None else 1.5))
+        radius = math.floor(image.scale * (margin + 0.5) + (1.0 if image.lookup is None else 1.5))
         # Polygons just outside the image are dilated into it.
-        size = np.add(flat.size, 2 * grown)
+        size = np.add(image.size, 2 * radius)
         canvas = np.zeros(size[::-1], np.uint8)
-        everywhere = np.ones((self.camera.height, self.camera.width), np.bool_)
+        all_pixels = np.ones((self.camera.height, self.camera.width), np.bool_)
         ideal = replace(self.camera, distortion=())
         for points in bodies:
             if not self.camera.telecentric and self._depths(points).min() <= 0:
-                return everywhere
-            pixels = np.rint(ideal.project(points) - flat.low) + grown
-            apart = (pixels.max(axis=0) < 0) | (pixels.min(axis=0) >= size)
-            if apart.any():
+                return all_pixels
+            pixels = np.rint(ideal.project(points) - image.low) + radius
+            outside = (pixels.max(axis=0) < 0) | (pixels.min(axis=0) >= size)
+            if outside.any():
                 continue
-            if np.abs(pixels).max() > _FARTHEST_PX:
-                return everywhere
+            if np.abs(pixels).max() > _MAX_COORDINATE_PX:
+                return all_pixels
             cv2.fillConvexPoly(canvas, cv2.convexHull(pixels.astype(np.int32)), 1)
-        touched = cv2.dilate(canvas, np.ones((2 * grown + 1, 2 * grown + 1), np.uint8)) > 0
-        touched = touched[grown : grown + flat.size[1], grown : grown + flat.size[0]]
-        return np.asarray(touched if flat.where is None else touched[flat.where])
+        covered = cv2.dilate(canvas, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)) > 0
+        covered = covered[radius : radius + image.size[1], radius : radius + image.size[0]]
+        return np.asarray(covered if image.lookup is None else covered[image.lookup])
 
     def _depths(self, points: Floats) -> Floats:
         pose = self.camera.camera_from_antenna
         return np.asarray(points @ pose[2, :3] + pose[2, 3])
 
     @cached_property
-    def _flat(self) -> "_Flat":
+    def _undistorted(self) -> "_Flat":
         """The image free of distortion that contains all camera pixels."""
         camera = self.camera
         if not camera.distortion:
@@ -89,12 +89,12 @@ class View:
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
         ideal = camera.undistorted_pixels(np.column_stack([columns.ravel(), rows.ravel()]))
         low = np.floor(ideal.min(axis=0))
-        place = np.rint(ideal - low).astype(int)
-        width, height = place.max(axis=0) + 1
-        column, row = place.T.reshape(2, camera.height, camera.width)
+        indices = np.rint(ideal - low).astype(int)
+        width, height = indices.max(axis=0) + 1
+        column, row = indices.T.reshape(2, camera.height, camera.width)
         u, v = ideal.T.reshape(2, camera.height, camera.width)
-        stretch = max(float(np.abs(np.gradient(axis)).sum(axis=0).max()) for axis in (u, v))
-        return _Flat(low, (int(width), int(height)), (row, column), stretch)
+        scale = max(float(np.abs(np.gradient(axis)).sum(axis=0).max()) for axis in (u, v))
+        return _Flat(low, (int(width), int(height)), (row, column), scale)
 
 
 def shadows(
@@ -104,7 +104,7 @@ def shadows(
 
     Bodies are hulls of points (n, 3) in Sigma_a [m]. Return None if a shadow may fall anywhere.
     """
-    found = []
+    hulls = []
     boxes = [_box(points) for points in bodies]
     for light in lights:
         if isinstance(light, Environment):
@@ -118,11 +118,11 @@ def shadows(
             if lamp[:, 2].min() <= box[:, 2].max():
                 return None
             start, end = lamp[:, None], box[None]
-            share = (start[..., 2] - ground) / (start[..., 2] - end[..., 2])
-            thrown = (start + share[..., None] * (end - start)).reshape(-1, 3)
+            fraction = (start[..., 2] - ground) / (start[..., 2] - end[..., 2])
+            shadow = (start + fraction[..., None] * (end - start)).reshape(-1, 3)
             # A body that touches the ground shades the ground under it.
-            found.append(np.vstack([thrown, np.column_stack([box[:, :2], np.full(8, ground)])]))
-    return found
+            hulls.append(np.vstack([shadow, np.column_stack([box[:, :2], np.full(8, ground)])]))
+    return hulls
 
 
 def _box(points: Floats) -> Floats:

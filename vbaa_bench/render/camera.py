@@ -3,7 +3,7 @@
 Mitsuba's camera looks along +z with x to the left and y up, OpenCV's with x to the right and
 y down: they differ by half a turn about z. Mitsuba's image origin is the corner of the first pixel,
 OpenCV's is that pixel's centre: they differ by half a pixel. The perspective sensor's principal
-point offset has the opposite sign, in shares of the image's width and height. The orthographic
+point offset has the opposite sign, as fractions of the image's width and height. The orthographic
 sensor has none, so it is shifted to the middle of the image.
 """
 
@@ -32,12 +32,12 @@ def sensor_dict(camera: Camera, render_from_antenna: Floats) -> dict[str, Any]:
     pose = np.eye(4)
     pose[:3, :3] = (antenna_from_camera @ _OPENCV_FROM_MITSUBA)[:3, :3]
     pose[:3, 3] = (render_from_antenna @ antenna_from_camera[:, 3])[:3]
-    farthest = 20 * float(np.linalg.norm(antenna_from_camera[:3, 3])) * scale
+    far_clip = 20 * float(np.linalg.norm(antenna_from_camera[:3, 3])) * scale
     telecentric = camera.telecentric
     return {
         **(_orthographic(camera, pose, scale) if telecentric else _perspective(camera, pose)),
-        "near_clip": 1e-4 * farthest,
-        "far_clip": farthest,
+        "near_clip": 1e-4 * far_clip,
+        "far_clip": far_clip,
         "sampler": {"type": "multijitter"},
         "film": {
             "type": "hdrfilm",

@@ -14,9 +14,9 @@ from vbaa_bench.dataset.exr_channels import channels
 
 HEIGHT, WIDTH = 128, 256
 # Samples along each side of a pixel: antialiases the edges of windows and lamps.
-FINE = 4
+SUBPIXELS = 4
 # Steps in polar angle of the integral over the upper hemisphere.
-INTEGRATED = 20_000
+INTEGRATION_STEPS = 20_000
 # Distances [m] from the rig to the room's east, north, west, south walls, ceiling, floor.
 EAST, NORTH, WEST, SOUTH, CEILING, FLOOR = 3.5, 2.5, 3.0, 2.0, 2.0, 0.9
 # Radiances relative to that of a white wall.
@@ -25,19 +25,19 @@ WALL, WHITE_CEILING, DARK_FLOOR, FURNITURE, TUBE, SKY, HORIZON = 1.0, 1.4, 0.3, 
 
 def laboratory() -> Floats:
     """Generate a laboratory: a north window, two rows of ceiling lamps and a dark cupboard."""
-    rows = np.clip((np.arange(HEIGHT * FINE) + 0.5) / FINE - 0.5, 1e-6, HEIGHT - 1 - 1e-6)
+    rows = np.clip((np.arange(HEIGHT * SUBPIXELS) + 0.5) / SUBPIXELS - 0.5, 1e-6, HEIGHT - 1 - 1e-6)
     rows *= np.pi / (HEIGHT - 1)
-    columns = (np.arange(WIDTH * FINE) + 0.5) * 2 * np.pi / (WIDTH * FINE)
+    columns = (np.arange(WIDTH * SUBPIXELS) + 0.5) * 2 * np.pi / (WIDTH * SUBPIXELS)
     polar, azimuth = np.meshgrid(rows, columns, indexing="ij")
-    way = np.stack(
+    direction = np.stack(
         [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)]
     )
     low = np.array([-WEST, -SOUTH, -FLOOR])[:, None, None]
     high = np.array([EAST, NORTH, CEILING])[:, None, None]
     # A ray from inside a box leaves through the nearest of the three sides in its direction.
-    reach = np.where(way > 0, high, low) / way
-    side = reach.argmin(axis=0)
-    x, y, z = way * reach.min(axis=0)
+    distance = np.where(direction > 0, high, low) / direction
+    side = distance.argmin(axis=0)
+    x, y, z = direction * distance.min(axis=0)
     radiance = np.full(side.shape, WALL)
     up, north = (side == 2) & (z > 0), (side == 1) & (y > 0)
     radiance[up] = WHITE_CEILING
@@ -48,7 +48,7 @@ def laboratory() -> Floats:
     window = north & (abs(x - 0.4) < 1.1) & (z > 0.1) & (z < 1.7) & ~bars
     radiance[window] = HORIZON + (SKY - HORIZON) * (z[window] - 0.1) / 1.6
     radiance[(side == 0) & (x < 0) & (y > -1) & (y < 0.5) & (z < 1.1)] = FURNITURE
-    pixels = radiance.reshape(HEIGHT, FINE, WIDTH, FINE)
+    pixels = radiance.reshape(HEIGHT, SUBPIXELS, WIDTH, SUBPIXELS)
     return np.asarray(pixels.mean(axis=(1, 3)))
 
 
@@ -57,13 +57,13 @@ def read_environment(path: Path) -> Floats:
 
     Raises InputError if it cannot be read, or is negative, not finite, or dark above the horizon.
     """
-    found = {name: values.astype(float) for name, values in channels(path).items()}
-    if {"R", "G", "B"} <= set(found):
-        image = 0.2126 * found["R"] + 0.7152 * found["G"] + 0.0722 * found["B"]
-    elif len(found) == 1:
-        image = next(iter(found.values()))
+    by_name = {name: values.astype(float) for name, values in channels(path).items()}
+    if {"R", "G", "B"} <= set(by_name):
+        image = 0.2126 * by_name["R"] + 0.7152 * by_name["G"] + 0.0722 * by_name["B"]
+    elif len(by_name) == 1:
+        image = next(iter(by_name.values()))
     else:
-        raise InputError(f"{path}: has channels {', '.join(found)}, allowed are R, G, B or one")
+        raise InputError(f"{path}: has channels {', '.join(by_name)}, allowed are R, G, B or one")
     if not (np.isfinite(image).all() and image.min() >= 0 and plane_irradiance(image) > 0):
         raise InputError(
             f"{path}: allowed are radiances that are finite, >= 0 and not all 0 above the horizon"
@@ -74,7 +74,7 @@ def read_environment(path: Path) -> Floats:
 def plane_irradiance(image: Floats) -> float:
     """Integrate the irradiance of a map on a plane that faces +z."""
     height = len(image)
-    polar = (np.arange(INTEGRATED) + 0.5) * (np.pi / 2) / INTEGRATED
+    polar = (np.arange(INTEGRATION_STEPS) + 0.5) * (np.pi / 2) / INTEGRATION_STEPS
     ring = np.interp(polar, np.linspace(0, np.pi, height), image.mean(axis=1))
     return float(2 * np.pi * np.mean(ring * np.cos(polar) * np.sin(polar)) * np.pi / 2)
 

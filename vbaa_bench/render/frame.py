@@ -17,22 +17,23 @@ from vbaa_bench.render.tracing import SETS, Asked, trace
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
-# Samples per set: of a pilot, and the maximum. Each pixel gets SETS sets.
-PILOT, MOST = 4, 512
+# Samples per set: those of a pilot, and the maximum. Each pixel gets SETS sets.
+PILOT_SAMPLES, MOST = 4, 512
 # Minimum samples per set. With fewer, one sample in a shadow gives a rare but large dark outlier.
-LEAST = 3
+MIN_SAMPLES = 3
 # Samples per set of every pixel, for variants that only render whole images.
-EVEN = 32
+UNIFORM_SAMPLES = 32
 # The variance of a stratified mean falls as N^-1.5 where a beam's edge crosses the pixel, as N^-1
 # in shadows, and as N^-0.85 in the narrow penumbra near the beam, where the beam occludes so small
 # a part of a lamp that additional points hit that part only by chance.
-FALL, FALL_OF_SHADOW, FALL_NEAR = 1.5, 1.0, 0.85
+DECAY, DECAY_IN_SHADOW, DECAY_NEAR = 1.5, 1.0, 0.85
 # Near the beam and at edges between surfaces, every pixel has a pilot of _PILOT_SETS sets; the
 # largest variance among its neighbours is used, but in shadows, which are smooth, the mean over
-# _NEIGHBOURS^2 pixels. Elsewhere one pixel in _SPARSE^2 has a pilot, averaged over _REACH^2 pixels.
+# _SHADOW_WINDOW^2 pixels. Elsewhere one pixel in _PILOT_SPACING^2 has a pilot, averaged over
+# _PILOT_WINDOW^2 pixels.
 _PILOT_SETS = 8
-_NEIGHBOURS = 5
-_SPARSE, _REACH = 4, 17
+_SHADOW_WINDOW = 5
+_PILOT_SPACING, _PILOT_WINDOW = 4, 17
 
 Noise = Callable[[Floats], Floats]
 
@@ -60,8 +61,8 @@ class NoiseTarget:
 class RenderedRadiance:
     """Radiance (height, width) and the variance of its part that is sampled anew in every frame.
 
-    `coverage` (height, width) is the share of each pixel that the beam covers, `samples` (height,
-    width) the number of samples per pixel.
+    `coverage` (height, width) is the fraction of each pixel that the beam covers, `samples`
+    (height, width) the number of samples per pixel.
     """
 
     radiance: Floats
@@ -80,17 +81,17 @@ class RenderedRadiance:
 
     def by_name(self) -> dict[str, np.ndarray]:
         """Return all layers that can be saved for a frame, keyed as in a scene's `layers`."""
-        found = self.layers
+        truth = self.layers
         return {
             "radiance": self.radiance,
             "variance": self.variance,
-            "beam_mask": found.beam_mask,
+            "beam_mask": truth.beam_mask,
             "coverage": self.coverage,
-            "arc_length": found.arc_length_mm,
-            "depth": found.depth_mm,
-            "normal": found.normal,
-            "object_index": found.object_index,
-            "occlusion": found.occlusion,
+            "arc_length": truth.arc_length_mm,
+            "depth": truth.depth_mm,
+            "normal": truth.normal,
+            "object_index": truth.object_index,
+            "occlusion": truth.occlusion,
         }
 
 
@@ -102,60 +103,60 @@ class StaticLayer:
     layers: Layers
 
 
-def render_static_layer(world: World, wanted: NoiseTarget, seed: int) -> StaticLayer:
+def render_static_layer(world: World, target: NoiseTarget, seed: int) -> StaticLayer:
     """Render the static layer, with noise well below the sensor's."""
-    everywhere = np.ones((world.camera.height, world.camera.width), np.bool_)
-    shape = everywhere.shape
-    found, made = every_pixel(world, still=True), _Canvas(*shape)
-    rims = _grown(_seams(found.object_index), 1)
-    goal = _PixelTargets(wanted.noise, np.full(shape, wanted.static), np.zeros(shape), rims)
-    made.add(world, "still", everywhere, goal, seed)
-    return StaticLayer(made.radiance, found)
+    all_pixels = np.ones((world.camera.height, world.camera.width), np.bool_)
+    shape = all_pixels.shape
+    truth, canvas = every_pixel(world, still=True), _Canvas(*shape)
+    edges = _dilated(_edges(truth.object_index), 1)
+    targets = _PixelTargets(target.noise, np.full(shape, target.static), np.zeros(shape), edges)
+    canvas.add(world, "still", all_pixels, targets, seed)
+    return StaticLayer(canvas.radiance, truth)
 
 
 def render_frame(
-    world: World, static: StaticLayer | None, wanted: NoiseTarget, seed: int
+    world: World, static: StaticLayer | None, target: NoiseTarget, seed: int
 ) -> RenderedRadiance:
     """Render the current state of the world: affected pixels on `static`, or all pixels."""
     shape = (world.camera.height, world.camera.width)
-    nothing, blur = np.zeros(shape), world.blur_px
-    made = _Canvas(*shape)
+    zeros, blur = np.zeros(shape), world.blur_px
+    canvas = _Canvas(*shape)
     beam = world.view.hulls(world.bodies({"beam"} & world.moving), blur)
     if static is None:
-        found, whole, change = every_pixel(world), nothing == 0, nothing > 0
+        truth, complete, change = every_pixel(world), zeros == 0, zeros > 0
     else:
         # All pixels that a surface touches: a thin beam can pass between pixel centres.
-        others = world.moving - world.sliding - {"beam"}
-        whole = beam | world.view.hulls(world.bodies(others), blur)
-        found = every_pixel(world) if world.sliding else layers(world, whole, static.layers)
+        names = world.moving - world.sliding - {"beam"}
+        complete = beam | world.view.hulls(world.bodies(names), blur)
+        truth = every_pixel(world) if world.sliding else layers(world, complete, static.layers)
         if world.sliding:
-            whole |= _grown(_slid(found, static.layers), 1 + blur)
-        change = _shaded(world, static) & ~whole
+            complete |= _dilated(_changed_by_sliding(truth, static.layers), 1 + blur)
+        change = _shaded(world, static) & ~complete
     # `beam` extends up to one pixel beyond the pixels whose centres the beam covers.
-    near = _grown(beam, wanted.near_px - 1)
-    share = np.where(near, wanted.near, wanted.elsewhere)
-    rims = near | _grown(_seams(found.object_index), 1 + blur)
-    made.add(world, "whole", whole, _PixelTargets(wanted.noise, share, nothing, rims), seed)
+    near = _dilated(beam, target.near_px - 1)
+    ratio = np.where(near, target.near, target.elsewhere)
+    dense = near | _dilated(_edges(truth.object_index), 1 + blur)
+    canvas.add(world, "whole", complete, _PixelTargets(target.noise, ratio, zeros, dense), seed)
     if static is not None:
-        goal = _PixelTargets(wanted.noise, share, static.radiance, near)
-        made.add(world, "change", change, goal, seed + (1 << 30))
-        made.radiance += np.where(whole, 0, static.radiance)
+        targets = _PixelTargets(target.noise, ratio, static.radiance, near)
+        canvas.add(world, "change", change, targets, seed + (1 << 30))
+        canvas.radiance += np.where(complete, 0, static.radiance)
     # A scalar variant measures no coverage: use the value at the pixel centre.
-    coverage = found.beam_mask.astype(float) if is_scalar() else made.coverage
-    return RenderedRadiance(made.radiance, made.variance, found, coverage, made.samples)
+    coverage = truth.beam_mask.astype(float) if is_scalar() else canvas.coverage
+    return RenderedRadiance(canvas.radiance, canvas.variance, truth, coverage, canvas.samples)
 
 
-def average_poses(pictures: Sequence[RenderedRadiance]) -> RenderedRadiance:
-    """Average successive pictures; the layers are those of the middle one."""
-    middle = pictures[len(pictures) // 2]
-    if len(pictures) == 1:
+def average_poses(images: Sequence[RenderedRadiance]) -> RenderedRadiance:
+    """Average successive images; the layers are those of the middle one."""
+    middle = images[len(images) // 2]
+    if len(images) == 1:
         return middle
     return RenderedRadiance(
-        np.mean([seen.radiance for seen in pictures], axis=0),
-        np.sum([seen.variance for seen in pictures], axis=0) / len(pictures) ** 2,
+        np.mean([image.radiance for image in images], axis=0),
+        np.sum([image.variance for image in images], axis=0) / len(images) ** 2,
         middle.layers,
-        np.mean([seen.coverage for seen in pictures], axis=0),
-        np.sum([seen.samples for seen in pictures], axis=0),
+        np.mean([image.coverage for image in images], axis=0),
+        np.sum([image.samples for image in images], axis=0),
     )
 
 
@@ -166,88 +167,91 @@ class _Canvas:
         self.radiance, self.variance, self.coverage, self.samples = np.zeros((4, height, width))
 
     def add(
-        self, world: World, asked: Asked, where: Mask, goal: "_PixelTargets", seed: int
+        self, world: World, quantity: Asked, where: Mask, targets: "_PixelTargets", seed: int
     ) -> None:
         """Sample the pixels of `where` until they reach the noise target."""
         if not where.any():
             return
-        size = np.full(np.count_nonzero(where), EVEN)
+        size = np.full(np.count_nonzero(where), UNIFORM_SAMPLES)
         if not is_scalar():
-            excess = _excess(world, asked, where, goal, seed)
-            shadow = np.where(goal.dense[where], FALL_NEAR, FALL_OF_SHADOW)
-            fall = shadow if asked == "change" else FALL
-            size = np.clip(np.ceil(PILOT * excess ** (1 / fall)), LEAST, MOST)
+            excess = _excess(world, quantity, where, targets, seed)
+            shadow_decay = np.where(targets.dense[where], DECAY_NEAR, DECAY_IN_SHADOW)
+            decay = shadow_decay if quantity == "change" else DECAY
+            size = np.clip(np.ceil(PILOT_SAMPLES * excess ** (1 / decay)), MIN_SAMPLES, MOST)
         # Equal sizes side by side keep the processor's lanes busy.
         order = np.argsort(size, kind="stable")
-        place = rows, columns = tuple(places[order] for places in np.nonzero(where))
-        found = trace(world, np.column_stack([columns, rows]), size[order], seed + 1, asked)
-        self.radiance[place] = found.radiance
-        self.variance[place] = found.variance
-        self.coverage[place] = found.coverage
-        self.samples[place] = SETS * size[order]
+        pixels = rows, columns = tuple(indices[order] for indices in np.nonzero(where))
+        traced = trace(world, np.column_stack([columns, rows]), size[order], seed + 1, quantity)
+        self.radiance[pixels] = traced.radiance
+        self.variance[pixels] = traced.variance
+        self.coverage[pixels] = traced.coverage
+        self.samples[pixels] = SETS * size[order]
 
 
 @dataclass(frozen=True)
 class _PixelTargets:
     """The noise target of each pixel, as a standard deviation.
 
-    It is `share` (height, width) times the sensor's `noise` at the sampled radiance plus `base`
+    It is `ratio` (height, width) times the sensor's `noise` at the sampled radiance plus `base`
     (height, width). Each pixel of `dense` has its own pilot; the others share pilots.
     """
 
     noise: Noise
-    share: Floats
+    ratio: Floats
     base: Floats
     dense: Mask
 
 
-def _excess(world: World, asked: Asked, where: Mask, goal: _PixelTargets, seed: int) -> Floats:
+def _excess(
+    world: World, quantity: Asked, where: Mask, targets: _PixelTargets, seed: int
+) -> Floats:
     """Estimate the ratio (n,) of the pilot variance to the target variance in pixels of `where`."""
-    pilots = where & goal.dense
-    pilots[::_SPARSE, ::_SPARSE] |= where[::_SPARSE, ::_SPARSE]
+    pilots = where & targets.dense
+    pilots[::_PILOT_SPACING, ::_PILOT_SPACING] |= where[::_PILOT_SPACING, ::_PILOT_SPACING]
     rows, columns = np.nonzero(pilots)
-    pixels, size = np.column_stack([columns, rows]), np.full(len(rows), PILOT)
-    found = trace(world, pixels, size, seed, asked, _PILOT_SETS)
-    sigma = goal.share[pilots] * goal.noise(goal.base[pilots] + found.radiance)
+    pixels, size = np.column_stack([columns, rows]), np.full(len(rows), PILOT_SAMPLES)
+    traced = trace(world, pixels, size, seed, quantity, _PILOT_SETS)
+    sigma = targets.ratio[pilots] * targets.noise(targets.base[pilots] + traced.radiance)
     # Variance for SETS sets instead of the pilot's.
-    excess = _PILOT_SETS / SETS * found.variance / np.maximum(sigma**2, 1e-30)
+    excess = _PILOT_SETS / SETS * traced.variance / np.maximum(sigma**2, 1e-30)
     image, count = np.zeros(where.shape, np.float32), pilots.astype(np.float32)
     image[pilots] = excess
-    near = _NEIGHBOURS if asked == "change" else 3
+    fine_window = _SHADOW_WINDOW if quantity == "change" else 3
     fine, coarse = (
-        cv2.blur(image, (reach, reach)) / np.maximum(cv2.blur(count, (reach, reach)), reach**-2)
-        for reach in (near, _REACH)
+        cv2.blur(image, (window, window))
+        / np.maximum(cv2.blur(count, (window, window)), window**-2)
+        for window in (fine_window, _PILOT_WINDOW)
     )
-    worst = fine if asked == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
-    return np.maximum(np.where(goal.dense, worst, coarse)[where], 0)
+    local = fine if quantity == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
+    return np.maximum(np.where(targets.dense, local, coarse)[where], 0)
 
 
 def _shaded(world: World, static: StaticLayer) -> Mask:
     """Mark the pixels of static surfaces on which moving surfaces may cast a shadow."""
     index, bodies = static.layers.object_index, world.bodies(world.moving - world.sliding)
     blur, ground = world.blur_px, world.ground
-    thrown = shadows(bodies, world.lights, ground)
-    if thrown is None or world.optics.lens.aperture > 0:
+    shadow_hulls = shadows(bodies, world.lights, ground)
+    if shadow_hulls is None or world.optics.lens.aperture > 0:
         return np.ones(index.shape, np.bool_)
-    lowest = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
-    flat = [world.names.index(name) + 1 for name in lowest]
-    raised = (index > 0) & ~np.isin(index, flat)
-    return world.view.hulls(thrown, blur) | _grown(raised, 2 + blur)
+    ground_names = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
+    ground_indices = [world.names.index(name) + 1 for name in ground_names]
+    raised = (index > 0) & ~np.isin(index, ground_indices)
+    return world.view.hulls(shadow_hulls, blur) | _dilated(raised, 2 + blur)
 
 
-def _slid(found: Layers, still: Layers) -> Mask:
+def _changed_by_sliding(current: Layers, still: Layers) -> Mask:
     """Mark the pixels where a sliding pattern differs from the still scene."""
-    differs = found.object_index != still.object_index
-    return np.asarray(differs | _seams(found.object_index) | _seams(still.object_index))
+    differs = current.object_index != still.object_index
+    return np.asarray(differs | _edges(current.object_index) | _edges(still.object_index))
 
 
-def _seams(index: np.ndarray) -> Mask:
+def _edges(index: np.ndarray) -> Mask:
     """Mark the pixels whose neighbours show a different surface."""
-    few = index.astype(np.uint8)
-    around = np.ones((3, 3), np.uint8)
-    return np.asarray(cv2.dilate(few, around) != cv2.erode(few, around))
+    labels = index.astype(np.uint8)
+    kernel = np.ones((3, 3), np.uint8)
+    return np.asarray(cv2.dilate(labels, kernel) != cv2.erode(labels, kernel))
 
 
-def _grown(mask: Mask, pixels: int) -> Mask:
-    reach = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
-    return cv2.dilate(mask.astype(np.uint8), reach) > 0
+def _dilated(mask: Mask, pixels: int) -> Mask:
+    kernel = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), kernel) > 0

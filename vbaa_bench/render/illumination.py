@@ -41,9 +41,9 @@ def lights(scene: Scene, folder: Path, *, panels: bool = True) -> list[Light]:
     Without `panels`, backlights are off, as for a calibration: a board in front of one is dark. If
     no light is left, or the scene has no `lights`, the soft lamp is used.
     """
-    on = [spec for spec in scene.lights if panels or spec.kind != "back"]
-    if on:
-        return [_light(spec, scene, folder) for spec in on]
+    specs = [spec for spec in scene.lights if panels or spec.kind != "back"]
+    if specs:
+        return [_light(spec, scene, folder) for spec in specs]
     x, y, z = scene.camera.position_mm
     # If the scene has other lights, the camera may be above the default soft lamp: raise the lamp.
     height = max(scene.light.height_mm, 1.1 * z) if scene.lights else scene.light.height_mm
@@ -57,20 +57,20 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
         case RingSpec():
             ahead = looked_at - camera
             radii = spec.inner_radius_mm * MILLIMETRE, spec.outer_radius_mm * MILLIMETRE
-            return _shining(lamps.annulus(camera, ahead, *radii), looked_at, spec.irradiance)
+            return _lamp(lamps.annulus(camera, ahead, *radii), looked_at, spec.irradiance)
         case BackSpec():
             height = (spec.height_above_background_mm - scene.background.distance_mm) * MILLIMETRE
             middle = np.array([looked_at[0], looked_at[1], height])
             panel = lamps.rectangle(middle, UP, ALONG, _sides(spec.size_mm))
-            return _shining(panel, middle * [1, 1, 0], spec.irradiance)
+            return _lamp(panel, middle * [1, 1, 0], spec.irradiance)
         case SideSpec():
             away = turn_about_z(spec.azimuth_deg * DEGREE)[:3, :3] @ ALONG
-            lift = spec.elevation_deg * DEGREE
-            way = np.cos(lift) * away + np.sin(lift) * UP
-            middle = looked_at + spec.distance_mm * MILLIMETRE * way
-            level = np.cross(UP, away)
-            panel = lamps.rectangle(middle, -way, level, _sides(spec.size_mm))
-            return _shining(panel, looked_at, spec.irradiance)
+            elevation = spec.elevation_deg * DEGREE
+            direction = np.cos(elevation) * away + np.sin(elevation) * UP
+            middle = looked_at + spec.distance_mm * MILLIMETRE * direction
+            horizontal = np.cross(UP, away)
+            panel = lamps.rectangle(middle, -direction, horizontal, _sides(spec.size_mm))
+            return _lamp(panel, looked_at, spec.irradiance)
         case EnvironmentSpec():
             image = laboratory() if spec.file is None else read_environment(folder / spec.file)
             image = turned(image, spec.rotation_deg * DEGREE)
@@ -80,7 +80,7 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
     match spec:
         case AreaSpec():
             panel = lamps.rectangle(position, aim - position, ALONG, _sides(spec.size_mm))
-            return _shining(panel, aim, spec.irradiance)
+            return _lamp(panel, aim, spec.irradiance)
         case SpotSpec():
             return Spot(position, aim, spec.cone_angle_deg * DEGREE, spec.irradiance)
         case StripeSpec():
@@ -89,11 +89,11 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
             return Projector(position, aim, along, width, slide, spec.irradiance)
 
 
-def _shining(panel: trimesh.Trimesh, aim: Floats, irradiance: float) -> Lamp:
+def _lamp(panel: trimesh.Trimesh, aim: Floats, irradiance: float) -> Lamp:
     """Build a lamp whose radiance gives the irradiance on a sheet at the aim that faces it."""
     towards = np.asarray(panel.vertices).mean(axis=0) - aim
-    brings = lamps.irradiance(panel, aim, towards / np.linalg.norm(towards))
-    return Lamp(panel, irradiance / brings)
+    unit_irradiance = lamps.irradiance(panel, aim, towards / np.linalg.norm(towards))
+    return Lamp(panel, irradiance / unit_irradiance)
 
 
 def _stripe(spec: StripeSpec) -> tuple[float, Floats]:
@@ -102,16 +102,16 @@ def _stripe(spec: StripeSpec) -> tuple[float, Floats]:
     sides = []
     for size in (spec.length_mm, spec.width_mm):
         count = int(np.ceil((size + 2 * spec.edge_width_mm) / pixel))
-        place = (np.arange(count) - (count - 1) / 2) * pixel
+        positions = (np.arange(count) - (count - 1) / 2) * pixel
         # Half a sine wave from light to dark, similar to an edge slightly out of focus.
-        beyond = np.clip((np.abs(place) - size / 2) / spec.edge_width_mm, -0.5, 0.5)
-        sides.append(0.5 - 0.5 * np.sin(np.pi * beyond))
+        edge = np.clip((np.abs(positions) - size / 2) / spec.edge_width_mm, -0.5, 0.5)
+        sides.append(0.5 - 0.5 * np.sin(np.pi * edge))
     along, across = sides
     return len(along) * pixel * MILLIMETRE, np.outer(across, along)
 
 
-def _mm(place: tuple[float, float, float]) -> Floats:
-    return np.array(place) * MILLIMETRE
+def _mm(position: tuple[float, float, float]) -> Floats:
+    return np.array(position) * MILLIMETRE
 
 
 def _sides(size_mm: tuple[float, float]) -> tuple[float, float]:

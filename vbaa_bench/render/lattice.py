@@ -30,10 +30,10 @@ def pair(shift: Any, number: Any, count: Any) -> Any:
     Its rows are regular and all its column coordinates differ. It therefore samples edges along
     either axis evenly, such as a beam along the rows of an image and its shadow across a lamp.
     """
-    return _place(shift, (_GOLDEN, 1 / mi.Float(count)), number)
+    return _kronecker_point(shift, (_GOLDEN, 1 / mi.Float(count)), number)
 
 
-def _place(shift: Any, step: tuple[Any, Any], number: Any) -> Any:
+def _kronecker_point(shift: Any, step: tuple[Any, Any], number: Any) -> Any:
     u = mi.Point2f(*step) * mi.Point2f(number) + shift
     return u - dr.floor(u)
 
@@ -43,7 +43,7 @@ def point(shifts: list[Any], number: Any, count: Any) -> list[Any]:
 
     The first pair is from the Fibonacci lattice, the others are from the R sequence.
     """
-    first, *others = shifts
-    step = steps(2 * len(others) + 1)
-    following = zip(others, step[0:-1:2], step[1::2], strict=True)
-    return [pair(first, number, count), *(_place(u, (a, b), number) for u, a, b in following)]
+    first, *rest = shifts
+    step = steps(2 * len(rest) + 1)
+    terms = zip(rest, step[0:-1:2], step[1::2], strict=True)
+    return [pair(first, number, count), *(_kronecker_point(u, (a, b), number) for u, a, b in terms)]

@@ -13,7 +13,7 @@ from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 # Maximum number of surfaces in front of the beam up to which it is searched for.
-_DEEPEST = 4
+_MAX_SURFACES = 4
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def layers(world: World, where: Mask, otherwise: Layers, *, still: bool = False)
     rows, columns = np.nonzero(where)
     if not len(rows):
         return otherwise
-    return otherwise.with_pixels(where, _seen(world, columns, rows, still))
+    return otherwise.with_pixels(where, _trace_centres(world, columns, rows, still))
 
 
 def every_pixel(world: World, *, still: bool = False) -> Layers:
@@ -73,7 +73,7 @@ def every_pixel(world: World, *, still: bool = False) -> Layers:
     return layers(world, np.ones(shape, np.bool_), Layers.empty(*shape), still=still)
 
 
-def _seen(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:
+def _trace_centres(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:
     if is_scalar():
         return _one_by_one(world, columns, rows, still)
     scene = world.still if still else world.scene
@@ -90,33 +90,33 @@ def _seen(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> L
         beam = index == number
         hidden = _behind(world, ray, si, beam, number)
     dr.eval(index, si.p, si.uv, facing, beam, hidden)  # all in one kernel
-    found = np.asarray(index)
+    indices = np.asarray(index)
     # One coordinate after the other: Dr.Jit would compile a kernel anew to interleave them.
-    points = np.stack([np.asarray(part) for part in si.p], axis=-1)
-    normals = np.stack([np.asarray(part) for part in facing], axis=-1)
-    depth = np.where(found > 0, 1e3 * _depth(world, points), 0)
-    arc = np.where(np.broadcast_to(np.asarray(beam), found.shape), np.asarray(si.uv.x), 0)
+    points = np.stack([np.asarray(axis) for axis in si.p], axis=-1)
+    normals = np.stack([np.asarray(axis) for axis in facing], axis=-1)
+    depth = np.where(indices > 0, 1e3 * _depth(world, points), 0)
+    arc = np.where(np.broadcast_to(np.asarray(beam), indices.shape), np.asarray(si.uv.x), 0)
     return Layers(
-        object_index=found.astype(np.uint32),
+        object_index=indices.astype(np.uint32),
         depth_mm=depth.astype(np.float32),
         normal=normals.astype(np.float32),
         arc_length_mm=arc.astype(np.float32),
-        beam_mask=np.broadcast_to(np.asarray(beam), found.shape),
-        occlusion=np.broadcast_to(np.asarray(hidden), found.shape),
+        beam_mask=np.broadcast_to(np.asarray(beam), indices.shape),
+        occlusion=np.broadcast_to(np.asarray(hidden), indices.shape),
     )
 
 
 def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:
     """Trace rays one by one, without wavefronts; `occlusion` is not computed."""
-    scene, found = (world.still if still else world.scene), []
+    scene, hits = (world.still if still else world.scene), []
     for column, row in zip(columns, rows, strict=True):
         ray = world.optics.centre_ray(float(column), float(row))
         si = scene.ray_intersect(ray)
         normal = np.array(si.n) if si.is_valid() else np.zeros(3)
         normal *= -np.sign(normal @ np.array(ray.d))
-        found.append((world.scalar_index(si, still=still), *si.p, *normal, si.uv.x))
-    index, *places = np.array(found).T
-    points, normals, uv = np.array(places[:3]).T, np.array(places[3:6]).T, places[6]
+        hits.append((world.scalar_index(si, still=still), *si.p, *normal, si.uv.x))
+    index, *values = np.array(hits).T
+    points, normals, uv = np.array(values[:3]).T, np.array(values[3:6]).T, values[6]
     beam = index == (world.names.index("beam") + 1 if "beam" in world.names else -1)
     return Layers(
         object_index=index.astype(np.uint32),
@@ -131,12 +131,12 @@ def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool
 def _behind(world: World, ray: Any, si: Any, beam: Any, number: int) -> Any:
     """Test whether the beam is behind the first surface that a ray meets."""
     hidden = mi.Bool(False)
-    looking = si.is_valid() & ~beam
-    for _ in range(_DEEPEST):
-        si = world.scene.ray_intersect(si.spawn_ray(ray.d), looking)
-        found = looking & (world.index_of(si) == number)
-        hidden |= found
-        looking &= si.is_valid() & ~found
+    searching = si.is_valid() & ~beam
+    for _ in range(_MAX_SURFACES):
+        si = world.scene.ray_intersect(si.spawn_ray(ray.d), searching)
+        reached = searching & (world.index_of(si) == number)
+        hidden |= reached
+        searching &= si.is_valid() & ~reached
     return hidden
 
 

@@ -15,8 +15,8 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply
 
-# Share of a spot's cone beyond which its intensity fades.
-EVEN_SHARE = 0.75
+# Fraction of a spot's cone beyond which its intensity fades.
+UNIFORM_FRACTION = 0.75
 
 
 @dataclass(frozen=True)
@@ -89,19 +89,19 @@ def emitter(light: Light, render_from_antenna: Floats) -> Any:
 def _lamp(lamp: Lamp, render_from_antenna: Floats) -> Any:
     vertices, faces = np.asarray(lamp.mesh.vertices), lamp.mesh.faces
     glow = {"type": "area", "radiance": {"type": "rgb", "value": lamp.radiance}}
-    place = apply(render_from_antenna, vertices)
+    corners = apply(render_from_antenna, vertices)
     if len(vertices) == 4:
         # Mitsuba samples a rectangle as one shape, but two triangles separately.
         return {
             "type": "rectangle",
-            "to_world": _transform(_rectangle(place, faces)),
+            "to_world": _transform(_rectangle(corners, faces)),
             "emitter": glow,
         }
     properties = mi.Properties()
     properties["mesh_emitter"] = mi.load_dict(glow)
     mesh = mi.Mesh("lamp", len(vertices), len(faces), props=properties)
     parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = np.ascontiguousarray(place, dtype=np.float32).ravel()
+    parameters["vertex_positions"] = np.ascontiguousarray(corners, dtype=np.float32).ravel()
     parameters["faces"] = np.ascontiguousarray(faces, dtype=np.uint32).ravel()
     parameters.update()
     return mesh
@@ -124,14 +124,14 @@ def _spot(spot: Spot, render_from_antenna: Floats) -> dict[str, Any]:
     distance = float(np.linalg.norm(aim - position))
     half = float(np.rad2deg(spot.cone / 2))
     # A cone is round: any direction not parallel to its axis will do.
-    slanting = np.eye(3)[np.abs(aim - position).argmin()]
+    across = np.eye(3)[np.abs(aim - position).argmin()]
     return {
         "type": "spot",
         # Intensity is per solid angle: the distance must be in render coordinates.
         "intensity": {"type": "rgb", "value": spot.irradiance * distance**2},
         "cutoff_angle": half,
-        "beam_width": EVEN_SHARE * half,
-        "to_world": _transform(_looking(position, aim, slanting)),
+        "beam_width": UNIFORM_FRACTION * half,
+        "to_world": _transform(_pose_towards(position, aim, across)),
     }
 
 
@@ -147,7 +147,7 @@ def _projector(slide: Projector, render_from_antenna: Floats) -> dict[str, Any]:
         "scale": slide.irradiance * render_distance**2 / np.pi,
         "fov": float(np.rad2deg(2 * np.arctan2(slide.width / 2, distance))),
         "fov_axis": "x",
-        "to_world": _transform(_looking(position, aim, slide.along)),
+        "to_world": _transform(_pose_towards(position, aim, slide.along)),
     }
 
 
@@ -167,7 +167,7 @@ def _bitmap(image: np.ndarray) -> dict[str, Any]:
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "clamp"}
 
 
-def _looking(position: Floats, aim: Floats, along: Floats) -> Floats:
+def _pose_towards(position: Floats, aim: Floats, along: Floats) -> Floats:
     """Compute world_from_emitter (4, 4): +z towards the aim, the slide's rows along `along`."""
     ahead = (aim - position) / np.linalg.norm(aim - position)
     across = along - (along @ ahead) * ahead

@@ -62,18 +62,18 @@ class Optics:
 
         `column` and `row` are Dr.Jit floats.
         """
-        inside, *others = u[: self.dimensions]
-        x, y = column + inside.x, row + inside.y
+        in_pixel, *rest = u[: self.dimensions]
+        x, y = column + in_pixel.x, row + in_pixel.y
         if self.lens.point_spread_px > 0:
-            away = mi.warp.square_to_std_normal(others.pop(0)) * self.lens.point_spread_px
-            x, y = x + away.x, y + away.y
-        return self._through(x, y, others.pop(0) if others else None)
+            spread = mi.warp.square_to_std_normal(rest.pop(0)) * self.lens.point_spread_px
+            x, y = x + spread.x, y + spread.y
+        return self._ray_through(x, y, rest.pop(0) if rest else None)
 
     def centre_ray(self, column: Any, row: Any) -> Any:
         """Generate the ray through the centres of pixels and of the lens."""
-        return self._through(column + 0.5, row + 0.5, None)
+        return self._ray_through(column + 0.5, row + 0.5, None)
 
-    def _through(self, x: Any, y: Any, pupil: Any) -> Any:
+    def _ray_through(self, x: Any, y: Any, pupil: Any) -> Any:
         """Generate a ray through film coordinates [px], counted from the image's corner."""
         camera = self.camera
         if camera.distortion:
@@ -87,10 +87,10 @@ class Optics:
         along = dr.dot(ray.d, self._axis)
         frame = mi.Frame3f(self._axis)
         offset = frame.to_world(_disk(pupil) * self.lens.aperture)
-        sharp = ray.o + ray.d * ((self.lens.focus - self._near) / along)
+        focus_point = ray.o + ray.d * ((self.lens.focus - self._near) / along)
         start = ray.o + offset * (1 - self._near / self.lens.focus)
         ray.o = start
-        ray.d = dr.normalize(sharp - start)
+        ray.d = dr.normalize(focus_point - start)
         return ray
 
     @property
@@ -105,15 +105,15 @@ class Optics:
         down = dr.clip(y + self._margin, 0, height - 1.001)
         column, row = mi.UInt32(across), mi.UInt32(down)
         u, v = across - column, down - row
-        moved = mi.Point2f(0)
+        shift = mi.Point2f(0)
         for corner, weight in (
             (row * width + column, (1 - u) * (1 - v)),
             (row * width + column + 1, u * (1 - v)),
             ((row + 1) * width + column, (1 - u) * v),
             ((row + 1) * width + column + 1, u * v),
         ):
-            moved += dr.gather(mi.Point2f, self._shifts, corner) * weight
-        return x + moved.x, y + moved.y
+            shift += dr.gather(mi.Point2f, self._shifts, corner) * weight
+        return x + shift.x, y + shift.y
 
     @property
     def _margin(self) -> int:
@@ -135,5 +135,5 @@ class Optics:
 
 
 def _disk(sample: Any) -> Any:
-    place = mi.warp.square_to_uniform_disk_concentric(sample)
-    return mi.Vector3f(place.x, place.y, 0)
+    point = mi.warp.square_to_uniform_disk_concentric(sample)
+    return mi.Vector3f(point.x, point.y, 0)

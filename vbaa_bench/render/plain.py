@@ -23,10 +23,10 @@ class Plain:
     """
 
     def __init__(self, world: World, sampler: Sampler) -> None:
-        described = sensor_dict(world.camera, world.unit.render_from_antenna)
-        described["to_world"] = mi.ScalarTransform4f(described["to_world"])
+        sensor = sensor_dict(world.camera, world.unit.render_from_antenna)
+        sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
         self._world = world
-        self._sensor = mi.load_dict({**described, "sampler": {"type": sampler}})
+        self._sensor = mi.load_dict({**sensor, "sampler": {"type": sampler}})
 
     def radiance(self, samples: int, seed: int) -> Floats:
         """Render the radiance (height, width); for multijitter, choose a square of `samples`."""
@@ -48,5 +48,5 @@ def seconds_in_kernels(work: Callable[[], object]) -> float:
     dr.kernel_history_clear()
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         work()
-        launched = dr.kernel_history([dr.KernelType.JIT])
-    return 1e-3 * sum(float(kernel["execution_time"]) for kernel in launched)
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    return 1e-3 * sum(float(kernel["execution_time"]) for kernel in kernels)

@@ -26,10 +26,10 @@ def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[An
     material = si.bsdf()
     for emitter, shift in zip(scene.emitters(), shifts, strict=True):
         points = mi.UInt32(1 if _is_point(emitter) else LAMP_POINTS)
-        whole, first, lamp_point = _unhidden(emitter, si, material, shift, points, hit)
-        asked = hit & (first > 0)
-        hidden = asked & scene.ray_test(si.spawn_ray_to(lamp_point), asked)
-        radiance += whole - dr.select(hidden, first, 0)
+        unoccluded, first, lamp_point = _unoccluded(emitter, si, material, shift, points, hit)
+        tested = hit & (first > 0)
+        hidden = tested & scene.ray_test(si.spawn_ray_to(lamp_point), tested)
+        radiance += unoccluded - dr.select(hidden, first, 0)
     return radiance, si
 
 
@@ -42,8 +42,8 @@ def shadow(scene: Any, still: Any, si: Any, shifts: Sequence[Any], points: Any, 
     lost = mi.Float(0)
     material = si.bsdf()
     for emitter, shift in zip(scene.emitters(), shifts, strict=True):
-        asked = mi.UInt32(1) if _is_point(emitter) else points
-        lost += _lost(scene, still, emitter, si, material, shift, asked, active)
+        count = mi.UInt32(1) if _is_point(emitter) else points
+        lost += _occluded(scene, still, emitter, si, material, shift, count, active)
     return lost
 
 
@@ -62,21 +62,21 @@ def _from_point(
 
 
 @dr.syntax
-def _unhidden(
+def _unoccluded(
     emitter: Any, si: Any, material: Any, shift: Any, points: Any, active: Any
 ) -> tuple[Any, Any, Any]:
     """Average an emitter's unoccluded light; return it, the first point's light and position."""
-    first, place = _from_point(emitter, si, material, shift, mi.UInt32(0), points, active)
+    first, position = _from_point(emitter, si, material, shift, mi.UInt32(0), points, active)
     total, number = mi.Float(first), mi.UInt32(1)
     while number < points:
         light, _ = _from_point(emitter, si, material, shift, number, points, active)
         total += light
         number += 1
-    return total / mi.Float(points), first, place
+    return total / mi.Float(points), first, position
 
 
 @dr.syntax
-def _lost(
+def _occluded(
     scene: Any,
     still: Any,
     emitter: Any,
@@ -89,8 +89,8 @@ def _lost(
     """Average the light of an emitter's points that are occluded in `scene` but not in `still`."""
     total, number = mi.Float(0), mi.UInt32(0)
     while number < points:
-        light, place = _from_point(emitter, si, material, shift, number, points, active)
-        ray = si.spawn_ray_to(place)
+        light, position = _from_point(emitter, si, material, shift, number, points, active)
+        ray = si.spawn_ray_to(position)
         hidden = active & (light > 0)
         hidden &= scene.ray_test(ray, hidden)
         hidden &= ~still.ray_test(ray, hidden)

@@ -5,9 +5,9 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.materials import Texture
 
-# A texel is this share of the correlation length.
+# Size of a texel, as a fraction of the correlation length.
 TEXEL = 1 / 8
-LARGEST = 2048
+MAX_TEXELS = 2048
 
 
 def graded(places: Floats, near: float, far: float, azimuth: float, length: float) -> Texture:
@@ -15,9 +15,9 @@ def graded(places: Floats, near: float, far: float, azimuth: float, length: floa
 
     It extends over `length`, centred on the origin of `places` (n, 2), and is constant beyond.
     """
-    share = 0.5 + places @ np.array([np.cos(azimuth), np.sin(azimuth)]) / length
+    fraction = 0.5 + places @ np.array([np.cos(azimuth), np.sin(azimuth)]) / length
     # A bilinear texture is linear between the centres of two texels.
-    uv = np.column_stack([0.25 + 0.5 * share, np.full(len(places), 0.5)])
+    uv = np.column_stack([0.25 + 0.5 * fraction, np.full(len(places), 0.5)])
     return Texture(np.array([[near, far]]), uv)
 
 
@@ -37,8 +37,8 @@ def grown(
     its standard deviation over its mean. It is clipped at 1.
     """
     texels = np.array(correlation) * TEXEL
-    # The size is limited to LARGEST texels: the finest textures repeat sooner.
-    columns, rows = np.minimum(np.ceil(extent / texels), LARGEST).astype(int)
+    # The size is limited to MAX_TEXELS texels: the finest textures repeat sooner.
+    columns, rows = np.minimum(np.ceil(extent / texels), MAX_TEXELS).astype(int)
     # White noise is multiplied by the square root of the spectrum of exp(-r), which is
     # (1 + (2 pi f)^2)^(-3/2).
     fx, fy = np.fft.rfftfreq(columns, texels[0]), np.fft.fftfreq(rows, texels[1])

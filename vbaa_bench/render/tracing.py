@@ -29,7 +29,7 @@ Asked = Literal["whole", "still", "change"]
 
 @dataclass(frozen=True)
 class Traced:
-    """Radiance (n,) of pixels, its variance (n,) and the share (n,) of each that the beam covers.
+    """Radiance (n,) of pixels, its variance (n,), and the fraction (n,) that the beam covers.
 
     With two sets the variance has one degree of freedom.
     """
@@ -60,28 +60,28 @@ def trace(
         _wavefront(world, pixels[i : i + batch], set_size[i : i + batch], seed + i, asked, sets)
         for i in range(0, len(pixels), batch)
     ]
-    value, covered = np.concatenate(parts, axis=1) if parts else np.empty((2, 0, sets))
-    return Traced(value.mean(axis=1), value.var(axis=1, ddof=1) / sets, covered.mean(axis=1))
+    value, coverage = np.concatenate(parts, axis=1) if parts else np.empty((2, 0, sets))
+    return Traced(value.mean(axis=1), value.var(axis=1, ddof=1) / sets, coverage.mean(axis=1))
 
 
-def _films(world: World, pixels: np.ndarray, samples: int, seed: int, asked: Asked) -> Traced:
+def _films(world: World, pixels: np.ndarray, samples: int, seed: int, quantity: Asked) -> Traced:
     """Render whole images in Mitsuba: without wavefronts, single rays are slow from Python."""
     sets = np.zeros((SETS, world.camera.height, world.camera.width))
     for number in range(SETS):
-        each = mi.UInt32((seed + number) % 2**32)
-        if asked != "still":
-            sets[number] = np.asarray(mi.render(world.scene, spp=samples, seed=each))[:, :, 0]
-        if asked != "whole":
-            still = np.asarray(mi.render(world.still, spp=samples, seed=each))[:, :, 0]
-            sets[number] += still if asked == "still" else -still
-    chosen = sets[:, pixels[:, 1], pixels[:, 0]].T
+        set_seed = mi.UInt32((seed + number) % 2**32)
+        if quantity != "still":
+            sets[number] = np.asarray(mi.render(world.scene, spp=samples, seed=set_seed))[:, :, 0]
+        if quantity != "whole":
+            still = np.asarray(mi.render(world.still, spp=samples, seed=set_seed))[:, :, 0]
+            sets[number] += still if quantity == "still" else -still
+    values = sets[:, pixels[:, 1], pixels[:, 0]].T
     # Coverage is not measured.
-    covered = np.zeros(len(pixels))
-    return Traced(chosen.mean(axis=1), chosen.var(axis=1, ddof=1) / SETS, covered)
+    coverage = np.zeros(len(pixels))
+    return Traced(values.mean(axis=1), values.var(axis=1, ddof=1) / SETS, coverage)
 
 
 def _wavefront(
-    world: World, pixels: np.ndarray, set_size: np.ndarray, seed: int, asked: Asked, sets: int
+    world: World, pixels: np.ndarray, set_size: np.ndarray, seed: int, quantity: Asked, sets: int
 ) -> np.ndarray:
     """Estimate radiance and coverage (2, n, sets) of each set."""
     lanes = len(pixels) * sets
@@ -89,33 +89,33 @@ def _wavefront(
     sampler.seed(seed % 2**32, lanes)
     pixel = dr.arange(mi.UInt32, lanes) // sets
     column, row = (
-        dr.gather(mi.Float, mi.Float(places.astype(np.float32)), pixel) for places in pixels.T
+        dr.gather(mi.Float, mi.Float(axis.astype(np.float32)), pixel) for axis in pixels.T
     )
     count = dr.gather(mi.UInt32, mi.UInt32(set_size.astype(np.uint32)), pixel)
-    if asked == "change":
-        value, covered = _change(world, column, row, sampler, count)
+    if quantity == "change":
+        value, coverage = _change(world, column, row, sampler, count)
     else:
-        scene = world.still if asked == "still" else world.scene
-        value, covered = _mean(world, scene, column, row, sampler, count)
-    dr.eval(value, covered)
-    both = np.array([np.asarray(part, np.float64) for part in (value, covered)])
-    return both.reshape(2, -1, sets)
+        scene = world.still if quantity == "still" else world.scene
+        value, coverage = _mean(world, scene, column, row, sampler, count)
+    dr.eval(value, coverage)
+    estimates = np.array([np.asarray(values, np.float64) for values in (value, coverage)])
+    return estimates.reshape(2, -1, sets)
 
 
 @dr.syntax
 def _mean(
     world: World, scene: Any, column: Any, row: Any, sampler: Any, count: Any
 ) -> tuple[Any, Any]:
-    """Average radiance over `count` samples, and the share of samples that meet the beam."""
+    """Average radiance over `count` samples, and the fraction of samples that meet the beam."""
     shifts = _shifts(world, scene, sampler)
-    value, covered, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
+    value, coverage, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
     while number < count:
         u = lattice.point(shifts, number, count)
-        seen, beam = _sample(world, scene, column, row, sampler, u)
-        value += seen
-        covered += beam
+        radiance, beam = _sample(world, scene, column, row, sampler, u)
+        value += radiance
+        coverage += beam
         number += 1
-    return value / mi.Float(count), covered / mi.Float(count)
+    return value / mi.Float(count), coverage / mi.Float(count)
 
 
 def _shifts(world: World, scene: Any, sampler: Any) -> list[Any]:
@@ -129,8 +129,8 @@ def _sample(
     """Trace one sample per pixel: its radiance, and 1 where it meets the beam, else 0."""
     ray, lamps = world.optics.ray(column, row, u), u[world.optics.dimensions :]
     if world.bounces == 1:
-        seen, si = shaded(scene, ray, lamps, mi.Bool(True))
-        return seen, _cover(world, si)
+        radiance, si = shaded(scene, ray, lamps, mi.Bool(True))
+        return radiance, _cover(world, si)
     value, _, _ = world.integrator.sample(scene, sampler, mi.RayDifferential3f(ray))
     return value[0], _cover(world, scene.ray_intersect(ray))
 
@@ -144,12 +144,12 @@ def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tu
     shifts = _shifts(world, world.scene, sampler)
     ray, lamps = optics.ray(column, row, shifts), shifts[optics.dimensions :]
     si = world.scene.ray_intersect(ray)
-    other = world.moves(world.index_of(si))
-    stays = si.is_valid() & ~other
-    lost = shadow(world.scene, world.still, si, lamps, count, stays)
-    whole, _ = shaded(world.scene, ray, lamps, other)
-    without, _ = shaded(world.still, ray, lamps, other)
-    return dr.select(other, whole - without, -lost), _cover(world, si)
+    moving = world.moves(world.index_of(si))
+    static = si.is_valid() & ~moving
+    lost = shadow(world.scene, world.still, si, lamps, count, static)
+    full, _ = shaded(world.scene, ray, lamps, moving)
+    still, _ = shaded(world.still, ray, lamps, moving)
+    return dr.select(moving, full - still, -lost), _cover(world, si)
 
 
 def _cover(world: World, si: Any) -> Any:

@@ -55,16 +55,16 @@ def probe(variant: str) -> Probe:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Probe(variant, False, "gave no answer in 120 s")
+        return Probe(variant, False, "timed out after 120 s")
     lines = (child.stderr.strip() or child.stdout.strip()).splitlines()
     # A missing library causes all later messages.
     missing = [line for line in lines if "cannot open shared object file" in line]
-    said = (missing or lines[-1:] or [""])[0].strip()
-    answers = [line for line in child.stdout.splitlines() if line.startswith("probe ")]
-    if child.returncode != 0 or not answers:
-        return Probe(variant, False, f"{said} (exit status {child.returncode})")
-    answer = json.loads(answers[-1].removeprefix("probe "))
-    return Probe(variant, bool(answer["finite"]), f"mitsuba {answer['mitsuba']}")
+    message = (missing or lines[-1:] or [""])[0].strip()
+    results = [line for line in child.stdout.splitlines() if line.startswith("probe ")]
+    if child.returncode != 0 or not results:
+        return Probe(variant, False, f"{message} (exit status {child.returncode})")
+    result = json.loads(results[-1].removeprefix("probe "))
+    return Probe(variant, bool(result["finite"]), f"mitsuba {result['mitsuba']}")
 
 
 def activate(variant: str, threads: int) -> None:
@@ -91,10 +91,10 @@ def choose(asked: str | None = None) -> str:
     """
     if asked is not None and asked not in VARIANTS:
         raise InputError(f"variant '{asked}' is unknown, allowed is one of {', '.join(VARIANTS)}")
-    tried = []
+    failures = []
     for variant in [asked] if asked else [FAST, PLAIN]:
-        found = probe(variant)
-        if found.works:
+        result = probe(variant)
+        if result.works:
             return variant
-        tried.append(f"{variant} does not work here: {found.said}")
-    raise InputError(". ".join([*tried, ADVICE]))
+        failures.append(f"{variant} does not work here: {result.said}")
+    raise InputError(". ".join([*failures, ADVICE]))

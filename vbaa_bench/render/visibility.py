@@ -1,4 +1,4 @@
-"""Visible share of the beam in an image, from the beam's coverage of every pixel.
+"""Visible fraction of the beam in an image, from the beam's coverage of every pixel.
 
 A thin beam misses the centres of many pixels. The pixels along its centreline have nonzero
 coverage, unless something hides the beam there.
@@ -12,8 +12,8 @@ from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 
 # Number of equal segments of the length, and maximum spacing [px] of test points in a segment.
-_STRETCHES = 100
-_APART_PX = 0.5
+_SEGMENTS = 100
+_SPACING_PX = 0.5
 # Test points across the beam, in radii: an occluder that covers only the middle hides nothing.
 _ACROSS = (-0.5, 0.0, 0.5)
 
@@ -24,7 +24,7 @@ class Visibility:
 
     `visible_share` is relative to the whole length; `availability`, the paper's ratio AR (eq. 32),
     is relative to the part that is within the image; `hidden_stretches` (n, 2) holds start and end
-    of each hidden stretch as shares of the length.
+    of each hidden stretch as fractions of the length.
     """
 
     visible_share: float
@@ -41,28 +41,30 @@ def visibility(coverage: Floats, camera: Camera, centreline: Floats, radius: flo
     """
     scale = float(camera.pixels_per_metre(centreline[:, 1:]).max())
     length = float(centreline[-1, 0])
-    points = max(int(np.ceil(length * scale / _APART_PX / _STRETCHES)), 4)
-    s = (np.arange(_STRETCHES * points) + 0.5) / (_STRETCHES * points) * length
-    place = np.column_stack([np.interp(s, centreline[:, 0], axis) for axis in centreline[:, 1:].T])
-    middle = camera.project(place)
-    along = np.gradient(middle, axis=0)
+    points = max(int(np.ceil(length * scale / _SPACING_PX / _SEGMENTS)), 4)
+    s = (np.arange(_SEGMENTS * points) + 0.5) / (_SEGMENTS * points) * length
+    xyz = np.column_stack([np.interp(s, centreline[:, 0], axis) for axis in centreline[:, 1:].T])
+    pixels = camera.project(xyz)
+    along = np.gradient(pixels, axis=0)
     normal = np.column_stack([-along[:, 1], along[:, 0]])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    flanks = camera.pixels_per_metre(place)[:, None] * radius * normal
-    seen, inside = np.zeros((2, len(s)), np.bool_)
-    for share in _ACROSS:
-        here, covered = _looked_up(coverage, middle + share * flanks)
-        seen |= covered
-        inside |= here
-    visible, in_image = (flags.reshape(_STRETCHES, points).any(axis=1) for flags in (seen, inside))
+    half_widths = camera.pixels_per_metre(xyz)[:, None] * radius * normal
+    covered, inside = np.zeros((2, len(s)), np.bool_)
+    for offset in _ACROSS:
+        is_inside, is_covered = _look_up(coverage, pixels + offset * half_widths)
+        covered |= is_covered
+        inside |= is_inside
+    visible, in_image = (
+        flags.reshape(_SEGMENTS, points).any(axis=1) for flags in (covered, inside)
+    )
     hidden = in_image & ~visible
     steps = np.diff(np.concatenate([[0], hidden.astype(int), [0]]))
     stretches = np.column_stack([np.flatnonzero(steps > 0), np.flatnonzero(steps < 0)])
-    share_of_image = float(visible.sum() / max(np.count_nonzero(in_image), 1))
-    return Visibility(float(visible.mean()), share_of_image, stretches / _STRETCHES)
+    availability = float(visible.sum() / max(np.count_nonzero(in_image), 1))
+    return Visibility(float(visible.mean()), availability, stretches / _SEGMENTS)
 
 
-def _looked_up(coverage: Floats, pixels: Floats) -> tuple[Mask, Mask]:
+def _look_up(coverage: Floats, pixels: Floats) -> tuple[Mask, Mask]:
     """Test whether places (n, 2) [px] are in the image, and in a covered pixel."""
     height, width = coverage.shape
     column, row = np.rint(np.clip(pixels, -1e6, 1e6)).astype(int).T

@@ -106,9 +106,9 @@ class World:
         self.vertices = {name: np.asarray(s.mesh.vertices) for name, s in surfaces.items()}
         self._meshes = {name: _mesh(name, surface, unit) for name, surface in surfaces.items()}
         self.scene = self._scene(self._meshes)
-        standing = {name: s for name, s in surfaces.items() if name in still} | dict(sliding or {})
-        self._standing = {name: _mesh(name, surface, unit) for name, surface in standing.items()}
-        self.still = self._scene(self._standing)
+        fixed = {name: s for name, s in surfaces.items() if name in still} | dict(sliding or {})
+        self._still_meshes = {name: _mesh(name, surface, unit) for name, surface in fixed.items()}
+        self.still = self._scene(self._still_meshes)
         self.sensor = self.scene.sensors()[0]
         self.integrator = self.scene.integrator()
         axis = camera.camera_from_antenna[2, :3]
@@ -143,30 +143,30 @@ class World:
     @property
     def ground(self) -> float:
         """Height [m] of the lowest point of the still scene."""
-        lowest = [self.vertices[name][:, 2].min() for name in self._standing]
+        lowest = [self.vertices[name][:, 2].min() for name in self._still_meshes]
         return float(min(lowest, default=0.0))
 
     def index_of(self, si: Any, *, still: bool = False) -> Any:
         """Find the index (Dr.Jit, UInt32) of the surface met, in the full or the still scene."""
-        found = mi.UInt32(0)
-        meshes = self._standing if still else self._meshes
+        result = mi.UInt32(0)
+        meshes = self._still_meshes if still else self._meshes
         for index, name in enumerate(self.names, start=1):
             if name in meshes:
-                found = dr.select(si.shape == mi.ShapePtr(meshes[name]), index, found)
-        return found
+                result = dr.select(si.shape == mi.ShapePtr(meshes[name]), index, result)
+        return result
 
     def scalar_index(self, si: Any, *, still: bool = False) -> int:
         """Find the index of the surface met by a single interaction, on a scalar variant."""
-        meshes = self._standing if still else self._meshes
-        found = (i for i, n in enumerate(self.names, 1) if n in meshes and si.shape == meshes[n])
-        return next(found, 0) if si.is_valid() else 0
+        meshes = self._still_meshes if still else self._meshes
+        matches = (i for i, n in enumerate(self.names, 1) if n in meshes and si.shape == meshes[n])
+        return next(matches, 0) if si.is_valid() else 0
 
     def moves(self, index: Any) -> Any:
         """Test whether the surfaces of a Dr.Jit index move; sliding ones do not count."""
-        found = mi.Bool(False)
+        moving = mi.Bool(False)
         for name in self.moving - self.sliding:
-            found |= index == self.names.index(name) + 1
-        return found
+            moving |= index == self.names.index(name) + 1
+        return moving
 
     def bodies(self, names: Collection[str]) -> list[Floats]:
         """Return the vertices (n, 3) [m] of each piece of moving surfaces, for convex hulls."""
@@ -180,9 +180,7 @@ class World:
         """
         for name, new in vertices.items():
             if len(new) != len(self.vertices[name]):
-                raise ValueError(
-                    f"{name} has {len(self.vertices[name])} vertices, given were {len(new)}"
-                )
+                raise ValueError(f"{name} has {len(self.vertices[name])} vertices, got {len(new)}")
             if name in self.moving:
                 self.vertices[name] = new
                 self.parameters[f"{name}.vertex_positions"] = _flat(self.unit(new))

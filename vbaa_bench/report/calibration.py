@@ -11,8 +11,8 @@ from scipy.special import erf
 from vbaa_bench.report.figures import Chart, few_dots
 from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES, ScoredQuantity
 
-_SHOWN: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
-_MOST_SIGMAS = 4.0
+_LABELS: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
+_MAX_SIGMAS = 4.0
 _WIDTH, _HEIGHT = 300, 240
 
 
@@ -23,37 +23,41 @@ def _colour(scores: pl.DataFrame, colours: Mapping[str, str]) -> alt.Color:
 
 
 def calibrations(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart]:
-    """Plot the share of frames within n stated sigmas, for each quantity with stated sigmas.
+    """Plot the fraction of frames within n stated sigmas, for each quantity with stated sigmas.
 
-    The black line is the share for consistent Gaussian errors; above it sigmas are too large, below
-    it too small.
+    The black line is the fraction for consistent Gaussian errors; above it sigmas are too large,
+    below it too small.
     """
     stated = [
-        one for one in SCORED_QUANTITIES if one.name in _SHOWN and one.in_sigmas in scores.columns
+        quantity
+        for quantity in SCORED_QUANTITIES
+        if quantity.name in _LABELS and quantity.in_sigmas in scores.columns
     ]
     return [
-        _coverage(scores.drop_nulls(one.in_sigmas), one, colours)
-        for one in stated
-        if scores[one.in_sigmas].is_not_null().any()
+        _coverage(scores.drop_nulls(quantity.in_sigmas), quantity, colours)
+        for quantity in stated
+        if scores[quantity.in_sigmas].is_not_null().any()
     ]
 
 
-def _coverage(scores: pl.DataFrame, one: ScoredQuantity, colours: Mapping[str, str]) -> Chart:
-    at = np.linspace(0, _MOST_SIGMAS, 81)
+def _coverage(scores: pl.DataFrame, quantity: ScoredQuantity, colours: Mapping[str, str]) -> Chart:
+    grid = np.linspace(0, _MAX_SIGMAS, 81)
     curves = []
     for (name,), rows in scores.group_by("method", maintain_order=True):
-        size = np.sort(np.abs(rows[one.in_sigmas].to_numpy()))
-        share = np.searchsorted(size, at, side="right") / len(size)
-        curves.append(pl.DataFrame({"method": [str(name)] * len(at), "sigmas": at, "share": share}))
-    honest = pl.DataFrame({"sigmas": at, "share": erf(at / np.sqrt(2))})
+        size = np.sort(np.abs(rows[quantity.in_sigmas].to_numpy()))
+        fraction = np.searchsorted(size, grid, side="right") / len(size)
+        curves.append(
+            pl.DataFrame({"method": [str(name)] * len(grid), "sigmas": grid, "share": fraction})
+        )
+    expected = pl.DataFrame({"sigmas": grid, "share": erf(grid / np.sqrt(2))})
     x = alt.X("sigmas:Q", title="stated sigmas")
-    y = alt.Y("share:Q", title="share of frames within").scale(domain=[0, 1])
+    y = alt.Y("share:Q", title="fraction of frames within").scale(domain=[0, 1])
     return alt.layer(
-        alt.Chart(honest).mark_line(color="black", strokeWidth=1.2).encode(x=x, y=y),
+        alt.Chart(expected).mark_line(color="black", strokeWidth=1.2).encode(x=x, y=y),
         alt.Chart(pl.concat(curves))
         .mark_line(strokeWidth=1.8)
         .encode(x=x, y=y, color=_colour(scores, colours)),
-    ).properties(width=_WIDTH, height=_HEIGHT, title=f"Stated errors of {_SHOWN[one.name]}")
+    ).properties(width=_WIDTH, height=_HEIGHT, title=f"Stated errors of {_LABELS[quantity.name]}")
 
 
 def further_errors(scores: pl.DataFrame, colours: Mapping[str, str]) -> list[Chart]:

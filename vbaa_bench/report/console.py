@@ -22,7 +22,7 @@ console = Console(stderr=True, highlight=False)
 
 
 def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
-    """Print a record as one JSON object, or the sentence that states it."""
+    """Print a record as one JSON object, or the sentence that describes it."""
     if as_json:
         print(json.dumps(record))
     else:
@@ -48,7 +48,7 @@ def progress_bars(*, shown: bool = True) -> Progress:
 
 
 def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table whose first column holds names, never cut to the width of the terminal."""
+    """Print a table, never cut to the width of the terminal; its first column holds names."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     lines = list(rows)
     widths = []
@@ -67,8 +67,8 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
     # Rich would cut a table wider than the terminal, or than 80 columns in a pipe. The box takes
     # one column on either side; padding and a divider take one each beside every table column.
     needed = sum(widths) + 2 * len(widths) + 2
-    shown = Console()
-    Console(width=max(shown.width, needed)).print(table)
+    terminal = Console()
+    Console(width=max(terminal.width, needed)).print(table)
 
 
 def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
@@ -76,19 +76,19 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
     if as_json:
         say(record, "", True)
         return
-    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "unanswered as L/2")
+    heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "failures as L/2")
     rows = []
-    for name, found in summary["methods"].items():
+    for name, values in summary["methods"].items():
         numbers = (
-            found["x_c_median_abs_pct_L"],
-            found["x_c_rmse_pct_L"],
-            found["x_c_rmse_all_pct_L"],
-            found["force_rmse_pct"],
-            100 * found["failure_rate"],
-            found["ms_per_frame_median"],
+            values["x_c_median_abs_pct_L"],
+            values["x_c_rmse_pct_L"],
+            values["x_c_rmse_all_pct_L"],
+            values["force_rmse_pct"],
+            100 * values["failure_rate"],
+            values["ms_per_frame_median"],
         )
-        shown = ("–" if value is None else f"{value:.3g}" for value in numbers)
-        rows.append((name, *shown, str(found["n"])))
+        cells = ("–" if value is None else f"{value:.3g}" for value in numbers)
+        rows.append((name, *cells, str(values["n"])))
     show_table("scores", (*heads, "force RMSE, %", "failed, %", "ms / frame", "n"), rows)
 
 
@@ -100,8 +100,8 @@ def outcomes(table: Path) -> str:
     from vbaa_bench.scoring.metrics import read_predictions
 
     rows = read_predictions(table).group_by("outcome").agg(pl.len(), pl.col("message").first())
-    said = [
+    parts = [
         f"{count} {outcome}" + ("" if outcome == Outcome.CONTACT else f" ({message})")
         for outcome, count, message in rows.sort("len", descending=True).iter_rows()
     ]
-    return ", ".join(said)
+    return ", ".join(parts)

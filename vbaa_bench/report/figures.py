@@ -16,7 +16,7 @@ _PUSH = alt.Color("push:N", title="pushed to", sort=None).legend(orient="bottom"
 _WIDTH, _HEIGHT = 430, 300
 # Distance between the centres of labels, for letters 12 px high.
 LABEL_GAP_PX = 16
-MOST_PUSHES, CLASSES = 12, 6
+MAX_PUSHES, DEFLECTION_CLASSES = 12, 6
 # Chosen: a chart of this many dots takes 0.36 MB of the page; more of them overlap.
 MOST_DOTS = 1000
 
@@ -29,12 +29,12 @@ def few_dots(rows: pl.DataFrame) -> pl.DataFrame:
 
 
 def few_pushes(scores: pl.DataFrame) -> pl.DataFrame:
-    """Relabel pushes by equal classes of deflection if there are more than MOST_PUSHES."""
-    if scores["push"].n_unique() <= MOST_PUSHES:
+    """Relabel pushes by equal classes of deflection if there are more than MAX_PUSHES."""
+    if scores["push"].n_unique() <= MAX_PUSHES:
         return scores
-    width = float(np.ptp(scores["deflection_pct"].to_numpy())) / CLASSES or 1.0
-    place = (pl.col("deflection_pct") / width).floor()
-    label = pl.format("{} – {} %", (place * width).round(1), ((place + 1) * width).round(1))
+    width = float(np.ptp(scores["deflection_pct"].to_numpy())) / DEFLECTION_CLASSES or 1.0
+    index = (pl.col("deflection_pct") / width).floor()
+    label = pl.format("{} – {} %", (index * width).round(1), ((index + 1) * width).round(1))
     return scores.with_columns(push=label)
 
 
@@ -42,8 +42,8 @@ def is_fig8(scores: pl.DataFrame) -> bool:
     """Return whether scores are of one rigid, upright object at few pushes, as in Fig. 8."""
     one_object = scores["normal_deg"].n_unique() == 1 and scores["k_s_n_m"].is_null().all()
     upright = one_object and scores["normal_deg"][0] == 0
-    touched = scores["true_x_c_mm"].is_not_null().all()
-    return bool(upright and touched and scores["push"].n_unique() <= MOST_PUSHES)
+    all_contacts = scores["true_x_c_mm"].is_not_null().all()
+    return bool(upright and all_contacts and scores["push"].n_unique() <= MAX_PUSHES)
 
 
 def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
@@ -52,12 +52,12 @@ def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
     `colours` maps each method to its CSS colour. Labels are in a column beside the plot.
     """
     rows = []
-    for name, found in summary["methods"].items():
-        time, error = found["ms_per_frame_median"], found["x_c_median_abs_pct_L"]
-        if not time or not error:  # a user's predictions may lack times; exact ones have error 0
+    for name, values in summary["methods"].items():
+        time, error = values["ms_per_frame_median"], values["x_c_median_abs_pct_L"]
+        if not time or not error:  # predictions of a user may lack times; exact ones have error 0
             continue
-        times = found["ms_per_frame_median_95"] or [time, time]
-        errors = found["x_c_median_abs_pct_L_95"] or [error, error]
+        times = values["ms_per_frame_median_95"] or [time, time]
+        errors = values["x_c_median_abs_pct_L_95"] or [error, error]
         label = f"{name}: {error:.2g} % in {time:.2g} ms"
         rows.append(
             {
@@ -74,9 +74,9 @@ def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
     span_x = _decades([r["ms"] for r in rows], 3)
     span_y = _decades([r["error"] for r in rows], 3)
     per_px = np.log(span_y[1] / span_y[0]) / _HEIGHT
-    places = np.exp(spread(np.log([r["error"] for r in rows]), LABEL_GAP_PX * per_px))
-    for row, place in zip(rows, places, strict=True):
-        row["label_at"] = float(place)
+    label_positions = np.exp(spread(np.log([r["error"] for r in rows]), LABEL_GAP_PX * per_px))
+    for row, position in zip(rows, label_positions, strict=True):
+        row["label_at"] = float(position)
         row["label_from"] = span_x[1]
     texts = ("method", "label")
     numbers = ("ms", "ms_low", "ms_high", "label_from", "error", "error_low", "error_high")
@@ -192,8 +192,8 @@ def _answered(scores: pl.DataFrame, method: str) -> pl.DataFrame:
     )
 
 
-def _decades(values: list[float], room: float) -> list[float]:
-    """Choose the range of a logarithmic axis; `room` is the factor above the largest value."""
+def _decades(values: list[float], headroom: float) -> list[float]:
+    """Choose the range of a logarithmic axis; `headroom` is the factor above the largest value."""
     if not values:
         return [0.1, 10.0]
-    return [min(values) / 3, max(values) * room]
+    return [min(values) / 3, max(values) * headroom]

@@ -101,8 +101,8 @@ def colour_name(colour: tuple[int, int, int]) -> str:
 def _contacts(view: "_View", overlay: Overlay, colours: Colours, radius_px: float) -> None:
     if overlay.contact is not None:
         view.cross(overlay.contact, TRUTH, radius_px)
-    for name, at in overlay.estimates.items():
-        view.ring(at, colours[name], radius_px)
+    for name, position in overlay.estimates.items():
+        view.ring(position, colours[name], radius_px)
 
 
 def _rejected(view: "_View", overlay: Overlay, radius_px: float) -> None:
@@ -125,8 +125,8 @@ class _View:
         (left, top), (width, height) = corner, size
         part = image[top : top + height, left : left + width]
         # Gamma of a display: linear sensor values appear too dark on a screen.
-        shown = np.rint(255 * (part / 255.0) ** (1 / 2.2)).astype(np.uint8)
-        large = cv2.resize(shown, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+        display = np.rint(255 * (part / 255.0) ** (1 / 2.2)).astype(np.uint8)
+        large = cv2.resize(display, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
         self.canvas = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
         self._corner, self._scale = np.array(corner), scale
 

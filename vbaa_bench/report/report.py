@@ -19,7 +19,7 @@ from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
 from vbaa_bench.scoring.score import read_scores
 
-MOST_FAILURES = 100
+MAX_FAILURES = 100
 GALLERY_FRAMES = 6
 
 
@@ -70,12 +70,12 @@ def report(results: Results) -> Path:
         legend=css.items(),
         gallery=[
             {
-                "title": seen.title,
-                "frame_id": seen.frame_id,
-                "strip": gallery.webp_uri(gallery.strip(seen, colours)),
-                "close_up": gallery.webp_uri(gallery.close_up(seen, colours)),
+                "title": frame.title,
+                "frame_id": frame.frame_id,
+                "strip": gallery.webp_uri(gallery.strip(frame, colours)),
+                "close_up": gallery.webp_uri(gallery.close_up(frame, colours)),
             }
-            for seen in overlays
+            for frame in overlays
         ],
         **_failures(scores),
         environment={**summary["machine"], **summary["versions"]},
@@ -85,8 +85,8 @@ def report(results: Results) -> Path:
         results.report.mkdir(parents=True, exist_ok=True)
         write_text(target, page)
         write_bytes(results.report / "speed_against_error.png", _png(speed))
-        _, picture = cv2.imencode(".png", _picture(overlays[-1], colours))
-        write_bytes(results.report / "overlay.png", bytes(picture))
+        _, png = cv2.imencode(".png", _readme_image(overlays[-1], colours))
+        write_bytes(results.report / "overlay.png", bytes(png))
     except OSError as error:
         raise InputError(f"{results.report}: cannot be written ({error.strerror})") from error
     return target
@@ -96,22 +96,22 @@ def _chosen_frames(truth: Truth) -> list[str]:
     """Choose frames spread over deflection and contact distance, the most bent one last."""
     ordered = truth.frames.sort(pl.col("deflection_pct").round(1), "x_c_mm")["frame_id"]
     count = min(GALLERY_FRAMES, len(ordered))
-    return [ordered[int(place)] for place in np.linspace(0, len(ordered) - 1, count)]
+    return [ordered[int(position)] for position in np.linspace(0, len(ordered) - 1, count)]
 
 
 def _failures(scores: pl.DataFrame) -> dict[str, Any]:
     failed = scores.filter("failed").sort("method", "frame_id")
     columns = ["method", "frame_id", "true_x_c_mm", "deflection_pct", "outcome", "message"]
-    rows = failed.select(columns).head(MOST_FAILURES).to_dicts()
-    return {"failures": rows, "more_failures": max(failed.height - MOST_FAILURES, 0)}
+    rows = failed.select(columns).head(MAX_FAILURES).to_dicts()
+    return {"failures": rows, "more_failures": max(failed.height - MAX_FAILURES, 0)}
 
 
-def _picture(seen: Overlay, colours: gallery.Colours) -> np.ndarray:
+def _readme_image(frame: Overlay, colours: gallery.Colours) -> np.ndarray:
     """Draw the frame and its enlarged contact side by side, for the README."""
-    wide, near = gallery.strip(seen, colours), gallery.close_up(seen, colours, scale=6)
-    height = max(len(wide), len(near))
+    strip, close_up = gallery.strip(frame, colours), gallery.close_up(frame, colours, scale=6)
+    height = max(len(strip), len(close_up))
     canvases = []
-    for canvas in (wide, near):
+    for canvas in (strip, close_up):
         padded = np.full((height, canvas.shape[1], 3), 255, np.uint8)
         padded[: len(canvas)] = canvas
         canvases.append(padded)
@@ -125,9 +125,11 @@ def _template() -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["g"] = lambda value: "–" if value is None else f"{value:.3g}"
-    environment.filters["percent"] = lambda share: "–" if share is None else f"{100 * share:.3g}"
+    environment.filters["percent"] = lambda fraction: (
+        "–" if fraction is None else f"{100 * fraction:.3g}"
+    )
     environment.filters["has"] = lambda methods, key: any(
-        found.get(key) is not None for found in methods.values()
+        values.get(key) is not None for values in methods.values()
     )
     environment.filters["span"] = lambda pair: (
         "–" if pair is None else f"{pair[0]:.3g} … {pair[1]:.3g}"

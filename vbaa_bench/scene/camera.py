@@ -11,7 +11,7 @@ from vbaa_bench.scene.part import Part, Positive, Triple
 
 
 class CameraSpec(Part):
-    """Camera above plane C, with a roll and a look-at off the beam's axis as in any mount.
+    """Camera above plane C; by default with a roll and a look-at off the beam's axis.
 
     It is fixed to the antenna or to the world. In the world its pose is that in Sigma_a at motor
     angle zero, and no encoder reads the motor's angle (section III-A). A telecentric lens has a
@@ -28,38 +28,38 @@ class CameraSpec(Part):
     distortion: tuple[float, ...] = ()
     position_mm: Triple = (120.0, 18.0, 360.0)
     look_at_mm: Triple = (120.6, 20.0, 0.0)
-    # A board is read the right way up within this range.
+    # Within this range the board's orientation is detected correctly.
     roll_deg: Annotated[float, Field(ge=-45, le=45)] = 0.6
     # Whether the whole beam must be in view; a short one may leave the image.
     tip_in_view: bool = True
 
     @model_validator(mode="after")
-    def _one_scale(self) -> "CameraSpec":
+    def _check_magnification(self) -> "CameraSpec":
         if (self.projection == "telecentric") != (self.magnification_px_per_mm is not None):
-            raise ValueError("magnification_px_per_mm is for a telecentric camera, which needs it")
+            raise ValueError("magnification_px_per_mm must be given for a telecentric camera only")
         return self
 
     @model_validator(mode="after")
-    def _a_lens_that_can_be_undone(self) -> "CameraSpec":
+    def _check_distortion(self) -> "CameraSpec":
         count = len(self.distortion)
         if count not in COUNTS:
             raise ValueError(f"distortion holds {count} numbers, allowed are 0, 5 or 8")
         if count and self.projection == "telecentric":
             raise ValueError("distortion is for a perspective camera, a telecentric one has none")
-        if not one_to_one(self._rim(), self.distortion):
+        if not one_to_one(self._border_points(), self.distortion):
             raise ValueError(
-                f"distortion {list(self.distortion)} shows different points at one place of the "
-                "image, allowed is one-to-one"
+                f"distortion {list(self.distortion)} maps different points to the same pixel, "
+                "allowed is a one-to-one mapping"
             )
         return self
 
-    def _rim(self) -> np.ndarray:
-        """Compute points (n, 2) a little beyond the image's rim, over the focal length."""
+    def _border_points(self) -> np.ndarray:
+        """Compute points (n, 2) slightly outside the image's border, over the focal length."""
         half = 0.55 * np.array([self.width_px, self.height_px])
-        along = np.linspace(-1, 1, 33)[:, None]
-        sides = [np.hstack([along, np.full_like(along, end)]) for end in (-1.0, 1.0)]
-        rim = np.vstack([*sides, *(side[:, ::-1] for side in sides)]) * half
-        return np.asarray((rim - self.principal_point_offset_px) / self.focal_length_px)
+        fractions = np.linspace(-1, 1, 33)[:, None]
+        sides = [np.hstack([fractions, np.full_like(fractions, end)]) for end in (-1.0, 1.0)]
+        border = np.vstack([*sides, *(side[:, ::-1] for side in sides)]) * half
+        return np.asarray((border - self.principal_point_offset_px) / self.focal_length_px)
 
 
 class CalibrationSpec(Part):
@@ -81,9 +81,9 @@ class CalibrationSpec(Part):
     tilt_deg: Annotated[float, Field(gt=0, le=45)] = 25
 
     @model_validator(mode="after")
-    def _can_be_printed(self) -> "CalibrationSpec":
+    def _check_target(self) -> "CalibrationSpec":
         if (self.target == "lines") != (self.line_width_mm is not None):
-            raise ValueError("line_width_mm is for a target of lines, which needs it")
+            raise ValueError("line_width_mm must be given for the target lines only")
         if self.target == "chessboard" and self.columns % 2 == self.rows % 2:
             raise ValueError(
                 f"columns {self.columns} and rows {self.rows}: one must be even and one odd, "

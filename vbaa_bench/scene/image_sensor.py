@@ -67,21 +67,21 @@ class SensorSpec(Part):
         return float(self.full_scale * (self.beam_peak_pct * PERCENT) ** self.gamma)
 
     @model_validator(mode="after")
-    def _ideal_has_no_flaws(self) -> "SensorSpec":
-        flaws = [
+    def _check_ideal(self) -> "SensorSpec":
+        forbidden = [
             name
             for name, field in type(self).model_fields.items()
             if name not in ("kind", *_IDEAL) and getattr(self, name) != field.default
         ]
-        if self.kind == "ideal" and flaws:
+        if self.kind == "ideal" and forbidden:
             raise ValueError(
-                f"kind is ideal and {', '.join(flaws)} given, allowed beside it are "
+                f"kind is ideal and {', '.join(forbidden)} given, allowed with it are "
                 f"{', '.join(_IDEAL)}"
             )
         return self
 
     @model_validator(mode="after")
-    def _beam_between_black_and_full(self) -> "SensorSpec":
+    def _check_signal_range(self) -> "SensorSpec":
         black, peak = self.black_level_gray, self._linear_peak
         if not black < peak:
             raise ValueError(
@@ -102,7 +102,7 @@ class SensorSpec(Part):
         return self
 
     @model_validator(mode="after")
-    def _beam_above_the_noise(self) -> "SensorSpec":
+    def _check_noise(self) -> "SensorSpec":
         for name in ("read_noise_e", "dsnu_e"):
             if getattr(self, name) >= self.full_well_e:
                 raise ValueError(

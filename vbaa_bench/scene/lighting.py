@@ -50,7 +50,7 @@ class RingSpec(_LampSpec):
     outer_radius_mm: Positive = 60
 
     @model_validator(mode="after")
-    def _inner_first(self) -> "RingSpec":
+    def _check_radii(self) -> "RingSpec":
         if self.inner_radius_mm >= self.outer_radius_mm:
             raise ValueError(
                 f"inner_radius_mm is {self.inner_radius_mm:g}, allowed is less than "
@@ -84,7 +84,7 @@ class StripeSpec(_LampSpec):
     edge_width_mm: Positive = 4
 
     @model_validator(mode="after")
-    def _a_slide_that_can_be_drawn(self) -> "StripeSpec":
+    def _check_edge_width(self) -> "StripeSpec":
         if self.edge_width_mm < self.width_mm / 200:
             raise ValueError(
                 f"edge_width_mm is {self.edge_width_mm:g}, allowed is >= 1/200 of width_mm, "

@@ -1,4 +1,4 @@
-"""Load a scene from YAML 1.2. All mistakes in the file are listed at once, with their places."""
+"""Load a scene from YAML 1.2. All mistakes in the file are listed, with line and column."""
 
 import difflib
 import io
@@ -21,11 +21,11 @@ Key = str | int
 
 # Chosen: shipped scenes are up to 3 kB and four levels deep and have 100 values. A file of the
 # largest size takes two seconds to parse.
-LARGEST_FILE: Final = 100_000
-DEEPEST: Final = 20
-MOST_VALUES: Final = 10_000
+MAX_FILE_BYTES: Final = 100_000
+MAX_DEPTH: Final = 20
+MAX_VALUES: Final = 10_000
 # Chosen: the length of a list of mistakes that a terminal shows.
-MOST_MISTAKES: Final = 20
+MAX_MISTAKES: Final = 20
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class SceneFile:
 
     def complaint(self, key: Sequence[Key], sentence: str) -> str:
         """Return `file:line:column: key: sentence` for `key`, or for the nearest key above it."""
-        return _complaint(self.path, self._document, key, sentence)
+        return _located_message(self.path, self._document, key, sentence)
 
 
 def load_scene(path: Path | str, seed: int | None = None) -> SceneFile:
@@ -69,10 +69,10 @@ def _as_document(value: Any) -> Any:
     return value
 
 
-def _checked(path: Path, document: CommentedMap, replaced: Mapping[str, Any]) -> SceneFile:
-    plain = _Plain(path).of(document) | replaced
+def _checked(path: Path, document: CommentedMap, overrides: Mapping[str, Any]) -> SceneFile:
+    values = _Plain(path).of(document) | overrides
     try:
-        scene = Scene.model_validate(plain)
+        scene = Scene.model_validate(values)
     except ValidationError as error:
         raise InputError("\n".join(_mistakes(path, document, error))) from error
     return SceneFile(path, scene, document)
@@ -82,11 +82,11 @@ def _text(path: Path) -> str:
     try:
         # A pipe or a device may never end; a folder raises its own error.
         if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError(f"{path}: cannot be read (it is no file)")
+            raise InputError(f"{path}: cannot be read (it is not a file)")
         with path.open("rb") as stream:
-            data = stream.read(LARGEST_FILE + 1)
-        if len(data) > LARGEST_FILE:
-            raise InputError(f"{path}: is too large, allowed are {LARGEST_FILE:,} bytes")
+            data = stream.read(MAX_FILE_BYTES + 1)
+        if len(data) > MAX_FILE_BYTES:
+            raise InputError(f"{path}: is too large, allowed are {MAX_FILE_BYTES:,} bytes")
         return data.decode("utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
@@ -102,7 +102,7 @@ def _document(path: Path, text: str) -> Any:
         for event in YAML(typ="rt").parse(io.StringIO(text)):
             depth += isinstance(event, CollectionStartEvent)
             depth -= isinstance(event, CollectionEndEvent)
-            if depth > DEEPEST:
+            if depth > MAX_DEPTH:
                 raise _too_deep(path, event.start_mark.line)
         return YAML(typ="rt").load(io.StringIO(text))
     except MarkedYAMLError as error:
@@ -114,45 +114,49 @@ def _document(path: Path, text: str) -> Any:
     except InputError:
         raise
     except Exception as error:  # odd tags, keys and numbers raise errors of any type
-        raise InputError(
-            f"{path}: is not YAML that a scene can hold ({cut(str(error))})"
-        ) from error
+        raise InputError(f"{path}: is not valid YAML for a scene ({cut(str(error))})") from error
 
 
 def _too_deep(path: Path, line: int = 0) -> InputError:
-    return InputError(f"{path}:{line + 1}:1: is nested too deeply, allowed are {DEEPEST} levels")
+    return InputError(f"{path}:{line + 1}:1: is nested too deeply, allowed are {MAX_DEPTH} levels")
 
 
 def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
-    found: dict[tuple[Key, ...], list[str]] = {}
+    sentences_by_key: dict[tuple[Key, ...], list[str]] = {}
     for mistake in error.errors():
         key, sentence = _mistake(document, mistake)
-        sentences = found.setdefault(key, [])
-        # A value that may be of two types is wrong as either.
-        either = sentences and sentence.rpartition(", allowed is ")
-        sentences.append(either[2] if either else sentence)
-    # The mistake of a list is only that of one of its values.
-    own = [key for key in found if not any(key == other[: len(key)] != other for other in found)]
-    lines = [_complaint(path, document, key, " or ".join(found[key])) for key in own]
-    if len(lines) > MOST_MISTAKES:
-        more = f"{path}: and {len(lines) - MOST_MISTAKES} more mistakes"
-        return [*lines[:MOST_MISTAKES], more]
+        sentences = sentences_by_key.setdefault(key, [])
+        # A value with two allowed types has an error for each.
+        alternative = sentences and sentence.rpartition(", allowed is ")
+        sentences.append(alternative[2] if alternative else sentence)
+    # A list whose values have errors is not reported itself.
+    keys = [
+        key
+        for key in sentences_by_key
+        if not any(key == longer_key[: len(key)] != longer_key for longer_key in sentences_by_key)
+    ]
+    lines = [
+        _located_message(path, document, key, " or ".join(sentences_by_key[key])) for key in keys
+    ]
+    if len(lines) > MAX_MISTAKES:
+        rest = f"{path}: and {len(lines) - MAX_MISTAKES} more mistakes"
+        return [*lines[:MAX_MISTAKES], rest]
     return lines
 
 
 def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
     """Return the key of one of pydantic's errors, as in the file, and a sentence."""
     kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
-    key = _written(document, mistake["loc"], missing=kind == "missing")
+    key = _key_in_file(document, mistake["loc"], missing=kind == "missing")
     match kind:
         case "missing":
             return key, "is missing"
         case "extra_forbidden":
             return key, f"is an unknown key; {_hint(key, mistake['loc'])}"
         case "union_tag_invalid" | "union_tag_not_found":
-            wrong = "missing" if kind == "union_tag_not_found" else shown(value["kind"])
+            state = "missing" if kind == "union_tag_not_found" else shown(value["kind"])
             allowed = ", ".join(map(_kind, _models(mistake["loc"])))
-            return (*key, "kind"), f"is {wrong}, allowed is one of {allowed}"
+            return (*key, "kind"), f"is {state}, allowed is one of {allowed}"
         case "value_error":
             return key, str(context["error"])
         case "literal_error":
@@ -165,29 +169,29 @@ def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
             allowed = f"a list of at most {context['max_length']}"
         case _:
             allowed = mistake["msg"].removeprefix("Input should be ").replace("a valid", "a")
-    written = list(value) if isinstance(value, tuple) else value
-    return key, f"is {shown(written)}, allowed is {allowed}"
+    plain_value = list(value) if isinstance(value, tuple) else value
+    return key, f"is {shown(plain_value)}, allowed is {allowed}"
 
 
 def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
-    """Name the key that an unknown one stands for, or list those of its section."""
+    """Suggest the key that is meant by an unknown one, or list those of its section."""
     name = str(key[-1])
     section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
     if renamed := new_key(section, name):
         return f"it is now called {renamed}"
     known = list(_models(location[:-1])[0].model_fields)
-    near = difflib.get_close_matches(cut(name), known, n=1, cutoff=0.7)
-    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    similar = difflib.get_close_matches(cut(name), known, n=1, cutoff=0.7)
+    return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
 
 
-def _written(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
+def _key_in_file(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
     """Return the key as in the file, without the model's own intermediate steps."""
     key: list[Key] = []
     node = document
     for number, part in enumerate(location):
-        held = isinstance(node, CommentedMap) and part in node
-        counted = isinstance(node, CommentedSeq) and isinstance(part, int) and part < len(node)
-        if held or counted:
+        is_key = isinstance(node, CommentedMap) and part in node
+        is_index = isinstance(node, CommentedSeq) and isinstance(part, int) and part < len(node)
+        if is_key or is_index:
             key.append(part)
             node = node[part]
         elif missing and number == len(location) - 1:
@@ -201,8 +205,8 @@ def _models(location: Sequence[Key]) -> list[type[BaseModel]]:
     for part in location:
         if isinstance(part, int):
             continue
-        named = [m for m in models if len(models) > 1 and _kind(m) == part]
-        models = named or _sections(models[0].model_fields[part].annotation)
+        matching = [m for m in models if len(models) > 1 and _kind(m) == part]
+        models = matching or _sections(models[0].model_fields[part].annotation)
     return models
 
 
@@ -217,7 +221,7 @@ def _sections(annotation: Any) -> list[type[BaseModel]]:
     return [model for option in get_args(annotation) for model in _sections(option)]
 
 
-def _complaint(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:
+def _located_message(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:
     line, column = 0, 0
     node = document
     for part in key:
@@ -251,9 +255,9 @@ class _Plain:
     def of(self, node: Any, depth: int = 1) -> Any:
         """Convert a part of the document, `depth` levels down."""
         self._values += 1
-        if self._values > MOST_VALUES:
-            raise InputError(f"{self._path}: holds too many values, allowed are {MOST_VALUES:,}")
-        if depth > DEEPEST:  # an alias within itself
+        if self._values > MAX_VALUES:
+            raise InputError(f"{self._path}: holds too many values, allowed are {MAX_VALUES:,}")
+        if depth > MAX_DEPTH:  # an alias within itself
             raise _too_deep(self._path)
         if isinstance(node, CommentedMap):
             return {key: self.of(value, depth + 1) for key, value in node.items()}
@@ -261,7 +265,7 @@ class _Plain:
             return tuple(self.of(value, depth + 1) for value in node)
         if isinstance(node, bool) or node is None:
             return node
-        for plain in (int, float, str):
-            if isinstance(node, plain):
-                return plain(node)
+        for plain_type in (int, float, str):
+            if isinstance(node, plain_type):
+                return plain_type(node)
         return node

@@ -1,7 +1,7 @@
 """Objects that the beam is pushed against, and occluders that hide it from the camera.
 
-An object is fixed in the world but for its drift. It yields along its own normal with the
-stiffness in `pushes.stiffness_n_m`, and drags along the beam where it has friction.
+An object is fixed in the world except for its drift. It yields along its own normal with the
+stiffness in `pushes.stiffness_n_m`, and friction acts along the beam.
 """
 
 from typing import Annotated, Literal
@@ -143,10 +143,10 @@ class SecondPegSpec(PaintedPart):
 class OcclusionSpec(PaintedPart):
     """Occlusions of the beam: every frame is repeated for every kind, place and availability.
 
-    Availability is the paper's AR (eq. 32): the share of the beam's length that stays visible.
-    The hidden stretch begins at the clamp, is about the contact or the middle, or ends at the
-    tip. `removed` hides nothing in the image, but makes the solver leave that stretch out, as in
-    the paper; the others are bodies between beam and camera.
+    Availability is the paper's AR (eq. 32): the visible fraction of the beam's length.
+    The hidden segment begins at the clamp, is about the contact or the middle, or ends at the
+    tip. `removed` hides nothing in the image; the solver ignores that segment instead, as in the
+    paper. The others are bodies between beam and camera.
     """
 
     kind: Annotated[tuple[Literal["removed", "sheet", "bars", "leaves"], ...], Field(min_length=1)]
@@ -162,7 +162,7 @@ class OcclusionSpec(PaintedPart):
     count: Annotated[int, Field(ge=1, le=200)] = 6
 
     @model_validator(mode="after")
-    def _one_body(self) -> "OcclusionSpec":
+    def _check_bodies(self) -> "OcclusionSpec":
         bodies = set(self.kind) - {"removed"}
         if len(bodies) > 1:
             raise ValueError(

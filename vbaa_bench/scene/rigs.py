@@ -1,4 +1,4 @@
-"""The nominal rig, as the laboratory states it, and the true rig."""
+"""The nominal rig, as in the datasheet, and the true rig."""
 
 import math
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ class TrueRig:
 
 
 def nominal_rig(scene: Scene) -> Rig:
-    """Return the datasheet of a scene's rig, with the tolerances it states."""
-    beam, claimed, card = scene.beam, scene.tolerances, scene.calibration
+    """Return the nominal rig of a scene, with its tolerances."""
+    beam, tolerances, target = scene.beam, scene.tolerances, scene.calibration
     moment, force = scene.moment_sensor, scene.force_sensor
     diameter, modulus = beam.diameter_mm * MILLIMETRE, beam.youngs_modulus_gpa * 1e9
     # Rigidity of bending along the section's thickness.
@@ -39,16 +39,16 @@ def nominal_rig(scene: Scene) -> Rig:
     return Rig(
         beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
         base_position=np.zeros(3),
-        board=_board(card),
-        antenna_from_board=rigid(np.zeros(3), np.array([*card.center_mm, 0.0]) * MILLIMETRE),
+        board=_board(target),
+        antenna_from_board=rigid(np.zeros(3), np.array([*target.center_mm, 0.0]) * MILLIMETRE),
         deflects_towards=1,
         tolerances=Tolerances(
-            beam_length=claimed.beam_length_mm * MILLIMETRE,
-            flexural_rigidity=claimed.flexural_rigidity_pct * PERCENT * rigidity,
-            base_position=claimed.base_mm * MILLIMETRE,
-            board_translation=claimed.board_mm * MILLIMETRE,
-            board_rotation=claimed.board_deg * DEGREE,
-            encoder=claimed.encoder_deg * DEGREE,
+            beam_length=tolerances.beam_length_mm * MILLIMETRE,
+            flexural_rigidity=tolerances.flexural_rigidity_pct * PERCENT * rigidity,
+            base_position=tolerances.base_mm * MILLIMETRE,
+            board_translation=tolerances.board_mm * MILLIMETRE,
+            board_rotation=tolerances.board_deg * DEGREE,
+            encoder=tolerances.encoder_deg * DEGREE,
         ),
         telecentric=scene.camera.projection == "telecentric",
         camera_mount=scene.camera.mount,
@@ -71,17 +71,17 @@ def _sag(scene: Scene, rigidity: float) -> float:
     return weight * (beam.length_mm * MILLIMETRE) ** 4 / (8 * rigidity)
 
 
-def _board(card: CalibrationSpec) -> Board:
-    size = (card.columns, card.rows, card.square_mm * MILLIMETRE)
-    if card.target == "charuco":
-        return Charuco(*size, card.dictionary)
-    if card.line_width_mm is not None:
-        return LineNetwork(*size, card.line_width_mm * MILLIMETRE)
+def _board(target: CalibrationSpec) -> Board:
+    size = (target.columns, target.rows, target.square_mm * MILLIMETRE)
+    if target.target == "charuco":
+        return Charuco(*size, target.dictionary)
+    if target.line_width_mm is not None:
+        return LineNetwork(*size, target.line_width_mm * MILLIMETRE)
     return Chessboard(*size)
 
 
 def true_rig(scene: Scene) -> TrueRig:
-    """Return the true rig: at its nominal values, or off them by draws from the tolerances."""
+    """Return the true rig: nominal values, or values drawn with the tolerances as sigmas."""
     rig, spec = nominal_rig(scene), scene.camera
     scale = spec.focal_length_px
     if spec.magnification_px_per_mm is not None:
@@ -110,8 +110,8 @@ def true_rig(scene: Scene) -> TrueRig:
         rig.beam.diameter,
         rig.beam.flexural_rigidity + sigma.flexural_rigidity * draw(),
     )
-    moved = rigid(sigma.board_rotation * draw(3), sigma.board_translation * draw(3))
+    board_error = rigid(sigma.board_rotation * draw(3), sigma.board_translation * draw(3))
     board = rig.antenna_from_board.copy()
-    board[:3, 3] += moved[:3, 3]
-    board[:3, :3] = moved[:3, :3] @ board[:3, :3]
+    board[:3, 3] += board_error[:3, 3]
+    board[:3, :3] = board_error[:3, :3] @ board[:3, :3]
     return TrueRig(beam, rig.base_position + sigma.base_position * draw(3), camera, board)

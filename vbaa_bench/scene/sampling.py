@@ -13,7 +13,7 @@ Percent = Annotated[float, Field(gt=0, lt=60)]
 
 
 class SamplingSpec(Part):
-    """`count` pushes, each of one step, drawn from the stated ranges; a range may be one point.
+    """`count` pushes, each of one step, drawn from the ranges below, whose ends may be equal.
 
     Uniform draws are independent; the grid has the same number of values on each axis, as near
     to `count` as that allows; a Latin hypercube (McKay 1979) has one sample in each of `count`
@@ -31,11 +31,11 @@ class SamplingSpec(Part):
     motor_angle_at_contact_deg: Onset = ONSET
 
     @model_validator(mode="after")
-    def _ordered(self) -> "SamplingSpec":
+    def _check_ranges(self) -> "SamplingSpec":
         for name in (*AXES, "motor_angle_at_contact_deg"):
-            ends = getattr(self, name)
-            if ends is not None and ends[0] > ends[1]:
-                raise ValueError(f"{name} is {list(ends)}, allowed is a range from low to high")
+            limits = getattr(self, name)
+            if limits is not None and limits[0] > limits[1]:
+                raise ValueError(f"{name} is {list(limits)}, allowed is a range from low to high")
         if self.method == "log_uniform" and min(self.normal_deg) < 0:
             raise ValueError(
                 f"normal_deg is {list(self.normal_deg)}, allowed is >= 0 with method log_uniform"
@@ -46,35 +46,37 @@ class SamplingSpec(Part):
         """Draw the pushes, each with a value for every axis that has a range."""
         axes = {name: getattr(self, name) for name in AXES if getattr(self, name) is not None}
         free = [name for name, (low, high) in axes.items() if low < high]
-        shares = dict(zip(free, self._shares(len(free), random).T, strict=True))
-        count = len(next(iter(shares.values()))) if shares else self.count
+        unit_values = dict(zip(free, self._unit_points(len(free), random).T, strict=True))
+        count = len(next(iter(unit_values.values()))) if unit_values else self.count
         return [
             {
-                name: self._value(name, ends, float(shares[name][i]) if name in shares else 0.0)
-                for name, ends in axes.items()
+                name: self._value(
+                    name, limits, float(unit_values[name][i]) if name in unit_values else 0.0
+                )
+                for name, limits in axes.items()
             }
             for i in range(count)
         ]
 
-    def _shares(self, axes: int, random: np.random.Generator) -> Floats:
+    def _unit_points(self, axes: int, random: np.random.Generator) -> Floats:
         """Draw points (n, axes) of the unit cube."""
         if axes == 0:
             return np.empty((self.count, 0))
         if self.method == "grid":
-            each = max(round(self.count ** (1 / axes)), 1)
-            line = (np.arange(each) + 0.5) / each
-            mesh = np.meshgrid(*[line] * axes, indexing="ij")
+            values_per_axis = max(round(self.count ** (1 / axes)), 1)
+            centres = (np.arange(values_per_axis) + 0.5) / values_per_axis
+            mesh = np.meshgrid(*[centres] * axes, indexing="ij")
             return np.column_stack([values.ravel() for values in mesh])
         if self.method == "latin_hypercube":
             return np.asarray(qmc.LatinHypercube(axes, rng=random).random(self.count))
         return random.random((self.count, axes))
 
-    def _value(self, name: str, ends: tuple[float, float], share: float) -> float:
-        low, high = ends
+    def _value(self, name: str, limits: tuple[float, float], fraction: float) -> float:
+        low, high = limits
         over_logarithms = self.method == "log_uniform" or name == "stiffness_n_m"
         if over_logarithms and low > 0:
-            return float(low * (high / low) ** share)
-        return float(low + (high - low) * share)
+            return float(low * (high / low) ** fraction)
+        return float(low + (high - low) * fraction)
 
 
 AXES = ("contact_distance_mm", "deflection_pct", "normal_deg", "stiffness_n_m")

@@ -56,7 +56,7 @@ class BeamSpec(PaintedPart):
     centreline_segments: Annotated[int, Field(ge=16, le=10_000)] = 480
 
     @model_validator(mode="after")
-    def _aspect_of_a_section(self) -> "BeamSpec":
+    def _check_aspect_ratio(self) -> "BeamSpec":
         if (self.section == "circular") != (self.aspect_ratio == 1):
             raise ValueError(
                 f"section {self.section} with aspect_ratio {self.aspect_ratio:g}: allowed is 1 for "
@@ -68,7 +68,7 @@ class BeamSpec(PaintedPart):
 
 
 class ToleranceSpec(Part):
-    """Accuracy of the rig as the laboratory states it: one sigma, written to rig.json.
+    """Stated accuracy of the rig: one sigma, written to rig.json.
 
     The encoder's readings always have errors of its sigma, and are multiples of its step.
     """
@@ -85,7 +85,7 @@ class ToleranceSpec(Part):
 
 
 # As many as sampling.count allows. Chosen: two days of rendering, a terabyte with all layers.
-MOST_FRAMES: Final = 1_000_000
+MAX_FRAMES: Final = 1_000_000
 
 Angle = Annotated[float, Field(gt=-60, lt=60)]
 
@@ -93,9 +93,9 @@ Angle = Annotated[float, Field(gt=-60, lt=60)]
 class PushSpec(Part):
     """Grid of pushes: contact distances x normals x stiffnesses x repeats, step after step.
 
-    Contact distance is where the beam at rest first touches; deflection is the tip's displacement
-    across the beam, over L. The deflections, or pushing angles, are the steps of one push in
-    their order; a step whose angle is not positive is before contact.
+    Contact distance is that of the first contact, on the beam at rest; deflection is the tip's
+    displacement across the beam, over L. The deflections, or pushing angles, are the steps of one
+    push in their order; a step whose angle is not positive is before contact.
     """
 
     contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
@@ -107,21 +107,21 @@ class PushSpec(Part):
     stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = (
         "rigid",
     )
-    repeats: Annotated[int, Field(ge=1, le=MOST_FRAMES)] = 1
+    repeats: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = 1
     # Drawn uniformly for every push, from low to high; equal ends fix it.
     motor_angle_at_contact_deg: Onset = ONSET
 
     @model_validator(mode="after")
-    def _onset_from_low_to_high(self) -> "PushSpec":
-        ends = self.motor_angle_at_contact_deg
-        if ends[0] > ends[1]:
+    def _check_onset(self) -> "PushSpec":
+        limits = self.motor_angle_at_contact_deg
+        if limits[0] > limits[1]:
             raise ValueError(
-                f"motor_angle_at_contact_deg is {list(ends)}, allowed is a range from low to high"
+                f"motor_angle_at_contact_deg is {list(limits)}, allowed is a range from low to high"
             )
         return self
 
     @model_validator(mode="after")
-    def _one_push_axis(self) -> "PushSpec":
+    def _check_steps(self) -> "PushSpec":
         if (self.deflection_pct is None) == (self.pushing_angle_deg is None):
             raise ValueError("exactly one of deflection_pct and pushing_angle_deg must be given")
         if not (self.deflection_pct or self.pushing_angle_deg):
@@ -166,7 +166,7 @@ class Scene(Part):
     frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
 
     @model_validator(mode="after")
-    def _lamp_behind_camera(self) -> "Scene":
+    def _check_lamp_height(self) -> "Scene":
         camera, lamp = self.camera.position_mm[2], self.light.height_mm
         if self.lights and self.light != LightSpec():
             raise ValueError("light and lights are both given, allowed is one of them")
@@ -180,45 +180,45 @@ class Scene(Part):
         return self
 
     @model_validator(mode="after")
-    def _lamps_stand_off(self) -> "Scene":
+    def _check_lamp_positions(self) -> "Scene":
         ground = self.background.distance_mm
         for lamp in self.lights:
             position = getattr(lamp, "position_mm", None)
             aim = getattr(lamp, "aim_mm", None) or self.camera.look_at_mm
             if position == aim:
                 raise ValueError(
-                    f"lights: the position_mm is where it aims, {list(aim)}, for one of kind "
-                    f"{lamp.kind}; allowed is any other place"
+                    f"lights: position_mm is equal to the aim, {list(aim)}, for one of kind "
+                    f"{lamp.kind}; allowed is any other position"
                 )
             if lamp.kind == "back" and lamp.height_above_background_mm >= ground:
                 raise ValueError(
                     "lights: a back panel's height_above_background_mm is "
                     f"{lamp.height_above_background_mm:g}, allowed is less than "
-                    f"background.distance_mm, {ground:g}, or it would lie above plane C"
+                    f"background.distance_mm, {ground:g}, or it would be above plane C"
                 )
         return self
 
     @model_validator(mode="after")
-    def _one_set_of_pushes(self) -> "Scene":
+    def _check_pushes(self) -> "Scene":
         if (self.pushes is None) == (self.sampling is None):
             raise ValueError("exactly one of pushes and sampling must be given")
         if self.pushes is not None:
             wall = self.object.kind == "wall"
             if (self.pushes.contact_distance_mm is None) != wall:
                 raise ValueError(
-                    "pushes.contact_distance_mm must be given, but for a wall, which has none"
+                    "pushes.contact_distance_mm must be given, except for a wall, which has none"
                 )
             angles = self.pushes.pushing_angle_deg
             if wall and angles is None:
-                raise ValueError("a wall is pushed to pushing_angle_deg, not to a deflection")
+                raise ValueError("a wall needs pushing_angle_deg, a deflection is not allowed")
             if self.object.kind == "none" and (angles is None or max(angles) > 0):
                 raise ValueError(
-                    "object.kind is none, so nothing is touched: pushing_angle_deg must be <= 0"
+                    "object.kind is none, so there is no contact: pushing_angle_deg must be <= 0"
                 )
         return self
 
     @model_validator(mode="after")
-    def _frames_that_can_be_made(self) -> "Scene":
+    def _check_frame_count(self) -> "Scene":
         axes = {"sampling.count": self.sampling.count if self.sampling else 1}
         if self.pushes is not None:
             steps = self.pushes.deflection_pct or self.pushes.pushing_angle_deg or ()
@@ -230,61 +230,63 @@ class Scene(Part):
                 "steps": len(steps),
             }
         if self.occlusion is not None:
-            hiding = self.occlusion
-            axes["occlusions"] = len(hiding.kind) * len(hiding.place) * len(hiding.availability)
+            occlusion = self.occlusion
+            axes["occlusions"] = (
+                len(occlusion.kind) * len(occlusion.place) * len(occlusion.availability)
+            )
         frames = math.prod(axes.values())
-        if frames > MOST_FRAMES:
-            said = " x ".join(f"{count:,} {name}" for name, count in axes.items() if count > 1)
-            raise ValueError(f"{said} are {frames:,} frames, allowed are {MOST_FRAMES:,}")
+        if frames > MAX_FRAMES:
+            product = " x ".join(f"{count:,} {name}" for name, count in axes.items() if count > 1)
+            raise ValueError(f"{product} are {frames:,} frames, allowed are {MAX_FRAMES:,}")
         return self
 
     @model_validator(mode="after")
-    def _samples_of_contacts(self) -> "Scene":
+    def _check_sampling(self) -> "Scene":
         if self.sampling is not None and self.object.kind in ("none", "wall"):
             raise ValueError(
-                f"object.kind is {self.object.kind}, which has no contact distance to be drawn; "
+                f"object.kind is {self.object.kind}, which has no contact distance to sample; "
                 "allowed with sampling is any other"
             )
         return self
 
     @model_validator(mode="after")
-    def _strip_lies_on_its_face(self) -> "Scene":
+    def _check_strip(self) -> "Scene":
         if self.beam.section != "strip":
             return self
-        lean = self.beam.section_angle_deg
+        angle = self.beam.section_angle_deg
         normals = self.pushes.normal_deg if self.pushes else ()
         normals += self.sampling.normal_deg if self.sampling else ()
         if self.object.kind not in ("block", "knife_edge") or self.second_peg:
-            raise ValueError("a strip is pushed by one block or knife_edge alone")
-        if any(normal != lean for normal in normals):
+            raise ValueError("a strip needs a single object, block or knife_edge")
+        if any(normal != angle for normal in normals):
             raise ValueError(
-                f"a strip whose section_angle_deg is {lean:g} lies flat on an edge of the same "
-                f"normal_deg alone, not on {list(normals)}"
+                f"a strip whose section_angle_deg is {angle:g} needs an edge of the same "
+                f"normal_deg, not of {list(normals)}"
             )
         return self
 
     @model_validator(mode="after")
-    def _moves_without_memory(self) -> "Scene":
-        turned = self.motor_speed_deg_s * self.sensor.exposure_s
-        if turned > 5:
+    def _check_motion(self) -> "Scene":
+        rotation = self.motor_speed_deg_s * self.sensor.exposure_s
+        if rotation > 5:
             raise ValueError(
                 f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and sensor.exposure_s is "
-                f"{self.sensor.exposure_s:g}: the motor turns by {turned:g} degrees while the "
+                f"{self.sensor.exposure_s:g}: the motor turns by {rotation:g} degrees while the "
                 "shutter is open, allowed is up to 5"
             )
-        if turned and self.object.kind == "none":
+        if rotation and self.object.kind == "none":
             raise ValueError("motor_speed_deg_s is given, but object.kind is none")
-        remembers = [name for name in ("friction",) if getattr(self.object, name, 0)]
-        remembers += ["drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
-        if self.motor_speed_deg_s and remembers:
+        history_keys = [name for name in ("friction",) if getattr(self.object, name, 0)]
+        history_keys += ["drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
+        if self.motor_speed_deg_s and history_keys:
             raise ValueError(
-                f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and object.{remembers[0]} is "
-                "given; allowed is one of them: blur is that of a frictionless push"
+                f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and object.{history_keys[0]} is "
+                "given; allowed is one of them: blur is modelled for a frictionless push"
             )
         return self
 
     @model_validator(mode="after")
-    def _enough_views(self) -> "Scene":
+    def _check_views(self) -> "Scene":
         if self.camera.projection == "perspective" and self.calibration.views < 3:
             raise ValueError(
                 f"calibration.views is {self.calibration.views}, allowed is >= 3 for a "
@@ -293,22 +295,23 @@ class Scene(Part):
         return self
 
     @model_validator(mode="after")
-    def _linear_is_plain(self) -> "Scene":
-        beam, plain = self.beam, BeamSpec()
-        asked = [
+    def _check_linear(self) -> "Scene":
+        beam, default = self.beam, BeamSpec()
+        unsupported = [
             name
             for name in ("section", "tip_ratio", "bow_mm", "extensible")
-            if getattr(beam, name) != getattr(plain, name)
+            if getattr(beam, name) != getattr(default, name)
         ]
-        asked += [f"object.{name}" for name in ("friction",) if getattr(self.object, name, 0)]
-        asked += ["gravity_m_s2"] if any(self.gravity_m_s2) else []
-        asked += ["clamp_offset_mm"] if any(self.clamp_offset_mm) else []
-        asked += ["second_peg"] if self.second_peg else []
-        asked += ["object.drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
+        unsupported += [f"object.{name}" for name in ("friction",) if getattr(self.object, name, 0)]
+        unsupported += ["gravity_m_s2"] if any(self.gravity_m_s2) else []
+        unsupported += ["clamp_offset_mm"] if any(self.clamp_offset_mm) else []
+        unsupported += ["second_peg"] if self.second_peg else []
+        unsupported += ["object.drift_mm"] if any(getattr(self.object, "drift_mm", ())) else []
         if self.object.kind not in ("block", "knife_edge", "plunger"):
-            asked.append(f"object.kind {self.object.kind}")
-        if self.mechanics == "linear" and asked:
+            unsupported.append(f"object.kind {self.object.kind}")
+        if self.mechanics == "linear" and unsupported:
             raise ValueError(
-                f"mechanics is linear, which knows nothing of {', '.join(asked)}; allowed is exact"
+                f"mechanics is linear, without a model of {', '.join(unsupported)}; "
+                "allowed is exact"
             )
         return self

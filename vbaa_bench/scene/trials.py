@@ -33,7 +33,7 @@ class StepTarget:
 
 @dataclass(frozen=True)
 class Push:
-    """One push: first contact, then one goal after another.
+    """One push: first contact, then a sequence of goals.
 
     First contact is at `contact_distance` [m] (None against a wall), with an object whose normal
     is tilted by `normal` [rad] and which yields by `compliance` [m/N]. All, with `gravity` (3,)
@@ -96,21 +96,23 @@ def frame_specs(scene: Scene) -> list[FrameSpec]:
     )
     pushes = list(_grid(scene.pushes) if scene.pushes else _samples(scene, scene.sampling))
     repeats = range(scene.pushes.repeats if scene.pushes else 1)
-    hidden = list(_covers(scene))
-    made: list[FrameSpec] = []
+    covers = list(_covers(scene))
+    specs: list[FrameSpec] = []
     # A push behind another cover counts as another push, so that no method can pair their frames.
-    combinations = itertools.product(pushes, repeats, hidden)
+    combinations = itertools.product(pushes, repeats, covers)
     # This is a separate random stream, so that no other draw depends on it.
     onsets, draw = _onsets(scene), random_generator(scene, "onset")
     for number, (push, repeat, cover) in enumerate(combinations):
         push_id = _name(push_names, number)
         onset = float(draw.uniform(*onsets)) * DEGREE
-        turned = replace(push, gravity=_seen_at(scene.gravity_m_s2, onset))
+        rotated_push = replace(push, gravity=_in_antenna_frame(scene.gravity_m_s2, onset))
         for step in range(len(push.goals)):
-            index = len(made)
+            index = len(specs)
             frame_id = _name(frame_names, index)
-            made.append(FrameSpec(index, frame_id, push_id, repeat, turned, step, cover, onset))
-    return sorted(made, key=lambda trial: trial.frame_id)
+            specs.append(
+                FrameSpec(index, frame_id, push_id, repeat, rotated_push, step, cover, onset)
+            )
+    return sorted(specs, key=lambda spec: spec.frame_id)
 
 
 def in_shards(scene: Scene, made: Sequence[FrameSpec]) -> tuple[tuple[FrameSpec, ...], ...]:
@@ -136,12 +138,12 @@ def _grid(spec: PushSpec) -> Iterator[Push]:
 
 def _samples(scene: Scene, spec: SamplingSpec | None) -> Iterator[Push]:
     assert spec is not None
-    for drawn in spec.draw(random_generator(scene, "sampling")):
+    for sample in spec.draw(random_generator(scene, "sampling")):
         yield Push(
-            drawn["contact_distance_mm"] * MILLIMETRE,
-            drawn["normal_deg"] * DEGREE,
-            1 / drawn["stiffness_n_m"] if "stiffness_n_m" in drawn else 0.0,
-            (StepTarget(drawn["deflection_pct"] * PERCENT, None),),
+            sample["contact_distance_mm"] * MILLIMETRE,
+            sample["normal_deg"] * DEGREE,
+            1 / sample["stiffness_n_m"] if "stiffness_n_m" in sample else 0.0,
+            (StepTarget(sample["deflection_pct"] * PERCENT, None),),
         )
 
 
@@ -152,7 +154,9 @@ def _onsets(scene: Scene) -> tuple[float, float]:
     return pushes.motor_angle_at_contact_deg
 
 
-def _seen_at(vector: tuple[float, float, float], motor_angle: float) -> tuple[float, float, float]:
+def _in_antenna_frame(
+    vector: tuple[float, float, float], motor_angle: float
+) -> tuple[float, float, float]:
     """Rotate a vector of the world to the axes of the antenna at a motor angle [rad]."""
     x, y, z = vector
     cos, sin = math.cos(motor_angle), math.sin(motor_angle)
@@ -160,12 +164,12 @@ def _seen_at(vector: tuple[float, float, float], motor_angle: float) -> tuple[fl
 
 
 def _covers(scene: Scene) -> Iterator[Cover | None]:
-    hiding = scene.occlusion
-    if hiding is None:
+    occlusion = scene.occlusion
+    if occlusion is None:
         yield None
         return
     for kind, place, availability in itertools.product(
-        hiding.kind, hiding.place, hiding.availability
+        occlusion.kind, occlusion.place, occlusion.availability
     ):
         yield Cover(kind, place, availability)
 
@@ -180,9 +184,9 @@ def render_seed(scene: Scene, stage: str, trial: int = 0) -> int:
     return int(random_generator(scene, stage, trial).integers(2**32))
 
 
-def _name(begun: "hashlib.blake2b", number: int) -> str:
-    """Make an opaque name: the digest of `begun` with a number appended."""
-    digest = begun.copy()
+def _name(prefix: "hashlib.blake2b", number: int) -> str:
+    """Make an opaque name: the digest of `prefix` with a number appended."""
+    digest = prefix.copy()
     digest.update(str(number).encode())
     return digest.digest()[:8].hex()
 

@@ -20,17 +20,17 @@ Row = dict[str, Any]
 # Headings of the Markdown table, and the keys of their numbers in a row.
 _COLUMNS: Final = {
     "x_c RMSE, % of L": "x_c_rmse_pct_L",
-    "unanswered as L/2": "x_c_rmse_all_pct_L",
+    "failures as L/2": "x_c_rmse_all_pct_L",
     "median": "x_c_median_abs_pct_L",
     "force, %": "force_rmse_pct",
     "psi, deg": "psi_rmse_deg",
     "psi in 3 sigma, %": "psi_within_3_sigma_pct",
-    "1/k at a push's end, %": "compliance_last_rmse_pct",
-    "1/k of rigid ones there, mm/N": "compliance_rigid_last_rmse_mm_per_n",
-    "1/k there in 3 sigma, %": "compliance_last_within_3_sigma_pct",
+    "1/k at end of push, %": "compliance_last_rmse_pct",
+    "1/k at end, rigid, mm/N": "compliance_rigid_last_rmse_mm_per_n",
+    "1/k at end in 3 sigma, %": "compliance_last_within_3_sigma_pct",
     "x_c in 3 sigma, %": "x_c_within_3_sigma_pct",
     "sigma / RMSE": "x_c_sigma_over_rmse",
-    "honest, %": "honest_pct",
+    "consistent, %": "honest_pct",
 }
 # Quantities whose stated sigmas are compared with errors in the table.
 _STATED: Final = ("x_c", "psi", "compliance_last")
@@ -39,9 +39,9 @@ _STATED: Final = ("x_c", "psi", "compliance_last")
 def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
     """Tabulate each method's accuracy on each dataset; `by` splits by one of CONDITIONS.
 
-    A row contains the values of `summary.facts`. Separate columns repeat the shares of x_c, psi and
-    a push's last compliance within three stated sigmas [%], and the ratio of stated sigma to RMSE
-    for x_c. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
+    A row contains the values of `summary.facts`. Separate columns repeat the fractions of x_c, psi
+    and a push's last compliance within three stated sigmas [%], and the ratio of stated sigma to
+    RMSE for x_c. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
     InputError for a dataset that is not scored, and for an unknown condition.
     """
     if by is not None and by not in CONDITIONS:
@@ -56,7 +56,7 @@ def _rows(results: Results, by: str | None) -> list[Row]:
         scores = scores.with_columns((selectors.by_name(by) & selectors.float()).round_sig_figs(9))
         scores = scores.with_columns(_label(by))
     scene = open_truth(results.dataset.truth).manifest["scene"]
-    said = " ".join(remarks(scene))
+    remark = " ".join(remarks(scene))
     order = scores["method"].unique(maintain_order=True).to_list()
     keys = ["method"] if by is None else ["method", by]
     parts = dict(scores.group_by(keys, maintain_order=True))
@@ -68,7 +68,7 @@ def _rows(results: Results, by: str | None) -> list[Row]:
             "method": str(key[0]),
             **({} if by is None else {by: key[1]}),
             **_row(parts[key]),
-            "remark": said,
+            "remark": remark,
         }
         for key in ordered
     ]
@@ -76,30 +76,30 @@ def _rows(results: Results, by: str | None) -> list[Row]:
 
 def _label(by: str) -> pl.Expr:
     """Label a condition for the table: a spring's stiffness, or "rigid"."""
-    given = pl.col(by)
+    column = pl.col(by)
     if by == "k_s_over_k_beam":
-        decade = given.log10().floor()
+        decade = column.log10().floor()
         label = pl.format("{} – {}", 10.0**decade, 10.0 ** (decade + 1))
     elif by == "k_s_n_m":
-        label = given.cast(pl.String)
+        label = column.cast(pl.String)
     else:
-        return given
+        return column
     rigid = pl.when(~pl.col("free")).then(pl.lit("rigid"))
-    whole = label.str.replace_all(r"\.0\b", "")
-    return pl.when(given.is_null()).then(rigid).otherwise(whole).alias(by)
+    trimmed = label.str.replace_all(r"\.0\b", "")
+    return pl.when(column.is_null()).then(rigid).otherwise(trimmed).alias(by)
 
 
 def _row(rows: pl.DataFrame) -> Row:
-    found = facts(rows)
-    stated = {name: found["calibration"][name] or {} for name in _STATED}
-    within = {
-        f"{name}_within_3_sigma_pct": _percent(one.get("within_3_sigma"))
-        for name, one in stated.items()
+    values = facts(rows)
+    stated = {name: values["calibration"][name] or {} for name in _STATED}
+    percentages = {
+        f"{name}_within_3_sigma_pct": _percent(coverage.get("within_3_sigma"))
+        for name, coverage in stated.items()
     }
-    return found | {
-        **within,
+    return values | {
+        **percentages,
         "x_c_sigma_over_rmse": stated["x_c"].get("sigma_over_rmse"),
-        "honest_pct": _percent(found["honest_rate"]),
+        "honest_pct": _percent(values["honest_rate"]),
     }
 
 
@@ -112,18 +112,18 @@ def markdown(rows: Sequence[Row], by: str | None = None) -> str:
     heads = [*texts, *columns, "n", "outcomes"]
     lines = [heads, ["---" if head in (*texts, "outcomes") else "---:" for head in heads]]
     for row in rows:
-        named = ["–" if row[key] is None else f"{row[key]}" for key in texts]
+        labels = ["–" if row[key] is None else f"{row[key]}" for key in texts]
         numbers = ["–" if row[key] is None else f"{row[key]:.3g}" for key in columns.values()]
-        said = ", ".join(f"{count} {outcome}" for outcome, count in row["outcomes"].items())
-        lines.append([*named, *numbers, str(row["n"]), said])
+        counts = ", ".join(f"{count} {outcome}" for outcome, count in row["outcomes"].items())
+        lines.append([*labels, *numbers, str(row["n"]), counts])
     text = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     sentences = {row["scene"]: row["remark"] for row in rows if row["remark"]}
     notes = [f"- `{scene}`: {sentence}" for scene, sentence in sentences.items()]
     return "\n".join([text, "", *notes]) if notes else text
 
 
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100 * share
+def _percent(fraction: float | None) -> float | None:
+    return None if fraction is None else 100 * fraction
 
 
 def _sortable(values: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -8,11 +8,11 @@ def applicable(observations: Observations) -> list[str]:
     """List the names of METHODS, without those that need a missing sensor or frame sequence."""
     sensors = observations.rig.sensors
     pushes = [frame.push_id for frame in observations]
-    lacking = set()
+    inapplicable = set()
     if sensors.moment_y is None:
-        lacking.add("moment_sensor")
+        inapplicable.add("moment_sensor")
     if sensors.base_force is None:
-        lacking.add("force_sensor")
+        inapplicable.add("force_sensor")
     if len(set(pushes)) == len(pushes):
-        lacking |= {"stiffness", "push_fit", "push_fit_friction"}
-    return [name for name in METHODS if name not in lacking]
+        inapplicable |= {"stiffness", "push_fit", "push_fit_friction"}
+    return [name for name in METHODS if name not in inapplicable]

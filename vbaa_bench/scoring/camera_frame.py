@@ -15,10 +15,10 @@ def camera_frame_from_clamp(truth: Truth, motor_angle: float) -> Floats:
     """
     scene = truth.manifest["scene"]
     base = np.array(truth.manifest["true_rig"]["base_position_mm"]) * MILLIMETRE
-    stage = np.eye(4)
+    frame_from_clamp = np.eye(4)
     if scene["camera"]["mount"] == "world":
         axis = -np.array(scene["clamp_offset_mm"]) * MILLIMETRE
-        stage = turn_about_z(motor_angle)
-        stage[:3, 3] = axis - stage[:3, :3] @ axis
-    stage[:3, 3] += base
-    return stage
+        frame_from_clamp = turn_about_z(motor_angle)
+        frame_from_clamp[:3, 3] = axis - frame_from_clamp[:3, :3] @ axis
+    frame_from_clamp[:3, 3] += base
+    return frame_from_clamp

@@ -24,19 +24,19 @@ from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 from vbaa_bench.scoring.user_modules import copy_sources
 
-# Time limit for one frame, repeats included [s]; a method that takes longer has crashed.
-LONGEST_FRAME_S: Final = 60.0
+# Time limit for one frame, repeats included [s]; a method that exceeds it has crashed.
+MAX_FRAME_S: Final = 60.0
 # Memory limit of a method [GB]. Chosen: the solver itself needs less than 1 GB, and an ordinary
 # computer has this much beside the scoring process.
 MEMORY_GB: Final = 8.0
 # Limit of the printed output that is passed on [characters]. Chosen: a few hundred lines.
-MOST_OUTPUT: Final = 20_000
+MAX_OUTPUT: Final = 20_000
 # The folder, beside the observations, to which a user's own sources are copied.
-_METHOD: Final = "method"
+_SOURCES: Final = "method"
 # Time limit for the supervisor to end after the request [s].
-_LONGEST_END_S: Final = 10.0
+_MAX_END_S: Final = 10.0
 # Time limit for reading the last of the printed output [s].
-_LONGEST_REST_S: Final = 2.0
+_MAX_REST_S: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def solve(
     centreline: str = USUAL_CENTRELINE,
     *,
     memory_gb: float = MEMORY_GB,
-    frame_s: float = LONGEST_FRAME_S,
+    frame_s: float = MAX_FRAME_S,
     hear: Callable[[str], None] = lambda _line: None,
 ) -> MethodRun:
     """Run a method on every frame of a dataset's observations; write its estimates to `out` as CSV.
@@ -66,7 +66,7 @@ def solve(
     longer than `frame_s`; other frames keep their estimates. After three consecutive frames that
     terminated the process, all remaining frames are crashed too. The method, and each process that
     it starts, may allocate `memory_gb`; 0 means no limit. `hear` is called with each line that the
-    method prints, up to MOST_OUTPUT characters. `centreline` is the name of the extraction method
+    method prints, up to MAX_OUTPUT characters. `centreline` is the name of the extraction method
     of the centreline.
 
     Raises InputError if the method or the centreline is unknown, if that centreline detects no beam
@@ -76,34 +76,37 @@ def solve(
     make_room(out)
     check_complete(layout)
     observations = open_observations(layout.observations)
-    answers: dict[int, Row] = {}
+    solved: dict[int, Row] = {}
     traceback = ""
     with _temporary_folder() as folder:
         copy = folder / "observations"
         task = (str(copy), method, centreline, str(repeats), str(memory_gb), str(frame_s))
 
-        def shown(text: str) -> str:
+        def restored_paths(text: str) -> str:
             """Replace paths of copies by the user's own paths."""
-            return text.replace(f"{folder / _METHOD}{os.sep}", "").replace(f"{folder}{os.sep}", "")
+            return text.replace(f"{folder / _SOURCES}{os.sep}", "").replace(f"{folder}{os.sep}", "")
 
-        with _supervisor(task, folder, lambda line: hear(shown(line))) as (orders, reports):
+        with _supervisor(task, folder, lambda line: hear(restored_paths(line))) as (
+            start_pipe,
+            reports,
+        ):
             _copy(layout, copy)
             with suppress(BrokenPipeError):  # its own output contains the reason
-                orders.write(b"\n")
-                orders.flush()
+                start_pipe.write(b"\n")
+                start_pipe.flush()
             for line in reports:
                 report: dict[str, Any] = json.loads(line)
                 if "refused" in report:
-                    raise InputError(shown(report["refused"]))
-                answers[report["index"]] = report["row"]
-                traceback = traceback or shown(report.get("traceback", ""))
-    lost = Estimate(Outcome.CRASHED, "the process that runs the method died")
+                    raise InputError(restored_paths(report["refused"]))
+                solved[report["index"]] = report["row"]
+                traceback = traceback or restored_paths(report.get("traceback", ""))
+    crash = Estimate(Outcome.CRASHED, "the process that runs the method died")
     rows = [
-        answers.get(index) or row(frame.frame_id, lost, None)
+        solved.get(index) or row(frame.frame_id, crash, None)
         for index, frame in enumerate(observations.frames)
     ]
     write(out, csv_text(rows).encode())
-    crashed = sum(one["outcome"] == str(Outcome.CRASHED) for one in rows)
+    crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
     return MethodRun(out, len(rows), crashed, traceback)
 
 
@@ -113,7 +116,7 @@ def _temporary_folder() -> Iterator[Path]:
     try:
         folder = Path(tempfile.mkdtemp(prefix="vbaa-solve-"))
     except OSError as error:
-        raise InputError(f"no temporary folder can be made ({error}); set TMPDIR") from error
+        raise InputError(f"a temporary folder cannot be created ({error}); set TMPDIR") from error
     try:
         yield folder
     finally:
@@ -126,8 +129,8 @@ def _copy(layout: Layout, target: Path) -> None:
         copy_observations(layout, target)
     except OSError as error:
         raise InputError(
-            f"{target.parent.parent}: the observations cannot be copied there for the method "
-            f"({error.strerror}); set TMPDIR to a folder with more room"
+            f"{target.parent.parent}: the observations cannot be copied to this folder "
+            f"({error.strerror}); set TMPDIR to a folder with more space"
         ) from error
 
 
@@ -163,22 +166,22 @@ def _supervisor(
             with suppress(BrokenPipeError):
                 process.stdin.close()
             try:
-                process.wait(_LONGEST_END_S)
+                process.wait(_MAX_END_S)
             except subprocess.TimeoutExpired:
                 process.kill()
-            # A process that has left the method's group may keep standard error open for ever.
-            listener.join(_LONGEST_REST_S)
+            # A process that has left the method's group may keep standard error open forever.
+            listener.join(_MAX_REST_S)
 
 
 def _listen(readable: int, hear: Callable[[str], None]) -> None:
     """Pass on the method's output, line by line, up to a limit; read and drop the rest."""
-    left, dropped = MOST_OUTPUT, 0
+    remaining, dropped = MAX_OUTPUT, 0
     with open(readable, "rb") as stream:
-        while line := stream.readline(MOST_OUTPUT):
+        while line := stream.readline(MAX_OUTPUT):
             text = line.decode("utf-8", "replace")
-            if text := text[:left]:
+            if text := text[:remaining]:
                 hear(text.rstrip("\r\n"))
-            left -= len(text)
+            remaining -= len(text)
             dropped += len(line) if not text else 0
     if dropped:
         hear(f"... and {dropped} bytes more, not shown")
@@ -191,15 +194,15 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     This prevents a method from reading the truth by accident; it does not stop one that searches
     the disk. Raises InputError.
     """
-    kept = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
-    environment = {name: os.environ[name] for name in kept if name in os.environ}
+    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
+    environment = {name: os.environ[name] for name in inherited if name in os.environ}
     # One thread: times are those of one core on every machine.
     environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
     environment["OPENCV_FOR_THREADS_NUM"] = "1"
     environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
     module, colon, _ = method.partition(":")
     if colon and method not in METHODS:
-        target = folder / _METHOD
+        target = folder / _SOURCES
         try:
             copy_sources(module, target)
         except OSError as error:

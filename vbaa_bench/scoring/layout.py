@@ -2,7 +2,7 @@
 
 DATASET/
   predictions/<method>.csv      one row per frame, see solver/table.py; with another centreline
-                                than the usual one, <method>@<centreline>.csv; and a user's own
+                                than the default, <method>@<centreline>.csv; and a user's own
                                 files, CSV or Parquet, unchanged
   scores/scores.parquet, scores.csv, summary.json
   report/report.html and the figures of the README
@@ -26,7 +26,7 @@ def kept_as(method: str, centreline: str = USUAL_CENTRELINE) -> str:
     """
     name = method.replace(":", ".")
     if Path(name).name != name:
-        raise InputError(f"method '{method}' is no name, nor package.module:function")
+        raise InputError(f"method '{method}' is not a name or package.module:function")
     return name if centreline == USUAL_CENTRELINE else f"{name}@{centreline}"
 
 

@@ -21,8 +21,8 @@ from vbaa_bench.scoring.scored_quantities import (
 )
 
 _TEXTS = ("outcome", "message")
-_ALL = (*SCORED_QUANTITIES, *COMPONENTS)
-_LARGEST = 1e12
+_QUANTITIES = (*SCORED_QUANTITIES, *COMPONENTS)
+_MAX_MAGNITUDE = 1e12
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
 
 
@@ -70,13 +70,13 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
     absent = [name for name in ("x_c_mm", "force_n") if name not in table.columns]
     if len(absent) == 2:
         raise InputError(
-            f"{source}: the columns x_c_mm and force_n are both missing, needed is one"
+            f"{source}: the columns x_c_mm and force_n are both missing, one is required"
         )
     known = [name for name in (*NUMBERS, *_TEXTS) if name in table.columns]
     for name in [name for name in NUMBERS if name in known]:
-        kind = table[name].dtype
-        if not (kind.is_numeric() or kind in (pl.String, pl.Null)):
-            raise InputError(f"{source}: {name} holds {cut(str(kind))}, allowed are numbers")
+        dtype = table[name].dtype
+        if not (dtype.is_numeric() or dtype in (pl.String, pl.Null)):
+            raise InputError(f"{source}: {name} holds {cut(str(dtype))}, allowed are numbers")
     try:
         table = table.select(
             pl.col("frame_id").cast(pl.String),
@@ -93,19 +93,21 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
     table = table.with_columns(missing)
     # inf, NaN and absurdly large numbers count as missing.
     table = table.with_columns(
-        pl.when(pl.col(name).abs() < _LARGEST).then(pl.col(name)).alias(name) for name in NUMBERS
+        pl.when(pl.col(name).abs() < _MAX_MAGNITUDE).then(pl.col(name)).alias(name)
+        for name in NUMBERS
     )
     # A standard deviation that is not positive counts as missing.
     table = table.with_columns(
-        pl.when(pl.col(one.sigma) > 0).then(pl.col(one.sigma)).alias(one.sigma) for one in _ALL
+        pl.when(pl.col(quantity.sigma) > 0).then(pl.col(quantity.sigma)).alias(quantity.sigma)
+        for quantity in _QUANTITIES
     )
-    given = pl.col("x_c_mm").is_not_null() | pl.col("force_n").is_not_null()
-    stated = pl.col("outcome")
+    has_value = pl.col("x_c_mm").is_not_null() | pl.col("force_n").is_not_null()
+    outcome = pl.col("outcome")
     contact, crashed = pl.lit(str(Outcome.CONTACT)), pl.lit(str(Outcome.CRASHED))
     return table.with_columns(
-        outcome=pl.when(stated.is_not_null())
-        .then(stated)
-        .when(given)
+        outcome=pl.when(outcome.is_not_null())
+        .then(outcome)
+        .when(has_value)
         .then(contact)
         .otherwise(crashed)
     ).select("frame_id", *NUMBERS, *_TEXTS)
@@ -119,17 +121,17 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     `refused` frames are failures with an outcome that states no values; `rightly_refused` are
     those for which this is right according to `refusals`; `honest` are these, a right
     "no contact", and an x_c within three stated sigmas. Errors are computed for frames that have
-    not failed: each quantity of `judged`, including components of vectors, in its own unit and in
+    not failed: each scored quantity, including components of vectors, in its own unit and in
     stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in %, and the
     norms of vector errors. Raises InputError for frames that are not in this dataset or are
     predicted twice.
     """
-    _refuse_strangers(truth, predictions, source)
+    _check_frame_ids(truth, predictions, source)
     true = truth.frames.select(
         "frame_id",
         *CONDITIONS,
         # If no frame has a contact, the columns have no type.
-        *(one.true.cast(pl.Float64).alias(one.truth) for one in _ALL),
+        *(quantity.true.cast(pl.Float64).alias(quantity.truth) for quantity in _QUANTITIES),
     ).join(right_refusals(truth), on="frame_id")
     joined = true.join(predictions, on="frame_id", how="left").with_columns(
         pl.lit(method).alias("method"),
@@ -146,21 +148,25 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
             f"{source}: outcome {shown(min(unknown_outcomes))} is unknown, allowed is one of "
             f"{', '.join(str(outcome) for outcome in Outcome)}"
         )
-    judged = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, _ALL))
-    near = (pl.col("x_c_error_mm").abs() <= 3 * pl.col("x_c_sigma_mm")).fill_null(value=False)
-    return judged.with_columns(
-        *(_in_sigmas(one) for one in _ALL),
-        (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | near).alias("honest"),
-        *_shares(truth.manifest["true_rig"]["beam_length_mm"]),
+    scored = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, _QUANTITIES))
+    within_3_sigma = (pl.col("x_c_error_mm").abs() <= 3 * pl.col("x_c_sigma_mm")).fill_null(
+        value=False
+    )
+    return scored.with_columns(
+        *(_in_sigmas(quantity) for quantity in _QUANTITIES),
+        (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | within_3_sigma).alias(
+            "honest"
+        ),
+        *_percentages(truth.manifest["true_rig"]["beam_length_mm"]),
         *(_vector_error(*vector) for vector in VECTORS),
     ).drop("may_say")
 
 
-def _refuse_strangers(truth: Truth, predictions: pl.DataFrame, source: str) -> None:
+def _check_frame_ids(truth: Truth, predictions: pl.DataFrame, source: str) -> None:
     ids = predictions["frame_id"]
     if ids.is_duplicated().any():
-        twice = ids.filter(ids.is_duplicated())[0]
-        raise InputError(f"{source}: frame_id {cut(str(twice))} stands there more than once")
+        duplicate = ids.filter(ids.is_duplicated())[0]
+        raise InputError(f"{source}: frame_id {cut(str(duplicate))} occurs more than once")
     unknown = predictions.join(truth.frames, on="frame_id", how="anti")
     if unknown.height:
         first = cut(str(unknown["frame_id"][0]))
@@ -171,13 +177,15 @@ def _refuse_strangers(truth: Truth, predictions: pl.DataFrame, source: str) -> N
 
 def _verdicts(predictions: pl.DataFrame) -> dict[str, pl.Expr]:
     # A quantity estimated in any frame is required in all; a method must not choose its frames.
-    owed = [name for name in ("x_c_mm", "force_n") if predictions[name].is_not_null().any()]
-    lacking = pl.any_horizontal(pl.lit(not owed), *(pl.col(name).is_null() for name in owed))
+    required = [name for name in ("x_c_mm", "force_n") if predictions[name].is_not_null().any()]
+    incomplete = pl.any_horizontal(
+        pl.lit(not required), *(pl.col(name).is_null() for name in required)
+    )
     free = pl.col("true_x_c_mm").is_null()
     failed = (
         pl.when(free)
         .then(pl.col("outcome") != str(Outcome.NO_CONTACT))
-        .otherwise(pl.col("outcome").is_in(_FAILED) | lacking)
+        .otherwise(pl.col("outcome").is_in(_FAILED) | incomplete)
     )
     crashed = pl.col("outcome") == str(Outcome.CRASHED)
     refused = failed & pl.col("outcome").is_in(_FAILED) & ~crashed
@@ -190,18 +198,18 @@ def _verdicts(predictions: pl.DataFrame) -> dict[str, pl.Expr]:
     }
 
 
-def _error(one: ScoredQuantity) -> pl.Expr:
-    error = pl.col(one.column) - pl.col(one.truth)
-    if one.unit == "deg":  # wrapped to +-180 degrees
+def _error(quantity: ScoredQuantity) -> pl.Expr:
+    error = pl.col(quantity.column) - pl.col(quantity.truth)
+    if quantity.unit == "deg":  # wrapped to +-180 degrees
         error = (error + 180) % 360 - 180
-    return pl.when(~pl.col("failed")).then(error).alias(one.error)
+    return pl.when(~pl.col("failed")).then(error).alias(quantity.error)
 
 
-def _in_sigmas(one: ScoredQuantity) -> pl.Expr:
-    return (pl.col(one.error) / pl.col(one.sigma)).alias(one.in_sigmas)
+def _in_sigmas(quantity: ScoredQuantity) -> pl.Expr:
+    return (pl.col(quantity.error) / pl.col(quantity.sigma)).alias(quantity.in_sigmas)
 
 
-def _shares(length_mm: float) -> list[pl.Expr]:
+def _percentages(length_mm: float) -> list[pl.Expr]:
     """Make the expressions of the errors in per cent."""
     spring = pl.col("k_s_n_m").is_not_null()
     return [
@@ -217,6 +225,6 @@ def _shares(length_mm: float) -> list[pl.Expr]:
 
 def _vector_error(name: str, unit: str, true: str) -> pl.Expr:
     """Make the expression of a vector error's norm; null unless all components are estimated."""
-    squares = [pl.col(one.error) ** 2 for one in components(name, unit, true)]
+    squares = [pl.col(component.error) ** 2 for component in components(name, unit, true)]
     error = pl.sum_horizontal(squares, ignore_nulls=False).sqrt()
     return error.alias(f"{name}_vector_error_{unit}")

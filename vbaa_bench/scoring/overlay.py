@@ -76,11 +76,13 @@ def overlay_of(
     Only the manifest of `truth` is used, which includes the camera.
     """
     x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
-    stage = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
+    frame_from_clamp = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
 
-    def pixels(at: Floats) -> Floats:
-        points = np.column_stack([at, np.interp(at, x, y), np.interp(at, x, z)])
-        return truth.camera.project(apply(stage, points * MILLIMETRE))
+    def pixels(distances: Floats) -> Floats:
+        points = np.column_stack(
+            [distances, np.interp(distances, x, y), np.interp(distances, x, z)]
+        )
+        return truth.camera.project(apply(frame_from_clamp, points * MILLIMETRE))
 
     title, contact = "no contact", None
     if row["x_c_mm"] is not None:
@@ -114,8 +116,8 @@ def antenna_of(results: Results) -> tuple[Antenna | None, str]:
 
 
 def _measured(antenna: Antenna, image: Grey) -> Centreline | None:
-    """Extract the usual centreline of this image; return None if it cannot be measured."""
+    """Extract the default centreline of this image; return None if it cannot be measured."""
     try:
         return extract_centreline(antenna, image)
-    except (InputError, ValueError):  # the methods answer "invalid" here
+    except (InputError, ValueError):  # the methods return "invalid" here
         return None

@@ -16,7 +16,7 @@ _KNOWN: Final = ("frame_id", "outcome", "message", *NUMBERS)
 # Threshold of the ratio of median estimate to median truth, or its inverse, for a warning: the
 # geometric mean of 1 and the factor of the nearest wrong unit, 10 for centimetres, 57.3 for
 # radians, 1000 for mN.
-_DOUBTED: Final = {
+_MAX_RATIO: Final = {
     "x_c_mm": math.sqrt(10),
     "s_c_mm": math.sqrt(10),
     "theta_c_deg": math.sqrt(180 / math.pi),
@@ -24,31 +24,31 @@ _DOUBTED: Final = {
     "f_n": math.sqrt(1000),
 }
 # Chosen: more unknown columns are counted, not named.
-_MOST_NAMED: Final = 10
+_MAX_NAMED: Final = 10
 
 
 def unknown_columns(columns: Sequence[str], source: str) -> Iterator[str]:
     """Yield a sentence for each column that is not scored, with the known name nearest to it."""
     unknown = [name for name in columns if name not in _KNOWN and name not in COLUMNS]
-    for name in unknown[:_MOST_NAMED]:
+    for name in unknown[:_MAX_NAMED]:
         near = difflib.get_close_matches(cut(name), _KNOWN, n=1, cutoff=0.7)
         hint = f"; did you mean {near[0]}?" if near else ""
         yield f"{source}: the column {cut(name)} is unknown and not scored{hint}"
-    if len(unknown) > _MOST_NAMED:
-        yield f"{source}: {len(unknown) - _MOST_NAMED} further columns are unknown and not scored"
+    if len(unknown) > _MAX_NAMED:
+        yield f"{source}: {len(unknown) - _MAX_NAMED} further columns are unknown and not scored"
 
 
 def doubtful_units(scores: pl.DataFrame, source: str) -> Iterator[str]:
     """Yield a warning for each quantity that differs from the truth by a unit's factor."""
-    for column, factor in _DOUBTED.items():
-        both = scores.select(pl.col(column).abs(), pl.col(f"true_{column}").abs()).drop_nulls()
-        if both.is_empty():
+    for column, factor in _MAX_RATIO.items():
+        pairs = scores.select(pl.col(column).abs(), pl.col(f"true_{column}").abs()).drop_nulls()
+        if pairs.is_empty():
             continue
-        answer, true = (_median(both[name].to_numpy()) for name in both.columns)
-        if answer > 0 and true > 0 and not 1 / factor < answer / true < factor:
+        estimated, true = (_median(pairs[name].to_numpy()) for name in pairs.columns)
+        if estimated > 0 and true > 0 and not 1 / factor < estimated / true < factor:
             unit = column.rpartition("_")[2]
             yield (
-                f"{source}: the median of {column} is {answer:.3g}, of the truth {true:.3g}; "
+                f"{source}: the median of {column} is {estimated:.3g}, of the truth {true:.3g}; "
                 f"is it in {unit}?"
             )
 

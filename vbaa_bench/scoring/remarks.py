@@ -5,43 +5,47 @@ from typing import Any
 
 def remarks(scene: dict[str, Any]) -> list[str]:
     """List remarks on a scene from a manifest; the list is empty if all assumptions hold."""
-    beam, touched = scene["beam"], scene["object"]
+    beam, target = scene["beam"], scene["object"]
     pushes, sampling = scene["pushes"] or {}, scene["sampling"] or {}
     angles = pushes.get("pushing_angle_deg") or []
     normals = [*pushes.get("normal_deg", []), *sampling.get("normal_deg", [])]
     flat = beam["section"] == "strip"  # its plane is known
-    found = {
-        "Not told by the images: the clamp stands off the axis of rotation, of which the rig says "
-        "nothing and a camera that turns with the clamp sees nothing; the contact is right in the "
-        "antenna's frame, and in the world's frame off by this offset turned.": any(
+    conditions = {
+        "The clamp is offset from the motor axis. The nominal rig does not contain this offset, "
+        "and a camera that rotates with the clamp cannot observe it. The contact is correct in the "
+        "antenna's frame; in the world's frame its error is the rotated offset.": any(
             scene["clamp_offset_mm"]
         ),
-        "Told in part alone: a tapered beam bends almost like a uniform one that is touched "
-        "elsewhere, which the nominal rig says it is, so that chi2 shows the taper only where the "
-        "bend is large against the noise.": beam["tip_ratio"] != 1,
-        "Not told by the centreline: an elliptic section bends like a round one of another "
-        "rigidity, which depends on the direction of the force, so that the force errs by as much "
-        "as the rigidity while chi2 stays at one.": beam["section"] == "elliptic",
-        "Not told by the centreline: the beam stretches by less than a thousandth, which moves its "
-        "points along itself and hence not in the image.": beam["extensible"],
-        "The bow is seen in the rest images alone and is taken off the bent beam to first order: "
-        "what is left is its size times the slope of the bend, and who takes the rest for a "
-        "straight line takes the bow for a bend.": beam["bow_mm"] != 0,
-        "The sag is almost along the line of sight, where it changes the scale alone: rig.json "
-        "states it as sag_mm, and who neglects that errs in all lengths.": any(
+        "A tapered beam bends almost like a uniform one with another contact distance, and the "
+        "nominal rig states a uniform beam. chi2 detects the taper only if the deflection is large "
+        "relative to the noise.": beam["tip_ratio"] != 1,
+        "Not observable from the centreline: a beam with elliptic section bends like a round one "
+        "whose flexural rigidity depends on the direction of the force. The relative force error "
+        "equals that of the rigidity, and chi2 stays near 1.": beam["section"] == "elliptic",
+        "Not observable from the centreline: the beam stretches by less than 0.1 %, which moves "
+        "its points along the beam and does not change its shape.": beam["extensible"],
+        "The bow is measured in the rest images only and subtracted to first order. The residual "
+        "is the bow times the slope of the bent beam. A method that assumes a straight beam "
+        "interprets the bow as bending.": beam["bow_mm"] != 0,
+        "The sag is almost along the line of sight, where it changes only the scale. rig.json "
+        "states it as sag_mm; a method that neglects it has errors in all lengths.": any(
             scene["gravity_m_s2"]
         ),
-        "Not told by one image: friction turns the force out of the normal, and a force of another "
-        "direction bends the beam almost into the same shape, so that chi2 stays near one while "
-        "force and contact are biased; a force sensor at the clamp tells it, and the frames of a "
-        "push together, as push_fit_friction takes them.": (touched.get("friction", 0) > 0),
-        "Not told by the image: the object moves by itself, which in a push looks like giving "
-        "way.": any(touched.get("drift_mm") or []),
-        "Where the second peg is touched no point contact makes the shape: a refusal is "
-        "right.": scene["second_peg"] is not None,
+        "Not observable from one image: friction tilts the force away from the normal, and the "
+        "tilted force bends the beam into almost the same shape, so that force and contact are "
+        "biased while chi2 stays near 1. A force sensor at the clamp measures the tilt; "
+        "push_fit_friction estimates it from all frames of a push.": (
+            target.get("friction", 0) > 0
+        ),
+        "Not observable from the image: the object moves by itself, which in a push looks like "
+        "compliance.": any(target.get("drift_mm") or []),
+        "Where the beam touches the second peg, no single point contact explains its shape: a "
+        "refusal is right.": scene["second_peg"] is not None,
         "The beam bends in an inclined plane, which to first order looks like a smaller bend in "
-        "plane C: planar methods find the contact and miss part of the force, exact_fit_3d answers "
-        "the inclination too.": any(normals) and not flat,
-        "At angles that are not positive nothing is touched.": any(angle <= 0 for angle in angles),
+        "plane C. Planar methods estimate the contact correctly and underestimate the force; "
+        "exact_fit_3d also estimates the inclination.": any(normals) and not flat,
+        "Steps with a pushing angle of zero or less have no contact.": any(
+            angle <= 0 for angle in angles
+        ),
     }
-    return [sentence for sentence, so in found.items() if so]
+    return [sentence for sentence, applies in conditions.items() if applies]

@@ -29,21 +29,23 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     """
     truth = open_truth(results.dataset.truth)
     if not predictions:
-        raise InputError(f"{results.predictions}: holds no predictions; solve or name a file")
+        raise InputError(
+            f"{results.predictions}: holds no predictions; solve the dataset or name a file"
+        )
     warnings: list[str] = []
-    judged: list[pl.DataFrame] = []
+    scored: list[pl.DataFrame] = []
     contents = {name: read_file(path) for name, path in predictions.items()}
     for name, path in predictions.items():
         table = parsed(contents[name], path)
         rows = score_frames(truth, checked_predictions(table, str(path)), name, str(path))
         warnings += [*unknown_columns(table.columns, str(path)), *doubtful_units(rows, str(path))]
-        judged.append(rows)
-    scores = pl.concat(judged)
+        scored.append(rows)
+    scores = pl.concat(scored)
     summary = {**summarise(scores), "warnings": warnings}
     parquet = io.BytesIO()
     scores.write_parquet(parquet)
     for name, path in predictions.items():
-        _keep(results, name, path, contents[name])
+        _copy_predictions(results, name, path, contents[name])
     try:
         results.scores.mkdir(parents=True, exist_ok=True)
         write_bytes(results.scores / "scores.parquet", parquet.getvalue())
@@ -54,7 +56,7 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     return summary
 
 
-def _keep(results: Results, name: str, path: Path, data: bytes) -> None:
+def _copy_predictions(results: Results, name: str, path: Path, data: bytes) -> None:
     """Write a copy of a predictions file into `predictions/`, unless it is already there."""
     target = results.predictions / f"{name}{_suffix(path)}"
     if path.resolve() == target.resolve():
@@ -74,17 +76,17 @@ def with_own(results: Results, own: Sequence[Path]) -> dict[str, Path]:
     An own file replaces an earlier one of the same stem. Raises InputError for a stem that is the
     name of a method of `solve`, and for two files of one stem.
     """
-    found = found_predictions(results)
+    predictions = found_predictions(results)
     stems = [path.stem for path in own]
     for path in own:
         if "." in path.stem or path.stem.partition("@")[0] in METHODS:
             raise InputError(
-                f"{path}: {path.stem} names a method of solve's, and may be scored already; "
+                f"{path}: {path.stem} is the name of a method of solve, and may be scored already; "
                 "rename the file, without a dot"
             )
         if stems.count(path.stem) > 1:
             raise InputError(f"{path}: two files are called {path.stem}; rename one")
-    return {**found, **dict(zip(stems, own, strict=True))}
+    return {**predictions, **dict(zip(stems, own, strict=True))}
 
 
 def read_scores(results: Results) -> pl.DataFrame:
@@ -96,21 +98,24 @@ def read_scores(results: Results) -> pl.DataFrame:
         scores = pl.read_parquet(table)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise InputError(f"{table}: cannot be read") from error
-    if not {"honest", *(one.in_sigmas for one in (*SCORED_QUANTITIES, *COMPONENTS))} <= set(
-        scores.columns
-    ):
-        raise InputError(f"{table}: is of an older version; score the dataset again")
+    if not {
+        "honest",
+        *(quantity.in_sigmas for quantity in (*SCORED_QUANTITIES, *COMPONENTS)),
+    } <= set(scores.columns):
+        raise InputError(f"{table}: is from an older version; score the dataset again")
     return scores
 
 
 def found_predictions(results: Results) -> dict[str, Path]:
     """Find the prediction files of a dataset, by method or name; the solver's methods first.
 
-    Predictions of a method with another centreline follow those with the usual one.
+    Predictions of a method with another centreline follow those with the default one.
     """
     paths = sorted(results.predictions.glob("*.csv")) + sorted(
         results.predictions.glob("*.parquet")
     )
-    found = {path.stem: path for path in paths}
-    own = [name for method in METHODS for name in found if name.partition("@")[0] == method]
-    return {name: found[name] for name in [*own, *found]}
+    tables = {path.stem: path for path in paths}
+    solver_names = [
+        name for method in METHODS for name in tables if name.partition("@")[0] == method
+    ]
+    return {name: tables[name] for name in [*solver_names, *tables]}

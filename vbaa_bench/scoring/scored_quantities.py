@@ -44,8 +44,8 @@ class ScoredQuantity:
 
 
 # A rigid object has compliance 0; without contact the compliance is null.
-_TOUCHED = pl.col("x_c_mm").is_not_null()
-_COMPLIANCE = pl.when(_TOUCHED).then((1e3 / pl.col("k_s_n_m")).fill_null(0.0))
+_HAS_CONTACT = pl.col("x_c_mm").is_not_null()
+_COMPLIANCE = pl.when(_HAS_CONTACT).then((1e3 / pl.col("k_s_n_m")).fill_null(0.0))
 COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", _COMPLIANCE)
 
 SCORED_QUANTITIES: Final = (
@@ -74,8 +74,12 @@ def components(name: str, unit: str, true: str) -> tuple[ScoredQuantity, ...]:
     )
 
 
-COMPONENTS: Final = tuple(one for vector in VECTORS for one in components(*vector))
+COMPONENTS: Final = tuple(quantity for vector in VECTORS for quantity in components(*vector))
 NUMBERS: Final = (
-    *(name for one in (*SCORED_QUANTITIES, *COMPONENTS) for name in (one.column, one.sigma)),
+    *(
+        name
+        for quantity in (*SCORED_QUANTITIES, *COMPONENTS)
+        for name in (quantity.column, quantity.sigma)
+    ),
     "image_ms",
 )

@@ -25,7 +25,7 @@ CONTACTS = [str(outcome) for outcome in Outcome if outcome.has_values]
 _TWO_SIDED_95 = 1.96
 # Chosen: the largest error of guessing the middle of the beam, so that leaving a frame out is no
 # advantage for a method that is better than this guess.
-_UNANSWERED_PCT_L = 50.0
+_FAILURE_ERROR_PCT_L = 50.0
 
 
 def summarise(scores: pl.DataFrame) -> dict[str, Any]:
@@ -44,12 +44,13 @@ def summarise(scores: pl.DataFrame) -> dict[str, Any]:
 def facts(rows: pl.DataFrame) -> dict[str, Any]:
     """Summarise frames of one method, without bootstrap intervals.
 
-    Rates are shares of all frames, 0 to 1, with two exceptions: `false_contact_rate` is a share of
+    Rates are fractions of all frames, with two exceptions: `false_contact_rate` is a fraction of
     the frames without contact, and `detection_rate` of the frames with contact and an SNR of
     SURE_SNR or more; both are null if there are no such frames. `refused_rate` counts outcomes that
     state no values, `rightly_refused_rate` those of them that are right, `crashed_rate` frames
-    without any prediction; all three are part of `failure_rate`. `honest_rate` is the share of
-    frames with a right outcome or an x_c within three stated sigmas; null if no sigma is stated.
+    without any prediction; all three are part of `failure_rate`. `honest_rate` is the fraction
+    of consistent frames, with a right outcome or an x_c within three stated sigmas; null if no
+    sigma is stated.
     `x_c_rmse_all_pct_L` is an RMSE in which a frame without an estimate counts as an error of half
     the beam's length, unless it has no contact or is rightly refused; null for a method that
     estimates only forces. `compliance_last_rmse_pct` and other `last` values are computed from the
@@ -57,13 +58,13 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
     """
     x_c, force = np.abs(_values(rows, "x_c_error_pct_L")), _values(rows, "force_error_pct")
     psi, compliance = _values(rows, "psi_error_deg"), _values(rows, "compliance_error_pct")
-    times, touched = _values(rows, "image_ms"), rows.filter(~pl.col("free"))
-    sure = touched.filter(pl.col("snr") >= SURE_SNR)
-    last, rigid = rows.filter("last_step"), touched.filter(pl.col("k_s_n_m").is_null())
+    times, with_contact = _values(rows, "image_ms"), rows.filter(~pl.col("free"))
+    detectable = with_contact.filter(pl.col("snr") >= SURE_SNR)
+    last, rigid = rows.filter("last_step"), with_contact.filter(pl.col("k_s_n_m").is_null())
     counts = rows["outcome"].value_counts(sort=True)
     return {
         "x_c_rmse_pct_L": _rms(x_c),
-        "x_c_rmse_all_pct_L": _rmse_all(touched),
+        "x_c_rmse_all_pct_L": _rmse_all(with_contact),
         "x_c_median_abs_pct_L": _quantile(x_c, 0.5),
         "x_c_p95_abs_pct_L": _quantile(x_c, 0.95),
         "s_c_rmse_pct_L": _rms(_values(rows, "s_c_error_pct_L")),
@@ -85,18 +86,21 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
         "contact_world_rmse_mm": _rms(_values(rows, "contact_world_vector_error_mm")),
         "force_vector_rmse_n": _rms(_values(rows, "force_vector_error_n")),
         "calibration": {
-            **{one.name: calibration(rows, one) for one in (*SCORED_QUANTITIES, *COMPONENTS)},
+            **{
+                quantity.name: calibration(rows, quantity)
+                for quantity in (*SCORED_QUANTITIES, *COMPONENTS)
+            },
             "compliance_rigid": calibration(rigid, COMPLIANCE),
             "compliance_last": calibration(last, COMPLIANCE),
         },
-        "failure_rate": _share(rows, "failed"),
-        "refused_rate": _share(rows, "refused"),
-        "rightly_refused_rate": _share(rows, "rightly_refused"),
-        "crashed_rate": _share(rows, "crashed"),
-        "honest_rate": _honest(rows),
-        "false_contact_rate": _share(rows.filter("free"), pl.col("outcome").is_in(CONTACTS)),
-        "free_frames": rows.height - touched.height,
-        "detection_rate": _share(sure, pl.col("outcome").is_in(CONTACTS)),
+        "failure_rate": _fraction(rows, "failed"),
+        "refused_rate": _fraction(rows, "refused"),
+        "rightly_refused_rate": _fraction(rows, "rightly_refused"),
+        "crashed_rate": _fraction(rows, "crashed"),
+        "honest_rate": _consistent_rate(rows),
+        "false_contact_rate": _fraction(rows.filter("free"), pl.col("outcome").is_in(CONTACTS)),
+        "free_frames": rows.height - with_contact.height,
+        "detection_rate": _fraction(detectable, pl.col("outcome").is_in(CONTACTS)),
         "outcomes": dict(counts.iter_rows()),
         "ms_per_frame_median": _quantile(times, 0.5),
         "n": rows.height,
@@ -106,7 +110,7 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
 def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | None:
     """Compare stated standard deviations with errors; return None if none is stated.
 
-    For consistent Gaussian errors `coverage_95`, the share within 1.96 sigmas, is 0.95,
+    For consistent Gaussian errors `coverage_95`, the fraction within 1.96 sigmas, is 0.95,
     `within_3_sigma` 0.997 and `nees`, the mean squared error in sigmas, 1. `sigma_over_rmse` is
     the mean stated sigma over the RMSE: 1 if all frames have the same sigma, else less.
     """
@@ -124,27 +128,27 @@ def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | Non
     }
 
 
-def _honest(rows: pl.DataFrame) -> float | None:
-    """Compute the share of `honest` frames; None if x_c was estimated, but never with a sigma."""
+def _consistent_rate(rows: pl.DataFrame) -> float | None:
+    """Compute the fraction of consistent frames; None if x_c is estimated without any sigma."""
     answered = rows.drop_nulls("x_c_error_mm")
-    unstated = answered.height > 0 and answered["x_c_sigma_mm"].is_null().all()
-    return None if unstated else _share(rows, "honest")
+    without_sigma = answered.height > 0 and answered["x_c_sigma_mm"].is_null().all()
+    return None if without_sigma else _fraction(rows, "honest")
 
 
-def _rmse_all(touched: pl.DataFrame) -> float | None:
-    """Compute the RMSE of x_c over all frames in `touched` that are not rightly refused.
+def _rmse_all(with_contact: pl.DataFrame) -> float | None:
+    """Compute the RMSE of x_c over all frames in `with_contact` that are not rightly refused.
 
-    A frame without an estimate counts as _UNANSWERED_PCT_L. Return None for a method that estimates
-    only forces.
+    A frame without an estimate counts as _FAILURE_ERROR_PCT_L. Return None for a method that
+    estimates only forces.
     """
-    if touched["x_c_error_pct_L"].is_null().all() and touched["force_error_n"].count():
+    if with_contact["x_c_error_pct_L"].is_null().all() and with_contact["force_error_n"].count():
         return None
-    owed = touched.filter(~pl.col("rightly_refused"))
-    return _rms(owed["x_c_error_pct_L"].fill_null(_UNANSWERED_PCT_L).to_numpy())
+    required = with_contact.filter(~pl.col("rightly_refused"))
+    return _rms(required["x_c_error_pct_L"].fill_null(_FAILURE_ERROR_PCT_L).to_numpy())
 
 
-def _share(rows: pl.DataFrame, condition: str | pl.Expr) -> float | None:
-    """Compute the share of rows that meet a condition; return None if there are no rows."""
+def _fraction(rows: pl.DataFrame, condition: str | pl.Expr) -> float | None:
+    """Compute the fraction of rows that meet a condition; return None if there are no rows."""
     return None if rows.is_empty() else rows.filter(condition).height / rows.height
 
 
@@ -163,29 +167,29 @@ def median_interval(groups: Sequence[Floats]) -> list[float] | None:
     """
     if len(groups) < 2:
         return None
-    sizes = [np.abs(group) for group in groups]
-    everything = np.concatenate(sizes)
-    if np.ptp(everything) == 0:
-        return [float(everything[0])] * 2
+    magnitudes = [np.abs(group) for group in groups]
+    pooled = np.concatenate(magnitudes)
+    if np.ptp(pooled) == 0:
+        return [float(pooled[0])] * 2
 
-    def median(drawn: Floats) -> float:
-        return float(np.median(np.concatenate([sizes[int(index)] for index in drawn])))
+    def median(indices: Floats) -> float:
+        return float(np.median(np.concatenate([magnitudes[int(index)] for index in indices])))
 
-    found = bootstrap(
-        (np.arange(len(sizes)),),
+    interval = bootstrap(
+        (np.arange(len(magnitudes)),),
         median,
         n_resamples=1000,
         vectorized=False,
         method="percentile",
         rng=np.random.default_rng(0),
     ).confidence_interval
-    return [float(found.low), float(found.high)]
+    return [float(interval.low), float(interval.high)]
 
 
 def _grouped(rows: pl.DataFrame, column: str) -> list[Floats]:
     """Group the values of a column by push: same object, same place, same pushing distance."""
-    same = ("push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
-    pushes = rows.drop_nulls(column).group_by(*same, maintain_order=True)
+    keys = ("push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
+    pushes = rows.drop_nulls(column).group_by(*keys, maintain_order=True)
     return [_values(group, column) for _, group in pushes]
 
 
@@ -212,5 +216,5 @@ def _rms(values: Floats) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
 
 
-def _quantile(values: Floats, share: float) -> float | None:
-    return float(np.quantile(values, share)) if len(values) else None
+def _quantile(values: Floats, probability: float) -> float | None:
+    return float(np.quantile(values, probability)) if len(values) else None

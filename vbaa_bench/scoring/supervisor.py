@@ -30,10 +30,10 @@ from vbaa_bench.scoring.worker import Task, opened, work
 
 # Time limit for the start of a worker, compilation included [s]. Chosen: a first compilation of
 # the solver took 110 s on a loaded machine.
-LONGEST_START_S: Final = 300.0
+MAX_START_S: Final = 300.0
 # Number of consecutive losses after which the method is given up. Chosen: an endless loop ends
 # after three minutes, and a method that fails in one configuration out of many continues.
-MOST_LOST_IN_A_ROW: Final = 3
+MAX_CONSECUTIVE_LOSSES: Final = 3
 # Interval at which a worker's death is checked [s].
 _TICK_S: Final = 0.05
 
@@ -60,7 +60,7 @@ class _Worker:
         self._process.start()
         sender.close()
 
-    def hear(self, limit_s: float) -> Message:
+    def receive(self, limit_s: float) -> Message:
         """Wait for the next message. Raises _LostError."""
         deadline = time.monotonic() + limit_s
         while time.monotonic() < deadline:
@@ -103,7 +103,7 @@ class _Workers:
         finally:
             self._worker.kill()
 
-    def end_with_the_judge(self) -> None:
+    def exit_with_parent(self) -> None:
         """Wait until standard input ends; then kill the worker, remove the folder and exit."""
         while os.read(0, 64):
             pass
@@ -117,44 +117,44 @@ class _Workers:
 def supervise(task: Task, observations: Observations, workers: _Workers) -> Iterator[Message]:
     """Solve all frames; yield one message per frame, an estimate or the reason of its loss."""
     frames = observations.frames
-    known: dict[int, Outcome] = {}  # frames with a message from a worker
-    rest = set(range(len(frames)))
-    push, reason, in_a_row, warm = "", "", 0, True
-    while rest:
+    outcomes: dict[int, Outcome] = {}  # frames with a message from a worker
+    remaining = set(range(len(frames)))
+    push, reason, losses, warm = "", "", 0, True
+    while remaining:
         # The push in which a worker was lost is replayed from its start.
-        replayed = {i: outcome for i, outcome in known.items() if frames[i].push_id == push}
-        indices = sorted(rest | replayed.keys())
-        at: int | None = None
+        replayed = {i: outcome for i, outcome in outcomes.items() if frames[i].push_id == push}
+        indices = sorted(remaining | replayed.keys())
+        current: int | None = None
         with workers.one(task, indices, replayed, warm) as worker:
             try:
-                message = worker.hear(LONGEST_START_S)
+                message = worker.receive(MAX_START_S)
                 if "refused" in message:
                     yield message
                     return
-                while rest:
-                    message = worker.hear(LONGEST_START_S if at is None else task.frame_s)
+                while remaining:
+                    message = worker.receive(MAX_START_S if current is None else task.frame_s)
                     if "begin" in message:
-                        at = message["begin"]
+                        current = message["begin"]
                     else:
                         index = message["index"]
-                        known[index] = Outcome(message["row"]["outcome"])
-                        rest.discard(index)
-                        at, in_a_row = index, 0
+                        outcomes[index] = Outcome(message["row"]["outcome"])
+                        remaining.discard(index)
+                        current, losses = index, 0
                         yield message
             except _LostError as error:
                 reason = str(error)
-        if not rest:
+        if not remaining:
             return
-        started = at is not None
-        if at is not None and at in rest:
-            yield _lost(frames[at].frame_id, at, reason)
-            rest.discard(at)
-            push = frames[at].push_id
-            in_a_row += 1
-        if in_a_row == MOST_LOST_IN_A_ROW or not (started or warm):
-            why = f"{in_a_row} frames in a row were lost" if started else "it cannot be started"
-            for index in sorted(rest):
-                yield _lost(frames[index].frame_id, index, f"not tried, {why}; last {reason}")
+        started = current is not None
+        if current is not None and current in remaining:
+            yield _lost(frames[current].frame_id, current, reason)
+            remaining.discard(current)
+            push = frames[current].push_id
+            losses += 1
+        if losses == MAX_CONSECUTIVE_LOSSES or not (started or warm):
+            cause = f"{losses} frames in a row were lost" if started else "it cannot be started"
+            for index in sorted(remaining):
+                yield _lost(frames[index].frame_id, index, f"not tried, {cause}; last {reason}")
             return
         # The warm-up itself may have failed: try once more without it.
         warm = warm and started
@@ -169,8 +169,8 @@ def _end(status: int | None) -> str:
     if status is None or status >= 0:
         return f"exit status {status}"
     name = signal.Signals(-status).name
-    short = ", as the system does where memory is short" if name == "SIGKILL" else ""
-    return f"signal {name}{short}"
+    hint = ", as sent by the system when memory runs out" if name == "SIGKILL" else ""
+    return f"signal {name}{hint}"
 
 
 def main() -> None:
@@ -183,10 +183,10 @@ def main() -> None:
     if not os.read(0, 1):  # the observations are not there yet
         shutil.rmtree(task.observations.parent, ignore_errors=True)
         return
-    threading.Thread(target=workers.end_with_the_judge, daemon=True).start()
+    threading.Thread(target=workers.exit_with_parent, daemon=True).start()
     try:
-        found, _ = opened(task.observations, task.centreline)
-        for message in supervise(task, found, workers):
+        opened_observations, _ = opened(task.observations, task.centreline)
+        for message in supervise(task, opened_observations, workers):
             print(json.dumps(message), flush=True)
     except InputError as error:
         print(json.dumps({"refused": str(error)}), flush=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 # Modules that every process can import. A copy of the solver would also be compiled anew.
-_FOUND_ANYWAY: Final = sys.stdlib_module_names | {"solver", "vbaa_bench"}
+_NOT_COPIED: Final = sys.stdlib_module_names | {"solver", "vbaa_bench"}
 
 
 def copy_sources(module: str, target: Path) -> None:
@@ -18,33 +18,35 @@ def copy_sources(module: str, target: Path) -> None:
     Modules and packages are searched in the current folder and on PYTHONPATH; installed ones are
     not copied. Only `*.py` files are copied: a dataset inside a package is not. Raises OSError.
     """
-    elsewhere = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    places = [Path.cwd(), *(Path(name) for name in elsewhere if name)]
+    python_path = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    folders = [Path.cwd(), *(Path(name) for name in python_path if name)]
     done: set[str] = set()
-    open_names = {module.partition(".")[0]}
-    while open_names:
-        name = open_names.pop()
+    pending = {module.partition(".")[0]}
+    while pending:
+        name = pending.pop()
         done.add(name)
-        for place, source in _sources(name, places):
-            copy = target / source.relative_to(place)
+        for folder, source in _sources(name, folders):
+            copy = target / source.relative_to(folder)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, copy)
-            open_names |= _imported(copy) - done - _FOUND_ANYWAY
+            pending |= _imported(copy) - done - _NOT_COPIED
 
 
-def _sources(name: str, places: list[Path]) -> Iterator[tuple[Path, Path]]:
+def _sources(name: str, roots: list[Path]) -> Iterator[tuple[Path, Path]]:
     """Yield the folder and path of each source of a top-level module, by Python's import order."""
     if not name.isidentifier():
         return
-    for place in places:
-        package, module = place / name, place / f"{name}.py"
+    for root in roots:
+        package, module = root / name, root / f"{name}.py"
         if module.is_file() and not (package / "__init__.py").is_file():
-            yield place, module
+            yield root, module
             return
         if package.is_dir():
             for folder, folders, files in os.walk(package):
-                folders[:] = [one for one in folders if not one.startswith((".", "__pycache__"))]
-                yield from ((place, Path(folder, one)) for one in files if one.endswith(".py"))
+                folders[:] = [
+                    entry for entry in folders if not entry.startswith((".", "__pycache__"))
+                ]
+                yield from ((root, Path(folder, entry)) for entry in files if entry.endswith(".py"))
             return
 
 

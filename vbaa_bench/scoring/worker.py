@@ -26,10 +26,10 @@ from solver.methods.by_name import find_method
 from solver.set_up import set_up
 
 GIGABYTE: Final = 1e9
-# Longest texts [characters]. Chosen: a message is one cell of a table, a traceback one page; a
-# method may send megabytes.
-LONGEST_MESSAGE: Final = 1000
-LONGEST_TRACEBACK: Final = 8000
+# Length limits of texts [characters]. Chosen: a message is one cell of a table, a traceback one
+# page; a method may send megabytes.
+MAX_MESSAGE: Final = 1000
+MAX_TRACEBACK: Final = 8000
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class Task:
 @functools.cache
 def opened(observations: Path, centreline: str) -> tuple[Observations, Antenna]:
     """Open the observations and calibrate. A forked worker inherits the result."""
-    found = open_observations(observations)
-    return found, set_up(found, EXTRACTORS[centreline])
+    opened_observations = open_observations(observations)
+    return opened_observations, set_up(opened_observations, EXTRACTORS[centreline])
 
 
 def work(
@@ -126,14 +126,14 @@ class _Watched:
     def __call__(self, measurement: Measurement) -> Estimate:
         if self._replayed is not None:
             # Only "no contact" ends a push; for later frames all other outcomes are equivalent.
-            free = self._replayed is Outcome.NO_CONTACT
-            return Estimate(Outcome.NO_CONTACT if free else Outcome.INVALID)
+            no_contact = self._replayed is Outcome.NO_CONTACT
+            return Estimate(Outcome.NO_CONTACT if no_contact else Outcome.INVALID)
         try:
             return self._method(measurement)
         except (Exception, SystemExit) as error:
             trace = error.__traceback__
             lines = traceback.format_exception(error.with_traceback(trace and trace.tb_next))
-            self.traceback = _shortened("".join(lines), LONGEST_TRACEBACK)
+            self.traceback = _shortened("".join(lines), MAX_TRACEBACK)
             if isinstance(error, MemoryError) and self._memory_gb:
                 limit = f"the method needs more than {self._memory_gb:g} GB, the limit of --memory"
                 raise MemoryError(limit) from error
@@ -145,20 +145,20 @@ class _Watched:
 
 def _sendable(row: Row) -> Row:
     """Convert a row to values that JSON and UTF-8 can represent, whatever the method returned."""
-    plain: Row = {}
+    converted: Row = {}
     for name, value in row.items():
         if value is None or isinstance(value, int | float):
-            plain[name] = value
+            converted[name] = value
         else:
             text = str(value).encode("utf-8", "replace").decode()
-            plain[name] = _shortened(text, LONGEST_MESSAGE)
-    return plain
+            converted[name] = _shortened(text, MAX_MESSAGE)
+    return converted
 
 
-def _shortened(text: str, longest: int) -> str:
-    """Shorten a text to about `longest` characters by leaving out its middle."""
-    half = longest // 2
-    return text if len(text) <= longest else f"{text[:half]} ... {text[-half:]}"
+def _shortened(text: str, max_length: int) -> str:
+    """Shorten a text to about `max_length` characters by leaving out its middle."""
+    half = max_length // 2
+    return text if len(text) <= max_length else f"{text[:half]} ... {text[-half:]}"
 
 
 def _limit_memory(gigabytes: float) -> None:

@@ -11,7 +11,7 @@ from vbaa_bench.sensor.sensor import Sensor
 
 
 def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
-    """Compute the exposure that puts `peak_radiance` at the beam's share of full scale.
+    """Compute the exposure that puts `peak_radiance` at the beam's fraction of full scale.
 
     Black level, dark current and gamma are taken into account. The unit is photons per unit of
     radiance, or full scales per unit of radiance for an ideal sensor. Raises InputError if the peak

@@ -18,7 +18,7 @@ class Ideal:
     def expose(
         self,
         radiance: Floats,
-        random: np.random.Generator,  # noqa: ARG002 - what a real sensor takes
+        random: np.random.Generator,  # noqa: ARG002 - a real sensor needs it
         render_variance: Floats | None = None,  # noqa: ARG002
     ) -> Grey:
         """Expose one frame (h, w) to a radiance image (h, w); `random` is not used."""

@@ -1,4 +1,4 @@
-"""Quantisation: shares of full scale -> gray values."""
+"""Quantisation: fractions of full scale -> gray values."""
 
 import numpy as np
 import numpy.typing as npt

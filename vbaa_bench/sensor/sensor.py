@@ -64,7 +64,7 @@ class Sensor:
             electrons = electrons + (self.pattern.response - 1) * light + self.pattern.offset
         electrons = np.minimum(electrons, self.full_well)
         electrons += read * random.standard_normal(mean.shape, dtype=np.float32)
-        return quantise(self._share(electrons), self.bits)
+        return quantise(self._encoded(electrons), self.bits)
 
     def noise_sigma(self, radiance: Floats) -> Floats:
         """Compute the standard deviation (h, w) in radiance: shot noise, read noise, rounding."""
@@ -91,7 +91,7 @@ class Sensor:
         gray = electrons / self._gain + self.black_level
         return np.asarray(gray / full_scale(self.bits), dtype=np.float32)
 
-    def _share(self, electrons: Image) -> Image:
+    def _encoded(self, electrons: Image) -> Image:
         linear = self._linear(electrons)
         if self.gamma == 1:
             return linear
@@ -101,5 +101,5 @@ class Sensor:
         """Compute the electrons per gray value, after gamma."""
         if self.gamma == 1:
             return self._gain
-        share = self._share(electrons)
-        return np.asarray(self._gain * self.gamma * share ** (self.gamma - 1), dtype=np.float32)
+        encoded = self._encoded(electrons)
+        return np.asarray(self._gain * self.gamma * encoded ** (self.gamma - 1), dtype=np.float32)

@@ -16,10 +16,10 @@ def poisson(mean: Image, random: np.random.Generator) -> Image:
     error of the distribution function is at most 3e-4 at MANY, and 0.01 / mean above.
     """
     counts = np.empty_like(mean)
-    few = mean < MANY
-    counts[few] = random.poisson(mean[few])
-    many = mean[~few]
-    z = random.standard_normal(many.shape, dtype=np.float32)
+    small = mean < MANY
+    counts[small] = random.poisson(mean[small])
+    large = mean[~small]
+    z = random.standard_normal(large.shape, dtype=np.float32)
     # Rounding adds 1/12 to the variance and the square 1/18, together 5/36.
-    counts[~few] = np.rint(many + np.sqrt(many - 5 / 36) * z + (z * z - 1) / 6)
+    counts[~small] = np.rint(large + np.sqrt(large - 5 / 36) * z + (z * z - 1) / 6)
     return counts

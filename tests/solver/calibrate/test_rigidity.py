@@ -95,7 +95,7 @@ def test_a_weight_that_tells_nothing_is_refused() -> None:
     still = hung_beam(0.0, 0.0, AT, 0.0, LENGTH)
     hardly = hung_beam(1e-3, 0.0, AT, 0.0, LENGTH)
     at_rest = seen(still, random, 0.0, 0.0)
-    with pytest.raises(InputError, match="too little to tell EI"):
+    with pytest.raises(InputError, match="too little to determine EI"):
         flexural_rigidity([at_rest], [seen(hardly, random, 0.0, 0.0)], WEIGHT)
     few = measurement(at_rest.points[:5], SIGMA)
     with pytest.raises(InputError, match="under the weight show 5 points, needed are 20"):
@@ -125,7 +125,7 @@ def test_a_clamp_that_is_not_level_is_refused() -> None:
     shapes = (hung_beam(load, STEEL / EI, AT, 0.2, LENGTH) for load in (0.0, heavy.force / EI))
     random = np.random.default_rng(13)
     at_rest, loaded = (seen(shape, random, 0.0, 0.0) for shape in shapes)
-    with pytest.raises(InputError, match=r"tilts the clamp by \d+(\.\d)? deg from level"):
+    with pytest.raises(InputError, match=r"fitted clamp is \d+(\.\d)? deg from level"):
         flexural_rigidity([at_rest], [loaded], heavy)
 
 
@@ -133,7 +133,7 @@ def test_a_shape_that_no_weight_makes_is_refused() -> None:
     at_rest, loaded = bent(AT, np.random.default_rng(11))
     x = loaded.points[:, 0]
     wavy = loaded.points + np.column_stack([0 * x, 3e-4 * np.sin(60 * x)])
-    with pytest.raises(InputError, match=r"points lie \d+\.\d sigma off the best beam"):
+    with pytest.raises(InputError, match=r"points deviate by \d+\.\d sigma from the fitted"):
         flexural_rigidity([at_rest], [measurement(wavy, SIGMA)], WEIGHT)
 
 

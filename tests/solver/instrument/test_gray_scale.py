@@ -30,7 +30,7 @@ def test_a_dim_image_has_the_bits_that_are_stated() -> None:
     assert gray_scale([dim], 12) == GrayScale(12)
     assert gray_scale([dim, image(12)], None) == GrayScale(12)  # all of them together
     # Alone and without a statement it is taken for 10 bits; the first bright frame says so.
-    with pytest.raises(InputError, match=r"not in the lower 10 of its 16 bits.*state camera\.bits"):
+    with pytest.raises(InputError, match=r"not in the lower 10 of its 16 bits.*set camera\.bits"):
         gray_scale([dim], None)(image(12))
 
 

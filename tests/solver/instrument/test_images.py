@@ -61,7 +61,7 @@ def test_a_channel_of_a_colour_image() -> None:
     assert np.array_equal(to_grey(with_opacity, "x", "lab_b"), to_grey(image, "x", "lab_b"))
     deep = image.astype(np.uint16) * 257
     assert (to_grey(deep, "x", "r") == deep[:, :, 2]).all()
-    with pytest.raises(InputError, match="x: has 16 bits, the channel lab_b is of images of 8"):
+    with pytest.raises(InputError, match="x: has 16 bits, the channel lab_b needs 8 bits"):
         to_grey(deep, "x", "lab_b")
     assert to_grey(image[:, :, 0], "x", "r") is not None  # what is gray already stays as it is
 

@@ -77,7 +77,10 @@ def test_a_rig_silent_about_board_and_lens_has_a_chessboard_and_no_distortion(
         ({"kind": "charuco", "dictionary": "5x5_50"}, "allowed is one of 4x4_50, 4x4_100"),
         ({"kind": "charuco", "dictionary": "4x4_50"}, "has 65 markers, the dictionary 4x4_50 only"),
         ({"kind": "lines"}, "the key board.line_width_mm is missing"),
-        ({"kind": "lines", "line_width_mm": 3.6}, "0.2 of their distance wide, allowed is up to"),
+        (
+            {"kind": "lines", "line_width_mm": 3.6},
+            "line width is 0.2 of a square, allowed is up to",
+        ),
     ],
 )
 def test_a_board_that_cannot_be_is_named(
@@ -257,5 +260,5 @@ def test_a_key_that_means_nothing_is_named_with_the_nearest(
         read_rig(path)
     said = str(caught.value)
     assert str(path) in said
-    assert said.endswith(f"means nothing here, the nearest allowed is {nearest}")
+    assert said.endswith(f"is unknown, the nearest allowed is {nearest}")
     assert f"the key {key.split('.', maxsplit=1)[0]}" in said

@@ -184,7 +184,7 @@ def test_a_mistake_is_one_sentence(command: Command, root: Path, images: list[Pa
     assert "images, a video or a camera need --rig" in command.refused(*images)
     assert "is not a folder of observations" in command.refused("nowhere")
     assert "none.json: cannot be read" in command.refused(images[0], "--rig", "none.json")
-    assert "none.png: there is no such image" in command.refused("none.png", *rig)
+    assert "none.png: does not exist" in command.refused("none.png", *rig)
     assert "camera 97: cannot be opened" in command.refused("97", *rig, "--stream")
     assert "method 'magic' is unknown" in command.refused(images[0], *rig, "--method", "magic")
     assert "folder of observations has its own" in command.refused(root, "--readings", "x.csv")
@@ -257,7 +257,7 @@ def test_a_check_says_how_good_the_calibration_is(command: Command, root: Path) 
     assert found["noise_dark"] + found["noise_per_gray"] > 0
     ended = command("check", "--rig", root)
     assert f"{found['height_mm']:.2f} +- " in ended.out
-    assert ended.out.splitlines()[-1].split(maxsplit=1) == ["meaning", found["meaning"]]
+    assert ended.out.splitlines()[-1].split(maxsplit=1) == ["assessment", found["meaning"]]
     assert found["meaning"].startswith("good")
 
 
@@ -278,7 +278,7 @@ def test_what_was_solved_before_an_interrupt_is_kept(
     Path("pressed_ctrl_c.py").write_text(INTERRUPTED)
     monkeypatch.syspath_prepend(str(Path.cwd()))
     ended = command(root, "--method", "pressed_ctrl_c:third", "--quiet", "--out", "kept.csv")
-    assert ended == (130, "", "interrupted: what was solved until then is kept\n")
+    assert ended == (130, "", "interrupted: the estimates so far are kept\n")
     assert len(table(Path("kept.csv"))) == 2
 
 

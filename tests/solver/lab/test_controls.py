@@ -47,9 +47,13 @@ def test_what_is_asked_is_set_in_an_order_that_works() -> None:
 @pytest.mark.parametrize(
     ("stubborn", "controls", "said"),
     [
-        (cv2.CAP_PROP_FRAME_WIDTH, Controls(size=(800, 480)), "gives 640 x 480 px, not the 800 x"),
-        (cv2.CAP_PROP_EXPOSURE, Controls(exposure=50.0), "does not take the exposure 50, it has 0"),
-        (cv2.CAP_PROP_GAIN, controls_of(None, None, ["gain=4"]), "does not take property 14"),
+        (
+            cv2.CAP_PROP_FRAME_WIDTH,
+            Controls(size=(800, 480)),
+            "delivers 640 x 480 px, --size is 800x",
+        ),
+        (cv2.CAP_PROP_EXPOSURE, Controls(exposure=50.0), "rejects the exposure 50, it has 0"),
+        (cv2.CAP_PROP_GAIN, controls_of(None, None, ["gain=4"]), "rejects property 14"),
     ],
 )
 def test_a_camera_that_does_not_obey_is_named(stubborn: int, controls: Controls, said: str) -> None:

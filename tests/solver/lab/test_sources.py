@@ -203,10 +203,10 @@ def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:
     broken = tmp_path / "broken.mp4"
     broken.write_bytes(b"not a video")
     assert "broken.mp4: cannot be opened" in refused(str(broken))
-    assert "none.avi: there is no such video" in refused(str(tmp_path / "none.avi"))
+    assert "none.avi: does not exist" in refused(str(tmp_path / "none.avi"))
     assert "camera 97: cannot be opened" in refused("97")
-    assert "a.png: there is no such image" in refused("a.png", "b.png")
-    assert "name the images in it" in refused(str(tmp_path))
+    assert "a.png: does not exist" in refused("a.png", "b.png")
+    assert "list its images" in refused(str(tmp_path))
     image = tmp_path / "a.png"
     image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
     assert "one video at a time" in refused(str(image), str(broken))
@@ -215,7 +215,7 @@ def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:
 def test_only_a_camera_can_be_set(tmp_path: Path) -> None:
     image = tmp_path / "a.png"
     image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
-    with pytest.raises(InputError, match=r"a\.png: is no camera, whose size"):
+    with pytest.raises(InputError, match=r"a\.png: is not a camera; size"):
         open_source([str(image)], controls=Controls(exposure=5.0))
 
 

@@ -345,7 +345,7 @@ def test_without_a_push_it_answers_as_a_single_frame() -> None:
         (unread, "no motor angle is read"),
     ):
         answer = push_fit(lone)
-        assert answer.message.startswith("of this frame alone: ")
+        assert answer.message.startswith("from this frame alone: ")
         assert why in answer.message
         assert answer.values == exact_fit(lone).values
         assert "compliance_m_per_n" not in answer.values
@@ -444,7 +444,7 @@ def test_of_a_single_frame_friction_is_part_of_the_uncertainty(
     )
     measurement = replace(measurement, rig=replace(measurement.rig, known_psi=known_psi))
     blind, aware = exact_fit(measurement), push_fit_friction(measurement)
-    assert aware.message.startswith("of this frame alone")
+    assert aware.message.startswith("from this frame alone")
     assert "friction" not in aware.values
     assert aware.values == blind.values
     force_x, force_y, _ = state.contact.force

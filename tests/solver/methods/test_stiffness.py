@@ -123,7 +123,7 @@ def test_without_a_push_it_answers_as_two_point() -> None:
     unread = replace(measurement, motor_angle=None)
     for lone in (measurement.earlier[0], unmoved, unread):
         answer = stiffness(lone)
-        assert answer.message.startswith("of this frame alone: ")
+        assert answer.message.startswith("from this frame alone: ")
         assert answer.values == two_point(lone).values
         assert "compliance_m_per_n" not in answer.values
 

@@ -25,8 +25,8 @@ def planned(folder: Path, extra: str, pushes: str) -> list[list[State]]:
     path.write_text(text + extra, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    pushed = dict.fromkeys(trial.push for trial in work.frame_specs)
-    return [Experiment(file.scene, work.rig, one, folder).states() for one in pushed]
+    pushed = dict.fromkeys(spec.push for spec in work.frame_specs)
+    return [Experiment(file.scene, work.rig, push, folder).states() for push in pushed]
 
 
 def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
@@ -34,7 +34,7 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
 
 
 @pytest.mark.parametrize(
-    ("extra", "pushes", "said"),
+    ("extra", "pushes", "message"),
     [
         (
             "object: {kind: block, drift_mm: [0, 3, 0]}",
@@ -46,7 +46,7 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
             at(140, "pushing_angle_deg: [1, 2]"),
             "in step 2, contact is lost",
         ),
-        ("object: {kind: cylinder}", at(5), "stands 1.539 mm from the motor's axis"),
+        ("object: {kind: cylinder}", at(5), "is 1.539 mm from the motor's axis"),
         ("object: {kind: wall, gap_mm: 2}", "  pushing_angle_deg: [5]\n", "from the motor's axis"),
         (
             "object: {kind: wall, gap_mm: 5}",
@@ -71,7 +71,7 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
         (
             "background: {distance_mm: 3}\ngravity_m_s2: [0, 0, -9.81]",
             at(140),
-            "the beam comes as low as",
+            "the beam reaches",
         ),
         ("second_peg: {distance_mm: 250}", at(140), "second_peg.distance_mm is 250"),
         (
@@ -82,19 +82,19 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
         (
             "beam: {section: strip, aspect_ratio: 8}\nobject: {kind: knife_edge}",
             at(140, "pushing_angle_deg: [3]\n  normal_deg: [10]"),
-            "lies flat on an edge of the same normal_deg",
+            "needs an edge of the same normal_deg",
         ),
         (
             "beam: {section: strip, aspect_ratio: 8}\nobject: {kind: peg}",
             at(140),
-            "a strip is pushed by one block or knife_edge alone",
+            "a strip needs a single object, block or knife_edge",
         ),
-        ("object: {kind: mesh, file: dust.stl}", at(140), "does object.unit_mm say"),
+        ("object: {kind: mesh, file: dust.stl}", at(140), "check object.unit_mm"),
         ("object: {kind: mesh, file: open.stl}", at(140), "open.stl"),
     ],
 )
 def test_what_cannot_stand_there_is_refused(
-    tmp_path: Path, extra: str, pushes: str, said: str
+    tmp_path: Path, extra: str, pushes: str, message: str
 ) -> None:
     trimesh.creation.box(extents=(1e-3, 1e-3, 1e-3)).export(tmp_path / "dust.stl")
     hollow = trimesh.creation.box(extents=(20, 20, 10))
@@ -102,7 +102,7 @@ def test_what_cannot_stand_there_is_refused(
     hollow.export(tmp_path / "open.stl")
     with pytest.raises(InputError) as caught:
         planned(tmp_path, extra + "\n", pushes)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert all("scene.yaml:" in line for line in str(caught.value).splitlines())
 
 

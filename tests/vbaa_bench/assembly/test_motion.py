@@ -28,9 +28,9 @@ def scene_file(tmp_path: Path, text: str) -> SceneFile:
 
 def pose_of(file: SceneFile) -> tuple[Pose, SceneFile]:
     work = plan(file)
-    trial = next(iter(work.frame_specs))
-    experiment = Experiment(file.scene, work.rig, trial.push, file.path.parent)
-    return Pose(experiment, trial, experiment.states()[trial.step]), file
+    spec = next(iter(work.frame_specs))
+    experiment = Experiment(file.scene, work.rig, spec.push, file.path.parent)
+    return Pose(experiment, spec, experiment.states()[spec.step]), file
 
 
 def test_poses_stand_evenly_about_the_one_asked_for(tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_a_motor_at_rest_blurs_nothing(tmp_path: Path) -> None:
 
 def test_blur_has_no_memory(tmp_path: Path) -> None:
     text = SMALL_SCENE + "motor_speed_deg_s: 20\nobject: {kind: block, friction: 0.2}\n"
-    with pytest.raises(InputError, match="blur is that of a frictionless push"):
+    with pytest.raises(InputError, match="blur is modelled for a frictionless push"):
         scene_file(tmp_path, text)
 
 

@@ -34,19 +34,19 @@ def test_the_first_frame_leaves_no_trace(pattern: str, tmp_path: Path, variant: 
     path.write_text(SCENE.replace("PATTERN", pattern), encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    studio = SceneAssembler(file.scene, work.rig, tmp_path)
+    assembler = SceneAssembler(file.scene, work.rig, tmp_path)
     poses = []
-    for trial in sorted(work.frame_specs, key=lambda trial: trial.index):
-        experiment = Experiment(file.scene, work.rig, trial.push, tmp_path)
-        poses.append(Pose(experiment, trial, experiment.states()[trial.step]))
+    for spec in sorted(work.frame_specs, key=lambda spec: spec.index):
+        experiment = Experiment(file.scene, work.rig, spec.push, tmp_path)
+        poses.append(Pose(experiment, spec, experiment.states()[spec.step]))
 
-    def seen(first: Pose) -> RenderedRadiance:
-        world, wanted = studio.bench(first), NoiseTarget(noise)
-        still = render_static_layer(world, wanted, 1)
-        studio.repose(world, poses[1])
-        return render_frame(world, still, wanted, 2)
+    def rendered(first: Pose) -> RenderedRadiance:
+        world, target = assembler.bench(first), NoiseTarget(noise)
+        still = render_static_layer(world, target, 1)
+        assembler.repose(world, poses[1])
+        return render_frame(world, still, target, 2)
 
-    one, other = seen(poses[0]), seen(poses[-1])
+    one, other = rendered(poses[0]), rendered(poses[-1])
     assert (one.radiance == other.radiance).all()
     assert (one.layers.object_index == other.layers.object_index).all()
     assert (one.samples == other.samples).all()

@@ -70,8 +70,7 @@ def test_a_plan_is_said_in_four_lines() -> None:
     )
     assert str(cost).splitlines() == [
         "270,000 frames of 90,000 pushes, and 14 images of the board and the beam at rest",
-        "time:    12.3 h with 8 workers, between 8 h and 30 min if the machine stays as busy as "
-        "during the probe",
-        "disk:    81.2 GB, to about a tenth",
-        "memory:  3.7 GB in all, the most that a probing worker took, times the workers",
+        "time:    12.3 h with 8 workers, between 8 h and 30 min at the machine load of the probe",
+        "disk:    81.2 GB, within about 10 %",
+        "memory:  3.7 GB in total, the peak of a probing worker times the number of workers",
     ]

@@ -26,8 +26,8 @@ def scene_of(tmp_path: Path, extra: str, pushes: str = "") -> SceneFile:
     return load_scene(path)
 
 
-def experiment_of(file: SceneFile, trial: FrameSpec) -> Experiment:
-    return Experiment(file.scene, true_rig(file.scene), trial.push, file.path.parent)
+def experiment_of(file: SceneFile, spec: FrameSpec) -> Experiment:
+    return Experiment(file.scene, true_rig(file.scene), spec.push, file.path.parent)
 
 
 def test_the_steps_of_a_push_share_its_name(tmp_path: Path) -> None:
@@ -35,11 +35,11 @@ def test_the_steps_of_a_push_share_its_name(tmp_path: Path) -> None:
         scene_of(tmp_path, "", "  pushing_angle_deg: [2, 4, 6]\n  repeats: 2\n").scene
     )
     assert len(made) == 2 * 2 * 3
-    assert len({trial.push_id for trial in made}) == 4
-    for name in {trial.push_id for trial in made}:
-        steps = [trial for trial in made if trial.push_id == name]
-        assert sorted(trial.step for trial in steps) == [0, 1, 2]
-        assert len({trial.push for trial in steps}) == 1
+    assert len({spec.push_id for spec in made}) == 4
+    for name in {spec.push_id for spec in made}:
+        steps = [spec for spec in made if spec.push_id == name]
+        assert sorted(spec.step for spec in steps) == [0, 1, 2]
+        assert len({spec.push for spec in steps}) == 1
 
 
 def test_moment_and_force_sensors_read_what_the_clamp_bears(tmp_path: Path) -> None:
@@ -49,38 +49,36 @@ def test_moment_and_force_sensors_read_what_the_clamp_bears(tmp_path: Path) -> N
     )
     file = scene_of(tmp_path, extra, "  deflection_pct: [10]\n  normal_deg: [30]\n  repeats: 30\n")
     moments, forces = [], []
-    for trial in frame_specs(file.scene):
-        state = experiment_of(file, trial).states()[0]
-        told = readings(file.scene, trial, state, None)
+    for spec in frame_specs(file.scene):
+        state = experiment_of(file, spec).states()[0]
+        values = readings(file.scene, spec, state, None)
         contact = state.contact
         # (27) with a right-handed m_y; the exact base moment is r x F.
         m_y = np.cross(contact.point, contact.force)[1]
         assert m_y < 0 < contact.force[2]
-        moments.append(float(told["moment_y_n_mm"]) - 1e3 * m_y)
-        forces.append([float(told[f"base_force_{a}_n"]) for a in "xyz"] + contact.force)
-        assert float(told["base_moment_y_n_mm"]) == pytest.approx(-1e3 * m_y, abs=0.06)
+        moments.append(float(values["moment_y_n_mm"]) - 1e3 * m_y)
+        forces.append([float(values[f"base_force_{a}_n"]) for a in "xyz"] + contact.force)
+        assert float(values["base_moment_y_n_mm"]) == pytest.approx(-1e3 * m_y, abs=0.06)
     assert np.std(moments) == pytest.approx(0.01, rel=0.4)
     assert np.std(forces) == pytest.approx(1e-4, rel=0.3)
 
 
 def test_an_encoder_counts_whole_steps(tmp_path: Path) -> None:
     file = scene_of(tmp_path, "tolerances: {encoder_step_deg: 0.25}\n")
-    for trial in frame_specs(file.scene):
-        state = experiment_of(file, trial).states()[0]
-        reading = float(readings(file.scene, trial, state, None)["motor_angle_deg"])
+    for spec in frame_specs(file.scene):
+        state = experiment_of(file, spec).states()[0]
+        reading = float(readings(file.scene, spec, state, None)["motor_angle_deg"])
         assert reading % 0.25 == pytest.approx(0)
-        assert reading == pytest.approx(
-            np.degrees(trial.motor_angle(state.pushing_angle)), abs=0.17
-        )
+        assert reading == pytest.approx(np.degrees(spec.motor_angle(state.pushing_angle)), abs=0.17)
 
 
 def test_a_camera_in_the_world_is_not_told_the_motors_angle(tmp_path: Path) -> None:
     file = scene_of(tmp_path, "")
     camera = file.scene.camera.model_copy(update={"mount": "world"})
     scene = file.scene.model_copy(update={"camera": camera})
-    trial = frame_specs(scene)[0]
-    state = Experiment(scene, true_rig(scene), trial.push, tmp_path).states()[0]
-    assert readings(scene, trial, state, None)["motor_angle_deg"] == ""
+    spec = frame_specs(scene)[0]
+    state = Experiment(scene, true_rig(scene), spec.push, tmp_path).states()[0]
+    assert readings(scene, spec, state, None)["motor_angle_deg"] == ""
 
 
 def test_the_stretch_that_is_hidden_follows_equation_32(tmp_path: Path) -> None:
@@ -91,29 +89,29 @@ def test_the_stretch_that_is_hidden_follows_equation_32(tmp_path: Path) -> None:
     file = scene_of(tmp_path, extra)
     made = frame_specs(file.scene)
     assert len(made) == 2 * 2 * 4 * 2
-    for trial in made:
-        experiment = experiment_of(file, trial)
+    for spec in made:
+        experiment = experiment_of(file, spec)
         state = experiment.states()[0]
-        stretch = Pose(experiment, trial, state).hidden
-        told = readings(file.scene, trial, state, stretch)
-        row = truth_row(experiment, trial, state, stretch)
-        assert trial.cover is not None
-        if trial.cover.availability == 1:
+        stretch = Pose(experiment, spec, state).hidden
+        values = readings(file.scene, spec, state, stretch)
+        row = truth_row(experiment, spec, state, stretch)
+        assert spec.cover is not None
+        if spec.cover.availability == 1:
             assert stretch is None
-            assert told["removed_from_mm"] == ""
+            assert values["removed_from_mm"] == ""
             continue
         assert stretch is not None
         first, last = stretch
         assert (last - first) / 0.24 == pytest.approx(0.4)
         x_c = float(state.contact.point[0])
         inside = {"base": 0.0, "contact": x_c, "middle": 0.12}
-        assert first - 1e-12 <= inside.get(trial.cover.place, 0.24) <= last + 1e-12
+        assert first - 1e-12 <= inside.get(spec.cover.place, 0.24) <= last + 1e-12
         # Its middle does not tell where the contact is.
         assert abs((first + last) / 2 - x_c) > 1e-4
         assert row["hidden_from_mm"] == pytest.approx(1e3 * first)
         # A solver is told of data that are removed, never of what lies before the beam.
-        removed = trial.cover.kind == "removed"
-        assert told["removed_to_mm"] == (pytest.approx(1e3 * last) if removed else "")
+        removed = spec.cover.kind == "removed"
+        assert values["removed_to_mm"] == (pytest.approx(1e3 * last) if removed else "")
 
 
 def test_a_scene_pays_only_for_what_it_asks(tmp_path: Path) -> None:
@@ -135,21 +133,21 @@ def test_a_scene_pays_only_for_what_it_asks(tmp_path: Path) -> None:
 
 def test_truth_of_a_frame_before_contact_is_null_where_there_is_none(tmp_path: Path) -> None:
     file = scene_of(tmp_path, "", "  pushing_angle_deg: [-2, 3]\n")
-    for trial in frame_specs(file.scene):
-        experiment = experiment_of(file, trial)
-        state = experiment.states()[trial.step]
-        row = truth_row(experiment, trial, state, None)
-        assert (row["x_c_mm"] is None) == (trial.step == 0)
-        assert (row["force_antenna_n"] is None) == (trial.step == 0)
-        assert row["pushing_angle_deg"] == pytest.approx([-2, 3][trial.step])
+    for spec in frame_specs(file.scene):
+        experiment = experiment_of(file, spec)
+        state = experiment.states()[spec.step]
+        row = truth_row(experiment, spec, state, None)
+        assert (row["x_c_mm"] is None) == (spec.step == 0)
+        assert (row["force_antenna_n"] is None) == (spec.step == 0)
+        assert row["pushing_angle_deg"] == pytest.approx([-2, 3][spec.step])
         assert len(row["centreline_s_mm"]) == 481
 
 
 def test_truth_of_a_compliant_object_obeys_hooke_and_equation_31(tmp_path: Path) -> None:
     file = scene_of(tmp_path, "", "  pushing_angle_deg: [3]\n  stiffness_n_m: [20]\n")
-    for trial in frame_specs(file.scene):
-        experiment = experiment_of(file, trial)
-        row = truth_row(experiment, trial, experiment.states()[0], None)
+    for spec in frame_specs(file.scene):
+        experiment = experiment_of(file, spec)
+        row = truth_row(experiment, spec, experiment.states()[0], None)
         assert row["k_s_n_m"] == 20
         assert row["w_s_mm"] * 1e-3 * 20 == pytest.approx(row["force_n"], rel=5e-3)
         w_p = row["x_c_mm"] * np.tan(np.radians(3))  # (30), mended

@@ -20,9 +20,9 @@ def rows() -> str:
     file = load_scene(ROOT / "scenes" / "fig11_stiffness.yaml")
     rig, folder = true_rig(file.scene), file.path.parent
     made = []
-    for trial in sorted(frame_specs(file.scene), key=lambda trial: trial.index)[:112:19]:
-        experiment = Experiment(file.scene, rig, trial.push, folder)
-        made.append(truth_row(experiment, trial, experiment.states()[trial.step], None))
+    for spec in sorted(frame_specs(file.scene), key=lambda spec: spec.index)[:112:19]:
+        experiment = Experiment(file.scene, rig, spec.push, folder)
+        made.append(truth_row(experiment, spec, experiment.states()[spec.step], None))
     return json.dumps(made)
 
 

@@ -7,7 +7,7 @@ import trimesh
 
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import rigid
-from vbaa_bench.geometry.mesh_file import MOST_BYTES, read_mesh, touching
+from vbaa_bench.geometry.mesh_file import MAX_BYTES, read_mesh, touching
 from vbaa_bench.geometry.objects import cylinder, knife_edge, sphere
 from vbaa_bench.geometry.solids import box
 
@@ -128,7 +128,7 @@ def flat() -> trimesh.Trimesh:
     ("mesh", "scale", "sentence"),
     [
         (open_box(), 1.0, "is not closed, allowed is a watertight mesh"),
-        (ill_wound(), 1.0, "is wound this way and that, allowed is one sense all over"),
+        (ill_wound(), 1.0, "is wound inconsistently, allowed is one orientation"),
         (flat(), 1.0, "encloses no volume, allowed is a solid"),
         (
             cuboid(),
@@ -183,13 +183,13 @@ end_header
     [
         ("a.step", b"", "has the suffix '.step', allowed are .stl, .obj, .ply"),
         ("a", b"", "has the suffix '', allowed are .stl, .obj, .ply"),
-        ("a.stl", b"", "holds no faces, allowed is a closed mesh"),
-        ("a.obj", b"nothing of the kind\n" * 20, "holds no faces, allowed is a closed mesh"),
+        ("a.stl", b"", "has no faces, allowed is a closed mesh"),
+        ("a.obj", b"nothing of the kind\n" * 20, "has no faces, allowed is a closed mesh"),
         ("a.ply", b"nothing of the kind\n" * 20, "is not a .ply mesh that can be read"),
         ("a.stl", bytes(range(128, 256)) * 9, "is not a .stl mesh that can be read"),
         ("a.obj", TEXTURED.encode() + b"f 1 2 99\n", "is not a .obj mesh that can be read"),
-        ("a.ply", POINTS.encode(), "holds no faces, allowed is a closed mesh"),
-        ("a.ply", ASTRAY.encode(), "has faces on vertices that it does not give"),
+        ("a.ply", POINTS.encode(), "has no faces, allowed is a closed mesh"),
+        ("a.ply", ASTRAY.encode(), "has faces with undefined vertices"),
     ],
 )
 def test_what_is_not_a_mesh_is_refused(
@@ -221,7 +221,7 @@ def test_a_file_that_is_missing_cut_short_or_vast_is_refused(tmp_path: Path) -> 
     with pytest.raises(InputError, match=r"a\.stl: is not a \.stl mesh that can be read"):
         read_mesh(path, 1e-3)
     with path.open("wb") as vast:
-        vast.truncate(MOST_BYTES + 10**6)  # a file with a hole: it takes no room
+        vast.truncate(MAX_BYTES + 10**6)  # a file with a hole: it takes no room
     with pytest.raises(InputError, match=r"a\.stl: has 101 MB, allowed are 100 MB"):
         read_mesh(path, 1e-3)
 
@@ -270,5 +270,5 @@ def test_an_object_made_to_touch_stays_where_it_is() -> None:
 @pytest.mark.parametrize("top", [-RADIUS, -0.002])
 def test_a_mesh_beside_the_beam_is_refused(top: float) -> None:
     thing = box(np.array([0.0, -1.0, -0.02]), np.array([0.05, -0.3, top]))
-    with pytest.raises(InputError, match=r"from z = -20 to -.* mm, beside the beam.* 0\.4 mm of"):
+    with pytest.raises(InputError, match=r"spans z = -20 to -.* mm, beside the beam.* 0\.4 mm of"):
         touching(thing, RADIUS)

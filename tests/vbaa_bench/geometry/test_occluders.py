@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from solver.instrument.errors import InputError
-from vbaa_bench.geometry.occluders import LEAF_WIDTH, MOST_LEAN, bars, leaves, sheet_over
+from vbaa_bench.geometry.occluders import LEAF_WIDTH, MAX_TILT, bars, leaves, sheet_over
 
 PLACE = (0.05, 0.11, -0.02, 0.03, 0.006)
 
@@ -46,7 +46,7 @@ def test_leaves_are_closed_thin_and_where_they_should_be() -> None:
         x, y, z = leaf.center_mass
         assert (0.05 <= x <= 0.11, -0.02 <= y <= 0.03) == (True, True)
         assert z == pytest.approx(0.006)
-        assert leaf.bounds[0, 2] > 0.006 - size / 2 * np.sin(MOST_LEAN) - 0.1e-3
+        assert leaf.bounds[0, 2] > 0.006 - size / 2 * np.sin(MAX_TILT) - 0.1e-3
     assert np.ptp([leaf.extents[0] for leaf in each]) > 0.3 * size  # they head anywhere
 
 

@@ -38,7 +38,7 @@ def _renderer(variant: str) -> None:
         pytest.skip("without wavefronts every pixel is traced")
 
 
-def bench(camera: Camera, light: Light) -> World:
+def make_world(camera: Camera, light: Light) -> World:
     thing = block(0.02, -0.03, 0.03)
     thing.apply_translation(MIDDLE)
     surfaces = {
@@ -51,10 +51,10 @@ def bench(camera: Camera, light: Light) -> World:
 @pytest.mark.parametrize("camera", [CAMERA, DISTORTED], ids=["ideal", "distorted"])
 @pytest.mark.parametrize("light", [LAMP, LOW_LAMP, SPOT], ids=["above", "low", "spot"])
 def test_nothing_changes_out_of_reach(camera: Camera, light: Light) -> None:
-    world = bench(camera, light)
-    wanted = NoiseTarget(lambda radiance: 0.2 * radiance + 1e-3)
-    still = render_static_layer(world, wanted, 1)
-    seen = render_frame(world, still, wanted, 2)
+    world = make_world(camera, light)
+    target = NoiseTarget(lambda radiance: 0.2 * radiance + 1e-3)
+    still = render_static_layer(world, target, 1)
+    seen = render_frame(world, still, target, 2)
     apart = seen.samples == 0
     rows, columns = np.nonzero(np.ones_like(apart))
     pixels = np.column_stack([columns, rows])
@@ -90,7 +90,7 @@ def test_a_body_behind_the_camera_may_show_anywhere() -> None:
 
 
 def test_a_plate_alone_is_the_still_scene() -> None:
-    world = bench(CAMERA, LAMP)
+    world = make_world(CAMERA, LAMP)
     made: StaticLayer = render_static_layer(
         world, NoiseTarget(lambda radiance: 0.1 * radiance + 1e-3), 1
     )

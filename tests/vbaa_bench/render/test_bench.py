@@ -28,21 +28,21 @@ def work(small_scene: Path) -> Plan:
 @pytest.fixture(scope="module")
 def poses(small_scene: Path, work: Plan) -> list[Pose]:
     file, made = load_scene(small_scene), []
-    for trial in sorted(work.frame_specs, key=lambda trial: trial.index):
-        experiment = Experiment(file.scene, work.rig, trial.push, file.path.parent)
-        made.append(Pose(experiment, trial, experiment.states()[trial.step]))
+    for spec in sorted(work.frame_specs, key=lambda spec: spec.index):
+        experiment = Experiment(file.scene, work.rig, spec.push, file.path.parent)
+        made.append(Pose(experiment, spec, experiment.states()[spec.step]))
     return made
 
 
 @pytest.fixture(scope="module")
-def studio(small_scene: Path, work: Plan, variant: str) -> SceneAssembler:
+def assembler(small_scene: Path, work: Plan, variant: str) -> SceneAssembler:
     activate(variant, 2)
     return SceneAssembler(load_scene(small_scene).scene, work.rig, small_scene.parent)
 
 
 @pytest.fixture(scope="module")
-def world(studio: SceneAssembler, poses: list[Pose]) -> World:
-    return studio.bench(poses[0])
+def world(assembler: SceneAssembler, poses: list[Pose]) -> World:
+    return assembler.bench(poses[0])
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +55,12 @@ def coarse(radiance: Floats) -> Floats:
     return np.asarray(0.01 * np.sqrt(np.maximum(radiance, 1e-4)))
 
 
-WANTED = NoiseTarget(coarse)
+TARGET = NoiseTarget(coarse)
 
 
 @pytest.fixture(scope="module")
 def ground(world: World) -> StaticLayer:
-    return rendering.render_static_layer(world, WANTED, 1)
+    return rendering.render_static_layer(world, TARGET, 1)
 
 
 def test_arc_length_and_depth_are_those_of_the_beam(
@@ -115,26 +115,26 @@ def test_the_variance_is_that_from_picture_to_picture(world: World, seen: Layers
 
 
 def test_the_same_seed_gives_the_same_bits_whatever_came_before(
-    studio: SceneAssembler, world: World, poses: list[Pose], seen: Layers, ground: StaticLayer
+    assembler: SceneAssembler, world: World, poses: list[Pose], seen: Layers, ground: StaticLayer
 ) -> None:
     first, *_, last = poses
-    one = render_frame(world, ground, WANTED, 5)
-    studio.repose(world, last)
-    assert (render_frame(world, ground, WANTED, 5).radiance != one.radiance).any()
-    studio.repose(world, first)
-    again = render_frame(world, ground, WANTED, 5)
+    one = render_frame(world, ground, TARGET, 5)
+    assembler.repose(world, last)
+    assert (render_frame(world, ground, TARGET, 5).radiance != one.radiance).any()
+    assembler.repose(world, first)
+    again = render_frame(world, ground, TARGET, 5)
     assert (again.layers.arc_length_mm == seen.arc_length_mm).all()
     assert (again.radiance == one.radiance).all()
     assert (again.variance == one.variance).all()
-    assert (render_frame(world, ground, WANTED, 6).radiance != one.radiance).any()
+    assert (render_frame(world, ground, TARGET, 6).radiance != one.radiance).any()
 
 
 def test_layers_traced_where_things_move_are_those_of_the_whole(
-    studio: SceneAssembler, world: World, poses: list[Pose], ground: StaticLayer
+    assembler: SceneAssembler, world: World, poses: list[Pose], ground: StaticLayer
 ) -> None:
-    studio.repose(world, poses[-1])
-    found, whole = render_frame(world, ground, WANTED, 5).layers, every_pixel(world)
-    studio.repose(world, poses[0])
+    assembler.repose(world, poses[-1])
+    found, whole = render_frame(world, ground, TARGET, 5).layers, every_pixel(world)
+    assembler.repose(world, poses[0])
     for layer in ("object_index", "depth_mm", "normal", "arc_length_mm", "occlusion"):
         assert (getattr(found, layer) == getattr(whole, layer)).all(), layer
 
@@ -142,15 +142,15 @@ def test_layers_traced_where_things_move_are_those_of_the_whole(
 def test_the_noise_near_the_beam_is_that_which_is_wanted(world: World, ground: StaticLayer) -> None:
     if is_scalar():
         pytest.skip("without wavefronts every pixel gets the same samples")
-    made = [render_frame(world, ground, WANTED, seed) for seed in range(12)]
-    radiance = np.array([seen.radiance for seen in made])
-    near = cv2.dilate(made[0].layers.beam_mask.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-    share = radiance.std(axis=0, ddof=1)[near] / coarse(radiance.mean(axis=0))[near]
-    # Twelve pictures tell a standard deviation to a fifth.
-    assert np.median(share) < 1 / 3
-    assert np.quantile(share, 0.95) < 0.45
-    # Where nothing that moves is seen or shades, all pictures are the plate.
-    samples = np.array([seen.samples for seen in made])
+    images = [render_frame(world, ground, TARGET, seed) for seed in range(12)]
+    radiance = np.array([image.radiance for image in images])
+    near = cv2.dilate(images[0].layers.beam_mask.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    ratio = radiance.std(axis=0, ddof=1)[near] / coarse(radiance.mean(axis=0))[near]
+    # Twelve images estimate a standard deviation to a fifth.
+    assert np.median(ratio) < 1 / 3
+    assert np.quantile(ratio, 0.95) < 0.45
+    # Where nothing that moves is seen or shades, all images equal the static layer.
+    samples = np.array([image.samples for image in images])
     never = (samples == 0).all(axis=0)
     assert 0.02 < never.mean() < 0.95
     assert (radiance[:, never] == ground.radiance[never]).all()
@@ -160,14 +160,14 @@ def test_the_noise_near_the_beam_is_that_which_is_wanted(world: World, ground: S
 def test_the_beam_is_white_on_a_dark_ground(
     world: World, seen: Layers, ground: StaticLayer
 ) -> None:
-    image = render_frame(world, ground, WANTED, 1).radiance
+    image = render_frame(world, ground, TARGET, 1).radiance
     core, sheet = image[seen.beam_mask], image[seen.object_index == 4]
     assert np.median(core) > 8 * np.median(sheet)
     assert image.min() >= 0
 
 
 def test_a_picture_without_a_plate_is_that_with_one(world: World, ground: StaticLayer) -> None:
-    alone, onto = (render_frame(world, still, WANTED, 3).radiance for still in (None, ground))
+    alone, onto = (render_frame(world, still, TARGET, 3).radiance for still in (None, ground))
     assert alone.mean() == pytest.approx(onto.mean(), rel=0.003)
 
 

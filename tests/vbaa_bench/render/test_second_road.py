@@ -58,11 +58,11 @@ def roads_of(path: Path, variant: str, tolerance_px: float, folder: Path, pairs:
     work = plan(file)
     render = file.scene.render.model_copy(update={"mesh_tolerance_px": tolerance_px})
     scene = file.scene.model_copy(update={"render": render})
-    bench = FrameRenderer(scene, work.rig, path.parent, Layout(folder), variant, 2)
-    pose = bench.pose(min(work.frame_specs, key=lambda trial: trial.index))
-    world, line = bench.pushed_world(pose), beam_line(bench.rig, pose)
+    renderer = FrameRenderer(scene, work.rig, path.parent, Layout(folder), variant, 2)
+    pose = renderer.pose(min(work.frame_specs, key=lambda spec: spec.index))
+    world, line = renderer.pushed_world(pose), beam_line(renderer.rig, pose)
     s, *place = pose.state.centreline.T
-    centreline = CubicSpline(s, np.transpose(place) + bench.rig.base_position)
+    centreline = CubicSpline(s, np.transpose(place) + renderer.rig.base_position)
     knots = np.linspace(s[0], s[-1], PIECES + 1)
     controls = control_points(centreline(knots))
     halfway = (
@@ -81,7 +81,7 @@ def roads_of(path: Path, variant: str, tolerance_px: float, folder: Path, pairs:
             made[number, pair][near] = trace(road, pixels, size, 100 * pair, "whole").radiance
     mesh, curve = made
     apart = float(np.linalg.norm(halfway, axis=1).max())
-    return Roads(mesh, curve, line, apart / bench.rig.beam.radius)
+    return Roads(mesh, curve, line, apart / renderer.rig.beam.radius)
 
 
 def with_curve(world: World, text: Path) -> Any:

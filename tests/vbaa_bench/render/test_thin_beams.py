@@ -29,7 +29,7 @@ CAMERA = Camera(
 WIDTHS_PX = (0.3, 0.5, 0.8, 1.6)
 # Angle [deg] and shift [px]: 0 is between two rows, or columns, of CAMERA, a half on one.
 PLACES = ((0.0, 0.0), (0.0, 0.5), (0.6, 0.0), (30.0, 0.0), (90.0, 0.0), (90.0, 0.5))
-PICTURES = 5
+IMAGES = 5
 WIDE_PX = 60.0
 
 
@@ -38,7 +38,7 @@ def noise(radiance: Floats) -> Floats:
     return np.asarray(0.01 * np.sqrt(np.maximum(radiance, 1e-3)))
 
 
-WANTED = NoiseTarget(noise)
+TARGET = NoiseTarget(noise)
 
 
 def beam(width_px: float, angle_deg: float, shift_px: float) -> Floats:
@@ -73,7 +73,7 @@ def world(variant: str) -> World:
 
 @pytest.fixture(scope="module")
 def ground(world: World) -> StaticLayer:
-    return render_static_layer(world, WANTED, 1)
+    return render_static_layer(world, TARGET, 1)
 
 
 @pytest.mark.parametrize("width_px", WIDTHS_PX)
@@ -83,7 +83,7 @@ def test_no_column_is_noisier_than_wanted_nor_biased(
     worst, biases, chances = [], [], []
     for angle_deg, shift_px in PLACES:
         world.move({"beam": beam(width_px, angle_deg, shift_px)})
-        made = [render_frame(world, ground, WANTED, 100 + seed) for seed in range(PICTURES)]
+        made = [render_frame(world, ground, TARGET, 100 + seed) for seed in range(IMAGES)]
         radiance = np.array([one.radiance for one in made])
         covered = np.mean([one.coverage for one in made], axis=0) > 0
         near = cv2.dilate(covered.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
@@ -98,9 +98,9 @@ def test_no_column_is_noisier_than_wanted_nor_biased(
         truth = np.mean([part.radiance.sum() for part in parts])
         light = radiance[:, near].sum(axis=1)
         biases.append(light.mean() / truth - 1)
-        chances.append(light.std(ddof=1) / np.sqrt(PICTURES) / truth)
-    # A third of the sensor's noise is wanted; five pictures tell a column's to about a fifth, and
-    # the worst of 200 columns may be twice as noisy. One that is not sampled has 10 to 50 times.
+        chances.append(light.std(ddof=1) / np.sqrt(IMAGES) / truth)
+    # A third of the sensor's noise is the target; five images estimate a column's to about a fifth,
+    # and the worst of 200 columns may be twice as noisy. An unsampled column has 10 to 50 times.
     assert max(worst) < 2.0
     # In total light, over all beams: chance leaves 0.01 % each.
     assert abs(np.mean(biases)) < max(4 * np.sqrt(np.mean(np.square(chances)) / len(biases)), 1e-4)

@@ -1,4 +1,4 @@
-"""Many noisy pictures of one pose against a plain renderer's: their mean is the same everywhere."""
+"""Many noisy images of one pose against a plain renderer's: their mean is the same everywhere."""
 
 from dataclasses import dataclass
 
@@ -47,7 +47,7 @@ lights:
 occlusion: {kind: [sheet], place: [contact], availability: [0.97]}
 pushes: {contact_distance_mm: [30], deflection_pct: [10]}
 """
-PICTURES, REFERENCES, SAMPLES = 64, 64, 512
+IMAGES, REFERENCES, SAMPLES = 64, 64, 512
 # The chance that any region of an unbiased renderer is taken for biased.
 FALSE_ALARM = 1e-3
 # The render's noise over the sensor's: so much that a pixel gets a few samples.
@@ -60,7 +60,7 @@ class Seen:
     """Images (n, h, w), each on its own static layer, and plain renders (m, h, w), of one pose;
     the regions of the image, and the beam's path."""
 
-    pictures: Floats
+    images: Floats
     references: Floats
     regions: dict[str, Mask]
     line: Line
@@ -74,19 +74,19 @@ def seen(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Seen:
     path.write_text(SCENE, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    bench = FrameRenderer(file.scene, work.rig, path.parent, Layout(path.parent), variant, 2)
-    pose = bench.pose(next(work.frame_specs))
-    world = bench.pushed_world(pose)
-    noise = bench.sensor(bench.measure_exposure(lambda: None)).noise_sigma
-    few, many = NoiseTarget(noise, 4, *COARSE), NoiseTarget(noise, 4, *FINE)
-    pictures = [
-        render_frame(world, render_static_layer(world, few, 1000 + seed), few, seed).radiance
-        for seed in range(PICTURES)
+    renderer = FrameRenderer(file.scene, work.rig, path.parent, Layout(path.parent), variant, 2)
+    pose = renderer.pose(next(work.frame_specs))
+    world = renderer.pushed_world(pose)
+    noise = renderer.sensor(renderer.measure_exposure(lambda: None)).noise_sigma
+    coarse, fine = NoiseTarget(noise, 4, *COARSE), NoiseTarget(noise, 4, *FINE)
+    images = [
+        render_frame(world, render_static_layer(world, coarse, 1000 + seed), coarse, seed).radiance
+        for seed in range(IMAGES)
     ]
     references = plain_renders(world)
-    ground = render_static_layer(world, many, 1)
-    regions = regions_of(world, render_frame(world, ground, many, 2), ground)
-    return Seen(np.array(pictures), references, regions, beam_line(bench.rig, pose))
+    ground = render_static_layer(world, fine, 1)
+    regions = regions_of(world, render_frame(world, ground, fine, 2), ground)
+    return Seen(np.array(images), references, regions, beam_line(renderer.rig, pose))
 
 
 def plain_renders(world: World) -> Floats:
@@ -127,14 +127,14 @@ def grown(mask: Mask) -> Mask:
     return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
 
 
-def biased(pictures: Floats, references: Floats, regions: dict[str, Mask]) -> dict[str, float]:
+def biased(images: Floats, references: Floats, regions: dict[str, Mask]) -> dict[str, float]:
     """The relative difference of means wherever chance does not explain it.
 
     Welch's t test of each region's mean, from image to image, with Bonferroni's limit.
     """
     found = {}
     for name, where in regions.items():
-        ours, plain = pictures[:, where].mean(axis=1), references[:, where].mean(axis=1)
+        ours, plain = images[:, where].mean(axis=1), references[:, where].mean(axis=1)
         chance = stats.ttest_ind(ours, plain, equal_var=False).pvalue
         if chance < FALSE_ALARM / len(regions):
             found[name] = float(ours.mean() / plain.mean() - 1)
@@ -146,22 +146,22 @@ def test_every_region_is_there(seen: Seen) -> None:
 
 
 def test_no_region_is_biased(seen: Seen) -> None:
-    assert biased(seen.pictures, seen.references, seen.regions) == {}
+    assert biased(seen.images, seen.references, seen.regions) == {}
 
 
 def test_a_bias_of_half_a_percent_at_the_beams_edge_is_found(seen: Seen) -> None:
     edge = seen.regions["beam edge"]
     # From no bias at all, so that what is found does not hang on what chance brought.
-    level = seen.references[:, edge].mean() / seen.pictures[:, edge].mean()
-    assert biased(seen.pictures * level, seen.references, {"beam edge": edge}) == {}
+    level = seen.references[:, edge].mean() / seen.images[:, edge].mean()
+    assert biased(seen.images * level, seen.references, {"beam edge": edge}) == {}
     for factor in (1.005, 0.995):
-        wrong = np.where(edge, factor * level * seen.pictures, seen.pictures)
+        wrong = np.where(edge, factor * level * seen.images, seen.images)
         found = biased(wrong, seen.references, seen.regions)
         assert found == {"beam edge": pytest.approx(factor - 1)}
 
 
 def test_the_centroid_is_not_biased(seen: Seen) -> None:
-    ours, plain = seen.pictures.mean(axis=0), seen.references.mean(axis=0)
+    ours, plain = seen.images.mean(axis=0), seen.references.mean(axis=0)
     apart = seen.line.centroids(ours, plain) - seen.line.centroids(plain, plain)
     clear = ~np.isnan(apart)
     assert clear.sum() > 80

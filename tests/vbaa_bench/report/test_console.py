@@ -26,5 +26,5 @@ def test_what_is_heard_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_method_names_a_file_beside_the_others() -> None:
     assert kept_as("mine:best", "area_weighted") == "mine.best@area_weighted"
     for name in ("../../mine:best", "[/x]"):
-        with pytest.raises(InputError, match="no name, nor package"):
+        with pytest.raises(InputError, match="is not a name or package"):
             kept_as(name)

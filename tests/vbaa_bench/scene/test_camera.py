@@ -57,7 +57,7 @@ def test_the_target_goes_to_the_datasheet(tmp_path: Path, calibration: str, boar
     ("camera", "said"),
     [
         ("{distortion: [0.1, 0.2]}", "distortion holds 2 numbers, allowed are 0, 5 or 8"),
-        ("{distortion: [-3, 0, 0, 0, 0]}", "shows different points at one place"),
+        ("{distortion: [-3, 0, 0, 0, 0]}", "maps different points to the same pixel"),
         ("{distortion: [0, 0, 0, 0, .nan]}", "nan"),
         (
             "{distortion: [0, 0, 0, 0, 0], projection: telecentric, magnification_px_per_mm: 2}",
@@ -73,9 +73,9 @@ def test_a_lens_that_cannot_be_is_refused(tmp_path: Path, camera: str, said: str
 @pytest.mark.parametrize(
     ("calibration", "said"),
     [
-        ("{target: lines}", "line_width_mm is for a target of lines, which needs it"),
-        ("{line_width_mm: 1}", "line_width_mm is for a target of lines, which needs it"),
-        ("{target: lines, line_width_mm: 5}", "0.278 of their distance wide"),
+        ("{target: lines}", "line_width_mm must be given for the target lines only"),
+        ("{line_width_mm: 1}", "line_width_mm must be given for the target lines only"),
+        ("{target: lines, line_width_mm: 5}", "line width is 0.278 of a square"),
         ("{target: charuco, dictionary: 4x4_50}", "has 65 markers, the dictionary 4x4_50 only 50"),
         ("{target: dots}", "allowed is one of chessboard, charuco, lines"),
         ("{columns: 12, rows: 10}", "one must be even and one odd"),

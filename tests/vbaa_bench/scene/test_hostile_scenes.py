@@ -8,7 +8,7 @@ import pytest
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from tests.conftest import SMALL_SCENE
-from vbaa_bench.scene.load import LARGEST_FILE, MOST_MISTAKES, load_scene
+from vbaa_bench.scene.load import MAX_FILE_BYTES, MAX_MISTAKES, load_scene
 
 ODD = (
     *("!!float b", "!!set x", "? key: [1]", "%FOO x", "!!omap [1]", "!!int x", "!!binary x"),
@@ -57,11 +57,11 @@ def bomb() -> str:
     ("old", "new", "said"),
     [
         ("seed: 11", "seed: !!float b", "could not convert string to float: 'b'"),
-        ("seed: 11", "seed: !!set x", "is not YAML that a scene can hold"),
-        ("seed: 11", "? key: [1]", "is not YAML that a scene can hold"),
+        ("seed: 11", "seed: !!set x", "is not valid YAML for a scene"),
+        ("seed: 11", "? key: [1]", "is not valid YAML for a scene"),
         ("title:", "%FOO x\ntitle:", "is not YAML"),
         ("seed: 11", f"seed: {'[' * 1000}{']' * 1000}", ":3:1: is nested too deeply"),
-        ("seed: 11", f"seed: {'9' * 5000}", "is not YAML that a scene can hold"),
+        ("seed: 11", f"seed: {'9' * 5000}", "is not valid YAML for a scene"),
         ("seed: 11", "seed: 11\nbeam: &a {beam: *a}", "beam.beam is an unknown key"),
         ("[10, 20]", "[10, 20]\n  repeats: 1000000000", "repeats is 1000000000, allowed is"),
         (
@@ -69,7 +69,7 @@ def bomb() -> str:
             "[10, 20]\n  repeats: 500000",
             "2 contact distances x 500,000 repeats x 2 steps are 2,000,000 frames, allowed are",
         ),
-        ("seed: 11", f"seed: {'x' * LARGEST_FILE}", "is too large, allowed are 100,000 bytes"),
+        ("seed: 11", f"seed: {'x' * MAX_FILE_BYTES}", "is too large, allowed are 100,000 bytes"),
     ],
 )
 def test_hostile_scenes_are_refused_at_the_door(
@@ -89,11 +89,11 @@ def test_long_values_and_long_lists_of_mistakes_are_shortened(tmp_path: Path) ->
     assert len(refusal(path, SMALL_SCENE.replace("11", "x" * 50_000))) < 3 * LONGEST_SHOWN
     assert len(refusal(path, f"{'k' * 500}: 1\n{SMALL_SCENE}")) < 1000
     lines = refusal(path, SMALL_SCENE.replace("[100, 200]", f"[{'-1,' * 500}]")).splitlines()
-    assert len(lines) == MOST_MISTAKES + 1
+    assert len(lines) == MAX_MISTAKES + 1
     assert lines[-1].endswith(" more mistakes")
 
 
 def test_a_pipe_is_no_scene(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "scene.yaml")
-    with pytest.raises(InputError, match="it is no file"):
+    with pytest.raises(InputError, match="it is not a file"):
         load_scene(tmp_path / "scene.yaml")

@@ -17,7 +17,7 @@ from vbaa_bench.scene.image_sensor import SensorSpec
         ({"exposure_s": 0.0}, "greater than 0"),
         (
             {"kind": "ideal", "read_noise_e": 5.0, "gamma": 2.2},
-            "kind is ideal and read_noise_e, gamma given, allowed beside it are bits, "
+            "kind is ideal and read_noise_e, gamma given, allowed with it are bits, "
             "beam_peak_pct, rest_images, exposure_s",
         ),
         (

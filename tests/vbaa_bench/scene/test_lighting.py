@@ -37,7 +37,7 @@ def scene(**parts: Any) -> Scene:
         ),
         (
             {"lights": ({"kind": "spot", "position_mm": (120.6, 20.0, 0.0)},)},
-            "the position_mm is where it aims",
+            "position_mm is equal to the aim",
         ),
         ({"beam": {"paint": "bare", "roughness": 0.05}}, "greater than or equal to 0.1"),
         ({"object": {"kind": "block", "paint": "chrome"}}, "'matt', 'gloss', 'bare' or 'black'"),

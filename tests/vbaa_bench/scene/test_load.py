@@ -95,7 +95,7 @@ extra: 1
         ("seed: 11", "seed: 11\n1: 2", "Keys should be strings"),
         ("[100, 200]", "[100, 250.2]", "contact_distance_mm[1] is 250.2, allowed is before"),
         ("look_at_mm: [120.6, 22.0, 0.0]", "look_at_mm: [0, 22.0, 360.0]", "beam's own direction"),
-        ("look_at_mm: [120.6, 22.0, 0.0]", "look_at_mm: [120, 22, 720]", "look away from the beam"),
+        ("look_at_mm: [120.6, 22.0, 0.0]", "look_at_mm: [120, 22, 720]", "away from the beam"),
         ("position_mm: [120.0, 22.0, 360.0]", "position_mm: [120, 22, 500]", "0 < camera < light"),
         (
             "position_mm: [120.0, 22.0, 360.0]",
@@ -129,9 +129,9 @@ extra: 1
             "[10, 20]\n  stiffness_n_m: [soft]",
             "pushes.stiffness_n_m[0] is 'soft', allowed is a number or one of rigid",
         ),
-        ("seed: 11", "seed: 11\nobject: {kind: wall, gap_mm: 5}", "but for a wall, which has none"),
-        ("seed: 11", "seed: 11\nobject: {kind: none}", "nothing is touched: pushing_angle_deg"),
-        ("seed: 11", "seed: 11\nmechanics: linear\nobject: {kind: peg}", "which knows nothing of"),
+        ("seed: 11", "seed: 11\nobject: {kind: wall, gap_mm: 5}", "except for a wall, which has"),
+        ("seed: 11", "seed: 11\nobject: {kind: none}", "there is no contact: pushing_angle_deg"),
+        ("seed: 11", "seed: 11\nmechanics: linear\nobject: {kind: peg}", "without a model of"),
         ("seed: 11", "seed: 11\nbeam: {section: strip}", "section strip with aspect_ratio 1"),
         ("seed: 11", "seed: 11\nsampling: {count: 5}", "sampling.contact_distance_mm is missing"),
         ("seed: 11", "seed: 11\nocclusion: {kind: [bars, leaves]}", "removed and one of sheet"),
@@ -196,8 +196,8 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_a_lamp_before_the_camera_is_refused(tmp_path: Path, lamp: str) -> None:
     extra = f"lights:\n  - {{kind: ring}}\n  - {lamp}\n"
     assert complaints(tmp_path, SMALL_SCENE + extra) == [
-        f"scene.yaml:{SMALL_SCENE.count(chr(10)) + 3}:5: lights[1] stands between the camera and "
-        "the beam or the board, allowed is out of its sight"
+        f"scene.yaml:{SMALL_SCENE.count(chr(10)) + 3}:5: lights[1] is between the camera and "
+        "the beam or the board, allowed is out of its view"
     ]
 
 
@@ -206,7 +206,7 @@ def test_a_telecentric_camera_looks_along_parallel_lines(tmp_path: Path) -> None
     text = SMALL_SCENE.replace("height_px: 176", camera)
     lamp = "lights: [{kind: area, position_mm: [X, 20, 200], size_mm: [60, 60]}]\n"
     (message,) = complaints(tmp_path, text + lamp.replace("X", "230"))
-    assert "lights[0] stands between" in message
+    assert "lights[0] is between" in message
     path = tmp_path / "beside.yaml"
     path.write_text(text + lamp.replace("X", "290"), encoding="utf-8")
     assert plan(load_scene(path)).frames == 4

@@ -165,10 +165,10 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         ("hard/friction.yaml", "friction"),
         ("hard/moving_object.yaml", "moves by itself"),
         ("hard/two_pegs.yaml", "second peg"),
-        ("hard/adaptor.yaml", "axis of rotation"),
+        ("hard/adaptor.yaml", "motor axis"),
         ("fig2_sliding_edge.yaml", "exact_fit_3d"),
         ("train_3d.yaml", "exact_fit_3d"),
-        ("free_beam.yaml", "nothing is touched"),
+        ("free_beam.yaml", "no contact"),
     ],
 )
 def test_a_scene_that_breaks_an_assumption_says_so(name: str, said: str) -> None:

@@ -118,7 +118,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     assert "return bytearray(3 * 10**9)" in solved.traceback
     assert heard[0].startswith("printed [/x]...")
     assert "bytes more, not shown" in heard[-1]
-    assert sum(map(len, heard)) < 2 * child.MOST_OUTPUT
+    assert sum(map(len, heard)) < 2 * child.MAX_OUTPUT
     sleeper = int((tmp_path / "sleeper").read_text(encoding="utf-8"))
     wait_until(lambda: not is_alive(sleeper))
     assert not list(temporary.iterdir())

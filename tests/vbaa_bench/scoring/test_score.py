@@ -72,7 +72,7 @@ def test_a_file_of_ones_own_is_kept_and_may_be_replaced(results: Results, tmp_pa
 
 def test_a_file_of_ones_own_takes_no_name_of_a_method(results: Results, tmp_path: Path) -> None:
     for name in ("exact_fit.csv", "two_point@area_weighted.csv", "my_method.halfway.csv"):
-        with pytest.raises(InputError, match="names a method of solve's"):
+        with pytest.raises(InputError, match="is the name of a method of solve"):
             with_own(results, [tmp_path / name])
     with pytest.raises(InputError, match="two files are called own"):
         with_own(results, [tmp_path / "own.csv", tmp_path / "more" / "own.csv"])

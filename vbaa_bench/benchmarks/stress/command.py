@@ -35,7 +35,7 @@ def stress(
 
     `progress(stage, done, total)` counts images of the stage "rendering" and trials of the stage
     "solving". Raises InputError for an unknown row or method, a scene that has no pushes to draw
-    from, and a `work` that holds something else.
+    from, and a `work` with other contents.
     """
     rows = chosen_rows(plan.rows)
     if plan.method not in METHODS:
@@ -45,14 +45,16 @@ def stress(
     # One folder per seed: another seed does not affect the existing rigs.
     folder = work / f"seed_{plan.seed}_frames_{plan.frames}"
     files = [drawn_rig(plan.file, plan.seed, n, plan.frames) for n in range(plan.rigs)]
-    layouts = render(files, folder, variant, workers, lambda *at: progress("rendering", *at))
+    layouts = render(
+        files, folder, variant, workers, lambda *counts: progress("rendering", *counts)
+    )
     records = measure(
         [layout.root for layout in layouts],
         rows,
         plan.method,
         plan.seed,
         workers,
-        lambda *at: progress("solving", *at),
+        lambda *counts: progress("solving", *counts),
     )
     return {
         "scene": plan.file.scene.title,
@@ -61,13 +63,13 @@ def stress(
         "rigs": plan.rigs,
         "frames": plan.frames,
         "rows": records,
-        "holds": not any(one.get("missed") for one in records),
+        "holds": not any(row_record.get("missed") for row_record in records),
     }
 
 
 def without_frames(record: Record) -> Record:
     """Leave out the results of single frames."""
-    rows = [{key: one[key] for key in one if key != "rigs"} for one in record["rows"]]
+    rows = [{key: row[key] for key in row if key != "rigs"} for row in record["rows"]]
     return record | {"rows": rows}
 
 

@@ -1,4 +1,4 @@
-"""Figures of a row: shares, errors and their intervals by bootstrap over rigs."""
+"""Figures of a row: percentages, errors and their intervals by bootstrap over rigs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.benchmarks.stress.rows import Wanted
 from vbaa_bench.benchmarks.stress.trial import FrameResult, RigResult
 
-# Chosen: the ends of an interval then scatter by a few per cent of its width.
+# Chosen: the interval limits then scatter by a few per cent of its width.
 RESAMPLES: Final = 1000
 _CONFIDENCE_PCT: Final = 95.0
 
@@ -34,14 +34,14 @@ def figures(rigs: Sequence[RigResult], seed: int) -> dict[str, Figure]:
     frames in % of L are rmse and median. sigma_ratio is the RMS of the stated sigmas over the
     RMSE.
     """
-    table = [_numbers(rig.frames) for rig in rigs]
+    table = [_frame_rows(rig.frames) for rig in rigs]
     random = np.random.default_rng(seed)
     resamples = RESAMPLES if len(table) > 1 else 0
-    drawn = random.integers(len(table), size=(resamples, len(table)))
-    resampled = [np.vstack([table[index] for index in row]) for row in drawn]
-    whole = np.vstack(table)
+    picks = random.integers(len(table), size=(resamples, len(table)))
+    resampled = [np.vstack([table[index] for index in row]) for row in picks]
+    all_frames = np.vstack(table)
     return {
-        name: _figure(compute(whole), [compute(frames) for frames in resampled])
+        name: _figure(compute(all_frames), [compute(frames) for frames in resampled])
         for name, compute in _FIGURES.items()
     }
 
@@ -57,52 +57,52 @@ def missed(found: dict[str, Figure], wanted: Wanted) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _numbers(frames: Sequence[FrameResult]) -> Floats:
-    """Make rows (n, 5): error, sigma [% of L, NaN if there is none], honest, detected, false."""
+def _frame_rows(frames: Sequence[FrameResult]) -> Floats:
+    """Make rows (n, 5): error, sigma [% of L, NaN if missing], honest, detected, false."""
     rows = [
         (
-            np.nan if one.error_pct is None else one.error_pct,
-            np.nan if one.sigma_pct is None else one.sigma_pct,
-            one.honest,
-            one.detected,
-            one.false,
+            np.nan if frame.error_pct is None else frame.error_pct,
+            np.nan if frame.sigma_pct is None else frame.sigma_pct,
+            frame.honest,
+            frame.detected,
+            frame.false,
         )
-        for one in frames
+        for frame in frames
     ]
     return np.array(rows, dtype=float).reshape(-1, 5)
 
 
-def _share(flags: Floats) -> float:
+def _percentage(flags: Floats) -> float:
     return 100 * float(flags.mean()) if len(flags) else np.nan
 
 
 def _rms(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else np.nan
 
 
 def _median(values: Floats) -> float:
-    known = np.abs(values[np.isfinite(values)])
-    return float(np.median(known)) if len(known) else np.nan
+    finite = np.abs(values[np.isfinite(values)])
+    return float(np.median(finite)) if len(finite) else np.nan
 
 
 _FIGURES: Final[dict[str, Callable[[Floats], float]]] = {
-    "answered": lambda frames: _share(np.isfinite(frames[:, 0])),
+    "answered": lambda frames: _percentage(np.isfinite(frames[:, 0])),
     "rmse": lambda frames: _rms(frames[:, 0]),
     "median": lambda frames: _median(frames[:, 0]),
-    "honest": lambda frames: _share(frames[:, 2]),
+    "honest": lambda frames: _percentage(frames[:, 2]),
     "sigma_ratio": lambda frames: _rms(frames[:, 1]) / max(_rms(frames[:, 0]), 1e-12),
-    "detected": lambda frames: _share(frames[:, 3]),
-    "false": lambda frames: _share(frames[:, 4]),
+    "detected": lambda frames: _percentage(frames[:, 3]),
+    "false": lambda frames: _percentage(frames[:, 4]),
 }
 
 
 def _figure(value: float, resampled: Sequence[float]) -> Figure:
     if not np.isfinite(value):
         return Figure(None, None, None)
-    known = np.array([one for one in resampled if np.isfinite(one)])
-    if not len(known):
+    finite = np.array([sample for sample in resampled if np.isfinite(sample)])
+    if not len(finite):
         return Figure(value, None, None)
     tail = (100 - _CONFIDENCE_PCT) / 2
-    low, high = np.percentile(known, [tail, 100 - tail])
+    low, high = np.percentile(finite, [tail, 100 - tail])
     return Figure(value, float(low), float(high))

@@ -1,4 +1,4 @@
-"""Geometric perturbations: knocked cameras, bent beams, turned and cropped images.
+"""Geometric perturbations: displaced cameras, bent beams, turned and cropped images.
 
 Resampling must keep an image's noise, or the solver would get images that are smoother than any
 camera's. Uniform shifts are made in the Fourier domain, which keeps white noise white and its
@@ -24,15 +24,15 @@ from vbaa_bench.benchmarks.stress.recording import (
     requantised,
 )
 
-# Pixels of reflection around an image before it is shifted: the shift's ringing dies out in them.
-_RIM = 32
+# Padding by reflection before a shift; the ringing of the shift decays within it.
+_PADDING_PX = 32
 
 
 def shifted(image: Grey, shift: Floats) -> Grey:
     """Shift the image by `shift` (2,) [px], as (u, v)."""
-    wide = np.pad(image.astype(float), _RIM, mode="symmetric")
-    spectrum = ndimage.fourier_shift(np.fft.fft2(wide), (shift[1], shift[0]))
-    moved = np.fft.ifft2(spectrum).real[_RIM:-_RIM, _RIM:-_RIM]
+    padded = np.pad(image.astype(float), _PADDING_PX, mode="symmetric")
+    spectrum = ndimage.fourier_shift(np.fft.fft2(padded), (shift[1], shift[0]))
+    moved = np.fft.ifft2(spectrum).real[_PADDING_PX:-_PADDING_PX, _PADDING_PX:-_PADDING_PX]
     return requantised(moved, image)
 
 
@@ -43,13 +43,13 @@ def warped(image: Grey, source: Floats) -> Grey:
 
 
 def knocked_across(pixels: float) -> Perturbation:
-    """Shift the frames across the beam at rest, as if the camera was knocked after calibration."""
-    return lambda recording, _random: _knocked(recording, _across(recording) * pixels)
+    """Shift the frames across the beam at rest, like a camera that moved after calibration."""
+    return lambda recording, _random: _shift_frames(recording, _across(recording) * pixels)
 
 
 def knocked_along(pixels: float) -> Perturbation:
     """Shift the frames along the beam at rest."""
-    return lambda recording, _random: _knocked(recording, _along(recording) * pixels)
+    return lambda recording, _random: _shift_frames(recording, _along(recording) * pixels)
 
 
 def stabilised(pixels: float) -> Perturbation:
@@ -62,15 +62,15 @@ def stabilised(pixels: float) -> Perturbation:
 
 
 def zoomed(factor: float) -> Perturbation:
-    """Enlarge all images of the beam about their middle; the board's images are from before."""
+    """Enlarge all images of the beam about their centre; the board's images stay unchanged."""
 
     def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
-        return recording.beams(lambda image: warped(image, _enlarging(image, factor)))
+        return recording.beams(lambda image: warped(image, _source_positions(image, factor)))
 
-    def _enlarging(image: Grey, factor: float) -> Floats:
-        here = _pixels(image)
-        middle = (np.array(image.shape[::-1]) - 1)[:, None, None] / 2
-        return np.asarray(middle + (here - middle) / factor)
+    def _source_positions(image: Grey, factor: float) -> Floats:
+        pixels = _pixels(image)
+        centre = (np.array(image.shape[::-1]) - 1)[:, None, None] / 2
+        return np.asarray(centre + (pixels - centre) / factor)
 
     return perturb
 
@@ -85,7 +85,7 @@ def bent_rests(tip_mm: float, touched: int | None = None) -> Perturbation:
         rests = list(recording.rests)
         if touched is not None and len(rests) < 2:
             raise NotApplicableError("needs two rest images")
-        source = _bending(recording, tip_mm * MILLIMETRE)
+        source = _straight_positions(recording, tip_mm * MILLIMETRE)
         for number in range(len(rests)) if touched is None else (touched,):
             rests[number] = warped(rests[number], source)
         return replace(recording, rests=tuple(rests))
@@ -94,7 +94,7 @@ def bent_rests(tip_mm: float, touched: int | None = None) -> Perturbation:
 
 
 def turned(quarters: int) -> Perturbation:
-    """Turn all images clockwise by quarter-turns, and state the board as it then appears.
+    """Turn all images clockwise by quarter-turns, and update the stated board.
 
     The rig's board has its first row at the top of the image. Turned with the camera, its rows
     become columns, and its axes have other directions in the antenna's frame.
@@ -112,19 +112,19 @@ def turned(quarters: int) -> Perturbation:
 
 
 def untold_half_turn(recording: Recording, _random: np.random.Generator) -> Recording:
-    """State the beam as pointing the other way: the same beam, with clamp and tip exchanged.
+    """Reverse the stated direction of the beam: clamp and tip are exchanged.
 
     The rig's pose of the board is turned by 180 degrees about the middle of the beam.
     """
-    half = np.array([recording.rig.beam.length / 2, 0.0, 0.0])
-    middle = recording.rig.base_position + half
-    about = rigid(np.zeros(3), middle) @ turn_about_z(np.pi) @ rigid(np.zeros(3), -middle)
-    rig = replace(recording.rig, antenna_from_board=about @ recording.rig.antenna_from_board)
+    to_middle = np.array([recording.rig.beam.length / 2, 0.0, 0.0])
+    middle = recording.rig.base_position + to_middle
+    rotation = rigid(np.zeros(3), middle) @ turn_about_z(np.pi) @ rigid(np.zeros(3), -middle)
+    rig = replace(recording.rig, antenna_from_board=rotation @ recording.rig.antenna_from_board)
     return replace(recording, rig=rig)
 
 
 def mirrored(recording: Recording, _random: np.random.Generator) -> Recording:
-    """Mirror all images, and state the rig as its mirror image shows it.
+    """Mirror all images, and the stated rig with them.
 
     A chessboard's upper left square must stay black, so the mirror is left-right where the board
     has an even number of columns, up-down otherwise. In the mirror the beam bends to the other
@@ -152,16 +152,18 @@ def cropped(recording: Recording, _random: np.random.Generator) -> Recording:
 
 
 def resized(factor: float) -> Perturbation:
-    """Resize all images, like a program that stores them smaller or larger."""
-    by = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
+    """Resize all images by `factor`."""
+    interpolation = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
 
     def resize(image: Grey) -> Grey:
-        return np.asarray(cv2.resize(image, None, fx=factor, fy=factor, interpolation=by))
+        return np.asarray(
+            cv2.resize(image, None, fx=factor, fy=factor, interpolation=interpolation)
+        )
 
     return lambda recording, _random: recording.each(resize)
 
 
-def _knocked(recording: Recording, shift: Floats) -> Recording:
+def _shift_frames(recording: Recording, shift: Floats) -> Recording:
     return recording.only_frames(lambda image: shifted(image, shift))
 
 
@@ -169,8 +171,8 @@ def _along(recording: Recording) -> Floats:
     """Return the unit vector (2,) of the image along the beam at rest, from clamp to tip."""
     x, y, _ = recording.rig.base_position
     length = recording.rig.beam.length
-    along = recording.in_image(x + length, y) - recording.in_image(x, y)
-    return np.asarray(along / np.linalg.norm(along))
+    direction = recording.in_image(x + length, y) - recording.in_image(x, y)
+    return np.asarray(direction / np.linalg.norm(direction))
 
 
 def _across(recording: Recording) -> Floats:
@@ -178,16 +180,16 @@ def _across(recording: Recording) -> Floats:
     return np.array([-v, u])
 
 
-def _bending(recording: Recording, tip: float) -> Floats:
+def _straight_positions(recording: Recording, tip: float) -> Floats:
     """Map pixels of the bent beam's image to positions (2, height, width) in the straight one's."""
     camera, rig = recording.camera, recording.rig
-    here = _pixels(recording.rests[0])
-    rays = camera.normalised(here.reshape(2, -1).T)
-    plane = np.column_stack([rays, np.ones(len(rays))]) @ camera.plane_from_normalised.T
-    points = np.column_stack([plane[:, :2] / plane[:, 2:], np.zeros(len(plane))])
+    pixels = _pixels(recording.rests[0])
+    rays = camera.normalised(pixels.reshape(2, -1).T)
+    homogeneous = np.column_stack([rays, np.ones(len(rays))]) @ camera.plane_from_normalised.T
+    points = np.column_stack([homogeneous[:, :2] / homogeneous[:, 2:], np.zeros(len(homogeneous))])
     s = np.clip((points[:, 0] - rig.base_position[0]) / rig.beam.length, 0.0, 1.0)
     points[:, 1] -= rig.deflects_towards * tip * (3 * s**2 - s**3) / 2
-    return np.asarray(camera.project(points).T.reshape(here.shape))
+    return np.asarray(camera.project(points).T.reshape(pixels.shape))
 
 
 def _pixels(image: Grey) -> Floats:
@@ -199,5 +201,5 @@ def _pixels(image: Grey) -> Floats:
 def _chessboard(recording: Recording) -> Chessboard:
     board = recording.rig.board
     if not isinstance(board, Chessboard):
-        raise NotApplicableError("needs a chessboard, which looks like one turned or mirrored")
+        raise NotApplicableError("needs a chessboard, which stays valid if turned or mirrored")
     return board

@@ -15,7 +15,7 @@ from vbaa_bench.benchmarks.stress.recording import Perturbation, Recording, requ
 _DENOISE_H: Final = 5.0
 _SHARPEN_SIGMA_PX: Final = 1.5
 _SHARPEN_AMOUNT: Final = 0.8
-# A colour camera's sensitivity to a lamp in its blue, green and red pixels, over that in green.
+# A colour camera's sensitivity to a lamp in its blue, green and red pixels, relative to green.
 _CHANNELS: Final = (0.6, 1.0, 0.75)
 
 
@@ -41,7 +41,7 @@ def frames_curved(gamma: float) -> Perturbation:
 
 
 def all_curved(gamma: float) -> Perturbation:
-    """Change the tone curve of all images alike."""
+    """Change the tone curve of all images."""
     return lambda recording, _random: recording.each(curved(gamma))
 
 
@@ -63,7 +63,7 @@ def coloured(recording: Recording, _random: np.random.Generator) -> Recording:
 
 
 def left_aligned(recording: Recording, _random: np.random.Generator) -> Recording:
-    """Store all images with 16 bits, the camera's 8 in the upper ones."""
+    """Store all images with 16 bits, the camera's 8 bits in the upper byte."""
     return recording.each(lambda image: image.astype(np.uint16) * np.uint16(256))
 
 
@@ -73,12 +73,12 @@ def one_rest_image(recording: Recording, _random: np.random.Generator) -> Record
 
 
 def copied_rest_image(recording: Recording, _random: np.random.Generator) -> Recording:
-    """Put four copies of the first rest image in place of all."""
+    """Replace all rest images by four copies of the first."""
     return replace(recording, rests=recording.rests[:1] * 4)
 
 
 def unchanged(recording: Recording, _random: np.random.Generator) -> Recording:
-    """Change nothing."""
+    """Return the recording unchanged."""
     return recording
 
 

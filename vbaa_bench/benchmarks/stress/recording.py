@@ -18,7 +18,7 @@ Images = tuple[Grey, ...]
 
 
 class NotApplicableError(Exception):
-    """Error for a perturbation that this computer or rig does not allow, with the reason."""
+    """Error for a perturbation that is impossible on this computer or rig, with the reason."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def read_recording(observations: Path, camera: Camera) -> Recording:
 
 
 def write_recording(recording: Recording, observations: Path, target: Path) -> None:
-    """Write a recording that came from `observations` as a tree of its own at `target`.
+    """Write a recording that came from `observations` as a separate tree at `target`.
 
     Readings, names and order of the frames stay as they were; the number of rest images may
     differ. Raises OSError and InputError.

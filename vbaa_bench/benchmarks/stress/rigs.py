@@ -15,10 +15,10 @@ from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.sampling import SamplingSpec
 from vbaa_bench.scene.schema import PushSpec, Scene
 
-# The camera's place and aim differ from rig to rig by up to this share of their distance, and its
-# roll by this angle. Chosen: a few pixels, so that the beam crosses the pixel rows at another
+# Rigs differ in the camera's position and aim by up to this fraction of their distance, and in its
+# roll by up to this angle. Chosen: a few pixels, so that the beam crosses the pixel rows at another
 # phase and angle in each rig, while beam and board stay in view of the shipped scenes.
-MOUNT_SHARE: Final = 0.005
+MOUNT_FRACTION: Final = 0.005
 MOUNT_ROLL_DEG: Final = 1.0
 # Small shards occupy several workers. Not derived from their number: a dataset depends on it.
 FRAMES_PER_SHARD: Final = 5
@@ -45,9 +45,9 @@ def drawn_rig(file: SceneFile, seed: int, number: int, frames: int) -> SceneFile
         "frames_per_shard": FRAMES_PER_SHARD,
     }
     if scene.sensor.bits != 8:
-        said = f"is {scene.sensor.bits}, allowed is 8: videos and JPEG hold no more"
-        raise InputError(file.complaint(("sensor", "bits"), said))
-    return replace(file, scene=Scene.model_validate(scene.model_dump() | _dumped(update)))
+        message = f"is {scene.sensor.bits}, allowed is 8: videos and JPEG have 8 bits"
+        raise InputError(file.complaint(("sensor", "bits"), message))
+    return replace(file, scene=Scene.model_validate(scene.model_dump() | _as_dict(update)))
 
 
 def render(
@@ -55,7 +55,7 @@ def render(
 ) -> list[Layout]:
     """Make the datasets of drawn rigs in `work`, or finish them; `progress` counts their images.
 
-    Raises InputError where a rig is impossible or its folder holds something else.
+    Raises InputError where a rig is impossible or its folder has other contents.
     """
     layouts, finished = [], 0
     totals = [_images(file.scene) for file in files]
@@ -77,7 +77,7 @@ def _images(scene: Scene) -> int:
     return scene.calibration.views + scene.sensor.rest_images + scene.sampling.count + 1
 
 
-def _dumped(update: dict[str, object]) -> dict[str, object]:
+def _as_dict(update: dict[str, object]) -> dict[str, object]:
     return {
         key: value.model_dump() if hasattr(value, "model_dump") else value
         for key, value in update.items()
@@ -86,9 +86,9 @@ def _dumped(update: dict[str, object]) -> dict[str, object]:
 
 def _mounted(camera: CameraSpec, random: np.random.Generator) -> CameraSpec:
     position, aim = np.array(camera.position_mm), np.array(camera.look_at_mm)
-    reach = MOUNT_SHARE * float(np.linalg.norm(position - aim))
-    shifts = random.uniform(-reach, reach, (2, 3))
-    # The aim stays in plane C, where the scene has it.
+    max_shift = MOUNT_FRACTION * float(np.linalg.norm(position - aim))
+    shifts = random.uniform(-max_shift, max_shift, (2, 3))
+    # The aim stays in plane C, as in the scene.
     shifts[1, 2] = 0.0
     roll = camera.roll_deg + MOUNT_ROLL_DEG * float(random.uniform(-1, 1))
     return camera.model_copy(
@@ -107,8 +107,8 @@ def _pushes(file: SceneFile, frames: int) -> SamplingSpec:
     pushes = scene.pushes
     assert pushes is not None
     if pushes.contact_distance_mm is None or pushes.deflection_pct is None:
-        said = "has no contact_distance_mm or no deflection_pct, between which stress draws pushes"
-        raise InputError(file.complaint(("pushes",), said))
+        message = "has no contact_distance_mm or no deflection_pct; stress needs ranges of both"
+        raise InputError(file.complaint(("pushes",), message))
     return SamplingSpec(
         method="latin_hypercube",
         count=frames,

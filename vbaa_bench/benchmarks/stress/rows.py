@@ -6,17 +6,17 @@ from typing import Any, Final
 from vbaa_bench.benchmarks.stress import geometry, gray, stated, video
 from vbaa_bench.benchmarks.stress.recording import Perturbation
 
-# The solver's names for what it detects: findings of `check`, and outcomes of frames.
+# Signs that the solver reports: findings of `check`, and outcomes of frames.
 CAMERA_MOVED: Final = frozenset({"camera_moved", "camera moved"})
 SCALE: Final = frozenset({"scale_inconsistent"})
 POSE: Final = frozenset({"pose_inconsistent", "rest_direction"})
-# Findings that report what cannot be determined; they are no alarm.
+# Findings about undetermined quantities; they are no alarms.
 UNKNOWN: Final = frozenset({"camera_shift_unknown", "bow_undecided"})
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Bounds on a row's figures, all in % but `sigma_ratio`; None where there is none.
+    """Bounds on a row's figures, all in % but `sigma_ratio`; None if not bounded.
 
     `answered`, `honest` and `detected` are lower bounds; `rmse` (% of L), `sigma_ratio`, `alarmed`
     and `false` are upper ones.
@@ -59,48 +59,50 @@ def _usable(answered: float | None = None, rmse: float | None = None) -> Wanted:
     return Wanted(answered, rmse, honest=95, sigma_ratio=2, alarmed=5)
 
 
-# Tests at 3 sigma may miss a few.
+# Tests at 3 sigma may miss a few per cent.
 _DETECTED: Final = Wanted(detected=95)
-_TOLD: Final = Wanted(detected=100, false=0)
+_ALWAYS_DETECTED: Final = Wanted(detected=100, false=0)
 
 ROWS: Final = (
-    Row("clean", "nothing", gray.unchanged, _usable(100, 0.1)),
+    Row("clean", "unchanged", gray.unchanged, _usable(100, 0.1)),
     Row(
         "copied_rest",
-        "one rest image copied four times",
+        "four copies of one rest image",
         gray.copied_rest_image,
         Wanted(honest=95, sigma_ratio=2, detected=100),
         frozenset({"rest_images_identical"}),
     ),
-    Row("one_rest", "one rest image", gray.one_rest_image, _usable()),
-    Row("h264_18", "H.264 crf 18, rest from the video", video.h264(18, True), _usable(100, 0.15)),
-    Row("h264_23", "H.264 crf 23, rest from the video", video.h264(23, True), _usable(90, 0.3)),
-    Row("h264_18_png_rest", "H.264 crf 18, PNG rest", video.h264(18, False), _usable(90, 0.3)),
-    Row("mjpg", "MJPG video of quality 90", video.mjpg(90), _usable()),
-    Row("phone", "denoised, sharpened, JPEG 85", gray.phone, _usable(100, 0.1)),
-    Row("jpeg_90", "JPEG 90, all images", gray.compressed(90), _usable()),
-    Row("jpeg_50", "JPEG 50, all images", gray.compressed(50), _usable()),
+    Row("one_rest", "single rest image", gray.one_rest_image, _usable()),
+    Row(
+        "h264_18", "H.264 CRF 18, rest images and frames", video.h264(18, True), _usable(100, 0.15)
+    ),
+    Row("h264_23", "H.264 CRF 23, rest images and frames", video.h264(23, True), _usable(90, 0.3)),
+    Row("h264_18_png_rest", "H.264 CRF 18, frames only", video.h264(18, False), _usable(90, 0.3)),
+    Row("mjpg", "MJPG quality 90, rest images and frames", video.mjpg(90), _usable()),
+    Row("phone", "denoised, sharpened, JPEG quality 85", gray.phone, _usable(100, 0.1)),
+    Row("jpeg_90", "JPEG quality 90, all images", gray.compressed(90), _usable()),
+    Row("jpeg_50", "JPEG quality 50, all images", gray.compressed(50), _usable()),
     Row(
         "gamma_frames",
-        "gamma 1/2.2 on frames only",
+        "gamma 1/2.2, frames only",
         gray.frames_curved(1 / 2.2),
-        _TOLD,
+        _ALWAYS_DETECTED,
         frozenset({"differs from the rest images"}),
     ),
-    Row("gamma_all", "gamma 1/2.2 on all images", gray.all_curved(1 / 2.2), _usable()),
-    Row("flicker", "flicker of 3 %", gray.flickering(0.03), _usable()),
+    Row("gamma_all", "gamma 1/2.2, all images", gray.all_curved(1 / 2.2), _usable()),
+    Row("flicker", "brightness flicker of +-3 %", gray.flickering(0.03), _usable()),
     Row(
         "across_0.5",
         "frames shifted by 0.5 px across the beam",
         geometry.knocked_across(0.5),
-        _TOLD,
+        _ALWAYS_DETECTED,
         CAMERA_MOVED,
     ),
     Row(
         "across_2",
         "frames shifted by 2 px across the beam",
         geometry.knocked_across(2.0),
-        _TOLD,
+        _ALWAYS_DETECTED,
         CAMERA_MOVED,
     ),
     Row(
@@ -112,40 +114,52 @@ ROWS: Final = (
     ),
     Row(
         "zoom",
-        "rest and frames zoomed by 1 %",
+        "rest images and frames magnified by 1 %",
         geometry.zoomed(1.01),
         _DETECTED,
         SCALE,
     ),
-    Row("square", "board square stated 1 % too large", stated.square_wrong(0.01), _DETECTED, SCALE),
-    Row("board_turned", "board stated turned by 1 deg", stated.board_turned(1.0), _DETECTED, POSE),
-    Row("length", "beam stated 2 % too long", stated.length_wrong(0.02), _DETECTED, SCALE),
+    Row(
+        "square",
+        "rig.json: board square 1 % too large",
+        stated.square_wrong(0.01),
+        _DETECTED,
+        SCALE,
+    ),
+    Row(
+        "board_turned",
+        "rig.json: board rotated by 1 deg",
+        stated.board_turned(1.0),
+        _DETECTED,
+        POSE,
+    ),
+    Row("length", "rig.json: beam 2 % too long", stated.length_wrong(0.02), _DETECTED, SCALE),
     Row(
         "rests_bent",
-        "all rest images bent by 0.5 mm at the tip",
+        "tip deflected by 0.5 mm in all rest images",
         geometry.bent_rests(0.5),
         _DETECTED,
         frozenset({"rest_images_bent", "bow_undecided"}),
     ),
     Row(
         "rest_touched",
-        "one of the rest images bent by 0.5 mm at the tip",
+        "tip deflected by 0.5 mm in one rest image",
         geometry.bent_rests(0.5, touched=1),
         Wanted(100, honest=95, sigma_ratio=2, detected=95),
         frozenset({"rest_image_left_out"}),
     ),
     Row(
         "stabilised",
-        "image stabilisation of +-1.5 px",
+        "image stabilisation, shifts of +-1.5 px",
         geometry.stabilised(1.5),
         _DETECTED,
         CAMERA_MOVED,
     ),
     Row(
         "points_left",
-        "beam points left, rig.json unchanged",
+        "rig.json: beam direction reversed",
         geometry.untold_half_turn,
-        _TOLD,
+        _ALWAYS_DETECTED,
         POSE,
     ),
     Row("rotated_90", "all images rotated by 90 deg", geometry.turned(1), _usable()),
@@ -155,6 +169,6 @@ ROWS: Final = (
     Row("cropped", "all images cropped by 1 to 3 px", geometry.cropped, _usable()),
     Row("smaller", "all images resized to 75 %", geometry.resized(0.75), _usable()),
     Row("larger", "all images resized to 150 %", geometry.resized(1.5), _usable()),
-    Row("left_aligned", "16 bits, the upper 8 used", gray.left_aligned, _usable(100, 0.1)),
+    Row("left_aligned", "16-bit images, upper 8 bits used", gray.left_aligned, _usable(100, 0.1)),
 )
 NAMES: Final = tuple(row.name for row in ROWS)

@@ -19,7 +19,7 @@ TITLE: Final = (
     "ratio: RMS sigma over RMSE; 95 % intervals over rigs"
 )
 HEADS: Final = (
-    "what was done",
+    "perturbation",
     "frames",
     "answered",
     "RMSE",
@@ -28,8 +28,8 @@ HEADS: Final = (
     "ratio",
     "detected",
     "false",
-    "wanted",
-    "holds",
+    "target",
+    "met",
 )
 
 
@@ -59,7 +59,7 @@ def measure(
     ]
     with Pool(workers, Trials, (method, seed)) as pool:
         results = pool.run(jobs, lambda done: progress(done, len(jobs)))
-    return [_record(row, results[place :: len(rows)], seed) for place, row in enumerate(rows)]
+    return [_record(row, results[index :: len(rows)], seed) for index, row in enumerate(rows)]
 
 
 class Trials:
@@ -73,7 +73,7 @@ class Trials:
         self, piece_done: Callable[[], None], root: Path, number: int, name: str
     ) -> RigResult:
         """Run the row of this name on rig `number`, whose dataset is at `root`."""
-        # A row is passed by name: its perturbation is a closure, which no process can receive.
+        # A row is passed by name: its perturbation is a closure, which cannot be pickled.
         (row,) = chosen_rows([name])
         result = stress_rig(root, number, row, self._method, self._seed)
         piece_done()
@@ -86,51 +86,51 @@ def lines(records: Sequence[Record]) -> list[tuple[str, ...]]:
 
 
 def _record(row: Row, rigs: Sequence[RigResult], seed: int) -> Record:
-    tried = [rig for rig in rigs if not rig.skipped]
+    tested = [rig for rig in rigs if not rig.skipped]
     record: Record = {"row": row.name, "done": row.done, "wanted": row.wanted.record()}
-    if not any(rig.frames for rig in tried):
-        skipped = next((rig.skipped for rig in rigs if rig.skipped), "no frame touches anything")
+    if not any(rig.frames for rig in tested):
+        skipped = next((rig.skipped for rig in rigs if rig.skipped), "no frame has a contact")
         return record | {"skipped": skipped, "rigs": [asdict(rig) for rig in rigs]}
-    found = figures(tried, seed)
+    values = figures(tested, seed)
     return record | {
-        "frames": sum(len(rig.frames) for rig in tried),
-        "figures": {name: asdict(figure) for name, figure in found.items()},
-        "missed": missed(found, row.wanted),
+        "frames": sum(len(rig.frames) for rig in tested),
+        "figures": {name: asdict(figure) for name, figure in values.items()},
+        "missed": missed(values, row.wanted),
         "rigs": [asdict(rig) for rig in rigs],
     }
 
 
 def _line(record: Record) -> tuple[str, ...]:
-    wanted = _said(Wanted(**record["wanted"]))
+    targets = _format_targets(Wanted(**record["wanted"]))
     name = f"{record['row']}: {record['done']}"
     if "skipped" in record:
-        return (name, "0", *["–"] * 7, wanted, f"skipped: {record['skipped']}")
-    found = {name: Figure(**figure) for name, figure in record["figures"].items()}
+        return (name, "0", *["–"] * 7, targets, f"skipped: {record['skipped']}")
+    values = {name: Figure(**figure) for name, figure in record["figures"].items()}
     return (
         name,
         str(record["frames"]),
-        _shown(found["answered"], "{:.0f}"),
-        _shown(found["rmse"], "{:.3g}"),
-        _shown(found["median"], "{:.2g}"),
-        _shown(found["honest"], "{:.0f}"),
-        _shown(found["sigma_ratio"], "{:.2g}"),
-        _shown(found["detected"], "{:.0f}"),
-        _shown(found["false"], "{:.0f}"),
-        wanted,
+        _format_figure(values["answered"], "{:.0f}"),
+        _format_figure(values["rmse"], "{:.3g}"),
+        _format_figure(values["median"], "{:.2g}"),
+        _format_figure(values["honest"], "{:.0f}"),
+        _format_figure(values["sigma_ratio"], "{:.2g}"),
+        _format_figure(values["detected"], "{:.0f}"),
+        _format_figure(values["false"], "{:.0f}"),
+        targets,
         f"no: {', '.join(record['missed'])}" if record["missed"] else "yes",
     )
 
 
-def _shown(figure: Figure, form: str) -> str:
+def _format_figure(figure: Figure, template: str) -> str:
     if figure.value is None:
         return "–"
     if figure.low is None:
-        return form.format(figure.value)
-    return f"{form} ({form}–{form})".format(figure.value, figure.low, figure.high)
+        return template.format(figure.value)
+    return f"{template} ({template}–{template})".format(figure.value, figure.low, figure.high)
 
 
-def _said(wanted: Wanted) -> str:
-    words = {
+def _format_targets(targets: Wanted) -> str:
+    templates = {
         "answered": "answered {:g}",
         "rmse": "RMSE {:g}",
         "honest": "honest {:g}",
@@ -139,4 +139,4 @@ def _said(wanted: Wanted) -> str:
         "alarmed": "alarms {:g}",
         "false": "false {:g}",
     }
-    return ", ".join(words[name].format(bound) for name, bound in wanted.record().items())
+    return ", ".join(templates[name].format(bound) for name, bound in targets.record().items())

@@ -26,8 +26,8 @@ from vbaa_bench.benchmarks.stress.rows import UNKNOWN, Row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 
-# Fewer visible points than this justify a refusal (the project's definition of honest).
-FEWEST_POINTS = 8
+# With fewer visible points a failure outcome is honest (the project's definition).
+MIN_POINTS = 8
 # Replaces an outcome where `set_up` refused the whole rig.
 REFUSED = "refused"
 
@@ -85,7 +85,7 @@ def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> Rig
     layout = Layout(root)
     truth = open_truth(layout.truth)
     length = truth.manifest["true_rig"]["beam_length_mm"] * MILLIMETRE
-    true = {
+    true_contacts = {
         frame_id: x_c * MILLIMETRE
         for frame_id, x_c in truth.frames.select("frame_id", "x_c_mm").iter_rows()
         if x_c is not None
@@ -107,7 +107,7 @@ def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> Rig
         refusal,
         frames=tuple(
             judged(frame_id, answers.get(frame_id, refused), x_c, length, row, findings)
-            for frame_id, x_c in sorted(true.items())
+            for frame_id, x_c in sorted(true_contacts.items())
         ),
     )
 
@@ -124,8 +124,12 @@ def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mappi
     except InputError as error:
         return (), str(error), {}
     except Exception as error:  # noqa: BLE001 - a traceback of set_up is a result of this test
-        said = f"{type(error).__name__}: {error}"
-        return (), said, dict.fromkeys(_ids(observations), Answer(Outcome.CRASHED, said))
+        message = f"{type(error).__name__}: {error}"
+        return (
+            (),
+            message,
+            dict.fromkeys(_frame_ids(observations), Answer(Outcome.CRASHED, message)),
+        )
     tracker = PushTracker(antenna, METHODS[method])
     answers = {}
     for shot in Files(opened.frames):
@@ -154,13 +158,13 @@ def judged(
     error = None if answer.x_c is None else 100 * (answer.x_c - true_x_c) / length
     sigma = None if answer.sigma is None else 100 * answer.sigma / length
     within = error is not None and sigma is not None and abs(error) <= 3 * sigma
-    said = {*findings, answer.outcome}
+    labels = {*findings, answer.outcome}
     signs = row.signs or {*findings, Outcome.CAMERA_MOVED} - UNKNOWN
-    remarked = any(sign in answer.message for sign in row.signs)
-    detected = answer.outcome == REFUSED or bool(said & signs) or remarked
-    wrong = (Outcome.NO_CONTACT, Outcome.CRASHED)
-    named = detected and bool(row.signs)
-    few = answer.points < FEWEST_POINTS and answer.outcome != REFUSED
+    in_message = any(sign in answer.message for sign in row.signs)
+    detected = answer.outcome == REFUSED or bool(labels & signs) or in_message
+    failures = (Outcome.NO_CONTACT, Outcome.CRASHED)
+    identified = detected and bool(row.signs)
+    too_few = answer.points < MIN_POINTS and answer.outcome != REFUSED
     return FrameResult(
         frame_id,
         answer.outcome,
@@ -168,7 +172,8 @@ def judged(
         answer.points,
         error,
         sigma,
-        honest=within or (error is None and answer.outcome not in wrong and (named or few)),
+        honest=within
+        or (error is None and answer.outcome not in failures and (identified or too_few)),
         detected=detected,
         false=answer.outcome == Outcome.NO_CONTACT or (error is not None and not within),
     )
@@ -176,10 +181,10 @@ def judged(
 
 def _answer(estimate: Estimate, points: int) -> Answer:
     x_c = estimate.values.get("x_c_m")
-    known = x_c is not None and estimate.covariance is not None
-    sigma = estimate.sigma("x_c_m") if known else None
+    has_sigma = x_c is not None and estimate.covariance is not None
+    sigma = estimate.sigma("x_c_m") if has_sigma else None
     return Answer(str(estimate.outcome), estimate.message, points, x_c, sigma)
 
 
-def _ids(observations: Path) -> list[str]:
+def _frame_ids(observations: Path) -> list[str]:
     return [frame.frame_id for frame in open_observations(observations)]

@@ -20,33 +20,33 @@ from vbaa_bench.benchmarks.stress.recording import (
     Recording,
 )
 
-RATE: Final = 30
-# The same bytes each time: the result of x264's vector code depends on what was in memory before,
+FRAME_RATE: Final = 30
+# For reproducible bytes: the result of x264's vector code depends on earlier contents of memory,
 # and that of its threads on their number.
-_REPEATABLE: Final = "asm=0:threads=1"
+_DETERMINISTIC: Final = "asm=0:threads=1"
 # Encodes images (height, width), of even sizes, into a file.
 Encode = Callable[[Sequence[Grey], Path], None]
 
 
 def h264(crf: int, rest_from_video: bool) -> Perturbation:
-    """Encode the frames as one H.264 video; the rest images begin it, or stay as they were.
+    """Encode the frames as one H.264 video; rest images come first, or stay unchanged.
 
-    `crf` is x264's constant rate factor: 18 looks flawless, 23 is the default of most programs.
+    `crf` is x264's constant rate factor: 18 is visually lossless, 23 is the usual default.
     """
-    return _filmed(lambda images, path: _encode_h264(images, path, crf), ".mp4", rest_from_video)
+    return _by_video(lambda images, path: _encode_h264(images, path, crf), ".mp4", rest_from_video)
 
 
 def mjpg(quality: int) -> Perturbation:
     """Encode rest images and frames as one video of JPEG images, as webcams send it."""
-    return _filmed(lambda images, path: _encode_mjpg(images, path, quality), ".avi", True)
+    return _by_video(lambda images, path: _encode_mjpg(images, path, quality), ".avi", True)
 
 
-def _filmed(encode: Encode, suffix: str, rest_from_video: bool) -> Perturbation:
+def _by_video(encode: Encode, suffix: str, rest_from_video: bool) -> Perturbation:
     def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
-        first = len(recording.rests) if rest_from_video else 0
-        images = through(encode, suffix, recording.rests[:first] + recording.frames)
-        rests = images[:first] or recording.rests
-        return replace(recording, rests=rests, frames=images[first:])
+        rest_count = len(recording.rests) if rest_from_video else 0
+        images = through(encode, suffix, recording.rests[:rest_count] + recording.frames)
+        rests = images[:rest_count] or recording.rests
+        return replace(recording, rests=rests, frames=images[rest_count:])
 
     return perturb
 
@@ -57,13 +57,13 @@ def through(encode: Encode, suffix: str, images: Images) -> Images:
     Codecs need even sizes: the last column or row is repeated, and removed again.
     """
     height, width = images[0].shape
-    even = [np.pad(image, ((0, height % 2), (0, width % 2)), mode="edge") for image in images]
+    padded = [np.pad(image, ((0, height % 2), (0, width % 2)), mode="edge") for image in images]
     with tempfile.TemporaryDirectory(prefix="vbaa-stress-") as folder:
         path = Path(folder) / f"video{suffix}"
-        encode(even, path)
+        encode(padded, path)
         decoded = tuple(shot.grey()[:height, :width] for shot in open_source([str(path)]))
     if len(decoded) != len(images):
-        raise RuntimeError(f"the video shows {len(decoded)} of {len(images)} images")
+        raise RuntimeError(f"the video has {len(decoded)} of {len(images)} images")
     return decoded
 
 
@@ -74,12 +74,12 @@ def _encode_h264(images: Sequence[Grey], path: Path, crf: int) -> None:
         raise NotApplicableError("needs the extra 'video'") from error
     height, width = images[0].shape
     with av.open(path, "w") as container:
-        options = {"crf": str(crf), "x264-params": _REPEATABLE}
-        stream = container.add_stream("libx264", Fraction(RATE), options)
+        options = {"crf": str(crf), "x264-params": _DETERMINISTIC}
+        stream = container.add_stream("libx264", Fraction(FRAME_RATE), options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         for number, image in enumerate(images):
             frame = av.VideoFrame.from_ndarray(_luma(image), "yuv420p")
-            frame.pts, frame.time_base = number, Fraction(1, RATE)
+            frame.pts, frame.time_base = number, Fraction(1, FRAME_RATE)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
 
@@ -98,9 +98,9 @@ def _luma(image: Grey) -> npt.NDArray[np.uint8]:
 def _encode_mjpg(images: Sequence[Grey], path: Path, quality: int) -> None:
     height, width = images[0].shape
     code = cv2.VideoWriter.fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, code, RATE, (width, height))
+    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, code, FRAME_RATE, (width, height))
     if not writer.isOpened():
-        raise NotApplicableError("this OpenCV writes no MJPG")
+        raise NotApplicableError("OpenCV cannot write MJPG")
     writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
     for image in images:
         writer.write(np.repeat(image[:, :, None], 3, axis=2))
