@@ -19,16 +19,16 @@ from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
 from solver.instrument.rig import read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
-from solver.lab.check import checked
-from solver.lab.console import busy, console, table, watched
+from solver.lab.check import calibration_report
+from solver.lab.console import busy, console, table, with_progress
 from solver.lab.controls import NO_CONTROLS, Controls, controls_of
-from solver.lab.live import answers, json_line, warm_up
+from solver.lab.live import json_line, solve_shots, warm_up
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.shots import Files, Source
 from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
-from solver.lab.writing import make_room, write
+from solver.lab.writing import prepare_output_path, write
 from solver.methods import METHODS
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
@@ -102,7 +102,7 @@ def solve(
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )
     if target:
-        make_room(target)
+        prepare_output_path(target)
     with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
         antenna = set_up(observations, learn_extractor)
         warm_up(antenna, function, next(observations.read_rest_images()))
@@ -111,8 +111,8 @@ def solve(
     try:
         with ExitStack() as stack:
             writer = stack.enter_context(OverlayWriter(overlay, source.rate)) if overlay else None
-            results = stack.enter_context(closing(answers(source, antenna, function, repeats)))
-            for answer in stack.enter_context(watched(results, source, quiet or stream)):
+            results = stack.enter_context(closing(solve_shots(source, antenna, function, repeats)))
+            for answer in stack.enter_context(with_progress(results, source, quiet or stream)):
                 if target:
                     rows[answer.shot.number] = answer.row
                 if stream:
@@ -161,7 +161,7 @@ def snap(
     used_channel = _channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
     controls = controls_of(size, exposure, control or ())
     frames = open_source([source], channel=used_channel, controls=controls)
-    make_room(out)
+    prepare_output_path(out)
     shot = next(shot for shot in frames if not frames.live or shot.number >= drop)
     write(out, png_bytes(shot.grey()))
 
@@ -172,7 +172,7 @@ def check(
     json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
 ) -> None:
     """Report the quality of the calibration and of the rest images."""
-    report = checked(set_up(open_rig(rig)))
+    report = calibration_report(set_up(open_rig(rig)))
     print(report.json() if json else report.text())
 
 

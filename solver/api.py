@@ -7,7 +7,7 @@ from solver.antenna import Antenna
 from solver.centreline.extractors import find_extractor
 from solver.instrument.arrays import Grey
 from solver.instrument.observation import open_rig as open_rig_files
-from solver.lab.check import Checked, checked
+from solver.lab.check import CalibrationReport, calibration_report
 from solver.lab.live import warm_up
 from solver.methods import Method
 from solver.methods.by_name import find_method
@@ -35,9 +35,9 @@ class CalibratedRig:
             warm_up(self.antenna, function, self.rest_image)
         return PushTracker(self.antenna, function)
 
-    def check(self) -> Checked:
+    def check(self) -> CalibrationReport:
         """Return the calibration's quality, and contradictions of rest images and rig.json."""
-        return checked(self.antenna)
+        return calibration_report(self.antenna)
 
 
 def open_rig(path: str | Path, centreline: str = "profile_fit") -> CalibratedRig:

@@ -11,7 +11,7 @@ from solver.at_rest.pose import Rest
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement, Tip, View
-from solver.instrument.observation import NOTHING_READ, Readings
+from solver.instrument.observation import NO_READINGS, Readings
 from solver.instrument.rig import Rig
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
@@ -26,7 +26,7 @@ TIP_POINTS = 30
 def to_measurement(
     antenna: Antenna,
     line: Centreline,
-    readings: Readings = NOTHING_READ,
+    readings: Readings = NO_READINGS,
     earlier: Sequence[Measurement] = (),
 ) -> Measurement:
     """Project the visible beam onto plane C, in the frame of the beam at rest.

@@ -13,7 +13,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.images import to_grey
 from solver.instrument.measurement import Measurement
-from solver.instrument.observation import NOTHING_READ, Readings
+from solver.instrument.observation import NO_READINGS, Readings
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.methods import Method
 from solver.to_measurement import to_measurement
@@ -24,7 +24,7 @@ MAX_PUSH_FRAMES = 32
 
 
 @dataclass(frozen=True)
-class Solved:
+class FrameSolution:
     """One frame's estimate, the centreline it came from, and the time it took [s].
 
     `line` is None where the image could not be used; the time starts with the image in memory.
@@ -47,7 +47,9 @@ class PushTracker:
         self._push: list[Measurement] = []
         self._push_id = ""
 
-    def solve(self, image: Grey, readings: Readings = NOTHING_READ, push_id: str = "") -> Solved:
+    def solve(
+        self, image: Grey, readings: Readings = NO_READINGS, push_id: str = ""
+    ) -> FrameSolution:
         """Estimate from the next image (height, width); any failure becomes an outcome."""
         if push_id != self._push_id:
             self._push, self._push_id = [], push_id
@@ -55,7 +57,7 @@ class PushTracker:
         start = time.perf_counter()
         try:
             line = extract_centreline(self._antenna, image)
-            refusal = refusal_of_moved_camera(self._antenna, image)
+            refusal = reject_moved_camera(self._antenna, image)
             if refusal is None:
                 measurement = to_measurement(self._antenna, line, readings, self._push)
                 estimate = run_method(self._method, measurement, line.remark)
@@ -71,7 +73,7 @@ class PushTracker:
                 self._push = []
             else:
                 self._remember(measurement)
-        return Solved(estimate, line, seconds)
+        return FrameSolution(estimate, line, seconds)
 
     def update(
         self,
@@ -123,7 +125,7 @@ def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
     return antenna.extract(np.ascontiguousarray(antenna.scale(image)))
 
 
-def refusal_of_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
+def reject_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
     """Reject an image (height, width) whose landmarks have moved since the rest images."""
     shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
     if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):

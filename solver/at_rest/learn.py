@@ -40,7 +40,7 @@ MAX_MISALIGNMENT = 0.17
 class AtRest:
     """Results learned from the rest images.
 
-    `copies` counts the images that repeat another one, `left_out` holds the indices, among the
+    `copies` counts the images that repeat another one, `rejected` holds the indices, among the
     distinct images, of those that disagree with the others, `disagreement_px` is the largest
     difference among the images that were used. `tip` (2,) [px] is the image of the free end and
     `tip_covariance` (2, 2) [px^2] its covariance; None where it is not detected.
@@ -52,7 +52,7 @@ class AtRest:
     tip: Floats | None
     tip_covariance: Floats | None
     copies: int
-    left_out: tuple[int, ...]
+    rejected: tuple[int, ...]
     disagreement_px: float
 
 

@@ -18,12 +18,12 @@ class DamageError(InputError):
     """Error for a file of a generated dataset that is missing, or is not what was written."""
 
 
-def shown(value: object) -> str:
+def quoted(value: object) -> str:
     """Quote a value for a message: on one line, a long value truncated."""
-    return cut(repr(value))
+    return truncated(repr(value))
 
 
-def cut(text: str) -> str:
+def truncated(text: str) -> str:
     """Put a text on one line, and truncate a long text."""
     line = " ".join(text[: 2 * LONGEST_SHOWN].split())
     return line if len(text) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]}..."

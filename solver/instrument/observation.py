@@ -25,7 +25,7 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError, cut, shown
+from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import listed, read_bytes, read_hashes
 from solver.instrument.images import png_head, read_grey
 from solver.instrument.rig import Rig, read_rig
@@ -53,7 +53,7 @@ class Readings:
     base_moment: tuple[float, float, float] | None = None
 
 
-NOTHING_READ = Readings()
+NO_READINGS = Readings()
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class ImageFrame:
 
     frame_id: str
     path: Path
-    readings: Readings = NOTHING_READ
+    readings: Readings = NO_READINGS
     push_id: str = ""
     step: int = 0
     channel: str = "gray"
@@ -130,7 +130,7 @@ def open_observations(root: str | Path) -> Observations:
     name, count = Counter(frame.frame_id for frame in frames).most_common(1)[0]
     if count > 1:
         raise InputError(
-            f"{root}: {count} frames have the frame_id {shown(name)}, allowed is one each"
+            f"{root}: {count} frames have the frame_id {quoted(name)}, allowed is one each"
         )
     _check_bit_depth(opened.rest_images[0], frames)
     return replace(opened, frames=frames)
@@ -264,14 +264,14 @@ class _Cells:
         path = Path(value)
         if path.is_absolute() or ".." in path.parts:
             raise InputError(
-                f"{self.where}: file_name is {shown(value)}, allowed is a file beside the table"
+                f"{self.where}: file_name is {quoted(value)}, allowed is a file beside the table"
             )
         try:
             exists = (folder / path).is_file()
         except OSError:  # an invalid file name
             exists = False
         if not exists:
-            raise InputError(f"{self.where}: the image {cut(path.name)} is missing")
+            raise InputError(f"{self.where}: the image {truncated(path.name)} is missing")
         return folder / path
 
     def name(self, column: str) -> str:
@@ -303,7 +303,7 @@ class _Cells:
                 value = math.nan
             if not math.isfinite(value):
                 raise InputError(
-                    f"{self.where}: {name} is {shown(text)}, allowed is a finite number"
+                    f"{self.where}: {name} is {quoted(text)}, allowed is a finite number"
                 )
             values.append(value)
         return values

@@ -19,7 +19,7 @@ MAX_ROUGHNESS_PX = 0.05
 
 
 @dataclass(frozen=True)
-class Checked:
+class CalibrationReport:
     """Calibration and beam at rest; units are in the names, noise is in the image's gray values.
 
     `focal` is in px, for a telecentric camera in px/mm. `height_mm` is the height of the camera
@@ -124,7 +124,7 @@ class Checked:
         return "\n".join(f"{name:16} {value}" for name, value in rows)
 
 
-def checked(antenna: Antenna) -> Checked:
+def calibration_report(antenna: Antenna) -> CalibrationReport:
     """Collect the report on an antenna whose centreline is measured by the profile fit."""
     calibration, rest, beam = antenna.calibration, antenna.rest, antenna.extract
     assert isinstance(beam, BeamExtractor)
@@ -136,7 +136,7 @@ def checked(antenna: Antenna) -> Checked:
     bow_size = float(np.abs(bow).max())
     height, height_sigma = _height(antenna)
     axis = camera.camera_from_antenna[2, :3]
-    return Checked(
+    return CalibrationReport(
         reprojection_px=calibration.reprojection_px,
         telecentric=camera.telecentric,
         focal=camera.fx * (MILLIMETRE if camera.telecentric else 1.0),

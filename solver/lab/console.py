@@ -10,7 +10,7 @@ from rich.progress import MofNCompleteColumn, Progress
 from rich.status import Status
 from rich.table import Table
 
-from solver.lab.live import Answer
+from solver.lab.live import FrameResult
 from solver.lab.shots import Source
 from solver.lab.table import Row
 
@@ -23,7 +23,9 @@ def busy(text: str, quiet: bool) -> AbstractContextManager[object]:
 
 
 @contextmanager
-def watched(given: Iterator[Answer], source: Source, quiet: bool) -> Iterator[Iterator[Answer]]:
+def with_progress(
+    given: Iterator[FrameResult], source: Source, quiet: bool
+) -> Iterator[Iterator[FrameResult]]:
     """Pass the answers on and show progress: a bar, or for a camera the latest estimate."""
     if quiet:
         yield given
@@ -38,7 +40,7 @@ def watched(given: Iterator[Answer], source: Source, quiet: bool) -> Iterator[It
             yield iter(progress.track(given, total=len(source) or None, description="solving"))
 
 
-def _with_latest(answers: Iterator[Answer], status: Status) -> Iterator[Answer]:
+def _with_latest(answers: Iterator[FrameResult], status: Status) -> Iterator[FrameResult]:
     for answer in answers:
         latency = f"{1e3 * answer.latency:.1f} ms"
         status.update(escape(f"{answer.shot.name}  {sentence(answer.row)}  {latency}"))

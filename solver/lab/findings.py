@@ -38,8 +38,8 @@ def _copies(antenna: Antenna) -> Iterator[Finding]:
 
 
 def _left_out(antenna: Antenna) -> Iterator[Finding]:
-    if antenna.at_rest.left_out:
-        numbers = ", ".join(str(i + 1) for i in antenna.at_rest.left_out)
+    if antenna.at_rest.rejected:
+        numbers = ", ".join(str(i + 1) for i in antenna.at_rest.rejected)
         yield Finding(
             "rest_image_left_out",
             f"distinct rest image {numbers} was rejected: its beam is displaced from the "

@@ -18,10 +18,10 @@ from solver.lab.table import Row, row
 from solver.methods import Method
 from solver.to_measurement import to_measurement
 from solver.tracker import (
+    FrameSolution,
     PushTracker,
-    Solved,
     extract_centreline,
-    refusal_of_moved_camera,
+    reject_moved_camera,
     run_method,
 )
 
@@ -32,7 +32,7 @@ _ROTATION = 0.05  # [rad]
 
 
 @dataclass(frozen=True)
-class Answer:
+class FrameResult:
     """Answer for one frame: the shot, its solution, its row of the table and its latency [s].
 
     The latency is the time from the image in memory to the estimate. It includes the time that a
@@ -40,14 +40,14 @@ class Answer:
     """
 
     shot: Shot
-    solved: Solved
+    solved: FrameSolution
     row: Row
     latency: float
 
 
-def answers(
+def solve_shots(
     source: Source, antenna: Antenna, method: Method, repeats: int = 1
-) -> Generator[Answer]:
+) -> Generator[FrameResult]:
     """Solve each shot with the previous frames of its push, `repeats` times for a median time.
 
     An image that cannot be used also gives an answer, with the outcome "invalid".
@@ -56,8 +56,8 @@ def answers(
     for shot in source:
         wait = time.perf_counter() - shot.taken
         if shot.image is None:
-            failed = Solved(Estimate(Outcome.INVALID, shot.fault), None, 0.0)
-            yield Answer(shot, failed, row(shot.name, failed.estimate, 0.0), wait)
+            failed = FrameSolution(Estimate(Outcome.INVALID, shot.fault), None, 0.0)
+            yield FrameResult(shot, failed, row(shot.name, failed.estimate, 0.0), wait)
             continue
         # Each repeat uses a copy; otherwise the frame would be among its own previous frames.
         shared = {id(part): part for part in (antenna, method)}
@@ -67,7 +67,7 @@ def answers(
         ]
         seconds = statistics.median(run.seconds for run in runs)
         estimate = runs[-1].estimate
-        yield Answer(shot, runs[-1], row(shot.name, estimate, 1e3 * seconds), wait + seconds)
+        yield FrameResult(shot, runs[-1], row(shot.name, estimate, 1e3 * seconds), wait + seconds)
 
 
 def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
@@ -79,7 +79,7 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     are rejected.
     """
     extract_centreline(antenna, np.full_like(rest_image, np.median(rest_image)))
-    refusal_of_moved_camera(antenna, rest_image)
+    reject_moved_camera(antenna, rest_image)
     at_rest = to_measurement(antenna, extract_centreline(antenna, rest_image))
     length, view = at_rest.rig.beam.length, at_rest.view
     x = np.clip(view.points[:, 0] / length, 0.0, 1.0)
@@ -96,7 +96,7 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     run_method(method, replace(first, motor_angle=_ROTATION, earlier=(first,)))
 
 
-def json_line(given: Answer) -> str:
+def json_line(given: FrameResult) -> str:
     """Format one frame's answer as one line of JSON, with units in the names."""
     metadata: Row = {
         "frame": given.shot.number,

@@ -14,9 +14,9 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, turn_about_z
 from solver.lab.console import sentence
 from solver.lab.drawing import SHIFT, Colour, Picture, enlarged, mark, place
-from solver.lab.live import Answer
+from solver.lab.live import FrameResult
 from solver.to_measurement import to_measurement
-from solver.tracker import Solved
+from solver.tracker import FrameSolution
 
 TIP: Final = (240, 200, 60)
 CONTACT: Final = (60, 60, 255)
@@ -25,7 +25,7 @@ WIDTH = 1000  # smaller images are enlarged by a whole number to about this [px]
 _FOURCC: Final = {".mp4": "mp4v", ".m4v": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "MJPG"}
 
 
-def draw(antenna: Antenna, given: Answer) -> Picture:
+def draw(antenna: Antenna, given: FrameResult) -> Picture:
     """Draw measured points and estimates on the image; return a BGR picture (height, width, 3).
 
     Points are marked as described in `drawing.py`; the tip is a blue ring, the estimated contact a
@@ -52,7 +52,7 @@ def draw(antenna: Antenna, given: Answer) -> Picture:
 
 
 def _contact_in_image(
-    antenna: Antenna, solved: Solved, motor_angle: float | None
+    antenna: Antenna, solved: FrameSolution, motor_angle: float | None
 ) -> tuple[Floats, Floats] | None:
     """Project the contact to (2,) [px] and the direction of its force to a unit vector (2,)."""
     values, rig = solved.estimate.values, antenna.rig
@@ -92,7 +92,7 @@ def _contact_in_image(
     return projected[0], direction / norm
 
 
-def _arrow_px(antenna: Antenna, solved: Solved, height: int) -> float:
+def _arrow_px(antenna: Antenna, solved: FrameSolution, height: int) -> float:
     """Compute the arrow's length; it tends to a quarter of the height for large forces.
 
     It is half of that at the force that deflects the tip by 10 %.

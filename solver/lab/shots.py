@@ -7,7 +7,7 @@ from typing import Protocol
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.observation import NOTHING_READ, ImageFrame, Readings, push_order
+from solver.instrument.observation import NO_READINGS, ImageFrame, Readings, push_order
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Shot:
     number: int
     image: Grey | None
     taken: float
-    readings: Readings = NOTHING_READ
+    readings: Readings = NO_READINGS
     push_id: str = ""
     seconds: float | None = None
     skipped: int = 0

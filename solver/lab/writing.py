@@ -7,7 +7,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 
 
-def make_room(path: Path) -> None:
+def prepare_output_path(path: Path) -> None:
     """Create the parent folders of `path`. Raises InputError if `path` could not be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -22,7 +22,7 @@ def make_room(path: Path) -> None:
 
 def write(path: Path, data: bytes) -> None:
     """Write `data` to `path` atomically. Raises InputError."""
-    make_room(path)
+    prepare_output_path(path)
     try:
         write_bytes(path, data)
     except OSError as error:

@@ -101,7 +101,9 @@ def test_a_second_peg_stands_upright_and_touches() -> None:
     assert len(pose.state.contacts) == 2
     second = pose.state.contacts[1]
     assert second.force[1] < 0  # it holds the beam back
-    peg = dict(SceneAssembler(scene, work.rig, path.parent).things(pose))["second_peg"].mesh
+    peg = dict(SceneAssembler(scene, work.rig, path.parent).object_surfaces(pose))[
+        "second_peg"
+    ].mesh
     assert peg.bounds[:, 2] == pytest.approx([-0.03, 0.4e-3])
     around = CubicSpline(pose.state.centreline[:, 0], pose.state.centreline[:, 1:])(
         np.linspace(second.s - 1e-3, second.s + 1e-3, 401)

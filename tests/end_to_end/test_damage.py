@@ -22,12 +22,12 @@ from tests.conftest import SMALL_SCENE
 from tests.end_to_end.test_generate import digests, quiet
 from tests.sealing import reseal
 from vbaa_bench import cli
-from vbaa_bench import generation as generating
 from vbaa_bench.dataset import identity
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.readers import copy_observations, open_truth
 from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.report.report import report
 from vbaa_bench.scene.load import load_scene
@@ -318,7 +318,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
         pytest.fail("it should have been refused before")
 
     monkeypatch.setattr(generating, "plan", unreached)
-    monkeypatch.setattr(generating, "trials", unreached)
+    monkeypatch.setattr(generating, "true_rig", unreached)
     file = load_scene(small_scene)
 
     def check_refused(root: Path, sentence: str, changed: str = "") -> None:
@@ -357,7 +357,7 @@ def test_a_grown_count_is_refused_by_name(
     three, four = (load_scene(tmp_path / f"{name}.yaml") for name in ("three", "four"))
     layout = Layout(tmp_path / "data")
     layout.truth.mkdir(parents=True)
-    identity.write_identity(layout, identity.identity_of(three, variant))
+    identity.write_identity(layout, identity.dataset_identity(three, variant))
     monkeypatch.setattr(generating, "plan", lambda *_: pytest.fail("not refused"))
     with pytest.raises(InputError, match=r"sampling\.count is 3 there and 4 here"):
         generate(four, layout.root, variant, 1, quiet)

@@ -127,7 +127,7 @@ class _ProbedFrame(NamedTuple):
     memory_bytes: int | None
 
 
-class _ProbedBench(FrameRenderer):
+class _ProbedFrameRenderer(FrameRenderer):
     """A FrameRenderer that times its frames."""
 
     _first_s: float | None = None
@@ -182,7 +182,7 @@ def _probe(
         layout.truth.mkdir()
         threads = max(cores() // workers, 1)
         arguments = (file.scene, rig, file.path.parent.resolve(), layout, variant, threads)
-        with Pool(workers, _ProbedBench, arguments) as pool:
+        with Pool(workers, _ProbedFrameRenderer, arguments) as pool:
             exposure = float(pool.call("measure_exposure"))
             started = clock()
             frames: list[_ProbedFrame] = pool.run(

@@ -15,7 +15,7 @@ from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.applicable import applicable
 from vbaa_bench.scoring.child import MEMORY_GB, MethodRun
 from vbaa_bench.scoring.child import solve as run_method
-from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, kept_as
+from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, run_name
 from vbaa_bench.scoring.score import read_scores, with_own
 from vbaa_bench.scoring.score import score as write_scores
 
@@ -85,7 +85,7 @@ def solve(
     )
     runs = {}
     for method, centreline in product(chosen, dict.fromkeys(centrelines)):
-        name = kept_as(method, centreline)
+        name = run_name(method, centreline)
         on_start(name)
         target = results.predictions / f"{name}.csv"
         runs[name] = run_method(

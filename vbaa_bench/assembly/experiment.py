@@ -130,7 +130,7 @@ class Experiment:
                 tangent = object_from_clamp[:3, :3] @ contact.tangent
                 reason = self.body.misses(point, tangent)
                 if reason is not None:
-                    raise EquilibriumError(f"at {self.push.goals[step]} {reason}")
+                    raise EquilibriumError(f"at {self.push.targets[step]} {reason}")
         return states
 
     def _check_hub(self) -> None:
@@ -147,7 +147,11 @@ class Experiment:
             )
 
     def _states(self) -> list[State]:
-        model, goals, segments = self.model, self.push.goals, self.scene.beam.centreline_segments
+        model, targets, segments = (
+            self.model,
+            self.push.targets,
+            self.scene.beam.centreline_segments,
+        )
         distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
         if model == SPATIAL:
             return push(self.rod, self.motor, self.obstacles, distance, self.steps, segments)
@@ -157,8 +161,8 @@ class Experiment:
             assert isinstance(first.surface, Line)
             solve = partial(planar.push, object_radius=first.surface.radius)
         states = []
-        for goal in goals:
-            angle = goal.pushing_angle
+        for target in targets:
+            angle = target.pushing_angle
             if angle is not None and angle <= 0:
                 states += push(self.rod, self.motor, [first], distance, [Step(angle)], segments)
             else:
@@ -166,7 +170,7 @@ class Experiment:
                     solve(
                         self.rig.beam,
                         distance,
-                        deflection=goal.deflection,
+                        deflection=target.deflection,
                         pushing_angle=angle,
                         compliance=first.compliance,
                         intervals=segments,
@@ -176,11 +180,11 @@ class Experiment:
 
     @cached_property
     def steps(self) -> list[Step]:
-        """The goals of the push, with the object's drift at each."""
+        """The targets of the push, with the object's drift at each."""
         x, y, z = (v * MILLIMETRE for v in getattr(self.scene.object, "drift_mm", (0, 0, 0)))
         return [
-            Step(goal.pushing_angle, goal.deflection, (i * x, i * y, i * z))
-            for i, goal in enumerate(self.push.goals)
+            Step(target.pushing_angle, target.deflection, (i * x, i * y, i * z))
+            for i, target in enumerate(self.push.targets)
         ]
 
     def clamp_from_object(self, state: State, step: int, index: int = 0) -> Floats:

@@ -18,7 +18,7 @@ from vbaa_bench.scene.trials import StepTarget
 STEP_PX = 0.25
 
 
-def exposed(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
+def exposure_poses(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
     """Compute the poses of a frame, an odd number; the requested pose is in the middle.
 
     The motor turns at constant speed, and the shutter is global. Raises InputError if a pose has no
@@ -31,8 +31,8 @@ def exposed(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
     scale = float(rig.camera.pixels_per_metre(np.array([[beam.length / 2, 0.0, 0.0]]))[0])
     half = math.ceil(abs(turn) * beam.length * scale / STEP_PX / 2)
     fractions = np.arange(-half, half + 1) / (2 * half + 1)
-    goals = tuple(StepTarget(None, pose.state.pushing_angle + turn * float(s)) for s in fractions)
-    push = replace(pose.experiment.push, goals=goals)
+    targets = tuple(StepTarget(None, pose.state.pushing_angle + turn * float(s)) for s in fractions)
+    push = replace(pose.experiment.push, targets=targets)
     experiment = Experiment(scene, rig, push, pose.experiment.folder)
     try:
         states = experiment.states()

@@ -24,7 +24,7 @@ from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
-from vbaa_bench.render.textures import graded, grown
+from vbaa_bench.render.textures import gradient_texture, random_texture
 from vbaa_bench.render.world import RenderUnit, Surface, World
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
 from vbaa_bench.scene.paint import PaintedPart
@@ -80,7 +80,7 @@ class SceneAssembler:
         """Build the world of the beam at rest, without an object."""
         return self._world(dict(self._antenna_and_ground(experiment, experiment.rest, 0.0)))
 
-    def bench(self, pose: Pose) -> World:
+    def pushed_world(self, pose: Pose) -> World:
         """Build the world of the beam pushed against its object."""
         surfaces = self._surfaces(pose)
         # The beam comes first: its index in the truth layers is 1.
@@ -89,10 +89,10 @@ class SceneAssembler:
 
     def _surfaces(self, pose: Pose) -> dict[str, Surface]:
         antenna = self._antenna_and_ground(pose.experiment, pose.state, pose.motor_angle)
-        return {**dict(self.things(pose)), **dict(antenna)}
+        return {**dict(self.object_surfaces(pose)), **dict(antenna)}
 
     def repose(self, world: World, pose: Pose) -> None:
-        """Move the vertices of a world, made by `bench`, to another pose."""
+        """Move the vertices of a world, made by `pushed_world`, to another pose."""
         surfaces = self._surfaces(pose)
         vertices = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(vertices, surfaces["beam"].arc_length)
@@ -107,7 +107,7 @@ class SceneAssembler:
             ]
         )
 
-    def card(self, view: int) -> World:
+    def calibration_board(self, view: int) -> World:
         """Build the world of the calibration board: in plane C in view 0, tilted in the others."""
         antenna_from_board = self.rig.antenna_from_board @ self._tilt(view)
         white, black = board(nominal_rig(self.scene).board)
@@ -151,7 +151,7 @@ class SceneAssembler:
         yield "hub", _painted(_placed(shaft, frame_from_clamp), hub_spec)
         yield from self._background(experiment, motor_angle)
 
-    def things(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
+    def object_surfaces(self, pose: Pose) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces that the beam is pushed against, and the occluder."""
         experiment, state, scene = pose.experiment, pose.state, self.scene
         frame_from_clamp, top = self._frame_from_clamp(experiment, pose.motor_angle), 0.0
@@ -238,12 +238,14 @@ class SceneAssembler:
         match spec.pattern:
             case "graded":
                 azimuth, extent = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
-                return graded(corners, spec.reflectance, spec.far_reflectance, azimuth, extent)
+                return gradient_texture(
+                    corners, spec.reflectance, spec.far_reflectance, azimuth, extent
+                )
             case "textured":
                 grain, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
                 lengths = (grain * spec.correlation_ratio, grain)
                 mean, contrast = spec.reflectance, spec.contrast
-                return grown(corners, mean, contrast, lengths, 2 * length, random)
+                return random_texture(corners, mean, contrast, lengths, 2 * length, random)
         return None
 
     @cached_property

@@ -75,10 +75,10 @@ def _representative_frame(scene_plan: Plan, renderer: FrameRenderer) -> FrameSpe
         t for t in candidates if t.cover is None or t.cover.kind != "removed"
     ] or candidates
     largest = {
-        t.push: max(t.push.goals, key=lambda g: g.pushing_angle or g.deflection or 0)
+        t.push: max(t.push.targets, key=lambda g: g.pushing_angle or g.deflection or 0)
         for t in candidates
     }
-    candidates = [t for t in candidates if t.goal == largest[t.push]]
+    candidates = [t for t in candidates if t.target == largest[t.push]]
     candidates.sort(key=lambda t: (renderer.pose(t).state.pushing_angle, t.index))
     return candidates[len(candidates) // 2]
 

@@ -10,7 +10,7 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.transforms import apply
 from vbaa_bench.assembly.scene_assembler import Pose
-from vbaa_bench.render.frame import MOST, RenderedRadiance
+from vbaa_bench.render.frame import MAX_SAMPLES, RenderedRadiance
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.rigs import TrueRig
@@ -95,7 +95,7 @@ def reference_of(world: World, seen: RenderedRadiance, line: Line, seconds: floa
         middle = round(line.rows[column])
         known[max(middle - line.half, 0) : max(middle + line.half + 1, 0), column] = True
     rows, columns = np.nonzero(known)
-    pixels, samples = np.column_stack([columns, rows]), np.full(len(rows), MOST)
+    pixels, samples = np.column_stack([columns, rows]), np.full(len(rows), MAX_SAMPLES)
     start, renderings = perf_counter(), list[Floats]()
     while len(renderings) < 2 or (
         len(renderings) < _MAX_RENDERINGS and perf_counter() - start < seconds

@@ -39,7 +39,7 @@ def _prepare_exact_fit(measurements: Sequence[Measurement]) -> Callable[[], obje
 BATCHES: Final[dict[str, Batch]] = {"exact_fit": _prepare_exact_fit}
 
 
-class _Watch:
+class _TimedMethod:
     """Wrapper of a method that records its last measurement and its time [s]."""
 
     def __init__(self, method: Method) -> None:
@@ -75,7 +75,7 @@ class Run:
 
     def once(self, frames: Sequence[ImageFrame], images: Sequence[Grey]) -> None:
         """Solve every frame once from its image, and once from its points."""
-        timed = _Watch(self._method)
+        timed = _TimedMethod(self._method)
         tracker = PushTracker(self._antenna, timed)
         from_image, in_method, from_points = (np.full(self._frames, np.nan) for _ in range(3))
         self._estimates, measurements = [], list[Measurement]()

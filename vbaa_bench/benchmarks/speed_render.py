@@ -56,37 +56,37 @@ _WARM_UP_FRAMES = 4
 # Maximum fraction of the time for the reference.
 _REFERENCE_FRACTION = 0.25
 
-Shoot = Callable[[int], RenderedRadiance]
+RenderOnce = Callable[[int], RenderedRadiance]
 
 
 @dataclass(frozen=True)
-class Stand:
+class PoseBenchmark:
     """One pose of a scene, rendered repeatedly."""
 
-    bench: FrameRenderer
+    renderer: FrameRenderer
     pose: Pose
     exposure: float
     folder: Path
 
     def wanted(self, scale: float) -> NoiseTarget:
         """Scale the scene's noise targets by `scale`, except that of the static layer."""
-        spec, noise = self.bench.scene.render, self.bench.sensor(self.exposure).noise_sigma
+        spec, noise = self.renderer.scene.render, self.renderer.sensor(self.exposure).noise_sigma
         near, elsewhere = scale * spec.noise_near_beam, scale * spec.noise_elsewhere
         return NoiseTarget(noise, spec.near_beam_px, near, elsewhere, spec.noise_static_layer)
 
-    def frame(self, shoot: Shoot, seed: int) -> Floats:
+    def frame(self, shoot: RenderOnce, seed: int) -> Floats:
         """Make one frame, end to end, and return its radiance."""
-        bench = self.bench
-        bench.pushed_world(self.pose)
+        renderer = self.renderer
+        renderer.pushed_world(self.pose)
         rendered = shoot(seed)
-        noise = random_generator(bench.scene, "speed", seed)
-        image = bench.sensor(self.exposure).expose(rendered.radiance, noise, rendered.variance)
+        noise = random_generator(renderer.scene, "speed", seed)
+        image = renderer.sensor(self.exposure).expose(rendered.radiance, noise, rendered.variance)
         write_bytes(self.folder / "frame.png", png_bytes(image))
         layers = rendered.by_name()
-        write_exr(self.folder / "frame.exr", {str(k): layers[k] for k in bench.scene.layers})
+        write_exr(self.folder / "frame.exr", {str(k): layers[k] for k in renderer.scene.layers})
         return rendered.radiance
 
-    def measured(self, shoot: Shoot, reference: Reference, deadline: float) -> Record:
+    def measured(self, shoot: RenderOnce, reference: Reference, deadline: float) -> Record:
         """Measure the seconds of a frame, and its errors."""
         seconds, squared_errors = list[float](), list[tuple[float, float]]()
         while not seconds or (len(seconds) < _REPEATS and perf_counter() < deadline):
@@ -102,7 +102,7 @@ class Stand:
             "repeats": len(seconds),
         }
 
-    def kernel_share(self, shoot: Shoot) -> float:
+    def kernel_share(self, shoot: RenderOnce) -> float:
         """Measure the fraction of a frame's time in which compiled kernels run."""
         start = perf_counter()
         busy = seconds_in_kernels(lambda: self.frame(shoot, 0))
@@ -127,7 +127,7 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
     trial = sorted(scene_plan.frame_specs, key=lambda trial: trial.index)[scene_plan.frames // 2]
     with tempfile.TemporaryDirectory() as temporary:
         exposure = renderer.measure_exposure(lambda: None)
-        stand = Stand(renderer, renderer.pose(trial), exposure, Path(temporary))
+        stand = PoseBenchmark(renderer, renderer.pose(trial), exposure, Path(temporary))
         record = _compare(stand, scene_plan.frames, deadline)
     record |= {"scene": file.path.stem, "threads": threads, "frame_id": trial.frame_id}
     write(record, out, ["ours", *SAMPLERS])
@@ -151,13 +151,13 @@ def _require_plain_mitsuba(file: SceneFile, variant: str) -> None:
         raise InputError(f"{file.path}: {message}")
 
 
-def _compare(stand: Stand, frames: int, deadline: float) -> Record:
-    world, target = stand.bench.pushed_world(stand.pose), stand.wanted(1)
+def _compare(stand: PoseBenchmark, frames: int, deadline: float) -> Record:
+    world, target = stand.renderer.pushed_world(stand.pose), stand.wanted(1)
     static_layer, layer_seconds = _timed_static_layer(world, target)
     for seed in range(_WARM_UP_FRAMES):
         stand.frame(_ours(world, static_layer, target), seed)
     rendered = render_frame(world, static_layer, target, 0)
-    line = beam_line(stand.bench.rig, stand.pose)
+    line = beam_line(stand.renderer.rig, stand.pose)
     budget = _REFERENCE_FRACTION * (deadline - perf_counter())
     reference = reference_of(world, rendered, line, budget)
     ours: list[Record] = []
@@ -204,11 +204,11 @@ def _timed_static_layer(world: World, target: NoiseTarget) -> tuple[StaticLayer 
     return render_static_layer(world, target, 0), perf_counter() - start
 
 
-def _ours(world: World, static_layer: StaticLayer | None, target: NoiseTarget) -> Shoot:
+def _ours(world: World, static_layer: StaticLayer | None, target: NoiseTarget) -> RenderOnce:
     return lambda seed: render_frame(world, static_layer, target, 1 + seed)
 
 
-def _shoot(world: World, sampler: Sampler, samples: int) -> Shoot:
+def _shoot(world: World, sampler: Sampler, samples: int) -> RenderOnce:
     plain = Plain(world, sampler)
     zeros = np.zeros((world.camera.height, world.camera.width))
 
@@ -220,7 +220,7 @@ def _shoot(world: World, sampler: Sampler, samples: int) -> Shoot:
 
 
 def _plain(
-    stand: Stand, world: World, sampler: Sampler, reference: Reference, deadline: float
+    stand: PoseBenchmark, world: World, sampler: Sampler, reference: Reference, deadline: float
 ) -> list[Record]:
     """Measure plain Mitsuba; each point has four times the samples of the one before.
 

@@ -59,7 +59,7 @@ FITTED: Final = ("x_c_m", "force_n", "psi_rad", "compliance_m_per_n", "onset_ang
 def measure(contacts: tuple[float, ...] = CONTACTS) -> Record:
     """Measure every method on every push of the grid, as numbers that JSON can hold."""
     pushes = {
-        (contact, deflection): pushed(BEAM, contact * BEAM.length, deflection)
+        (contact, deflection): simulate_push(BEAM, contact * BEAM.length, deflection)
         for contact in contacts
         for deflection in DEFLECTIONS
     }
@@ -67,7 +67,7 @@ def measure(contacts: tuple[float, ...] = CONTACTS) -> Record:
         "noise_px": SIGMA_PX,
         "methods": {
             name: [
-                {"contact": contact, "deflection": deflection, **judged(method, measurement)}
+                {"contact": contact, "deflection": deflection, **assess_method(method, measurement)}
                 for (contact, deflection), measurement in pushes.items()
             ]
             for name, method in METHODS.items()
@@ -75,7 +75,7 @@ def measure(contacts: tuple[float, ...] = CONTACTS) -> Record:
     }
 
 
-def pushed(beam: Beam, distance: float, deflection: float) -> Measurement:
+def simulate_push(beam: Beam, distance: float, deflection: float) -> Measurement:
     """Simulate noisy columns of a push in plane C against a sharp edge at `distance` [m].
 
     `deflection` is y_tip / L. Frames of smaller pushing angles precede the last frame, which is
@@ -90,7 +90,7 @@ def pushed(beam: Beam, distance: float, deflection: float) -> Measurement:
     return replace(final, earlier=tuple(frames))
 
 
-def judged(method: Method, measurement: Measurement) -> Record:
+def assess_method(method: Method, measurement: Measurement) -> Record:
     """Measure outcome, amplification, condition and rounding of one method on one push.
 
     An undefined number is None.

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Out, Picture, ScenePath, Seed, Variant, Workers
-from vbaa_bench.report.console import console, progress_bars, say
+from vbaa_bench.report.console import console, print_result, progress_bars
 
 
 def preview(
@@ -26,17 +26,19 @@ def preview(
 ) -> None:
     """Render one frame of a scene as a PNG, with the true centreline and contact drawn on it."""
     with importing():
-        from solver.lab.writing import make_room, write
+        from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.api.frame import render_frame
         from vbaa_bench.scene.load import load_scene
 
     target = out or Path(f"{scene.stem}_{frame}.png")
     file = load_scene(scene, seed)
-    make_room(target)
+    prepare_output_path(target)
     with console.status("rendering a frame"):
         rendered = render_frame(file, frame, variant=variant)
     write(target, rendered.png())
-    say({"picture": str(target), "truth": dict(rendered.truth)}, f"{target}: {rendered}", as_json)
+    print_result(
+        {"picture": str(target), "truth": dict(rendered.truth)}, f"{target}: {rendered}", as_json
+    )
 
 
 def plan(
@@ -57,7 +59,7 @@ def plan(
     file = load_scene(scene, seed)
     with console.status("probing a few frames"):
         cost = forecast(file, workers=workers, variant=variant)
-    say(cost.record(), str(cost), as_json)
+    print_result(cost.record(), str(cost), as_json)
 
 
 def generate(
@@ -71,7 +73,7 @@ def generate(
     """Render a scene into a dataset. Run it again to finish an interrupted dataset."""
     root = generate_dataset(scene, out, seed, workers, variant)
     frames = len(list(root.glob("observations/shard_*/*.png")))
-    say({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
+    print_result({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
 
 
 def generate_dataset(
@@ -117,7 +119,7 @@ def contact_sheet(
     with progress_bars() as progress:
         task = progress.add_task("scenes", total=len(paths))
         write_sheet(paths, out, choose(variant), lambda n, _: progress.update(task, completed=n))
-    say({"picture": str(out), "scenes": len(paths)}, str(out), as_json)
+    print_result({"picture": str(out), "scenes": len(paths)}, str(out), as_json)
 
 
 def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = False) -> None:
@@ -137,7 +139,7 @@ def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = Fa
         )
     record = camera.record(checks, calibration)
     if as_json:
-        say(record, "", True)
+        print_result(record, "", True)
     else:
         table = Table("quantity", "error", "allowed", "passes")
         for check in checks:

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, ScenePath, Variant, Workers
-from vbaa_bench.report.console import console, progress_bars, say, show_table
+from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 
 def stability(as_json: AsJson = False) -> None:
@@ -20,7 +20,7 @@ def stability(as_json: AsJson = False) -> None:
     with console.status("perturbing points"):
         record = methods.measure()
     if as_json:
-        say(record, "", True)
+        print_result(record, "", True)
         return
     contacts = sorted({case["contact"] for case in record["methods"]["exact_fit"]})
     distances = ", ".join(f"{contact:g}" for contact in contacts)
@@ -56,7 +56,7 @@ def stress(
     The exit status is 1 if a target is missed. Rendered rigs are stored and reused.
     """
     with importing():
-        from solver.lab.writing import make_room, write
+        from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.benchmarks.stress import command
         from vbaa_bench.benchmarks.stress.run import HEADS, TITLE, lines
         from vbaa_bench.generation.workers import cores
@@ -64,7 +64,7 @@ def stress(
         from vbaa_bench.scene.load import load_scene
 
     if out:
-        make_room(out)
+        prepare_output_path(out)
     plan = command.Plan(load_scene(scene), rigs, frames, seed, row or (), method)
     folder = work or Path("runs/stress") / scene.stem
     count = workers or cores()
@@ -84,7 +84,7 @@ def stress(
     if out:
         write(out, command.text(record).encode())
     if as_json:
-        say(command.without_frames(record), "", True)
+        print_result(command.without_frames(record), "", True)
     else:
         title = f"{record['scene']}: {rigs} rigs x {frames} frames\n{TITLE}"
         show_table(title, HEADS, lines(record["rows"]))
@@ -113,7 +113,7 @@ def doctor(
     for probe in diagnosis.probes:
         table.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
     if as_json:
-        say(diagnosis.record(), "", True)
+        print_result(diagnosis.record(), "", True)
     else:
         if not quiet:
             Console().print(table)

@@ -26,7 +26,7 @@ from vbaa_bench.cli.options import (
     Variant,
     Workers,
 )
-from vbaa_bench.report.console import console, hear, outcomes, say, show_scores
+from vbaa_bench.report.console import console, outcomes, print_line, print_result, show_scores
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def solve(
     runs = _solve(dataset, method, centreline, repeats, memory)
     record = {"predictions": {name: str(method_run.table) for name, method_run in runs.items()}}
     lines = [f"{method_run.table}: {outcomes(method_run.table)}" for method_run in runs.values()]
-    say(record, "\n".join(lines), as_json)
+    print_result(record, "\n".join(lines), as_json)
     _exit_if_all_crashed(runs)
 
 
@@ -94,7 +94,7 @@ def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson
 def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
     """Write the HTML report of a scored dataset."""
     page = _report(dataset)
-    say({"report": str(page)}, str(page), as_json)
+    print_result({"report": str(page)}, str(page), as_json)
 
 
 def table(
@@ -108,7 +108,7 @@ def table(
 
     rows = accuracy(datasets, by)
     if as_json:
-        say({"rows": rows}, "", True)
+        print_result({"rows": rows}, "", True)
     else:
         print(markdown(rows, by))
 
@@ -131,7 +131,7 @@ def _solve(
             repeats=repeats,
             memory_gb=memory,
             on_start=lambda name: status.update(escape(f"solving with {name}")),
-            on_output=hear,
+            on_output=print_line,
         )
 
 
@@ -144,7 +144,7 @@ def _report(root: Path) -> Path:
 
 def _warn(summary: Mapping[str, Any]) -> None:
     for warning in summary["warnings"]:
-        hear(f"warning: {warning}")
+        print_line(f"warning: {warning}")
 
 
 def _exit_if_all_crashed(runs: "Mapping[str, MethodRun]") -> None:

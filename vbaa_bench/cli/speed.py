@@ -10,7 +10,7 @@ from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Repeats, ScenePath, Variant
-from vbaa_bench.report.console import console, say, show_table
+from vbaa_bench.report.console import console, print_result, show_table
 
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed and error.")
 
@@ -29,7 +29,7 @@ def mechanics(
     with console.status("measuring on one core"):
         record = speed_mechanics.measure_apart(yardstick_seconds)
     if as_json:
-        say(record, "", True)
+        print_result(record, "", True)
         return
     table = Table(title="one core; ratio to PyElastica; maximum error", title_justify="left")
     for head in ("model", "states/s", "ratio", "error"):
@@ -61,7 +61,7 @@ def render(
     root = out or Path("runs") / f"{scene.stem}_speed"
     with console.status("rendering frames"):
         record = speed_render.measure(load_scene(scene), choose(variant), seconds, root)
-    say(record, speed_curves.sentence(record, root), as_json)
+    print_result(record, speed_curves.sentence(record, root), as_json)
 
 
 QUICKSTART = Path("scenes/quickstart.yaml")
@@ -102,7 +102,7 @@ def solve(
         )
     record = {"dataset": str(layout.root), **judged(truth, measured)}
     if as_json:
-        say(record, "", True)
+        print_result(record, "", True)
     else:
         show_speeds(record)
 

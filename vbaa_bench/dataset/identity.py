@@ -17,7 +17,7 @@ from vbaa_bench.scene.objects import MeshSpec
 Identity = dict[str, Any]
 
 
-def identity_of(file: SceneFile, variant: str) -> Identity:
+def dataset_identity(file: SceneFile, variant: str) -> Identity:
     """Collect everything that the bytes of a dataset depend on, without the scene's title."""
     scene = file.scene
     names = [scene.object.file] if isinstance(scene.object, MeshSpec) else []

@@ -14,7 +14,7 @@ from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
 from solver.instrument.units import PERCENT
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.motion import exposed
+from vbaa_bench.assembly.motion import exposure_poses
 from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
@@ -71,7 +71,7 @@ class FrameRenderer:
 
     def __post_init__(self) -> None:
         activate(self.variant, self.threads)
-        self.studio = SceneAssembler(self.scene, self.rig, self.folder)
+        self.assembler = SceneAssembler(self.scene, self.rig, self.folder)
         # Frames are rendered in the order of their names: those of one push are not consecutive.
         self.states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
 
@@ -84,7 +84,7 @@ class FrameRenderer:
         """World of the beam before contact, with the motor at angle zero."""
         gravity = self.scene.gravity_m_s2
         no_push = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
-        return self.studio.rest(Experiment(self.scene, self.rig, no_push, self.folder))
+        return self.assembler.rest(Experiment(self.scene, self.rig, no_push, self.folder))
 
     def pose(self, spec: FrameSpec) -> Pose:
         """Compute the pose of a frame."""
@@ -94,8 +94,8 @@ class FrameRenderer:
     def pushed_world(self, pose: Pose) -> World:
         """Return the world in a pose; it is built once, then only its vertices are moved."""
         if self._pushed is None:
-            self._pushed = self.studio.bench(pose)
-        self.studio.repose(self._pushed, pose)
+            self._pushed = self.assembler.pushed_world(pose)
+        self.assembler.repose(self._pushed, pose)
         return self._pushed
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
@@ -126,7 +126,7 @@ class FrameRenderer:
         """Render one calibration image."""
         seed = render_seed(self.scene, "board render", view)
         target = self._noise_target(self.sensor(exposure).noise_sigma)
-        rendered = render_frame(self.studio.card(view), None, target, seed)
+        rendered = render_frame(self.assembler.calibration_board(view), None, target, seed)
         return self._expose(rendered, exposure, "board sensor", view)
 
     def rest_image(self, number: int, exposure: float) -> Grey:
@@ -156,7 +156,7 @@ class FrameRenderer:
         image, rendered = self.photograph(spec, exposure)
         length_mm = self.scene.beam.length_mm
         truth = truth_row(pose.experiment, spec, pose.state, pose.hidden)
-        line = self.studio.centreline(pose)
+        line = self.assembler.centreline(pose)
         visible = visibility(rendered.coverage, self.rig.camera, line, self.rig.beam.radius)
         truth["visible_share"] = visible.visible_share
         truth["availability_seen"] = visible.availability
@@ -169,7 +169,7 @@ class FrameRenderer:
     def photograph(self, spec: FrameSpec, exposure: float) -> tuple[Grey, RenderedRadiance]:
         """Render one frame: its gray image, and the radiance it was exposed to."""
         target = self._noise_target(self.sensor(exposure).noise_sigma)
-        poses = exposed(self.pose(spec), self.scene, self.rig)
+        poses = exposure_poses(self.pose(spec), self.scene, self.rig)
         # The frame averages over its poses, so each may be noisier.
         target = target.scaled(len(poses) ** 0.5)
         rendered = []

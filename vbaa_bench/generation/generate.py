@@ -9,7 +9,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import HASHES, digest
 from solver.instrument.rig import rig_to_json
-from vbaa_bench.dataset.identity import Identity, check_identity, identity_of, write_identity
+from vbaa_bench.dataset.identity import Identity, check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.inventory import Contents, surplus, take_inventory
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
@@ -50,7 +50,7 @@ def generate(
     """
     layout = Layout(root)
     try:
-        identity = identity_of(file, variant)
+        identity = dataset_identity(file, variant)
         check_identity(layout, identity)
         with _locked_folder(layout):
             # Check again: another process may have started here before we held the lock.

@@ -12,7 +12,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.geometry.ground import MOST_SQUARES, RESOLVED_PX, finest_square
+from vbaa_bench.geometry.ground import MAX_SQUARES, RESOLVED_PX, finest_square
 from vbaa_bench.geometry.lamps import between
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.render.environment import read_environment
@@ -67,10 +67,10 @@ def plan(
     try:
         rig = true_rig(scene)
     except ValueError as error:
-        raise InputError(file.complaint(("camera", "look_at_mm"), str(error))) from error
+        raise InputError(file.message_at(("camera", "look_at_mm"), str(error))) from error
     _environment_is_readable(file)
     specs = frame_specs(scene) if of is None else of
-    extremes = _Seen(file, rig)
+    extremes = _Extremes(file, rig)
     mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig) + _too_fine(file, rig)
     pushes: dict[Push, set[float]] = {}
     for spec in specs:
@@ -80,9 +80,9 @@ def plan(
         try:
             extremes.add(experiment, experiment.states(), onsets)
         except EquilibriumError as error:
-            mistakes.append(file.complaint(_key(file, push), f"{_description(push)}: {error}"))
+            mistakes.append(file.message_at(_key(file, push), f"{_description(push)}: {error}"))
         except InputError as error:
-            mistakes.append(file.complaint(("object",), f"is not possible: {error}"))
+            mistakes.append(file.message_at(("object",), f"is not possible: {error}"))
         progress(number + 1, len(pushes))
     mistakes += extremes.mistakes()
     if mistakes:
@@ -97,11 +97,11 @@ def _environment_is_readable(file: SceneFile) -> None:
             try:
                 read_environment(file.path.parent / light.file)
             except InputError as error:
-                message = file.complaint(("lights", number, "file"), str(error))
+                message = file.message_at(("lights", number, "file"), str(error))
                 raise InputError(message) from error
 
 
-class _Seen:
+class _Extremes:
     """Extremes over all states: the largest stress and residual, and the outermost points."""
 
     def __init__(self, file: SceneFile, rig: TrueRig) -> None:
@@ -114,11 +114,11 @@ class _Seen:
     def add(self, experiment: Experiment, states: list[State], onsets: Collection[float]) -> None:
         """Add the states of one push, with its motor angles [rad] at first contact, `onsets`."""
         push = experiment.push
-        for goal, state in zip(push.goals, states, strict=True):
+        for target, state in zip(push.targets, states, strict=True):
             self.residual = max(self.residual, state.residual)
             stress = state.largest_strain * experiment.youngs_modulus / 1e6
             if stress > self._stress:
-                self._stress, self._stressed = stress, f"{_location(push)}to {goal}"
+                self._stress, self._stressed = stress, f"{_location(push)}to {target}"
             self._lowest = min(self._lowest, float(state.centreline[:, 3].min()))
             for onset in onsets:
                 frame_from_clamp = experiment.camera_frame_from_clamp(onset - state.pushing_angle)
@@ -141,14 +141,14 @@ class _Seen:
         if depth <= ground:
             return []
         message = f"is {ground:g}, but the beam reaches {depth:.4g} mm below plane C"
-        return [self._file.complaint(("background", "distance_mm"), message)]
+        return [self._file.message_at(("background", "distance_mm"), message)]
 
     def _overstressed(self) -> list[str]:
         beam = self._file.scene.beam
         if beam.allow_above_yield or self._stress <= beam.yield_stress_mpa:
             return []
         return [
-            self._file.complaint(
+            self._file.message_at(
                 ("beam", "yield_stress_mpa"),
                 f"is {beam.yield_stress_mpa:g}, but {self._stressed} stresses the beam to "
                 f"{self._stress:.0f} MPa; push less, or set allow_above_yield: true",
@@ -160,16 +160,16 @@ class _Seen:
         depth = apply(camera.camera_from_antenna, points)[:, 2]
         if depth.min() <= 0:
             message = "points the camera away from the beam"
-            return [file.complaint(("camera", "look_at_mm"), message)]
+            return [file.message_at(("camera", "look_at_mm"), message)]
         width_px = float(camera.pixels_per_metre(points).min()) * self._rig.beam.diameter
         if width_px < MIN_WIDTH_PX:
             message = f"sees the beam {width_px:.2g} px wide, allowed is >= {MIN_WIDTH_PX:g} px"
-            return [file.complaint(("camera",), message)]
+            return [file.message_at(("camera",), message)]
         u, v = camera.project(points).T
         if not file.scene.camera.tip_in_view or _in_view(camera, points):
             return []
         return [
-            file.complaint(
+            file.message_at(
                 ("camera",),
                 f"does not see the whole beam: it spans u {u.min():.0f}..{u.max():.0f} px and "
                 f"v {v.min():.0f}..{v.max():.0f} px, "
@@ -190,7 +190,7 @@ class _Seen:
             starts = ends - depth * pose[2, :3]
         lamps = lights(file.scene, file.path.parent) if file.scene.lights else []
         return [
-            file.complaint(
+            file.message_at(
                 ("lights", number),
                 "is between the camera and the beam or the board, allowed is out of its view",
             )
@@ -212,10 +212,10 @@ def _key(file: SceneFile, push: Push) -> tuple[Key, ...]:
 
 
 def _description(push: Push) -> str:
-    goals = f"pushed to {', '.join(map(str, push.goals))}"
+    targets = f"pushed to {', '.join(map(str, push.targets))}"
     if push.contact_distance is None:
-        return goals
-    return f"is {push.contact_distance / MILLIMETRE:g}, {goals}"
+        return targets
+    return f"is {push.contact_distance / MILLIMETRE:g}, {targets}"
 
 
 def _location(push: Push) -> str:
@@ -242,12 +242,12 @@ def _too_far_or_near(file: SceneFile, rig: TrueRig) -> list[str]:
             mistakes.append(f"is {distance:g}, allowed is before the tip at {length:g} mm")
         else:
             continue
-        mistakes[-1] = file.complaint((*key, index), mistakes[-1])
+        mistakes[-1] = file.message_at((*key, index), mistakes[-1])
     peg = scene.second_peg
     if peg is not None and not hub < peg.distance_mm < length:
         message = f"is {peg.distance_mm:g}, allowed is between the hub's radius of {hub:g} mm"
         peg_key = ("second_peg", "distance_mm")
-        mistakes.append(file.complaint(peg_key, f"{message} and the tip at {length:g} mm"))
+        mistakes.append(file.message_at(peg_key, f"{message} and the tip at {length:g} mm"))
     return mistakes
 
 
@@ -258,10 +258,10 @@ def _too_fine(file: SceneFile, rig: TrueRig) -> list[str]:
         return []
     message = (
         f"is {ground.square_mm:g}, allowed is >= {finest:.3g}: smaller squares are below "
-        f"{RESOLVED_PX:g} px, or more than {MOST_SQUARES} along a side of the ground in view; "
+        f"{RESOLVED_PX:g} px, or more than {MAX_SQUARES} along a side of the ground in view; "
         "pattern plain looks the same"
     )
-    return [file.complaint(("background", "square_mm"), message)]
+    return [file.message_at(("background", "square_mm"), message)]
 
 
 def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:
@@ -270,7 +270,7 @@ def _board_out_of_view(file: SceneFile, rig: TrueRig) -> list[str]:
     corners = board.corners() * (1 + 1 / (min(board.columns, board.rows) - 1))
     if _in_view(rig.camera, apply(rig.antenna_from_board, corners)):
         return []
-    return [file.complaint(("calibration",), "the camera does not see the whole board in view 0")]
+    return [file.message_at(("calibration",), "the camera does not see the whole board in view 0")]
 
 
 def _in_view(camera: Camera, points: Floats) -> bool:

@@ -38,7 +38,7 @@ def truth_row(
         "push_id": spec.push_id,
         "step": spec.step,
         "repeat": spec.repeat,
-        "push": str(spec.goal),
+        "push": str(spec.target),
         "contact_distance_at_rest_mm": _scaled(push.contact_distance, 1 / mm),
         "normal_deg": push.normal / DEGREE,
         "k_s_n_m": None if rigid else 1 / push.compliance,

@@ -18,7 +18,7 @@ _MAX_EXTENT = 3.0
 # Both tones of a chequered pattern are distinct if a square has at least two pixels.
 RESOLVED_PX = 2.0
 # Most squares along a side: each takes about 1 kB in the renderer, so that all take 1 GB at most.
-MOST_SQUARES = 1000
+MAX_SQUARES = 1000
 
 
 def chequered_side(scene: Scene, camera: Camera) -> float:
@@ -47,7 +47,7 @@ def finest_square(scene: Scene, camera: Camera) -> float:
     length = scene.beam.length_mm * MILLIMETRE
     ground_point = np.array([[length / 2, 0.0, -scene.background.distance_mm * MILLIMETRE]])
     resolved = RESOLVED_PX / float(camera.pixels_per_metre(ground_point)[0])
-    return max(resolved, chequered_side(scene, camera) / MOST_SQUARES)
+    return max(resolved, chequered_side(scene, camera) / MAX_SQUARES)
 
 
 def _footprint(camera: Camera, height: float) -> Floats | None:

@@ -13,7 +13,7 @@ from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.mechanics.surfaces import Ball, Line, Surface
 
 # Depth in an object, over the beam's radius, above which the beam counts as touching it.
-DEEPEST = 1e-3
+MAX_DEPTH = 1e-3
 # Number of segments of the beam whose ends are tested for their distance to an object.
 SCAN = 120
 
@@ -39,7 +39,7 @@ def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
     Returns the arc length [m], the depth [m], and the normal (3,) there. A negative depth is a
     clearance.
     """
-    problem = found.bench
+    problem = found.problem
     rows, states, _ = found.traced(SCAN)
     s = nearest(found, index, problem.obstacles[index].surface) / problem.rod.beam.length
     force = np.zeros(3)
@@ -52,11 +52,11 @@ def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
 def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
     """Find the arc length [m] where the beam is nearest to `surface`, a part of an obstacle."""
     rows, states, _ = found.traced(SCAN)
-    length = found.bench.rod.beam.length
+    length = found.problem.rod.beam.length
     shift = np.zeros(3)
     if index in found.contacts:
         shift = found.contacts[index].touch.shift
-    clamp_from_object = found.clamp_from_world @ found.bench.obstacles[index].world_from_object
+    clamp_from_object = found.clamp_from_world @ found.problem.obstacles[index].world_from_object
     line = apply(invert(clamp_from_object), states[:, :3] * length - shift)
     curve = CubicSpline(rows, line)
 
@@ -79,7 +79,7 @@ def check(found: Equilibrium) -> None:
 
     It must not slip off at the tip, be pulled, cut into an object, or slip off a ball sideways.
     """
-    beam = found.bench.rod.beam
+    beam = found.problem.rod.beam
     for index, guess in found.contacts.items():
         if guess.s >= beam.length:
             raise EquilibriumError(
@@ -91,7 +91,7 @@ def check(found: Equilibrium) -> None:
             raise EquilibriumError(
                 f"contact is lost: the object would have to pull the beam at {guess.s:.4g} m"
             )
-        obstacle = found.bench.obstacles[index]
+        obstacle = found.problem.obstacles[index]
         surface = obstacle.surface
         if isinstance(surface, Line | Ball) and surface.radius == 0:
             continue  # an edge has no inside
@@ -105,7 +105,7 @@ def check(found: Equilibrium) -> None:
                     f"contact, allowed is up to the radii's sum, {allowed:.4g} m"
                 )
         s, depth, _ = deepest(found, index)
-        if depth > DEEPEST * beam.radius:
+        if depth > MAX_DEPTH * beam.radius:
             raise EquilibriumError(
                 f"the beam would cut {depth:.2g} m into the object at arc length {s:.4g} m"
             )

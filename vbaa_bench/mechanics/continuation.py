@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE
-from vbaa_bench.mechanics.contact_checks import DEEPEST, SCAN, deepest, nearest, smooth
+from vbaa_bench.mechanics.contact_checks import MAX_DEPTH, SCAN, deepest, nearest, smooth
 from vbaa_bench.mechanics.rod_contact import Equilibrium, RodContactProblem, Step
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Flat, Surface
@@ -64,7 +64,7 @@ def _follow(
                 start = 2 * start - path[-2].unknown
             solution = current.solve(part, dict.fromkeys(path[-1].contacts), start)
         solution = _rolled_on(problem, _with_new_contact(solution))
-        current = solution.bench
+        current = solution.problem
         path.append(solution)
     return path[-1]
 
@@ -77,14 +77,14 @@ def _rolled_on(problem: RodContactProblem, solution: Equilibrium) -> Equilibrium
         shift = solution.contacts[0].touch.shift  # only the first object may yield
         line = states[:, :3] * problem.rod.beam.length - shift
         smoothed = smooth(problem, solution.clamp_from_world, line)
-        if _surfaces(smoothed) == _surfaces(solution.bench):
+        if _surfaces(smoothed) == _surfaces(solution.problem):
             return solution
-        tried.append(_surfaces(solution.bench))
+        tried.append(_surfaces(solution.problem))
         start = solution.unknown.copy()
         try:
             for i, index in enumerate(solution.contacts):
                 surface = smoothed.obstacles[index].surface
-                if surface is not solution.bench.obstacles[index].surface:
+                if surface is not solution.problem.obstacles[index].surface:
                     start[7 + 4 * i] = nearest(solution, index, surface) / problem.rod.beam.length
             if _surfaces(smoothed) in tried:
                 raise EquilibriumError("it alternates between edges")
@@ -95,7 +95,7 @@ def _rolled_on(problem: RodContactProblem, solution: Equilibrium) -> Equilibrium
 
 def _alike(first: Equilibrium, second: Equilibrium) -> bool:
     """Test whether two equilibria have the same surfaces and contacts, to extrapolate from them."""
-    same = _surfaces(first.bench) == _surfaces(second.bench)
+    same = _surfaces(first.problem) == _surfaces(second.problem)
     return same and list(first.contacts) == list(second.contacts)
 
 
@@ -106,18 +106,18 @@ def _surfaces(problem: RodContactProblem) -> list[Surface]:
 
 def _with_new_contact(solution: Equilibrium) -> Equilibrium:
     """Add a contact with one further object if the beam has entered it."""
-    beam = solution.bench.rod.beam
-    for index in range(len(solution.bench.obstacles)):
+    beam = solution.problem.rod.beam
+    for index in range(len(solution.problem.obstacles)):
         if index in solution.contacts:
             continue
         s, depth, normal = deepest(solution, index)
-        if depth > DEEPEST * beam.radius:
+        if depth > MAX_DEPTH * beam.radius:
             position, relative_depth = s / beam.length, depth / beam.length
             start = np.concatenate(
                 [solution.unknown, 3 * relative_depth / position**3 * normal, [position]]
             )
             engaged = dict.fromkeys([*solution.contacts, index])
-            return solution.bench.solve(solution.step, engaged, start)
+            return solution.problem.solve(solution.step, engaged, start)
     return solution
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
-from vbaa_bench.mechanics.state import WORST_RESIDUAL, Contact, EquilibriumError, State
+from vbaa_bench.mechanics.state import MAX_RESIDUAL, Contact, EquilibriumError, State
 
 ORDER = 16
 MAX_STEP = 0.125
@@ -61,10 +61,10 @@ def push(
         -1.0 if deflection is None else deflection,
         pushing_angle or 0.0,
     )
-    if not residual <= WORST_RESIDUAL:
+    if not residual <= MAX_RESIDUAL:
         raise EquilibriumError(
             f"no equilibrium at contact distance {contact_distance:.6g} m "
-            f"(residual {residual:.1e}, allowed is {WORST_RESIDUAL:.0e})"
+            f"(residual {residual:.1e}, allowed is {MAX_RESIDUAL:.0e})"
         )
     s_c = tau * scale
     if s_c >= 1:

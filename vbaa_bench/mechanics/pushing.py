@@ -11,11 +11,11 @@ import numpy as np
 
 from solver.instrument.transforms import apply, invert
 from vbaa_bench.mechanics.contact import Obstacle
-from vbaa_bench.mechanics.contact_checks import DEEPEST, SCAN, check, deepest
+from vbaa_bench.mechanics.contact_checks import MAX_DEPTH, SCAN, check, deepest
 from vbaa_bench.mechanics.continuation import TWO_EDGES, continue_from_first_contact, free
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.rod_contact import Equilibrium, Motor, RodContactProblem, Step
-from vbaa_bench.mechanics.sliding import first_grip, slide
+from vbaa_bench.mechanics.sliding import first_contact, slide
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid
 
@@ -60,7 +60,7 @@ def push(
         raise ValueError("a beam of rectangular section can be pushed by one edge alone")
     resting = rest(rod, intervals)
     problem = RodContactProblem(rod, motor, tuple(obstacles), resting.tip / rod.beam.length)
-    onset = first_grip(problem, contact_distance)
+    onset = first_contact(problem, contact_distance)
     previous, before = onset, None
     states = []
     for number, step in enumerate(steps, start=1):
@@ -95,8 +95,8 @@ def _short_of_wall(problem: RodContactProblem, step: Step) -> bool:
 
 def _check_clearance(untouched: Equilibrium) -> None:
     """Raise EquilibriumError if a beam before contact is inside one of the objects."""
-    radius = untouched.bench.rod.beam.radius
-    for index, obstacle in enumerate(untouched.bench.obstacles):
+    radius = untouched.problem.rod.beam.radius
+    for index, obstacle in enumerate(untouched.problem.obstacles):
         surface = obstacle.surface
         if isinstance(surface, Line | Ball):
             s, depth, normal = deepest(untouched, index)
@@ -105,7 +105,7 @@ def _check_clearance(untouched: Equilibrium) -> None:
                 raise EquilibriumError(
                     f"before contact the beam would have passed through obstacle {index + 1}"
                 )
-            if depth > DEEPEST * radius:
+            if depth > MAX_DEPTH * radius:
                 raise EquilibriumError(
                     f"before contact the beam would lie {depth:.2g} m deep in obstacle "
                     f"{index + 1}, at arc length {s:.4g} m"

@@ -17,7 +17,7 @@ from scipy.optimize import root
 from solver.instrument.arrays import Floats
 from vbaa_bench.mechanics.contact import Obstacle, PreviousContact, Touch, touch
 from vbaa_bench.mechanics.rod import ORDER, STEPS, Rod, advance, trace
-from vbaa_bench.mechanics.state import WORST_RESIDUAL, Contact, EquilibriumError, State
+from vbaa_bench.mechanics.state import MAX_RESIDUAL, Contact, EquilibriumError, State
 
 
 @dataclass(frozen=True)
@@ -143,9 +143,9 @@ class RodContactProblem:
             weight[first + 1] = self.rod.beam.length / self.rod.beam.radius
         misfit, truncation = np.abs(final / weight).max(), np.abs((final - coarse) / weight).max()
         residual = float(max(misfit, truncation / (2**ORDER - 1)))
-        if not residual <= WORST_RESIDUAL:
+        if not residual <= MAX_RESIDUAL:
             raise EquilibriumError(
-                f"no equilibrium (residual {residual:.1e}, allowed is {WORST_RESIDUAL:.0e})"
+                f"no equilibrium (residual {residual:.1e}, allowed is {MAX_RESIDUAL:.0e})"
             )
         return Equilibrium(self, step, unknown, contacts, tip, residual)
 
@@ -220,7 +220,7 @@ class RodContactProblem:
 class Equilibrium:
     """Solution of one step: the unknowns, the contacts, the tip (3,), the worst relative error."""
 
-    bench: RodContactProblem
+    problem: RodContactProblem
     step: Step
     unknown: Floats
     contacts: dict[int, ContactGuess]
@@ -235,14 +235,14 @@ class Equilibrium:
     @property
     def clamp_from_world(self) -> Floats:
         """Transform (4, 4) from world to clamp."""
-        return self.bench.motor.clamp_from_world(self.angle, self.step.drift)
+        return self.problem.motor.clamp_from_world(self.angle, self.step.drift)
 
     def traced(self, intervals: int) -> tuple[Floats, Floats, dict[int, int]]:
         """Sample arc lengths (n,) and states (n, 12) from clamp to tip; map contacts to rows.
 
         n is `intervals` + 1; arc lengths and positions are in units of L.
         """
-        rod = self.bench.rod
+        rod = self.problem.rod
         order = sorted(self.contacts, key=lambda index: self.contacts[index].s)
         guesses = [self.contacts[index] for index in order]
         ends = np.array([0.0, *(guess.s / rod.beam.length for guess in guesses), 1.0])
@@ -257,7 +257,7 @@ class Equilibrium:
             rod.clamp(self.unknown[:3]),
             ends[1:-1],
             np.array([guess.force / rod.force_unit for guess in guesses]).reshape(-1, 3),
-            np.array([self.bench.couple(guess) for guess in guesses]).reshape(-1, 3),
+            np.array([self.problem.couple(guess) for guess in guesses]).reshape(-1, 3),
             rows,
             rod.properties(self.clamp_from_world[:3, :3]),
         )
@@ -265,7 +265,7 @@ class Equilibrium:
 
     def state(self, intervals: int) -> State:
         """Convert to the beam's state from clamp to tip, in SI, with a row at every contact."""
-        rod = self.bench.rod
+        rod = self.problem.rod
         length, unit = rod.beam.length, rod.force_unit
         rows, states, contact_rows = self.traced(intervals)
         forces = sum((contact.force for contact in self.contacts.values()), np.zeros(3))

@@ -19,7 +19,7 @@ from vbaa_bench.mechanics.state import EquilibriumError, State
 FRICTION_STRIDE = 0.04
 
 
-def first_grip(problem: RodContactProblem, contact_distance: float) -> PreviousContact:
+def first_contact(problem: RodContactProblem, contact_distance: float) -> PreviousContact:
     """Find the touched point at first contact: an inclined section does not touch at its middle."""
     first, length = problem.obstacles[0], problem.rod.beam.length
     if not first.friction:
@@ -70,10 +70,10 @@ def _solve_near(before: Equilibrium, step: Step, previous: PreviousContact) -> E
     get, or if the object would have to pull.
     """
     engaged = {**dict.fromkeys(before.contacts), 0: previous}
-    solution = before.bench.solve(step, engaged, before.unknown)
+    solution = before.problem.solve(step, engaged, before.unknown)
     contact = solution.contacts[0]
     outward = (
-        solution.clamp_from_world[:3, :3] @ solution.bench.obstacles[0].world_from_object[:3, 1]
+        solution.clamp_from_world[:3, :3] @ solution.problem.obstacles[0].world_from_object[:3, 1]
     )
     if contact.touch.normal @ outward <= 0:
         raise EquilibriumError("the beam would have passed through the object")
@@ -87,7 +87,7 @@ def _next_contact(
 ) -> PreviousContact:
     """Return the contact as the next step needs it: where it is, and how it slid there."""
     contact = solution.contacts[0]
-    clamp_from_object = solution.clamp_from_world @ solution.bench.obstacles[0].world_from_object
+    clamp_from_object = solution.clamp_from_world @ solution.problem.obstacles[0].world_from_object
     along = clamp_from_object[:3, :3].T @ contact.section[6:9]
     slid = contact.touch.point - previous.point - (contact.s - previous.s) * along
     start = 0.0 if last is None else last.step.size

@@ -6,7 +6,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, frozen_floats
 
-WORST_RESIDUAL = 1e-8
+MAX_RESIDUAL = 1e-8
 
 
 class EquilibriumError(Exception):

@@ -27,7 +27,7 @@ def pieces(faces: np.ndarray) -> list[np.ndarray]:
     return [np.unique(run) for run in np.array_split(faces, math.ceil(len(faces) / _PIECE_FACES))]
 
 
-class _Flat(NamedTuple):
+class _UndistortedImage(NamedTuple):
     """An image free of distortion that contains the camera's view.
 
     `low` is the position [px] of its first pixel, `size` its (width, height). `lookup` holds the
@@ -81,11 +81,11 @@ class View:
         return np.asarray(points @ pose[2, :3] + pose[2, 3])
 
     @cached_property
-    def _undistorted(self) -> "_Flat":
+    def _undistorted(self) -> "_UndistortedImage":
         """The image free of distortion that contains all camera pixels."""
         camera = self.camera
         if not camera.distortion:
-            return _Flat(np.zeros(2), (camera.width, camera.height), None, 1.0)
+            return _UndistortedImage(np.zeros(2), (camera.width, camera.height), None, 1.0)
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
         ideal = camera.undistorted_pixels(np.column_stack([columns.ravel(), rows.ravel()]))
         low = np.floor(ideal.min(axis=0))
@@ -94,7 +94,7 @@ class View:
         column, row = indices.T.reshape(2, camera.height, camera.width)
         u, v = ideal.T.reshape(2, camera.height, camera.width)
         scale = max(float(np.abs(np.gradient(axis)).sum(axis=0).max()) for axis in (u, v))
-        return _Flat(low, (int(width), int(height)), (row, column), scale)
+        return _UndistortedImage(low, (int(width), int(height)), (row, column), scale)
 
 
 def shadows(

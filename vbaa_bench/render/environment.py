@@ -79,7 +79,7 @@ def plane_irradiance(image: Floats) -> float:
     return float(2 * np.pi * np.mean(ring * np.cos(polar) * np.sin(polar)) * np.pi / 2)
 
 
-def turned(image: Floats, angle: float) -> Floats:
+def rotated(image: Floats, angle: float) -> Floats:
     """Rotate a map about +z by an angle [rad], rounded to whole columns."""
     width = image.shape[1]
     return np.roll(image, round(angle * width / (2 * np.pi)), axis=1)

@@ -13,12 +13,12 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from vbaa_bench.render.affected_pixels import shadows
 from vbaa_bench.render.layers import Layers, every_pixel, layers
-from vbaa_bench.render.tracing import SETS, Asked, trace
+from vbaa_bench.render.tracing import SETS, Quantity, trace
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 # Samples per set: those of a pilot, and the maximum. Each pixel gets SETS sets.
-PILOT_SAMPLES, MOST = 4, 512
+PILOT_SAMPLES, MAX_SAMPLES = 4, 512
 # Minimum samples per set. With fewer, one sample in a shadow gives a rare but large dark outlier.
 MIN_SAMPLES = 3
 # Samples per set of every pixel, for variants that only render whole images.
@@ -167,7 +167,7 @@ class _Canvas:
         self.radiance, self.variance, self.coverage, self.samples = np.zeros((4, height, width))
 
     def add(
-        self, world: World, quantity: Asked, where: Mask, targets: "_PixelTargets", seed: int
+        self, world: World, quantity: Quantity, where: Mask, targets: "_PixelTargets", seed: int
     ) -> None:
         """Sample the pixels of `where` until they reach the noise target."""
         if not where.any():
@@ -177,7 +177,7 @@ class _Canvas:
             excess = _excess(world, quantity, where, targets, seed)
             shadow_decay = np.where(targets.dense[where], DECAY_NEAR, DECAY_IN_SHADOW)
             decay = shadow_decay if quantity == "change" else DECAY
-            size = np.clip(np.ceil(PILOT_SAMPLES * excess ** (1 / decay)), MIN_SAMPLES, MOST)
+            size = np.clip(np.ceil(PILOT_SAMPLES * excess ** (1 / decay)), MIN_SAMPLES, MAX_SAMPLES)
         # Equal sizes side by side keep the processor's lanes busy.
         order = np.argsort(size, kind="stable")
         pixels = rows, columns = tuple(indices[order] for indices in np.nonzero(where))
@@ -203,7 +203,7 @@ class _PixelTargets:
 
 
 def _excess(
-    world: World, quantity: Asked, where: Mask, targets: _PixelTargets, seed: int
+    world: World, quantity: Quantity, where: Mask, targets: _PixelTargets, seed: int
 ) -> Floats:
     """Estimate the ratio (n,) of the pilot variance to the target variance in pixels of `where`."""
     pilots = where & targets.dense

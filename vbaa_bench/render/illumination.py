@@ -14,7 +14,7 @@ from vbaa_bench.render.environment import (
     laboratory,
     plane_irradiance,
     read_environment,
-    turned,
+    rotated,
 )
 from vbaa_bench.render.lights import Environment, Lamp, Light, Projector, Spot
 from vbaa_bench.scene.lighting import (
@@ -73,7 +73,7 @@ def _light(spec: LampSpec, scene: Scene, folder: Path) -> Light:
             return _lamp(panel, looked_at, spec.irradiance)
         case EnvironmentSpec():
             image = laboratory() if spec.file is None else read_environment(folder / spec.file)
-            image = turned(image, spec.rotation_deg * DEGREE)
+            image = rotated(image, spec.rotation_deg * DEGREE)
             return Environment(image * spec.irradiance / plane_irradiance(image))
     position = _mm(spec.position_mm)
     aim = looked_at if spec.aim_mm is None else _mm(spec.aim_mm)

@@ -10,7 +10,9 @@ TEXEL = 1 / 8
 MAX_TEXELS = 2048
 
 
-def graded(places: Floats, near: float, far: float, azimuth: float, length: float) -> Texture:
+def gradient_texture(
+    places: Floats, near: float, far: float, azimuth: float, length: float
+) -> Texture:
     """Create a linear gradient of reflectance from `near` to `far` along `azimuth` [rad].
 
     It extends over `length`, centred on the origin of `places` (n, 2), and is constant beyond.
@@ -21,7 +23,7 @@ def graded(places: Floats, near: float, far: float, azimuth: float, length: floa
     return Texture(np.array([[near, far]]), uv)
 
 
-def grown(
+def random_texture(
     places: Floats,
     mean: float,
     contrast: float,

@@ -24,7 +24,7 @@ LARGEST_WAVEFRONT = 1 << 20
 
 # whole: radiance of the complete scene. still: radiance of the still scene alone. change: their
 # difference; exactly zero where no moving surface is on a sample's way to the surface or to a lamp.
-Asked = Literal["whole", "still", "change"]
+Quantity = Literal["whole", "still", "change"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def trace(
     pixels: np.ndarray,
     set_size: np.ndarray,
     seed: int,
-    asked: Asked,
+    asked: Quantity,
     sets: int = SETS,
 ) -> Traced:
     """Estimate the mean radiance over the area of each of `pixels` (n, 2), integer (column, row).
@@ -64,7 +64,7 @@ def trace(
     return Traced(value.mean(axis=1), value.var(axis=1, ddof=1) / sets, coverage.mean(axis=1))
 
 
-def _films(world: World, pixels: np.ndarray, samples: int, seed: int, quantity: Asked) -> Traced:
+def _films(world: World, pixels: np.ndarray, samples: int, seed: int, quantity: Quantity) -> Traced:
     """Render whole images in Mitsuba: without wavefronts, single rays are slow from Python."""
     sets = np.zeros((SETS, world.camera.height, world.camera.width))
     for number in range(SETS):
@@ -81,7 +81,7 @@ def _films(world: World, pixels: np.ndarray, samples: int, seed: int, quantity: 
 
 
 def _wavefront(
-    world: World, pixels: np.ndarray, set_size: np.ndarray, seed: int, quantity: Asked, sets: int
+    world: World, pixels: np.ndarray, set_size: np.ndarray, seed: int, quantity: Quantity, sets: int
 ) -> np.ndarray:
     """Estimate radiance and coverage (2, n, sets) of each set."""
     lanes = len(pixels) * sets

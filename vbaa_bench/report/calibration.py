@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from scipy.special import erf
 
-from vbaa_bench.report.figures import Chart, few_dots
+from vbaa_bench.report.figures import Chart, sample_dots
 from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES, ScoredQuantity
 
 _LABELS: Final = {"x_c": "contact distance", "force": "force", "psi": "psi", "compliance": "1/k_s"}
@@ -98,7 +98,7 @@ def _dots(
         type="log" if logarithmic else "linear", zero=False
     )
     y = alt.Y("error:Q", title=f"|error| of {quantity} [{error[1]}]").scale(type="log")
-    dots = alt.Chart(few_dots(rows)).mark_circle(size=20, opacity=0.6)
+    dots = alt.Chart(sample_dots(rows)).mark_circle(size=20, opacity=0.6)
     return alt.layer(dots.encode(x=x, y=y, color=_colour(rows, colours))).properties(
         width=_WIDTH, height=_HEIGHT, title=f"Error of {quantity}"
     )

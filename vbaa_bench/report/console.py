@@ -21,7 +21,7 @@ from rich.text import Text
 console = Console(stderr=True, highlight=False)
 
 
-def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
+def print_result(record: dict[str, Any], sentence: str, as_json: bool) -> None:
     """Print a record as one JSON object, or the sentence that describes it."""
     if as_json:
         print(json.dumps(record))
@@ -29,7 +29,7 @@ def say(record: dict[str, Any], sentence: str, as_json: bool) -> None:
         Console(soft_wrap=True).print(sentence, highlight=False, markup=False)
 
 
-def hear(line: str) -> None:
+def print_line(line: str) -> None:
     """Print a line of a method's output unchanged, beside a spinner."""
     console.print(line, markup=False, emoji=False, soft_wrap=True)
 
@@ -74,7 +74,7 @@ def show_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) 
 def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) -> None:
     """Print the small table of scores, or the record as JSON."""
     if as_json:
-        say(record, "", True)
+        print_result(record, "", True)
         return
     heads = ("method", "x_c median |e|, % of L", "x_c RMSE, % of L", "failures as L/2")
     rows = []

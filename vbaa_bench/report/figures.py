@@ -18,17 +18,17 @@ _WIDTH, _HEIGHT = 430, 300
 LABEL_GAP_PX = 16
 MAX_PUSHES, DEFLECTION_CLASSES = 12, 6
 # Chosen: a chart of this many dots takes 0.36 MB of the page; more of them overlap.
-MOST_DOTS = 1000
+MAX_DOTS = 1000
 
 
-def few_dots(rows: pl.DataFrame) -> pl.DataFrame:
-    """Reduce rows to a random sample of MOST_DOTS, always the same, in their order."""
-    if rows.height <= MOST_DOTS:
+def sample_dots(rows: pl.DataFrame) -> pl.DataFrame:
+    """Reduce rows to a random sample of MAX_DOTS, always the same, in their order."""
+    if rows.height <= MAX_DOTS:
         return rows
-    return rows[np.sort(np.random.default_rng(0).permutation(rows.height)[:MOST_DOTS])]
+    return rows[np.sort(np.random.default_rng(0).permutation(rows.height)[:MAX_DOTS])]
 
 
-def few_pushes(scores: pl.DataFrame) -> pl.DataFrame:
+def group_pushes(scores: pl.DataFrame) -> pl.DataFrame:
     """Relabel pushes by equal classes of deflection if there are more than MAX_PUSHES."""
     if scores["push"].n_unique() <= MAX_PUSHES:
         return scores
@@ -107,7 +107,7 @@ def speed_against_error(summary: Summary, colours: Mapping[str, str]) -> Chart:
 
 def fig8_contact_distance(scores: pl.DataFrame, method: str) -> Chart:
     """Plot Fig. 8 (a): estimated against true contact distance; the line is the truth."""
-    rows = few_dots(_answered(scores, method))
+    rows = sample_dots(_answered(scores, method))
     line = alt.Chart(rows).mark_line(color="black", strokeWidth=1)
     dots = alt.Chart(rows).mark_point(size=22)
     x = alt.X("true_x_c_mm:Q", title="contact distance [mm]").scale(zero=False)
@@ -119,7 +119,7 @@ def fig8_contact_distance(scores: pl.DataFrame, method: str) -> Chart:
 
 def fig8_force(scores: pl.DataFrame, method: str, length_mm: float, rigidity_n_mm2: float) -> Chart:
     """Plot Fig. 8 (b): contact force; lines are theory, exact (solid) and linear (dashed)."""
-    rows = few_dots(_answered(scores, method))
+    rows = sample_dots(_answered(scores, method))
     pushes = scores.sort("deflection_pct").group_by("push", maintain_order=True)
     theory = pl.concat(
         _linear_theory(*push, length_mm=length_mm, rigidity_n_mm2=rigidity_n_mm2)
@@ -172,7 +172,7 @@ def error_against_distance(scores: pl.DataFrame, method: str) -> Chart:
     mean = rows.group_by("push", "place").agg(pl.col("true_x_c_mm").mean(), pl.col(error).mean())
     return alt.layer(
         alt.Chart(pl.DataFrame({"zero": [0.0]})).mark_rule(color="gray").encode(y="zero:Q"),
-        alt.Chart(few_dots(rows))
+        alt.Chart(sample_dots(rows))
         .mark_circle(size=18, opacity=0.5)
         .encode(
             x=x,

@@ -29,7 +29,7 @@ def report(results: Results) -> Path:
     if not (results.scores / "summary.json").is_file():
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
     summary = read_json(results.scores / "summary.json")
-    scores = figures.few_pushes(read_scores(results))
+    scores = figures.group_pushes(read_scores(results))
     methods = list(summary["methods"])
     colours = gallery.colours_of(methods)
     rig = truth.manifest["true_rig"]
@@ -40,7 +40,7 @@ def report(results: Results) -> Path:
     speed = figures.speed_against_error(summary, css)
     page = _template().render(
         title=truth.manifest["scene"]["title"],
-        most_dots=figures.MOST_DOTS,
+        most_dots=figures.MAX_DOTS,
         frames=truth.frames.height,
         seed=truth.manifest["seed"],
         variant=truth.manifest["variant"],

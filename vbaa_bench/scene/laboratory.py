@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from vbaa_bench.scene.paint import PaintedPart
-from vbaa_bench.scene.part import Below, Part, Positive, Share
+from vbaa_bench.scene.part import Below, Fraction, Part, Positive
 
 
 class HubSpec(PaintedPart):
@@ -15,7 +15,7 @@ class HubSpec(PaintedPart):
     top_mm: Positive = 2
     # By default it stands on the background.
     bottom_mm: Below | None = None
-    reflectance: Share = 0.10
+    reflectance: Fraction = 0.10
 
 
 class ForceSensorSpec(Part):

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from vbaa_bench.scene.part import Part, Positive, Share, Triple
+from vbaa_bench.scene.part import Fraction, Part, Positive, Triple
 
 Sides = tuple[Positive, Positive]
 
@@ -128,11 +128,11 @@ class BackgroundSpec(Part):
     """
 
     distance_mm: Positive = 30
-    reflectance: Share = 0.05
+    reflectance: Fraction = 0.05
     pattern: Literal["plain", "squares", "graded", "textured"] = "plain"
     square_mm: Positive = 15
-    square_reflectance: Share = 0.02
-    far_reflectance: Share = 0.30
+    square_reflectance: Fraction = 0.02
+    far_reflectance: Fraction = 0.30
     # Direction, from +x to +y, of the change to `far_reflectance`, and the length of the change.
     gradient_deg: Annotated[float, Field(ge=-360, le=360)] = 90
     gradient_mm: Positive = 200

@@ -13,7 +13,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
-from solver.instrument.errors import InputError, cut, shown
+from solver.instrument.errors import InputError, quoted, truncated
 from vbaa_bench.scene.renamed import new_key
 from vbaa_bench.scene.schema import Scene
 
@@ -36,7 +36,7 @@ class SceneFile:
     scene: Scene
     _document: Any = field(repr=False)
 
-    def complaint(self, key: Sequence[Key], sentence: str) -> str:
+    def message_at(self, key: Sequence[Key], sentence: str) -> str:
         """Return `file:line:column: key: sentence` for `key`, or for the nearest key above it."""
         return _located_message(self.path, self._document, key, sentence)
 
@@ -47,7 +47,7 @@ def load_scene(path: Path | str, seed: int | None = None) -> SceneFile:
     document = _document(path, _text(path))
     if not isinstance(document, CommentedMap):
         raise InputError(
-            f"{path}:1:1: is {shown(document)}, allowed is a mapping of keys to values"
+            f"{path}:1:1: is {quoted(document)}, allowed is a mapping of keys to values"
         )
     return _checked(path, document, {} if seed is None else {"seed": seed})
 
@@ -108,13 +108,15 @@ def _document(path: Path, text: str) -> Any:
     except MarkedYAMLError as error:
         mark = error.problem_mark
         where = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise InputError(f"{path}{where}: is not YAML ({cut(str(error.problem))})") from error
+        raise InputError(f"{path}{where}: is not YAML ({truncated(str(error.problem))})") from error
     except YAMLError as error:
-        raise InputError(f"{path}: is not YAML ({cut(str(error))})") from error
+        raise InputError(f"{path}: is not YAML ({truncated(str(error))})") from error
     except InputError:
         raise
     except Exception as error:  # odd tags, keys and numbers raise errors of any type
-        raise InputError(f"{path}: is not valid YAML for a scene ({cut(str(error))})") from error
+        raise InputError(
+            f"{path}: is not valid YAML for a scene ({truncated(str(error))})"
+        ) from error
 
 
 def _too_deep(path: Path, line: int = 0) -> InputError:
@@ -154,7 +156,7 @@ def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
         case "extra_forbidden":
             return key, f"is an unknown key; {_hint(key, mistake['loc'])}"
         case "union_tag_invalid" | "union_tag_not_found":
-            state = "missing" if kind == "union_tag_not_found" else shown(value["kind"])
+            state = "missing" if kind == "union_tag_not_found" else quoted(value["kind"])
             allowed = ", ".join(map(_kind, _models(mistake["loc"])))
             return (*key, "kind"), f"is {state}, allowed is one of {allowed}"
         case "value_error":
@@ -168,9 +170,10 @@ def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
         case "too_long":
             allowed = f"a list of at most {context['max_length']}"
         case _:
-            allowed = mistake["msg"].removeprefix("Input should be ").replace("a valid", "a")
+            allowed = mistake["msg"].removeprefix("Input should be ").replace("a valid ", "a ")
+            allowed = allowed.replace("integer", "whole number")
     plain_value = list(value) if isinstance(value, tuple) else value
-    return key, f"is {shown(plain_value)}, allowed is {allowed}"
+    return key, f"is {quoted(plain_value)}, allowed is {allowed}"
 
 
 def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
@@ -180,7 +183,7 @@ def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
     if renamed := new_key(section, name):
         return f"it is now called {renamed}"
     known = list(_models(location[:-1])[0].model_fields)
-    similar = difflib.get_close_matches(cut(name), known, n=1, cutoff=0.7)
+    similar = difflib.get_close_matches(truncated(name), known, n=1, cutoff=0.7)
     return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
 
 
@@ -236,7 +239,7 @@ def _located_message(path: Path, document: Any, key: Sequence[Key], sentence: st
         except (KeyError, TypeError):  # the parser recorded no place
             break
     name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
-    label = f"{cut(name.lstrip('.'))} " if name else ""
+    label = f"{truncated(name.lstrip('.'))} " if name else ""
     # A scene that is built in Python has no lines.
     place = f":{line + 1}:{column + 1}" if document.lc.line is not None else ""
     return f"{path}{place}: {label}{sentence}"

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.paint import PaintedPart
-from vbaa_bench.scene.part import Below, NonNegative, Part, Positive, Share, Triple
+from vbaa_bench.scene.part import Below, Fraction, NonNegative, Part, Positive, Triple
 
 
 class _ObjectSpec(PaintedPart):
@@ -157,7 +157,7 @@ class OcclusionSpec(PaintedPart):
         tuple[Annotated[float, Field(gt=0, le=1)], ...], Field(min_length=1)
     ] = (0.6,)
     height_mm: Positive = 8
-    reflectance: Share = 0.12
+    reflectance: Fraction = 0.12
     # Number of bars, with gaps between them, or of leaves, at random places.
     count: Annotated[int, Field(ge=1, le=200)] = 6
 

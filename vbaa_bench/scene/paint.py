@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from vbaa_bench.scene.part import Part, Share
+from vbaa_bench.scene.part import Fraction, Part
 
 # Matt; painted steel; steel without paint; matt black.
 Paint = Literal["matt", "gloss", "bare", "black"]
@@ -17,7 +17,7 @@ class PaintedPart(Part):
     """
 
     paint: Paint = "matt"
-    reflectance: Share = 0.16
+    reflectance: Fraction = 0.16
     # Alpha of the rough surface of gloss and bare. Below, the narrow reflection could not be
     # sampled; above, the surface would lose light between its own slopes.
     roughness: Annotated[float, Field(ge=0.1, le=0.6)] = 0.3

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 # Generous, but finite: a nanometre to a kilometre in mm; nothing overflows later.
 Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
-Share = Annotated[float, Field(ge=0, le=1)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Triple = tuple[Coordinate, Coordinate, Coordinate]
 Tolerance = Annotated[float, Field(ge=0, le=1e3)]

@@ -17,10 +17,10 @@ from vbaa_bench.scene.optics import OpticsSpec
 from vbaa_bench.scene.paint import Paint, PaintedPart
 from vbaa_bench.scene.part import (
     ONSET,
+    Fraction,
     Onset,
     Part,
     Positive,
-    Share,
     Tilt,
     Tolerance,
     Triple,
@@ -39,7 +39,7 @@ class BeamSpec(PaintedPart):
     youngs_modulus_gpa: Positive = 200
     yield_stress_mpa: Positive = 1500
     allow_above_yield: bool = False
-    reflectance: Share = 0.85
+    reflectance: Fraction = 0.85
     # An elliptic section, or a flat strip, is `aspect_ratio` times as wide as it is thick; its
     # thickness is turned from y towards z by `section_angle_deg`.
     section: Literal["circular", "elliptic", "strip"] = "circular"

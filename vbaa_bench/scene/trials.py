@@ -33,7 +33,7 @@ class StepTarget:
 
 @dataclass(frozen=True)
 class Push:
-    """One push: first contact, then a sequence of goals.
+    """One push: first contact, then a sequence of targets.
 
     First contact is at `contact_distance` [m] (None against a wall), with an object whose normal
     is tilted by `normal` [rad] and which yields by `compliance` [m/N]. All, with `gravity` (3,)
@@ -43,7 +43,7 @@ class Push:
     contact_distance: float | None
     normal: float
     compliance: float
-    goals: tuple[StepTarget, ...]
+    targets: tuple[StepTarget, ...]
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -74,9 +74,9 @@ class FrameSpec:
     onset: float
 
     @property
-    def goal(self) -> StepTarget:
+    def target(self) -> StepTarget:
         """Target of this frame's step."""
-        return self.push.goals[self.step]
+        return self.push.targets[self.step]
 
     def motor_angle(self, pushing_angle: float) -> float:
         """Compute the true motor angle [rad].
@@ -106,7 +106,7 @@ def frame_specs(scene: Scene) -> list[FrameSpec]:
         push_id = _name(push_names, number)
         onset = float(draw.uniform(*onsets)) * DEGREE
         rotated_push = replace(push, gravity=_in_antenna_frame(scene.gravity_m_s2, onset))
-        for step in range(len(push.goals)):
+        for step in range(len(push.targets)):
             index = len(specs)
             frame_id = _name(frame_names, index)
             specs.append(
@@ -122,8 +122,8 @@ def in_shards(scene: Scene, made: Sequence[FrameSpec]) -> tuple[tuple[FrameSpec,
 
 
 def _grid(spec: PushSpec) -> Iterator[Push]:
-    goals = [StepTarget(percent * PERCENT, None) for percent in spec.deflection_pct or ()]
-    goals += [StepTarget(None, degrees * DEGREE) for degrees in spec.pushing_angle_deg or ()]
+    targets = [StepTarget(percent * PERCENT, None) for percent in spec.deflection_pct or ()]
+    targets += [StepTarget(None, degrees * DEGREE) for degrees in spec.pushing_angle_deg or ()]
     distances = spec.contact_distance_mm or (None,)
     for distance, normal, stiffness in itertools.product(
         distances, spec.normal_deg, spec.stiffness_n_m
@@ -132,7 +132,7 @@ def _grid(spec: PushSpec) -> Iterator[Push]:
             None if distance is None else distance * MILLIMETRE,
             normal * DEGREE,
             0.0 if stiffness == "rigid" else 1 / stiffness,
-            tuple(goals),
+            tuple(targets),
         )
 
 

@@ -13,7 +13,7 @@ from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.score import read_scores
-from vbaa_bench.scoring.summary import facts
+from vbaa_bench.scoring.summary import summarise_method
 
 Row = dict[str, Any]
 
@@ -30,7 +30,7 @@ _COLUMNS: Final = {
     "1/k at end in 3 sigma, %": "compliance_last_within_3_sigma_pct",
     "x_c in 3 sigma, %": "x_c_within_3_sigma_pct",
     "sigma / RMSE": "x_c_sigma_over_rmse",
-    "consistent, %": "honest_pct",
+    "consistent, %": "consistent_pct",
 }
 # Quantities whose stated sigmas are compared with errors in the table.
 _STATED: Final = ("x_c", "psi", "compliance_last")
@@ -90,7 +90,7 @@ def _label(by: str) -> pl.Expr:
 
 
 def _row(rows: pl.DataFrame) -> Row:
-    values = facts(rows)
+    values = summarise_method(rows)
     stated = {name: values["calibration"][name] or {} for name in _STATED}
     percentages = {
         f"{name}_within_3_sigma_pct": _percent(coverage.get("within_3_sigma"))
@@ -99,7 +99,7 @@ def _row(rows: pl.DataFrame) -> Row:
     return values | {
         **percentages,
         "x_c_sigma_over_rmse": stated["x_c"].get("sigma_over_rmse"),
-        "honest_pct": _percent(values["honest_rate"]),
+        "consistent_pct": _percent(values["consistent_rate"]),
     }
 
 

@@ -17,7 +17,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
 from solver.lab.table import Row, csv_text, row
-from solver.lab.writing import make_room, write
+from solver.lab.writing import prepare_output_path, write
 from solver.methods import METHODS
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete, copy_observations
@@ -73,7 +73,7 @@ def solve(
     in the rest images, if the observations are not what was generated, or if `out` or a temporary
     folder cannot be written.
     """
-    make_room(out)
+    prepare_output_path(out)
     check_complete(layout)
     observations = open_observations(layout.observations)
     solved: dict[int, Row] = {}

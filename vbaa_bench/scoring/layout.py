@@ -19,7 +19,7 @@ from vbaa_bench.dataset.layout import Layout
 USUAL_CENTRELINE: Final = "profile_fit"
 
 
-def kept_as(method: str, centreline: str = USUAL_CENTRELINE) -> str:
+def run_name(method: str, centreline: str = USUAL_CENTRELINE) -> str:
     """Name a method's predictions in files and tables, such as `two_point@area_weighted`.
 
     Raises InputError if the name contains a path.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import polars as pl
 
-from solver.instrument.errors import InputError, cut, shown
+from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.conditions import CONDITIONS
@@ -60,7 +60,7 @@ def parsed(data: bytes, path: Path) -> pl.DataFrame:
     # Polars panics on some damaged Parquet files.
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: is not a CSV or Parquet table ({cut(reason)})") from error
+        raise InputError(f"{path}: is not a CSV or Parquet table ({truncated(reason)})") from error
 
 
 def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
@@ -76,7 +76,7 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
     for name in [name for name in NUMBERS if name in known]:
         dtype = table[name].dtype
         if not (dtype.is_numeric() or dtype in (pl.String, pl.Null)):
-            raise InputError(f"{source}: {name} holds {cut(str(dtype))}, allowed are numbers")
+            raise InputError(f"{source}: {name} holds {truncated(str(dtype))}, allowed are numbers")
     try:
         table = table.select(
             pl.col("frame_id").cast(pl.String),
@@ -84,7 +84,9 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
         )
     except pl.exceptions.PolarsError as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{source}: a column does not hold numbers ({cut(reason)})") from error
+        raise InputError(
+            f"{source}: a column does not hold numbers ({truncated(reason)})"
+        ) from error
     missing: list[pl.Expr] = [
         pl.lit(None, pl.String if n in _TEXTS else pl.Float64).alias(n)
         for n in (*NUMBERS, *_TEXTS)
@@ -119,7 +121,7 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     A frame without a prediction has crashed. A frame that lacks a quantity which the method
     estimates in other frames has failed. Without contact, "no contact" is the only right outcome.
     `refused` frames are failures with an outcome that states no values; `rightly_refused` are
-    those for which this is right according to `refusals`; `honest` are these, a right
+    those for which this is right according to `refusals`; `consistent` are these, a right
     "no contact", and an x_c within three stated sigmas. Errors are computed for frames that have
     not failed: each scored quantity, including components of vectors, in its own unit and in
     stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in %, and the
@@ -145,7 +147,7 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     unknown_outcomes = set(joined["outcome"]) - {str(outcome) for outcome in Outcome}
     if unknown_outcomes:
         raise InputError(
-            f"{source}: outcome {shown(min(unknown_outcomes))} is unknown, allowed is one of "
+            f"{source}: outcome {quoted(min(unknown_outcomes))} is unknown, allowed is one of "
             f"{', '.join(str(outcome) for outcome in Outcome)}"
         )
     scored = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, _QUANTITIES))
@@ -155,7 +157,7 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     return scored.with_columns(
         *(_in_sigmas(quantity) for quantity in _QUANTITIES),
         (pl.col("free") & ~pl.col("failed") | pl.col("rightly_refused") | within_3_sigma).alias(
-            "honest"
+            "consistent"
         ),
         *_percentages(truth.manifest["true_rig"]["beam_length_mm"]),
         *(_vector_error(*vector) for vector in VECTORS),
@@ -166,10 +168,10 @@ def _check_frame_ids(truth: Truth, predictions: pl.DataFrame, source: str) -> No
     ids = predictions["frame_id"]
     if ids.is_duplicated().any():
         duplicate = ids.filter(ids.is_duplicated())[0]
-        raise InputError(f"{source}: frame_id {cut(str(duplicate))} occurs more than once")
+        raise InputError(f"{source}: frame_id {truncated(str(duplicate))} occurs more than once")
     unknown = predictions.join(truth.frames, on="frame_id", how="anti")
     if unknown.height:
-        first = cut(str(unknown["frame_id"][0]))
+        first = truncated(str(unknown["frame_id"][0]))
         raise InputError(
             f"{source}: frame_id {first} and {unknown.height - 1} more are not of this dataset"
         )

@@ -8,7 +8,7 @@ from typing import Final
 import polars as pl
 
 from solver.instrument.arrays import Floats
-from solver.instrument.errors import cut
+from solver.instrument.errors import truncated
 from solver.lab.table import COLUMNS
 from vbaa_bench.scoring.scored_quantities import NUMBERS
 
@@ -31,9 +31,9 @@ def unknown_columns(columns: Sequence[str], source: str) -> Iterator[str]:
     """Yield a sentence for each column that is not scored, with the known name nearest to it."""
     unknown = [name for name in columns if name not in _KNOWN and name not in COLUMNS]
     for name in unknown[:_MAX_NAMED]:
-        near = difflib.get_close_matches(cut(name), _KNOWN, n=1, cutoff=0.7)
+        near = difflib.get_close_matches(truncated(name), _KNOWN, n=1, cutoff=0.7)
         hint = f"; did you mean {near[0]}?" if near else ""
-        yield f"{source}: the column {cut(name)} is unknown and not scored{hint}"
+        yield f"{source}: the column {truncated(name)} is unknown and not scored{hint}"
     if len(unknown) > _MAX_NAMED:
         yield f"{source}: {len(unknown) - _MAX_NAMED} further columns are unknown and not scored"
 

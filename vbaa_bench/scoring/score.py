@@ -99,7 +99,7 @@ def read_scores(results: Results) -> pl.DataFrame:
     except (OSError, pl.exceptions.PolarsError) as error:
         raise InputError(f"{table}: cannot be read") from error
     if not {
-        "honest",
+        "consistent",
         *(quantity.in_sigmas for quantity in (*SCORED_QUANTITIES, *COMPONENTS)),
     } <= set(scores.columns):
         raise InputError(f"{table}: is from an older version; score the dataset again")

@@ -8,9 +8,9 @@ import polars as pl
 
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
-from vbaa_bench.scoring.summary import facts, machine
+from vbaa_bench.scoring.summary import machine, summarise_method
 
-# Values of `facts` that are listed beside a method's speed.
+# Values of `summarise_method` that are listed beside a method's speed.
 _REPORTED = (
     "x_c_rmse_pct_L",
     "x_c_median_abs_pct_L",
@@ -32,7 +32,7 @@ def judged(truth: Truth, measured: dict[str, Any]) -> dict[str, Any]:
         solved_truth = replace(
             truth, frames=truth.frames.join(predictions, on="frame_id", how="semi")
         )
-        summary = facts(score_frames(solved_truth, predictions, name, name))
+        summary = summarise_method(score_frames(solved_truth, predictions, name, name))
         times = {key: value for key, value in record.items() if key != "predictions"}
         methods[name] = times | {key: summary[key] for key in _REPORTED}
     return {**measured, "methods": methods, "machine": machine()}

@@ -35,20 +35,20 @@ def summarise(scores: pl.DataFrame) -> dict[str, Any]:
     if there is none. Intervals are 95 % bootstrap intervals of the medians over pushes.
     """
     methods = {
-        str(name): facts(rows) | _intervals(rows)
+        str(name): summarise_method(rows) | _intervals(rows)
         for (name,), rows in scores.group_by("method", maintain_order=True)
     }
     return {"methods": methods, "machine": machine(), "versions": versions()}
 
 
-def facts(rows: pl.DataFrame) -> dict[str, Any]:
+def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
     """Summarise frames of one method, without bootstrap intervals.
 
     Rates are fractions of all frames, with two exceptions: `false_contact_rate` is a fraction of
     the frames without contact, and `detection_rate` of the frames with contact and an SNR of
     SURE_SNR or more; both are null if there are no such frames. `refused_rate` counts outcomes that
     state no values, `rightly_refused_rate` those of them that are right, `crashed_rate` frames
-    without any prediction; all three are part of `failure_rate`. `honest_rate` is the fraction
+    without any prediction; all three are part of `failure_rate`. `consistent_rate` is the fraction
     of consistent frames, with a right outcome or an x_c within three stated sigmas; null if no
     sigma is stated.
     `x_c_rmse_all_pct_L` is an RMSE in which a frame without an estimate counts as an error of half
@@ -97,7 +97,7 @@ def facts(rows: pl.DataFrame) -> dict[str, Any]:
         "refused_rate": _fraction(rows, "refused"),
         "rightly_refused_rate": _fraction(rows, "rightly_refused"),
         "crashed_rate": _fraction(rows, "crashed"),
-        "honest_rate": _consistent_rate(rows),
+        "consistent_rate": _consistent_rate(rows),
         "false_contact_rate": _fraction(rows.filter("free"), pl.col("outcome").is_in(CONTACTS)),
         "free_frames": rows.height - with_contact.height,
         "detection_rate": _fraction(detectable, pl.col("outcome").is_in(CONTACTS)),
@@ -132,7 +132,7 @@ def _consistent_rate(rows: pl.DataFrame) -> float | None:
     """Compute the fraction of consistent frames; None if x_c is estimated without any sigma."""
     answered = rows.drop_nulls("x_c_error_mm")
     without_sigma = answered.height > 0 and answered["x_c_sigma_mm"].is_null().all()
-    return None if without_sigma else _fraction(rows, "honest")
+    return None if without_sigma else _fraction(rows, "consistent")
 
 
 def _rmse_all(with_contact: pl.DataFrame) -> float | None:

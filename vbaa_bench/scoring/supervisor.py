@@ -47,7 +47,7 @@ _CONTEXT: Final[ForkContext | SpawnContext] = (
 )
 
 
-class _LostError(Exception):
+class _WorkerLostError(Exception):
     """Error for a worker that died or timed out; its text is the reason."""
 
 
@@ -61,7 +61,7 @@ class _Worker:
         sender.close()
 
     def receive(self, limit_s: float) -> Message:
-        """Wait for the next message. Raises _LostError."""
+        """Wait for the next message. Raises _WorkerLostError."""
         deadline = time.monotonic() + limit_s
         while time.monotonic() < deadline:
             alive = self._process.is_alive()
@@ -74,8 +74,8 @@ class _Worker:
                 else:
                     return message
             if not alive:
-                raise _LostError(f"the method's process died: {_end(self._process.exitcode)}")
-        raise _LostError(f"timed out: no answer within {limit_s:g} s")
+                raise _WorkerLostError(f"the method's process died: {_end(self._process.exitcode)}")
+        raise _WorkerLostError(f"timed out: no answer within {limit_s:g} s")
 
     def kill(self) -> None:
         """Kill the process and all processes that it has started."""
@@ -141,7 +141,7 @@ def supervise(task: Task, observations: Observations, workers: _Workers) -> Iter
                         remaining.discard(index)
                         current, losses = index, 0
                         yield message
-            except _LostError as error:
+            except _WorkerLostError as error:
                 reason = str(error)
         if not remaining:
             return

@@ -18,7 +18,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
-from solver.lab.live import answers, warm_up
+from solver.lab.live import solve_shots, warm_up
 from solver.lab.shots import Files, Shot
 from solver.lab.table import Row
 from solver.methods import Method
@@ -81,7 +81,7 @@ def work(
     if task.memory_gb:
         _limit_memory(task.memory_gb)
     try:
-        method = _Watched(find_method(task.method), task.memory_gb)
+        method = _MethodWrapper(find_method(task.method), task.memory_gb)
     except InputError as error:
         send(refused=str(error))
         return
@@ -104,14 +104,14 @@ def work(
                     faulthandler.dump_traceback_later(0.98 * task.frame_s)
                 yield shot
 
-    for answer in answers(Resumed(), antenna, method, task.repeats):
+    for answer in solve_shots(Resumed(), antenna, method, task.repeats):
         faulthandler.cancel_dump_traceback_later()
         index = indices[answer.shot.number]
         if index not in replayed:
             send(index=index, row=_sendable(answer.row), traceback=method.traceback)
 
 
-class _Watched:
+class _MethodWrapper:
     """Wrapper that stores the traceback of a method's last error and skips replayed frames."""
 
     def __init__(self, method: Method, memory_gb: float) -> None:

@@ -41,10 +41,10 @@ def test_a_touched_image_is_left_out() -> None:
     touched = image(drawn(GUIDE, bent(0.006, 0.9, TILT)), 3)
     learned = at_rest([rested(1), touched, rested(2)])
     clean = at_rest([rested(1), rested(2)])
-    assert learned.left_out == (1,)
+    assert learned.rejected == (1,)
     assert learned.disagreement_px == 0.0
     assert learned.rest.slope == clean.rest.slope
-    assert clean.left_out == ()
+    assert clean.rejected == ()
 
 
 def test_images_in_different_places_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""Shots become answers: with the past of their push, as JSON, warm from the start."""
+"""Shots become estimates: with the past of their push, as JSON, warm from the start."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations
 from solver.lab.console import sentence
-from solver.lab.live import Answer, answers, json_line, warm_up
+from solver.lab.live import FrameResult, json_line, solve_shots, warm_up
 from solver.lab.shots import Files
 from solver.lab.sources import open_source
 from solver.lab.table import COLUMNS
@@ -38,7 +38,7 @@ def test_a_frame_meets_its_push_and_never_itself(
 ) -> None:
     method = Remembers()
     # As laid on disk, in the order of nothing; two pushes of two steps.
-    given = list(answers(Files(observations.frames), antenna, method, repeats))
+    given = list(solve_shots(Files(observations.frames), antenna, method, repeats))
     assert all(one.row["message"] == "looked" for one in given)
     assert method.past == [n for n in (0, 1, 0, 1) for _ in range(repeats)]
     for before, after in (given[:2], given[2:]):
@@ -51,7 +51,7 @@ def test_json_says_all_that_is_known_with_units(
     observations: Observations, antenna: Antenna
 ) -> None:
     method = METHODS["exact_fit"]
-    one = next(answers(Files(observations.frames), antenna, method))
+    one = next(solve_shots(Files(observations.frames), antenna, method))
     said = json.loads(json_line(one))
     assert said["name"] in {frame.frame_id for frame in observations.frames}
     assert said["latency_ms"] >= said["image_ms"] > 0
@@ -66,8 +66,8 @@ def test_json_says_all_that_is_known_with_units(
 
 def test_a_beam_at_rest_is_said_in_words(observations: Observations, antenna: Antenna) -> None:
     rests = open_source([str(path) for path in observations.rest_images])
-    for one in answers(rests, antenna, METHODS["exact_fit"]):
-        assert isinstance(one, Answer)
+    for one in solve_shots(rests, antenna, METHODS["exact_fit"]):
+        assert isinstance(one, FrameResult)
         said = json.loads(json_line(one))
         assert said["outcome"] == "no contact"
         assert "x_c_mm" not in said
@@ -83,7 +83,7 @@ def test_an_image_that_cannot_be_used_is_a_row_and_the_push_goes_on(
     before, after = (str(frame.path) for frame in observations.frames[:2])
     method = Remembers()
     source = open_source([before, str(small), str(text), after])
-    first, *bad, last = answers(source, antenna, method, repeats=2)
+    first, *bad, last = solve_shots(source, antenna, method, repeats=2)
     assert [one.row["outcome"] for one in bad] == ["invalid", "invalid"]
     assert "50 x 40 px" in str(bad[0].row["message"])
     assert "512 x 176" in str(bad[0].row["message"])

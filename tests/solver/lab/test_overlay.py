@@ -14,7 +14,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
 from solver.lab.drawing import MEASURED, REJECTED
-from solver.lab.live import Answer, answers
+from solver.lab.live import FrameResult, solve_shots
 from solver.lab.overlay import CONTACT, FORCE, TIP, OverlayWriter, draw
 from solver.lab.shots import Files
 from solver.lab.table import row
@@ -22,8 +22,8 @@ from solver.methods import METHODS
 
 
 @pytest.fixture(scope="module")
-def answered(observations: Observations, antenna: Antenna) -> list[Answer]:
-    return list(answers(Files(observations.frames), antenna, METHODS["exact_fit"]))
+def answered(observations: Observations, antenna: Antenna) -> list[FrameResult]:
+    return list(solve_shots(Files(observations.frames), antenna, METHODS["exact_fit"]))
 
 
 def painted(picture: np.ndarray, colour: tuple[int, int, int]) -> Floats:
@@ -32,7 +32,9 @@ def painted(picture: np.ndarray, colour: tuple[int, int, int]) -> Floats:
     return np.column_stack([(u + 0.5) / 2 - 0.5, (v + 0.5) / 2 - 0.5])
 
 
-def test_points_ring_and_arrow_lie_on_the_beam(antenna: Antenna, answered: list[Answer]) -> None:
+def test_points_ring_and_arrow_lie_on_the_beam(
+    antenna: Antenna, answered: list[FrameResult]
+) -> None:
     for given in answered:
         picture = draw(antenna, given)
         assert picture.shape == (2 * 176, 2 * 512, 3)
@@ -58,7 +60,7 @@ def test_points_ring_and_arrow_lie_on_the_beam(antenna: Antenna, answered: list[
 
 @pytest.mark.parametrize("angle", [0.0, 0.6])
 def test_a_camera_in_the_world_sees_the_force_turn_with_the_motor(
-    antenna: Antenna, answered: list[Answer], angle: float
+    antenna: Antenna, answered: list[FrameResult], angle: float
 ) -> None:
     fixed = replace(antenna, rig=replace(antenna.rig, camera_mount="world"))
     values = {"contact_world_x_m": 0.12, "contact_world_y_m": 0.0, "contact_world_z_m": 0.0}
@@ -73,7 +75,7 @@ def test_a_camera_in_the_world_sees_the_force_turn_with_the_motor(
     assert np.arctan2(-u, -v) == pytest.approx(angle, abs=0.1)
 
 
-def test_more_force_is_a_longer_arrow(antenna: Antenna, answered: list[Answer]) -> None:
+def test_more_force_is_a_longer_arrow(antenna: Antenna, answered: list[FrameResult]) -> None:
     lengths = {}
     for given in answered:
         force = given.solved.estimate.values["force_n"]
@@ -83,7 +85,9 @@ def test_more_force_is_a_longer_arrow(antenna: Antenna, answered: list[Answer]) 
     assert ordered[-1] <= 176 / 4 + 2
 
 
-def test_what_was_rejected_has_its_own_colour(antenna: Antenna, answered: list[Answer]) -> None:
+def test_what_was_rejected_has_its_own_colour(
+    antenna: Antenna, answered: list[FrameResult]
+) -> None:
     line = answered[0].solved.line
     assert line is not None
     places = np.array([[100.0, 160.0], [200.0, 165.0], [300.0, 170.0]])
@@ -103,7 +107,7 @@ def test_what_was_rejected_has_its_own_colour(antenna: Antenna, answered: list[A
     assert not len(painted(picture, FORCE))
 
 
-def test_sixteen_bits_are_drawn_as_they_look(antenna: Antenna, answered: list[Answer]) -> None:
+def test_sixteen_bits_are_drawn_as_they_look(antenna: Antenna, answered: list[FrameResult]) -> None:
     given = answered[0]
     deep = replace(given.shot, image=given.shot.grey().astype(np.uint16) * 16)
     one, other = draw(antenna, given), draw(antenna, replace(given, shot=deep))

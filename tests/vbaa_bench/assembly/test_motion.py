@@ -1,4 +1,4 @@
-"""Motion blur: the poses that a frame shows, and that their mean is what they are average_poses."""
+"""Motion blur: the poses that a frame shows, and that the frame is their mean."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +10,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.units import DEGREE
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.motion import STEP_PX, exposed
+from vbaa_bench.assembly.motion import STEP_PX, exposure_poses
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import RenderedRadiance, average_poses
@@ -36,7 +36,7 @@ def pose_of(file: SceneFile) -> tuple[Pose, SceneFile]:
 def test_poses_stand_evenly_about_the_one_asked_for(tmp_path: Path) -> None:
     text = MOVING.replace("sensor: {rest_images: 2}\n", "", 1)
     pose, file = pose_of(scene_file(tmp_path, text))
-    poses = exposed(pose, file.scene, pose.experiment.rig)
+    poses = exposure_poses(pose, file.scene, pose.experiment.rig)
     angles = np.array([each.state.pushing_angle for each in poses])
     middle = len(poses) // 2
     assert poses[middle] is pose
@@ -51,7 +51,7 @@ def test_poses_stand_evenly_about_the_one_asked_for(tmp_path: Path) -> None:
 
 def test_a_motor_at_rest_blurs_nothing(tmp_path: Path) -> None:
     pose, file = pose_of(scene_file(tmp_path, SMALL_SCENE))
-    assert exposed(pose, file.scene, pose.experiment.rig) == [pose]
+    assert exposure_poses(pose, file.scene, pose.experiment.rig) == [pose]
 
 
 def test_blur_has_no_memory(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def test_the_first_frame_leaves_no_trace(pattern: str, tmp_path: Path, variant: 
         poses.append(Pose(experiment, spec, experiment.states()[spec.step]))
 
     def rendered(first: Pose) -> RenderedRadiance:
-        world, target = assembler.bench(first), NoiseTarget(noise)
+        world, target = assembler.pushed_world(first), NoiseTarget(noise)
         still = render_static_layer(world, target, 1)
         assembler.repose(world, poses[1])
         return render_frame(world, still, target, 2)

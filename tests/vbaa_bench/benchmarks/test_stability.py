@@ -20,12 +20,12 @@ from vbaa_bench.benchmarks.stability import (
     PIXEL,
     SIGMA_PX,
     amplification,
+    assess_method,
     condition,
-    judged,
     measure,
-    pushed,
     rounding,
     rows,
+    simulate_push,
 )
 
 LENGTH = BEAM.length
@@ -48,7 +48,7 @@ def by_row(row: int) -> Callable[[Measurement], Estimate]:
 
 
 def test_a_linear_method_is_amplified_as_its_derivative_says() -> None:
-    measurement = pushed(BEAM, 0.12, 0.1)
+    measurement = simulate_push(BEAM, 0.12, 0.1)
     count = len(measurement.points)
     plain = by_row(5)(measurement)
     x_c, force = amplification(by_row(5), measurement, plain) or (inf, inf)
@@ -74,7 +74,7 @@ def test_the_condition_is_that_of_the_correlation() -> None:
 @pytest.mark.parametrize("name", ["exact_fit", "linear_fit"])
 @pytest.mark.parametrize("deflection", DEFLECTIONS)
 def test_amplification_is_what_a_fit_states(name: str, deflection: float) -> None:
-    measurement = pushed(BEAM, 0.5 * LENGTH, deflection)
+    measurement = simulate_push(BEAM, 0.5 * LENGTH, deflection)
     plain = METHODS[name](measurement)
     found = amplification(METHODS[name], measurement, plain)
     assert found is not None
@@ -87,8 +87,8 @@ def test_amplification_is_what_a_fit_states(name: str, deflection: float) -> Non
 
 @pytest.mark.parametrize("name", ["two_point", "exact_fit"])
 def test_amplification_is_the_scatter_of_noisy_frames(name: str) -> None:
-    measurement = pushed(BEAM, 0.5 * LENGTH, 0.2)
-    found = judged(METHODS[name], measurement)
+    measurement = simulate_push(BEAM, 0.5 * LENGTH, 0.2)
+    found = assess_method(METHODS[name], measurement)
     random = np.random.default_rng(3)
     x_c = []
     for _ in range(100):
@@ -124,17 +124,19 @@ def test_every_method_has_its_numbers(record: stability.Record) -> None:
 
 
 def test_an_answer_that_is_lost_has_no_amplification() -> None:
-    measurement = pushed(BEAM, 0.12, 0.1)
+    measurement = simulate_push(BEAM, 0.12, 0.1)
 
     def brittle(given: Measurement) -> Estimate:
         if not np.array_equal(given.points, measurement.points):
             return Estimate(Outcome.INVALID, "moved")
         return by_row(0)(given)
 
-    found = judged(brittle, measurement)
+    found = assess_method(brittle, measurement)
     assert found["outcome"] == "contact"
     assert found["x_c_pct_L_per_px"] is found["rounding"] is None
-    assert judged(lambda _given: Estimate(Outcome.NO_CONTACT), measurement)["rounding"] is None
+    assert (
+        assess_method(lambda _given: Estimate(Outcome.NO_CONTACT), measurement)["rounding"] is None
+    )
 
 
 def test_the_command_prints_a_table_or_json(

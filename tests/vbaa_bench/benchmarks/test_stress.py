@@ -30,9 +30,15 @@ from vbaa_bench.benchmarks.stress.recording import (
     write_recording,
 )
 from vbaa_bench.benchmarks.stress.rigs import drawn_rig
-from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Wanted
+from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Targets
 from vbaa_bench.benchmarks.stress.run import lines
-from vbaa_bench.benchmarks.stress.trial import Answer, FrameResult, RigResult, judged, stress_rig
+from vbaa_bench.benchmarks.stress.trial import (
+    FrameResult,
+    RigResult,
+    SolverResult,
+    score_frame,
+    stress_rig,
+)
 from vbaa_bench.render import variant
 from vbaa_bench.scene.load import load_scene
 
@@ -142,7 +148,7 @@ def test_a_shift_moves_the_beam_and_keeps_the_noise() -> None:
     before = recorded()
     u, v = geometry._along(before)
     for pixels, across in ((0.5, (-v, u)), (2.0, (-v, u))):
-        after = run(geometry.knocked_across(pixels), before)
+        after = run(geometry.shifted_across(pixels), before)
         moved = rows_of_line(after.frames[0]) - rows_of_line(before.frames[0])
         assert np.median(moved[30:-30]) == pytest.approx(pixels * across[1], abs=0.02)
     noise = np.asarray(before.frames[0], float) - drawn_line()
@@ -235,8 +241,8 @@ def test_a_turned_or_mirrored_rig_describes_the_turned_or_mirrored_images(case: 
     assert np.linalg.det(new.antenna_from_board[:3, :3]) == pytest.approx(1.0)
 
 
-def test_the_untold_half_turn_exchanges_clamp_and_tip() -> None:
-    after = run(geometry.untold_half_turn)
+def test_the_reversed_beam_exchanges_clamp_and_tip() -> None:
+    after = run(geometry.reversed_beam)
     truly = np.array([[0.0, 0.001, 0.0], [LENGTH, 0.001, 0.0]])
     # What the new rig calls its clamp and tip, in the true antenna's frame.
     true_from_stated = RIG.antenna_from_board @ invert(after.rig.antenna_from_board)
@@ -294,21 +300,21 @@ def result(
     error: float | None, sigma: float | None, row: Row = ROWS[0], **more: str
 ) -> FrameResult:
     """The verdict on an answer that is off by `error` % of L, of `sigma`."""
-    answer = Answer(
+    answer = SolverResult(
         more.get("outcome", "contact" if error is not None else "invalid"),
         points=int(more.get("points", "400")),
         x_c=None if error is None else 0.1 + error / 100 * LENGTH,
         sigma=None if sigma is None else sigma / 100 * LENGTH,
     )
     findings = tuple(more.get("findings", "").split())
-    return judged("f", answer, 0.1, LENGTH, row, findings)
+    return score_frame("f", answer, 0.1, LENGTH, row, findings)
 
 
 KNOCKED = next(row for row in ROWS if row.name == "across_2")
 
 
 @pytest.mark.parametrize(
-    ("frame", "verdict"),  # honest, detected, false
+    ("frame", "verdict"),  # consistent, detected, false
     [
         (result(0.29, 0.1), (True, False, False)),
         (result(-0.31, 0.1), (False, False, True)),
@@ -327,7 +333,7 @@ KNOCKED = next(row for row in ROWS if row.name == "across_2")
     ],
 )
 def test_verdicts(frame: FrameResult, verdict: tuple[bool, bool, bool]) -> None:
-    assert (frame.honest, frame.detected, frame.false) == verdict
+    assert (frame.consistent, frame.detected, frame.false) == verdict
 
 
 def test_figures_and_their_intervals() -> None:
@@ -335,7 +341,7 @@ def test_figures_and_their_intervals() -> None:
     bad = RigResult(1, frames=(result(None, None), result(None, None)))
     found = figures([good, bad], seed=1)
     rms = np.sqrt((0.3**2 + 0.4**2) / 2)
-    expected = {"answered": 50, "honest": 50, "detected": 0, "false": 0, "median": 0.35}
+    expected = {"answered": 50, "consistent": 50, "detected": 0, "false": 0, "median": 0.35}
     expected |= {"rmse": rms, "sigma_ratio": 0.2 / rms}
     assert {name: one.value for name, one in found.items()} == pytest.approx(expected)
     # Of two rigs a resample has none, one or two that answer.
@@ -360,12 +366,18 @@ def test_the_interval_is_that_of_rigs_not_of_frames() -> None:
 
 
 def test_wanted_figures_are_held_against_values() -> None:
-    wanted = Wanted(answered=90, rmse=0.3, honest=95, sigma_ratio=2, alarmed=5)
-    values = {"answered": 90.0, "rmse": 0.31, "honest": 94.0, "sigma_ratio": 2.0, "detected": 4.0}
+    wanted = Targets(answered=90, rmse=0.3, consistent=95, sigma_ratio=2, alarmed=5)
+    values = {
+        "answered": 90.0,
+        "rmse": 0.31,
+        "consistent": 94.0,
+        "sigma_ratio": 2.0,
+        "detected": 4.0,
+    }
     found = {name: Figure(value, None, None) for name, value in values.items()}
-    assert missed(found, wanted) == ("rmse", "honest")
-    assert missed(found | {"rmse": Figure(None, None, None)}, wanted) == ("rmse", "honest")
-    assert missed(found, Wanted(alarmed=3, detected=5)) == ("detected", "alarmed")
+    assert missed(found, wanted) == ("rmse", "consistent")
+    assert missed(found | {"rmse": Figure(None, None, None)}, wanted) == ("rmse", "consistent")
+    assert missed(found, Targets(alarmed=3, detected=5)) == ("detected", "alarmed")
 
 
 def test_a_drawn_rig_is_another_one_each_time(small_scene: Path) -> None:
@@ -416,7 +428,7 @@ def test_one_rig_from_end_to_end(dataset: Path) -> None:
     )
     assert [frame.outcome for frame in clean.frames] == ["contact"] * 4
     for frame, other in zip(clean.frames, mirrored.frames, strict=True):
-        assert frame.honest
+        assert frame.consistent
         assert abs(frame.error_pct or 9) < 0.2
         assert other.error_pct == pytest.approx(frame.error_pct, abs=0.03)
 
@@ -448,7 +460,7 @@ def test_the_command_prints_and_writes_the_table(
     arguments = ["stress", str(small_scene), "--row", "clean", "--row", "along_0.5"]
     done = CliRunner().invoke(cli.app, [*arguments, "--out", str(out)], env={"COLUMNS": "40"})
     assert done.exit_code == 1, done.output
-    for said in ("clean", "along_0.5", "no: answered, honest", "0.05", "no: detected"):
+    for said in ("clean", "along_0.5", "no: answered, consistent", "0.05", "no: detected"):
         assert said in done.stdout
     written = json.loads(out.read_text(encoding="utf-8"))
     assert len(written["rows"][0]["rigs"][0]["frames"]) == 2

@@ -1,4 +1,5 @@
 import ast
+from pathlib import Path
 
 from vbaa_bench.dataset import code
 
@@ -23,10 +24,14 @@ def test_docstrings_comments_and_layout_are_no_code() -> None:
 
 def test_the_modules_that_make_data_are_found_and_no_others() -> None:
     found = code.code_digests()
-    makers = ["truth", "bench", "spec.scene", "spec.frame_specs", "mechanics.rod", "geometry.tube"]
-    makers += ["render.picture", "sensor.sensor", "dataset.writer", "dataset.exr"]
+    makers = ["generation.truth", "generation.frame_renderer", "scene.schema", "scene.trials"]
+    makers += ["mechanics.rod", "geometry.tube", "render.frame", "sensor.sensor"]
+    makers += ["dataset.writer", "dataset.exr"]
     assert {f"vbaa_bench.{name}" for name in makers} <= found.keys()
     assert {"solver.instrument.camera", "solver.instrument.rig"} <= found.keys()
     rooms = {name.split(".")[1] for name in found if name.startswith("vbaa_bench.")}
-    assert not rooms & {"score", "report", "checks", "cli", "workers", "generate"}
+    others = {"scoring", "report", "benchmarks", "api", "cli"}
+    assert all((Path(code.ROOT) / "vbaa_bench" / room).is_dir() for room in rooms | others)
+    assert not rooms & others
+    assert not {f"vbaa_bench.generation.{name}" for name in ("workers", "generate")} & found.keys()
     assert not any(name.startswith("solver.methods") for name in found)

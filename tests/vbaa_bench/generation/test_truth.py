@@ -28,7 +28,7 @@ def rows() -> str:
 
 def test_planar_truth_is_the_same_on_every_type_of_processor() -> None:
     # The oldest type runs on every x86-64; elsewhere the name is unknown and changes nothing.
-    code = "from tests.vbaa_bench.test_truth import rows; print(rows())"
+    code = "from tests.vbaa_bench.generation.test_truth import rows; print(rows())"
     child = subprocess.run(
         [sys.executable, "-c", code],
         cwd=ROOT,

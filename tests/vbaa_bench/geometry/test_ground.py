@@ -9,7 +9,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.geometry.ground import MOST_SQUARES, chequered_side, finest_square
+from vbaa_bench.geometry.ground import MAX_SQUARES, chequered_side, finest_square
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scene.rigs import true_rig
 
@@ -41,7 +41,7 @@ def test_squares_that_are_resolved_are_few_enough(tmp_path: Path) -> None:
     assert chequered_side(file.scene, camera) / 1.2e-3 < 350
     large = scene_of(tmp_path, "square_mm: 5", ("width_px: 512", "width_px: 8192"))
     finest = finest_square(large.scene, true_rig(large.scene).camera)
-    assert chequered_side(large.scene, true_rig(large.scene).camera) / finest <= MOST_SQUARES
+    assert chequered_side(large.scene, true_rig(large.scene).camera) / finest <= MAX_SQUARES
 
 
 @pytest.mark.parametrize("fixed_to", ["antenna", "world"])

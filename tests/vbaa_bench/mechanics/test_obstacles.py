@@ -254,7 +254,7 @@ def test_a_beam_never_passes_through_a_mesh(kind: str, seed: int) -> None:
     try:
         state = push_one(ROD, touched, 0.12, angle=0.1, intervals=240)
     except EquilibriumError as error:
-        assert "two edges or corners" in str(error)  # noqa: PT017 - an honest refusal will do
+        assert "two edges or corners" in str(error)  # noqa: PT017 - a right refusal will do
         return
     turned = CLAMP.clamp_from_world(0.1, (0.0, 0.0, 0.0))[:3, :3]
     line = state.centreline[:, 1:] @ turned - touched.world_from_object[:3, 3]

@@ -42,7 +42,7 @@ def assembler(small_scene: Path, work: Plan, variant: str) -> SceneAssembler:
 
 @pytest.fixture(scope="module")
 def world(assembler: SceneAssembler, poses: list[Pose]) -> World:
-    return assembler.bench(poses[0])
+    return assembler.pushed_world(poses[0])
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import OpenEXR
 import pytest
 
 from solver.instrument.errors import InputError
-from vbaa_bench.render.environment import plane_irradiance, read_environment, turned
+from vbaa_bench.render.environment import plane_irradiance, read_environment, rotated
 
 
 def write(path: Path, **channels: np.ndarray) -> Path:
@@ -26,7 +26,7 @@ def test_an_even_sky_brings_pi_and_what_is_below_brings_nothing() -> None:
 def test_a_quarter_turn_carries_plus_x_to_plus_y() -> None:
     image = np.zeros((3, 8))
     image[1, 0] = 1.0
-    assert turned(image, np.pi / 2)[1].argmax() == 2
+    assert rotated(image, np.pi / 2)[1].argmax() == 2
 
 
 def test_a_picture_is_read_as_luminance(tmp_path: Path) -> None:

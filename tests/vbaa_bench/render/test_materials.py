@@ -7,7 +7,7 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.materials import bsdf
-from vbaa_bench.render.textures import graded, grown
+from vbaa_bench.render.textures import gradient_texture, random_texture
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.paint import Paint
 
@@ -67,7 +67,7 @@ def test_a_graded_sheet_is_a_straight_line_of_reflectance() -> None:
     # Across a square of side 2 towards +y, from its middle: 0.1 to 0.5 within 4, then constant.
     y = np.array([-9.0, -2.0, -1.0, 0.0, 0.3, 1.0, 2.0, 9.0])
     places = np.column_stack([np.linspace(-5, 5, 8), y])
-    texture = graded(places, 0.1, 0.5, np.deg2rad(90), 4.0)
+    texture = gradient_texture(places, 0.1, 0.5, np.deg2rad(90), 4.0)
     bitmap = mi.load_dict(bsdf("matt", 0.0, 0.3, texture)["bsdf"]["reflectance"])
     seen = []
     for u, v in texture.uv:
@@ -80,7 +80,7 @@ def test_a_graded_sheet_is_a_straight_line_of_reflectance() -> None:
 def test_a_grown_texture_has_the_stated_mean_contrast_and_correlation() -> None:
     places = np.zeros((4, 2))
     correlation = (6e-3, 2e-3)
-    texture = grown(places, 0.2, 0.3, correlation, 0.5, np.random.default_rng(1))
+    texture = random_texture(places, 0.2, 0.3, correlation, 0.5, np.random.default_rng(1))
     image = texture.image
     assert image.mean() == pytest.approx(0.2, rel=0.02)
     assert image.std() / image.mean() == pytest.approx(0.3, rel=0.05)
@@ -96,12 +96,14 @@ def test_a_grown_texture_has_the_stated_mean_contrast_and_correlation() -> None:
 def test_a_texture_is_its_generators_and_repeats_without_a_seam() -> None:
     def made(seed: int) -> Floats:
         random = np.random.default_rng(seed)
-        return grown(np.zeros((4, 2)), 0.2, 0.3, (2e-3, 2e-3), 0.1, random).image
+        return random_texture(np.zeros((4, 2)), 0.2, 0.3, (2e-3, 2e-3), 0.1, random).image
 
     image = made(1)
     assert (made(1) == image).all()
     assert (made(2) != image).any()
     step = np.abs(np.diff(image, axis=1)).mean()
     assert np.abs(image[:, 0] - image[:, -1]).mean() == pytest.approx(step, rel=0.3)
-    texture = grown(np.array([[0.1, 0.0]]), 0.2, 0.3, (2e-3, 2e-3), 0.1, np.random.default_rng(1))
+    texture = random_texture(
+        np.array([[0.1, 0.0]]), 0.2, 0.3, (2e-3, 2e-3), 0.1, np.random.default_rng(1)
+    )
     assert texture.uv[0, 0] == pytest.approx(1.0)

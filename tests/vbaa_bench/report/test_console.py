@@ -3,8 +3,8 @@
 import pytest
 
 from solver.instrument.errors import InputError
-from vbaa_bench.report.console import hear, show_table
-from vbaa_bench.scoring.layout import kept_as
+from vbaa_bench.report.console import print_line, show_table
+from vbaa_bench.scoring.layout import run_name
 
 
 def test_a_table_is_whole_where_the_terminal_is_narrow(
@@ -19,12 +19,12 @@ def test_a_table_is_whole_where_the_terminal_is_narrow(
 
 
 def test_what_is_heard_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
-    hear("[/x] [bold]as it is[/bold] :smile:")
+    print_line("[/x] [bold]as it is[/bold] :smile:")
     assert capsys.readouterr().err == "[/x] [bold]as it is[/bold] :smile:\n"
 
 
 def test_a_method_names_a_file_beside_the_others() -> None:
-    assert kept_as("mine:best", "area_weighted") == "mine.best@area_weighted"
+    assert run_name("mine:best", "area_weighted") == "mine.best@area_weighted"
     for name in ("../../mine:best", "[/x]"):
         with pytest.raises(InputError, match="is not a name or package"):
-            kept_as(name)
+            run_name(name)

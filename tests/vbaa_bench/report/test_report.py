@@ -43,7 +43,7 @@ def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
     # No spring, so no chart of compliance; psi's and x_c's stated errors; Fig. 8 and errors.
     assert page.count("<svg") == 1 + 1 + 2 + 2 * 2 + 2
     table = results.scores / "scores.parquet"
-    pl.read_parquet(table).drop("honest").write_parquet(table)
+    pl.read_parquet(table).drop("consistent").write_parquet(table)
     with pytest.raises(InputError, match="score the dataset again"):
         report(results)
 
@@ -79,9 +79,9 @@ def test_charts_of_many_frames_stay_small() -> None:
     assert len(charts) == 5
     for chart in charts:
         assert 1e5 < len(_svg(chart)) < 5e5
-    shown = figures.few_dots(scores)
-    assert shown.height == figures.MOST_DOTS
-    assert shown.equals(figures.few_dots(scores))
+    shown = figures.sample_dots(scores)
+    assert shown.height == figures.MAX_DOTS
+    assert shown.equals(figures.sample_dots(scores))
 
 
 def test_a_report_is_written_where_the_solver_cannot_be_set_up(

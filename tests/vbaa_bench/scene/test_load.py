@@ -35,9 +35,11 @@ def test_fig8_is_the_papers_experiment() -> None:
     assert work.frames == 270
     for push in {trial.push for trial in work.frame_specs}:
         experiment = Experiment(load_scene(path).scene, work.rig, push, path.parent)
-        for goal, state in zip(push.goals, experiment.states(), strict=True):
+        for target, state in zip(push.targets, experiment.states(), strict=True):
             assert 0.03 < state.pushing_angle < 0.2  # about 2 to 11 degrees
-            assert state.tip[1] / work.rig.beam.length == pytest.approx(goal.deflection, rel=1e-12)
+            assert state.tip[1] / work.rig.beam.length == pytest.approx(
+                target.deflection, rel=1e-12
+            )
 
 
 def test_every_mistake_is_listed_at_its_place(tmp_path: Path) -> None:

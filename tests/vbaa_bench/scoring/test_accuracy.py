@@ -63,9 +63,9 @@ def test_a_row_for_every_dataset_and_method(scored: Path) -> None:
     good, bad = accuracy([scored])
     assert (good["scene"], good["method"], good["n"]) == ("taper", "good", 4)
     assert good["x_c_rmse_pct_L"] == pytest.approx(0.1)
-    assert (good["x_c_within_3_sigma_pct"], good["honest_pct"]) == (100, 100)
+    assert (good["x_c_within_3_sigma_pct"], good["consistent_pct"]) == (100, 100)
     assert good["x_c_sigma_over_rmse"] == pytest.approx(0.3 / 0.24)
-    assert (bad["x_c_within_3_sigma_pct"], bad["honest_pct"]) == (0, 0)
+    assert (bad["x_c_within_3_sigma_pct"], bad["consistent_pct"]) == (0, 0)
     assert bad["outcomes"] == {"contact": 3, "crashed": 1}
     assert "tapered" in good["remark"]
 
@@ -145,7 +145,7 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         accuracy([tmp_path / "none"])
     table = scored / "scores" / "scores.parquet"
     complete = pl.read_parquet(table)
-    for column in ("honest", "force_y_error_in_sigmas"):
+    for column in ("consistent", "force_y_error_in_sigmas"):
         complete.drop(column).write_parquet(table)
         with pytest.raises(InputError, match="score the dataset again"):
             accuracy([scored])

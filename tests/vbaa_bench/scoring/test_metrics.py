@@ -17,7 +17,7 @@ from solver.instrument.estimate import Outcome
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.scoring.metrics import checked_predictions, read_predictions, score_frames
 from vbaa_bench.scoring.refusals import right_refusals
-from vbaa_bench.scoring.summary import facts
+from vbaa_bench.scoring.summary import summarise_method
 
 
 def scored(true: list[dict[str, Any]], answers: list[dict[str, Any] | None]) -> pl.DataFrame:
@@ -55,7 +55,7 @@ def test_compliance_is_judged_in_per_cent_of_springs_and_in_mm_per_n_of_rigid_ob
     )
     assert rows["true_compliance_mm_per_n"].to_list() == [10.0, 0.0, None]
     assert rows["compliance_error_pct"].to_list() == [pytest.approx(5.0), None, None]
-    found = facts(rows)
+    found = summarise_method(rows)
     assert found["compliance_rmse_pct"] == pytest.approx(5.0)
     assert found["compliance_rigid_rmse_mm_per_n"] == pytest.approx(0.01)
     assert found["calibration"]["compliance_rigid"]["coverage_95"] == 1
@@ -66,7 +66,7 @@ def test_of_a_push_the_last_frame_counts_by_itself() -> None:
     steps = [{"k_s_n_m": 100.0, "push_id": "p", "step": step} for step in (2, 0, 1)]
     stated = [10.1, 20.0, 15.0]
     answers = [{"x_c_mm": 120.0, "compliance_mm_per_n": value} for value in stated]
-    found = facts(scored(steps, list(answers)))
+    found = summarise_method(scored(steps, list(answers)))
     assert found["compliance_last_rmse_pct"] == pytest.approx(1.0)
     assert found["compliance_rmse_pct"] > 50
 
@@ -92,12 +92,12 @@ def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it() -> None:
             answer[f"contact_antenna_{axis}_sigma_mm"] = 0.05 if axis == "y" else 0.2
         answer |= {"force_y_n": 0.098 + rng.normal(0, 1e-3), "force_y_sigma_n": 1e-3}
         answers.append(answer)
-    found = facts(scored([{}] * len(answers), answers))
+    found = summarise_method(scored([{}] * len(answers), answers))
     stated = found["calibration"]
     # The mean square of 2000 Gaussian numbers has a standard error of 0.03.
-    for honest in ("contact_antenna_x", "contact_antenna_z", "force_y"):
-        assert stated[honest]["nees"] == pytest.approx(1, abs=0.13)
-        assert stated[honest]["coverage_95"] == pytest.approx(0.95, abs=0.02)
+    for consistent in ("contact_antenna_x", "contact_antenna_z", "force_y"):
+        assert stated[consistent]["nees"] == pytest.approx(1, abs=0.13)
+        assert stated[consistent]["coverage_95"] == pytest.approx(0.95, abs=0.02)
     assert stated["contact_antenna_y"]["nees"] == pytest.approx(16, rel=0.13)
     assert stated["contact_antenna_y"]["coverage_95"] < 0.5
     assert stated["force_x"] is None  # nobody states it
@@ -108,9 +108,9 @@ def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it() -> None:
 def test_a_sigma_that_is_not_positive_states_nothing(sigma: float | None) -> None:
     rows = scored([{}], [{"x_c_mm": 121.0, "x_c_sigma_mm": sigma}])
     assert rows["x_c_error_in_sigmas"].to_list() == [None]
-    found = facts(rows)
+    found = summarise_method(rows)
     assert found["calibration"]["x_c"] is None
-    assert found["honest_rate"] is None
+    assert found["consistent_rate"] is None
 
 
 def test_stated_sigmas_are_held_against_errors() -> None:
@@ -118,20 +118,20 @@ def test_stated_sigmas_are_held_against_errors() -> None:
 
     def found(sigma: float) -> dict[str, float]:
         answers = [{"x_c_mm": 120 + error, "x_c_sigma_mm": sigma} for error in errors]
-        calibration: dict[str, float] = facts(scored([{}] * len(errors), list(answers)))[
+        calibration: dict[str, float] = summarise_method(scored([{}] * len(errors), list(answers)))[
             "calibration"
         ]["x_c"]
         return calibration
 
-    honest, bold = found(0.3), found(0.15)
+    consistent, bold = found(0.3), found(0.15)
     # The share's own standard error is 0.0035.
-    assert honest["coverage_95"] == pytest.approx(0.95, abs=0.012)
-    assert honest["within_3_sigma"] == pytest.approx(0.9973, abs=0.003)
-    assert honest["nees"] == pytest.approx(1, abs=0.07)
-    assert honest["sigma_over_rmse"] == pytest.approx(1, abs=0.04)
+    assert consistent["coverage_95"] == pytest.approx(0.95, abs=0.012)
+    assert consistent["within_3_sigma"] == pytest.approx(0.9973, abs=0.003)
+    assert consistent["nees"] == pytest.approx(1, abs=0.07)
+    assert consistent["sigma_over_rmse"] == pytest.approx(1, abs=0.04)
     assert bold["coverage_95"] == pytest.approx(0.673, abs=0.025)
-    assert bold["nees"] == pytest.approx(4 * honest["nees"])
-    assert bold["sigma_over_rmse"] == pytest.approx(honest["sigma_over_rmse"] / 2)
+    assert bold["nees"] == pytest.approx(4 * consistent["nees"])
+    assert bold["sigma_over_rmse"] == pytest.approx(consistent["sigma_over_rmse"] / 2)
 
 
 def test_mutated_predictions_are_scored_or_refused(tmp_path: Path) -> None:
@@ -183,7 +183,7 @@ def test_leaving_a_frame_out_counts_as_half_the_beam_unless_a_refusal_is_right()
     refused = {"outcome": "not identifiable"}
 
     def both(answers: list[dict[str, Any] | None]) -> tuple[float, float]:
-        found = facts(scored(true, answers))
+        found = summarise_method(scored(true, answers))
         return found["x_c_rmse_pct_L"], found["x_c_rmse_all_pct_L"]
 
     free = {"outcome": "no contact"}
@@ -194,8 +194,8 @@ def test_leaving_a_frame_out_counts_as_half_the_beam_unless_a_refusal_is_right()
     assert both([off, None, refused, off]) == pytest.approx((10, lacking))
     assert both([off, refused, refused, free]) == pytest.approx((10, lacking))
     # A method of forces alone owes no distance; one that answers nothing owes everything.
-    assert facts(scored([{}], [{"force_n": 0.1}]))["x_c_rmse_all_pct_L"] is None
-    assert facts(scored([{}], [{"outcome": "crashed"}]))["x_c_rmse_all_pct_L"] == 50
+    assert summarise_method(scored([{}], [{"force_n": 0.1}]))["x_c_rmse_all_pct_L"] is None
+    assert summarise_method(scored([{}], [{"outcome": "crashed"}]))["x_c_rmse_all_pct_L"] == 50
 
 
 def test_what_crashed_what_was_refused_and_what_was_missed_are_told_apart() -> None:
@@ -213,13 +213,13 @@ def test_what_crashed_what_was_refused_and_what_was_missed_are_told_apart() -> N
         ],
     )
     assert rows["failed"].to_list() == [False, False, True, True, True, False, True]
-    assert rows["honest"].to_list() == [True, False, False, False, False, True, False]
-    found = facts(rows)
+    assert rows["consistent"].to_list() == [True, False, False, False, False, True, False]
+    found = summarise_method(rows)
     assert found["failure_rate"] == 4 / 7
     assert found["refused_rate"] == 2 / 7
     assert found["rightly_refused_rate"] == 0
     assert found["crashed_rate"] == 1 / 7
-    assert found["honest_rate"] == 2 / 7
+    assert found["consistent_rate"] == 2 / 7
     assert found["false_contact_rate"] == 1 / 2
     assert found["free_frames"] == 2
     assert found["detection_rate"] == 2 / 5
@@ -233,11 +233,11 @@ def test_what_crashed_what_was_refused_and_what_was_missed_are_told_apart() -> N
 
 
 def test_rates_of_frames_that_are_not_there_are_null() -> None:
-    touched = facts(scored([{}], [{"x_c_mm": 120.0}]))
+    touched = summarise_method(scored([{}], [{"x_c_mm": 120.0}]))
     assert touched["false_contact_rate"] is None
-    free = facts(scored([FREE], [{"outcome": "no contact", "x_c_mm": None}]))
+    free = summarise_method(scored([FREE], [{"outcome": "no contact", "x_c_mm": None}]))
     assert free["detection_rate"] is None
-    assert (free["failure_rate"], free["honest_rate"], free["x_c_rmse_pct_L"]) == (0, 1, None)
+    assert (free["failure_rate"], free["consistent_rate"], free["x_c_rmse_pct_L"]) == (0, 1, None)
 
 
 # The tip's shift, of one per cent of L, over what all 467 columns together err by.
@@ -267,7 +267,7 @@ def test_when_an_answer_without_numbers_is_right(true: dict[str, Any], right: se
         if outcome.has_values:
             continue
         row = one(true, {"outcome": str(outcome)})
-        assert row["honest"] == (str(outcome) in right)
+        assert row["consistent"] == (str(outcome) in right)
         if row["true_x_c_mm"] is not None:
             assert row["failed"]
             assert row["rightly_refused"] == (str(outcome) in right)
@@ -276,7 +276,7 @@ def test_when_an_answer_without_numbers_is_right(true: dict[str, Any], right: se
 def test_numbers_with_an_honest_sigma_are_right_where_a_refusal_would_be() -> None:
     weak = {"x_c_mm": 150.0, "x_c_sigma_mm": 40.0, "outcome": "weak contact"}
     row = one({"deflection_pct": 0.01}, weak)
-    assert row["honest"]
+    assert row["consistent"]
     assert not row["failed"]
 
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.benchmarks.stress.rows import Wanted
+from vbaa_bench.benchmarks.stress.rows import Targets
 from vbaa_bench.benchmarks.stress.trial import FrameResult, RigResult
 
 # Chosen: the interval limits then scatter by a few per cent of its width.
@@ -30,7 +30,7 @@ class Figure:
 def figures(rigs: Sequence[RigResult], seed: int) -> dict[str, Figure]:
     """Compute a row's figures over all frames of all rigs.
 
-    Figures in % of frames are answered, honest, detected and false. Figures of the answered
+    Figures in % of frames are answered, consistent, detected and false. Figures of the answered
     frames in % of L are rmse and median. sigma_ratio is the RMS of the stated sigmas over the
     RMSE.
     """
@@ -46,7 +46,7 @@ def figures(rigs: Sequence[RigResult], seed: int) -> dict[str, Figure]:
     }
 
 
-def missed(found: dict[str, Figure], wanted: Wanted) -> tuple[str, ...]:
+def missed(found: dict[str, Figure], wanted: Targets) -> tuple[str, ...]:
     """List the names of the target figures that the values do not reach."""
     upper = {"rmse": "rmse", "sigma_ratio": "sigma_ratio", "alarmed": "detected", "false": "false"}
     names = []
@@ -58,12 +58,12 @@ def missed(found: dict[str, Figure], wanted: Wanted) -> tuple[str, ...]:
 
 
 def _frame_rows(frames: Sequence[FrameResult]) -> Floats:
-    """Make rows (n, 5): error, sigma [% of L, NaN if missing], honest, detected, false."""
+    """Make rows (n, 5): error, sigma [% of L, NaN if missing], consistent, detected, false."""
     rows = [
         (
             np.nan if frame.error_pct is None else frame.error_pct,
             np.nan if frame.sigma_pct is None else frame.sigma_pct,
-            frame.honest,
+            frame.consistent,
             frame.detected,
             frame.false,
         )
@@ -90,7 +90,7 @@ _FIGURES: Final[dict[str, Callable[[Floats], float]]] = {
     "answered": lambda frames: _percentage(np.isfinite(frames[:, 0])),
     "rmse": lambda frames: _rms(frames[:, 0]),
     "median": lambda frames: _median(frames[:, 0]),
-    "honest": lambda frames: _percentage(frames[:, 2]),
+    "consistent": lambda frames: _percentage(frames[:, 2]),
     "sigma_ratio": lambda frames: _rms(frames[:, 1]) / max(_rms(frames[:, 0]), 1e-12),
     "detected": lambda frames: _percentage(frames[:, 3]),
     "false": lambda frames: _percentage(frames[:, 4]),

@@ -42,12 +42,12 @@ def warped(image: Grey, source: Floats) -> Grey:
     return requantised(values, image)
 
 
-def knocked_across(pixels: float) -> Perturbation:
+def shifted_across(pixels: float) -> Perturbation:
     """Shift the frames across the beam at rest, like a camera that moved after calibration."""
     return lambda recording, _random: _shift_frames(recording, _across(recording) * pixels)
 
 
-def knocked_along(pixels: float) -> Perturbation:
+def shifted_along(pixels: float) -> Perturbation:
     """Shift the frames along the beam at rest."""
     return lambda recording, _random: _shift_frames(recording, _along(recording) * pixels)
 
@@ -111,7 +111,7 @@ def turned(quarters: int) -> Perturbation:
     return perturb
 
 
-def untold_half_turn(recording: Recording, _random: np.random.Generator) -> Recording:
+def reversed_beam(recording: Recording, _random: np.random.Generator) -> Recording:
     """Reverse the stated direction of the beam: clamp and tip are exchanged.
 
     The rig's pose of the board is turned by 180 degrees about the middle of the beam.

@@ -46,7 +46,7 @@ def drawn_rig(file: SceneFile, seed: int, number: int, frames: int) -> SceneFile
     }
     if scene.sensor.bits != 8:
         message = f"is {scene.sensor.bits}, allowed is 8: videos and JPEG have 8 bits"
-        raise InputError(file.complaint(("sensor", "bits"), message))
+        raise InputError(file.message_at(("sensor", "bits"), message))
     return replace(file, scene=Scene.model_validate(scene.model_dump() | _as_dict(update)))
 
 
@@ -108,7 +108,7 @@ def _pushes(file: SceneFile, frames: int) -> SamplingSpec:
     assert pushes is not None
     if pushes.contact_distance_mm is None or pushes.deflection_pct is None:
         message = "has no contact_distance_mm or no deflection_pct; stress needs ranges of both"
-        raise InputError(file.complaint(("pushes",), message))
+        raise InputError(file.message_at(("pushes",), message))
     return SamplingSpec(
         method="latin_hypercube",
         count=frames,

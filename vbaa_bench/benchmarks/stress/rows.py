@@ -15,16 +15,16 @@ UNKNOWN: Final = frozenset({"camera_shift_unknown", "bow_undecided"})
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Targets:
     """Bounds on a row's figures, all in % but `sigma_ratio`; None if not bounded.
 
-    `answered`, `honest` and `detected` are lower bounds; `rmse` (% of L), `sigma_ratio`, `alarmed`
-    and `false` are upper ones.
+    `answered`, `consistent` and `detected` are lower bounds; `rmse` (% of L), `sigma_ratio`,
+    `alarmed` and `false` are upper ones.
     """
 
     answered: float | None = None
     rmse: float | None = None
-    honest: float | None = None
+    consistent: float | None = None
     sigma_ratio: float | None = None
     detected: float | None = None
     alarmed: float | None = None
@@ -46,22 +46,22 @@ class Row:
     name: str
     done: str
     perturb: Perturbation
-    wanted: Wanted
+    wanted: Targets
     signs: frozenset[str] = frozenset()
 
 
-def _usable(answered: float | None = None, rmse: float | None = None) -> Wanted:
-    """Return the targets for images that a solver must handle: honest, and without alarm.
+def _usable(answered: float | None = None, rmse: float | None = None) -> Targets:
+    """Return the targets for images that a solver must handle: consistent, and without alarm.
 
     Honest is 95 % within 3 sigma with sigmas up to twice the error (the issue's own figures).
     Alarms at 3 sigma occur by chance: one in 370 for each of a handful of tests.
     """
-    return Wanted(answered, rmse, honest=95, sigma_ratio=2, alarmed=5)
+    return Targets(answered, rmse, consistent=95, sigma_ratio=2, alarmed=5)
 
 
 # Tests at 3 sigma may miss a few per cent.
-_DETECTED: Final = Wanted(detected=95)
-_ALWAYS_DETECTED: Final = Wanted(detected=100, false=0)
+_DETECTED: Final = Targets(detected=95)
+_ALWAYS_DETECTED: Final = Targets(detected=100, false=0)
 
 ROWS: Final = (
     Row("clean", "unchanged", gray.unchanged, _usable(100, 0.1)),
@@ -69,7 +69,7 @@ ROWS: Final = (
         "copied_rest",
         "four copies of one rest image",
         gray.copied_rest_image,
-        Wanted(honest=95, sigma_ratio=2, detected=100),
+        Targets(consistent=95, sigma_ratio=2, detected=100),
         frozenset({"rest_images_identical"}),
     ),
     Row("one_rest", "single rest image", gray.one_rest_image, _usable()),
@@ -94,21 +94,21 @@ ROWS: Final = (
     Row(
         "across_0.5",
         "frames shifted by 0.5 px across the beam",
-        geometry.knocked_across(0.5),
+        geometry.shifted_across(0.5),
         _ALWAYS_DETECTED,
         CAMERA_MOVED,
     ),
     Row(
         "across_2",
         "frames shifted by 2 px across the beam",
-        geometry.knocked_across(2.0),
+        geometry.shifted_across(2.0),
         _ALWAYS_DETECTED,
         CAMERA_MOVED,
     ),
     Row(
         "along_0.5",
         "frames shifted by 0.5 px along the beam",
-        geometry.knocked_along(0.5),
+        geometry.shifted_along(0.5),
         _DETECTED,
         CAMERA_MOVED,
     ),
@@ -145,7 +145,7 @@ ROWS: Final = (
         "rest_touched",
         "tip deflected by 0.5 mm in one rest image",
         geometry.bent_rests(0.5, touched=1),
-        Wanted(100, honest=95, sigma_ratio=2, detected=95),
+        Targets(100, consistent=95, sigma_ratio=2, detected=95),
         frozenset({"rest_image_left_out"}),
     ),
     Row(
@@ -158,7 +158,7 @@ ROWS: Final = (
     Row(
         "points_left",
         "rig.json: beam direction reversed",
-        geometry.untold_half_turn,
+        geometry.reversed_beam,
         _ALWAYS_DETECTED,
         POSE,
     ),

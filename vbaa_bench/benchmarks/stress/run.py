@@ -9,13 +9,13 @@ import cv2
 
 from solver.instrument.errors import InputError
 from vbaa_bench.benchmarks.stress.figures import Figure, figures, missed
-from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Wanted
+from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Targets
 from vbaa_bench.benchmarks.stress.trial import RigResult, stress_rig
 from vbaa_bench.generation.workers import Pool
 
 Record = dict[str, Any]
 TITLE: Final = (
-    "answered, honest, detected, false: % of frames; RMSE, median |error| of x_c: % of L; "
+    "answered, consistent, detected, false: % of frames; RMSE, median |error| of x_c: % of L; "
     "ratio: RMS sigma over RMSE; 95 % intervals over rigs"
 )
 HEADS: Final = (
@@ -24,7 +24,7 @@ HEADS: Final = (
     "answered",
     "RMSE",
     "median",
-    "honest",
+    "consistent",
     "ratio",
     "detected",
     "false",
@@ -101,7 +101,7 @@ def _record(row: Row, rigs: Sequence[RigResult], seed: int) -> Record:
 
 
 def _line(record: Record) -> tuple[str, ...]:
-    targets = _format_targets(Wanted(**record["wanted"]))
+    targets = _format_targets(Targets(**record["wanted"]))
     name = f"{record['row']}: {record['done']}"
     if "skipped" in record:
         return (name, "0", *["–"] * 7, targets, f"skipped: {record['skipped']}")
@@ -112,7 +112,7 @@ def _line(record: Record) -> tuple[str, ...]:
         _format_figure(values["answered"], "{:.0f}"),
         _format_figure(values["rmse"], "{:.3g}"),
         _format_figure(values["median"], "{:.2g}"),
-        _format_figure(values["honest"], "{:.0f}"),
+        _format_figure(values["consistent"], "{:.0f}"),
         _format_figure(values["sigma_ratio"], "{:.2g}"),
         _format_figure(values["detected"], "{:.0f}"),
         _format_figure(values["false"], "{:.0f}"),
@@ -129,11 +129,11 @@ def _format_figure(figure: Figure, template: str) -> str:
     return f"{template} ({template}–{template})".format(figure.value, figure.low, figure.high)
 
 
-def _format_targets(targets: Wanted) -> str:
+def _format_targets(targets: Targets) -> str:
     templates = {
         "answered": "answered {:g}",
         "rmse": "RMSE {:g}",
-        "honest": "honest {:g}",
+        "consistent": "consistent {:g}",
         "sigma_ratio": "ratio {:g}",
         "detected": "detected {:g}",
         "alarmed": "alarms {:g}",

@@ -12,7 +12,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
 from solver.instrument.units import MILLIMETRE
-from solver.lab.check import checked
+from solver.lab.check import calibration_report
 from solver.lab.shots import Files
 from solver.methods import METHODS
 from solver.set_up import set_up
@@ -26,7 +26,7 @@ from vbaa_bench.benchmarks.stress.rows import UNKNOWN, Row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 
-# With fewer visible points a failure outcome is honest (the project's definition).
+# With fewer visible points a failure outcome is consistent (the project's definition).
 MIN_POINTS = 8
 # Replaces an outcome where `set_up` refused the whole rig.
 REFUSED = "refused"
@@ -36,8 +36,8 @@ REFUSED = "refused"
 class FrameResult:
     """Result of one frame: its outcome, and error and stated sigma of x_c in % of L.
 
-    Both are None if there is no estimate; `sigma_pct` also if none was stated. `honest`,
-    `detected` and `false` are verdicts, see `judged`.
+    Both are None if there is no estimate; `sigma_pct` also if none was stated. `consistent`,
+    `detected` and `false` are verdicts, see `score_frame`.
     """
 
     frame_id: str
@@ -46,7 +46,7 @@ class FrameResult:
     points: int
     error_pct: float | None
     sigma_pct: float | None
-    honest: bool
+    consistent: bool
     detected: bool
     false: bool
 
@@ -67,7 +67,7 @@ class RigResult:
 
 
 @dataclass(frozen=True)
-class Answer:
+class SolverResult:
     """Result of the solver for one frame, or for the whole rig, with its number of points."""
 
     outcome: str
@@ -99,20 +99,22 @@ def stress_rig(root: Path, number: int, row: Row, method: str, seed: int) -> Rig
     with tempfile.TemporaryDirectory(prefix="vbaa-stress-") as folder:
         target = Path(folder) / "observations"
         write_recording(perturbed, layout.observations, target)
-        findings, refusal, answers = solved(target, method)
-    refused = Answer(REFUSED, refusal)
+        findings, refusal, answers = solve_observations(target, method)
+    refused = SolverResult(REFUSED, refusal)
     return RigResult(
         number,
         findings,
         refusal,
         frames=tuple(
-            judged(frame_id, answers.get(frame_id, refused), x_c, length, row, findings)
+            score_frame(frame_id, answers.get(frame_id, refused), x_c, length, row, findings)
             for frame_id, x_c in sorted(true_contacts.items())
         ),
     )
 
 
-def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mapping[str, Answer]]:
+def solve_observations(
+    observations: Path, method: str
+) -> tuple[tuple[str, ...], str, Mapping[str, SolverResult]]:
     """Solve observations; return findings of `check`, why `set_up` refused ("" if not), answers.
 
     Findings are given by name, answers by frame.
@@ -120,7 +122,9 @@ def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mappi
     try:
         opened = open_observations(observations)
         antenna = set_up(opened)
-        findings = tuple(finding.name for finding in getattr(checked(antenna), "findings", ()))
+        findings = tuple(
+            finding.name for finding in getattr(calibration_report(antenna), "findings", ())
+        )
     except InputError as error:
         return (), str(error), {}
     except Exception as error:  # noqa: BLE001 - a traceback of set_up is a result of this test
@@ -128,7 +132,7 @@ def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mappi
         return (
             (),
             message,
-            dict.fromkeys(_frame_ids(observations), Answer(Outcome.CRASHED, message)),
+            dict.fromkeys(_frame_ids(observations), SolverResult(Outcome.CRASHED, message)),
         )
     tracker = PushTracker(antenna, METHODS[method])
     answers = {}
@@ -139,15 +143,15 @@ def solved(observations: Path, method: str) -> tuple[tuple[str, ...], str, Mappi
     return findings, "", answers
 
 
-def judged(
+def score_frame(
     frame_id: str,
-    answer: Answer,
+    answer: SolverResult,
     true_x_c: float,
     length: float,
     row: Row,
     findings: tuple[str, ...],
 ) -> FrameResult:
-    """Score one answer as detected, false or honest.
+    """Score one answer as detected, false or consistent.
 
     Detected: `set_up` refused, or a finding or the outcome is one of the row's signs, or the
     message contains one; in a row without signs, any finding, a refusal or a moved camera. False:
@@ -172,18 +176,18 @@ def judged(
         answer.points,
         error,
         sigma,
-        honest=within
+        consistent=within
         or (error is None and answer.outcome not in failures and (identified or too_few)),
         detected=detected,
         false=answer.outcome == Outcome.NO_CONTACT or (error is not None and not within),
     )
 
 
-def _answer(estimate: Estimate, points: int) -> Answer:
+def _answer(estimate: Estimate, points: int) -> SolverResult:
     x_c = estimate.values.get("x_c_m")
     has_sigma = x_c is not None and estimate.covariance is not None
     sigma = estimate.sigma("x_c_m") if has_sigma else None
-    return Answer(str(estimate.outcome), estimate.message, points, x_c, sigma)
+    return SolverResult(str(estimate.outcome), estimate.message, points, x_c, sigma)
 
 
 def _frame_ids(observations: Path) -> list[str]:

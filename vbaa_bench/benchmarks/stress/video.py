@@ -44,14 +44,14 @@ def mjpg(quality: int) -> Perturbation:
 def _by_video(encode: Encode, suffix: str, rest_from_video: bool) -> Perturbation:
     def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
         rest_count = len(recording.rests) if rest_from_video else 0
-        images = through(encode, suffix, recording.rests[:rest_count] + recording.frames)
+        images = encode_and_decode(encode, suffix, recording.rests[:rest_count] + recording.frames)
         rests = images[:rest_count] or recording.rests
         return replace(recording, rests=rests, frames=images[rest_count:])
 
     return perturb
 
 
-def through(encode: Encode, suffix: str, images: Images) -> Images:
+def encode_and_decode(encode: Encode, suffix: str, images: Images) -> Images:
     """Encode images as a video and read it as the solver does.
 
     Codecs need even sizes: the last column or row is repeated, and removed again.
