@@ -1,6 +1,7 @@
 """Command line of the solver: `python -m solver OBSERVATIONS --method exact_fit`."""
 
 import sys
+import time
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from solver.instrument.observation import Observations, open_observations, open_
 from solver.instrument.rig import read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.lab.check import calibration_report
-from solver.lab.console import busy, console, table, with_progress
+from solver.lab.console import console, setting_up, table, with_progress
 from solver.lab.controls import NO_CONTROLS, Controls, controls_of
 from solver.lab.live import json_line, solve_shots, warm_up
 from solver.lab.overlay import OverlayWriter, draw
@@ -103,7 +104,7 @@ def solve(
     )
     if target:
         prepare_output_path(target)
-    with busy("calibrating; the first run on a computer compiles, which takes a while", quiet):
+    with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
         warm_up(antenna, function, next(observations.read_rest_images()))
     rows: dict[int, Row] = {}
@@ -132,6 +133,19 @@ def solve(
     if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
         console.print("interrupted: the estimates so far are kept")
         raise typer.Exit(130)
+
+
+@app.command()
+def warm(
+    rig: RigOption,
+    method: Annotated[str, typer.Option(help=f"{', '.join(METHODS)}")] = "exact_fit",
+) -> None:
+    """Compile all code that a frame needs, so that the next start takes seconds."""
+    function, observations = find_method(method), open_rig(rig)
+    start = time.perf_counter()
+    with setting_up(quiet=False):
+        warm_up(set_up(observations), function, next(observations.read_rest_images()))
+    console.print(f"ready after {time.perf_counter() - start:.1f} s")
 
 
 @app.command()

@@ -8,6 +8,7 @@ from solver.calibrate import calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
+from solver.first_start import fits_compiled_beside
 from solver.instrument.errors import InputError
 from solver.instrument.gray_scale import gray_scale
 from solver.instrument.observation import Observations
@@ -22,6 +23,11 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     `learn` makes the extractor from the images of the beam at rest. Raises InputError if the
     images do not allow it.
     """
+    with fits_compiled_beside(observations.rig):
+        return _set_up(observations, learn)
+
+
+def _set_up(observations: Observations, learn: Learn) -> Antenna:
     rig = observations.rig
     calibration = calibrate(observations.read_board_views(), rig)
     if calibration.reprojection_px > MAX_REPROJECTION_PX:

@@ -29,7 +29,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"lab"},
         {"tracker"},
         {"to_measurement", "set_up"},
-        {"antenna"},
+        {"antenna", "first_start"},
         {"at_rest"},
         {"calibrate", "centreline", "methods"},
         {"fitting"},

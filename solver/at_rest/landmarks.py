@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
+from solver.instrument.small_matrices import solve_definite, whitening
 
 # Number of landmarks kept, the strongest ones: a thousand pixels cost 0.05 ms per image.
 MAX_LANDMARKS = 1000
@@ -72,13 +73,8 @@ class Shift(NamedTuple):
         return distance2 > MOVED_CHI2 * (uu * vv - self.uv**2)
 
 
-@dataclass(frozen=True)
-class Landmarks:
-    """n pixels (rows, columns) with their gray values, gradients [gray/px] and sigmas at rest.
-
-    In `processed` images the errors of a block are correlated. Noise in the gradients adds
-    `pretended` to the expected (gradient over sigma)^2 [1/px^2].
-    """
+class Pixels(NamedTuple):
+    """n pixels (rows, columns) with their gray values, gradients [gray/px] and sigmas at rest."""
 
     rows: npt.NDArray[np.int64]
     columns: npt.NDArray[np.int64]
@@ -86,8 +82,31 @@ class Landmarks:
     along_u: Floats
     along_v: Floats
     sigma: Floats
+
+
+class _Match(NamedTuple):
+    """Shift (du, dv) [px] with its covariance, share of agreeing landmarks, scatter in sigmas."""
+
+    du: float
+    dv: float
+    uu: float
+    uv: float
+    vv: float
+    agreeing: float
+    scatter: float
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """The landmarks' pixels at rest, and what limits the detection of a shift.
+
+    In `processed` images the errors of a block are correlated. Noise in the gradients adds
+    `noise_information` to the expected (gradient over sigma)^2 [1/px^2].
+    """
+
+    pixels: Pixels
     processed: bool
-    pretended: float
+    noise_information: float
 
     @property
     def known(self) -> bool:
@@ -98,12 +117,14 @@ class Landmarks:
     def shift_sigma(self) -> float:
         """Sigma [px] of a shift in its least certain direction; may be infinite."""
         information = np.zeros((2, 2))
-        for i, a in enumerate((self.along_u, self.along_v)):
-            for j, b in enumerate((self.along_u, self.along_v)):
-                information[i, j] = float(np.sum(a * b / self.sigma**2))
+        gradients = (self.pixels.along_u, self.pixels.along_v)
+        for i, a in enumerate(gradients):
+            for j, b in enumerate(gradients):
+                information[i, j] = float(np.sum(a * b / self.pixels.sigma**2))
         # Twice the expected value: selecting the strongest gradients favours those raised by noise.
         min_information = (
-            float(np.linalg.eigvalsh(information)[0]) - 2 * len(self.rows) * self.pretended
+            float(np.linalg.eigvalsh(information)[0])
+            - 2 * len(self.pixels.rows) * self.noise_information
         )
         return (
             math.sqrt(self._correlated_pixels / min_information)
@@ -115,16 +136,15 @@ class Landmarks:
         """Measure the shift of an image (height, width); return None if the landmarks disagree."""
         if self.shift_sigma > MAX_MEASURED_SIGMA_PX:
             return None
-        du, dv, uu, uv, vv, fraction, scatter = _shift(
-            image, self.rows, self.columns, self.gray, self.along_u, self.along_v, self.sigma
-        )
-        if not (fraction >= LEAST_SHARE and scatter <= MOST_SCATTER):
+        match = _shift(image, self.pixels)
+        if not (match.agreeing >= LEAST_SHARE and match.scatter <= MOST_SCATTER):
             return None
         # The median of n independent |x| exceeds this by chance in one image of a thousand.
-        usual_scatter = 1 + 3.1 * 1.17 / math.sqrt(len(self.rows))
-        inflation = 1 + max(scatter**2 - usual_scatter**2, 0.0) * self._pixels_per_block
+        usual_scatter = 1 + 3.1 * 1.17 / math.sqrt(len(self.pixels.rows))
+        inflation = 1 + max(match.scatter**2 - usual_scatter**2, 0.0) * self._pixels_per_block
         inflation = max(inflation, self._correlated_pixels)
-        return Shift(du, dv, uu * inflation, uv * inflation, vv * inflation)
+        uu, uv, vv = (inflation * entry for entry in (match.uu, match.uv, match.vv))
+        return Shift(match.du, match.dv, uu, uv, vv)
 
     @property
     def _correlated_pixels(self) -> float:
@@ -132,8 +152,10 @@ class Landmarks:
 
     @cached_property
     def _pixels_per_block(self) -> float:
-        blocks = np.unique(np.column_stack([self.rows, self.columns]) // BLOCK, axis=0)
-        return len(self.rows) / max(len(blocks), 1)
+        blocks = np.unique(
+            np.column_stack([self.pixels.rows, self.pixels.columns]) // BLOCK, axis=0
+        )
+        return len(self.pixels.rows) / max(len(blocks), 1)
 
 
 def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: Noise) -> Landmarks:
@@ -158,16 +180,15 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     strongest = np.argsort(strength)[::-1][:MAX_LANDMARKS]
     selected = np.sort(strongest[strength[strongest] > MIN_GRADIENT])
     rows, columns = np.divmod(selected, mean.shape[1])
-    return Landmarks(
+    pixels = Pixels(
         rows,
         columns,
         mean.ravel()[selected],
         along_u.ravel()[selected],
         along_v.ravel()[selected],
         sigma.ravel()[selected],
-        processed,
-        _noise_gain() / (len(images) + 1),
     )
+    return Landmarks(pixels, processed, _noise_gain() / (len(images) + 1))
 
 
 def _noise_gain() -> float:
@@ -177,21 +198,14 @@ def _noise_gain() -> float:
     return float(np.sum(np.gradient(cv2.GaussianBlur(point, (0, 0), BLUR_PX))[0] ** 2))
 
 
-@njit(cache=True, error_model="numpy")
-def _shift(
-    image: Grey,
-    rows: Any,
-    columns: Any,
-    gray: Floats,
-    along_u: Floats,
-    along_v: Floats,
-    sigma: Floats,
-) -> Any:
-    """Estimate (du, dv, covariance uu, uv, vv, share of agreeing landmarks, scatter in sigmas)."""
-    found = _refined(image, rows, columns, gray, along_u, along_v, sigma, 0.0, 0.0)
-    if found[5] >= LEAST_SHARE and found[6] <= MOST_SCATTER:
-        return found
+@njit
+def _shift(image: Grey, pixels: Pixels) -> _Match:
+    """Measure the shift of an image (height, width), coarsely first if it is large."""
+    match = _refined(image, pixels, 0.0, 0.0)
+    if match.agreeing >= LEAST_SHARE and match.scatter <= MOST_SCATTER:
+        return match
     # At large shifts the edges no longer overlap: the best whole pixel is searched first.
+    rows, columns, gray, _, _, sigma = pixels
     best, best_u, best_v = np.inf, 0, 0
     for v in range(-FARTHEST, FARTHEST + 1):
         for u in range(-FARTHEST, FARTHEST + 1):
@@ -201,12 +215,10 @@ def _shift(
                 cost += min(abs(off), 20.0)
             if cost < best:
                 best, best_u, best_v = cost, u, v
-    return _refined(
-        image, rows, columns, gray, along_u, along_v, sigma, float(best_u), float(best_v)
-    )
+    return _refined(image, pixels, float(best_u), float(best_v))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _cubic(t: float, weight: Floats) -> None:
     """Compute weights (4,) to interpolate at t in 0 to 1 between the middle two (Keys 1981)."""
     weight[0] = ((2 - t) * t - 1) * t / 2
@@ -215,25 +227,18 @@ def _cubic(t: float, weight: Floats) -> None:
     weight[3] = (t - 1) * t * t / 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for speed
-    image: Grey,
-    rows: Any,
-    columns: Any,
-    gray: Floats,
-    along_u: Floats,
-    along_v: Floats,
-    sigma: Floats,
-    du: float,
-    dv: float,
-) -> Any:
-    """Refine (du, dv) by Gauss-Newton; return the same as `_shift`."""
+    image: Grey, pixels: Pixels, du: float, dv: float
+) -> _Match:
+    """Refine (du, dv) by Gauss-Newton."""
+    rows, columns, gray, along_u, along_v, sigma = pixels
     n = len(rows)
     residual, row = np.empty(n), np.empty(3)
-    normal, right = np.zeros((3, 3)), np.zeros(3)
+    normal, right, white = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
     down, across = np.empty(4), np.empty(4)
     gain, scatter = 1.0, 1.0
-    unknown = (du, dv, np.inf, 0.0, np.inf, 0.0, np.inf)
+    unknown = _Match(du, dv, np.inf, 0.0, np.inf, 0.0, np.inf)
     for _ in range(STEPS):
         for i in range(n):
             v, u = rows[i] + dv, columns[i] + du
@@ -264,20 +269,24 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
                     normal[p, q] += w * row[p] * row[q]
         for p in range(3):
             normal[p, p] = normal[p, p] * (1 + 1e-9) + 1e-12
-        step = np.linalg.solve(normal, right)
-        du += min(max(step[0], -1.0), 1.0)
-        dv += min(max(step[1], -1.0), 1.0)
-        gain += step[2]
+        white = whitening(normal)
+        if not solve_definite(normal, right):
+            return unknown
+        du += min(max(right[0], -1.0), 1.0)
+        dv += min(max(right[1], -1.0), 1.0)
+        gain += right[2]
         if abs(du) > FARTHEST + 1 or abs(dv) > FARTHEST + 1:
             return unknown
-        if abs(step[0]) + abs(step[1]) < 1e-3:
+        if abs(right[0]) + abs(right[1]) < 1e-3:
             break
     if not 1 / MOST_GAIN < gain < MOST_GAIN:
         return unknown
     agreeing = 0
     for i in range(n):
         agreeing += abs(residual[i]) < 4.685 * max(scatter, 1.0)
-    covariance = np.linalg.inv(normal)
-    return (
-        du, dv, covariance[0, 0], covariance[0, 1], covariance[1, 1], agreeing / n, scatter,
-    )  # fmt: skip
+    uu = uv = vv = 0.0
+    for k in range(3):  # the covariance is the whitening matrix's transpose times itself
+        uu += white[k, 0] ** 2
+        uv += white[k, 0] * white[k, 1]
+        vv += white[k, 1] ** 2
+    return _Match(du, dv, uu, uv, vv, agreeing / n, scatter)

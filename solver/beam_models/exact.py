@@ -77,7 +77,7 @@ def horner(t: float, series: tuple[float, ...]) -> float:
     return even + t * odd
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def bend_at(u: float, q: float) -> tuple[float, float, float]:
     """Compute P(u), dP/du and dP/dq at a distance u >= 0 with q u^2 / 2 < 1."""
     sine = q * u * u / 2
@@ -86,7 +86,7 @@ def bend_at(u: float, q: float) -> tuple[float, float, float]:
     return u * sine / 3 * shape, sine / cosine, u**3 / 12 * (3 / cosine - shape)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def contact_at(q: float, lever: float) -> Any:
     """Compute (theta_c, x_c, y_c, s_c), each as (value, d/dq, d/dlever)."""
     sine = q * lever * lever / 2

@@ -32,7 +32,7 @@ def unit_deflection_by_contact(x: Floats | float, x_c: Floats | float) -> Floats
     return np.where(x <= x_c, 3 * x**2, (6 * x - 3 * x_c) * x_c)
 
 
-@njit(cache=True)
+@njit
 def ratio(x1: float, x2: float, x_c: float) -> float:
     """Compute rho = y2 / y1 of points 0 < x1 < x2 [m]; it rises strictly, x2/x1 to (x2/x1)^2."""
     one = (3 * x_c - x1) * x1**2 if x1 <= x_c else (3 * x1 - x_c) * x_c**2
@@ -40,7 +40,7 @@ def ratio(x1: float, x2: float, x_c: float) -> float:
     return two / one
 
 
-@njit(cache=True)
+@njit
 def ratio_slope(x1: float, x2: float, x_c: float) -> float:
     """Compute d rho / d x_c [1/m], which is positive."""
     if x2 <= x_c:
@@ -52,7 +52,7 @@ def ratio_slope(x1: float, x2: float, x_c: float) -> float:
     return (3 * x_c * (2 * x2 - x_c) - 3 * x1**2 * above / below) / below
 
 
-@njit(cache=True)
+@njit
 def contact_of_pair(x1: float, y1: float, x2: float, y2: float, guess: float) -> float:
     """Solve rho(x_c) = y2 / y1 for the contact x_c [m] of two points 0 < x1 < x2, 0 < y1.
 

@@ -41,7 +41,7 @@ def fit_amplitudes(
     return found[0], found[1], found[2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
     """Fit a weighted straight line to values; return its value at the middle and its slope."""
     w0 = w1 = w2 = v0 = v1 = 0.0
@@ -56,7 +56,7 @@ def _ground(weight: Floats, values: Floats, half: int) -> tuple[float, float]:
     return (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _fit_amplitudes(
     image: Grey,
     along: npt.NDArray[np.int64],

@@ -33,7 +33,7 @@ def candidates(
     return _scan(image, lines, upright, core, polarity, noise.dark, noise.per_gray)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _scan(
     image: Grey,
     lines: npt.NDArray[np.int64],
@@ -74,7 +74,7 @@ def _scan(
     return _packed(out, found)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _summed(
     image: Grey, lines: npt.NDArray[np.int64], upright: bool, polarity: int
 ) -> npt.NDArray[np.int32]:
@@ -92,7 +92,7 @@ def _summed(
     return summed
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _responses(
     summed: npt.NDArray[np.int32], core: int
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
@@ -118,7 +118,7 @@ def _responses(
     return response, level, most
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _slot(strengths: Floats, found: int, strength: float) -> int:
     """Choose a candidate's slot: a free one, or the weakest's if weaker; else MOST (no slot)."""
     if found < MOST:
@@ -127,12 +127,16 @@ def _slot(strengths: Floats, found: int, strength: float) -> int:
     return weakest if strengths[weakest] < strength else MOST
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _packed(out: Floats, found: npt.NDArray[np.int64]) -> Floats:
-    packed = np.empty((found.sum(), 4))
+    total = 0
+    for j in range(len(found)):
+        total += found[j]
+    packed = np.empty((total, 4))
     total = 0
     for j in range(len(found)):
         for k in range(found[j]):
-            packed[total] = out[j, k]
+            for i in range(4):
+                packed[total, i] = out[j, k, i]
             total += 1
     return packed

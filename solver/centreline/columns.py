@@ -7,7 +7,7 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def read_column(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bool:
     """Fill `gray` from pixel `first` of a column (a row); return False where the image ends."""
     height, width = image.shape
@@ -19,7 +19,7 @@ def read_column(image: Grey, line: int, upright: bool, first: int, gray: Floats)
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def tabulated(table: Floats, climb: float, sense: float, offset: float, out: Floats) -> None:
     """Interpolate the table at a climb and at pixels offset, offset + 1, ... from the centre."""
     row = climb * (table.shape[0] - 1)

@@ -108,7 +108,7 @@ class BeamExtractor:
         )
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _summary(
     centre: Floats, sigma: Floats, noise: Floats, share: Floats, ground: Floats
 ) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ instead of random draws). Linear theory is off by a pixel where the beam bends f
 shape plus a smooth curve through the candidates beside it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,8 @@ ANCHORS = 60
 NEAR_PX, NEAR_RADII = 3.0, 2.0
 # Fewest agreeing scan lines for which the beam is detected.
 LEAST_LINES = 6
+# Degree of the smooth curve beside the shape. A numpy scalar is compiled once, a literal anew.
+_DEGREE = np.int64(3)
 # Contact distance [m] that represents a beam that does not bend.
 STRAIGHT = 1e9
 
@@ -59,11 +61,8 @@ def find(
     places = guide.places(seen[:, :2] if guide.scans_columns else seen[:, 1::-1])
     near = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
     distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
-    line, strength = seen[:, 0], seen[:, 2]
-    path, contrast, agreeing = _followed(
-        places, line, strength, guide.length, guide.pixel, distances, near, most_tilt
-    )
-    return Path(path, contrast, agreeing / len(lines)) if agreeing >= LEAST_LINES else None
+    path = _path(places, seen[:, 0], seen[:, 2], guide, distances, near, most_tilt)
+    return path and replace(path, support=path.support / len(lines))
 
 
 def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
@@ -79,56 +78,49 @@ def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
     return np.asarray(lines[np.append(True, lines[1:] != lines[:-1])])
 
 
-@njit(cache=True, error_model="numpy")
-def _followed(
+def _path(
     places: Floats,
     line: Floats,
     strength: Floats,
-    length: float,
-    pixel: float,
+    guide: Guide,
     distances: Floats,
     near: float,
     most_tilt: float,
-) -> tuple[Floats, float, int]:
-    """Follow the beam; return the path's places, its contrast, and the number of agreeing lines.
+) -> Path | None:
+    """Find the path through candidates, whose `places` (m, 2) are in the order of the scan lines.
 
-    That number is 0 without a path. `places` (m, 2) are those of the candidates, in the order of
-    the scan lines.
+    Its support is the number of agreeing scan lines.
     """
-    path = np.empty((PLACES, 2))
-    inside = _within(places, length)
+    length = guide.length
+    x, y = places.T
+    inside = (x > 0.02 * length) & (x < 1.02 * length) & (np.abs(y) < 0.8 * length)
     if np.count_nonzero(inside) < LEAST_LINES:
-        return path, 0.0, 0
-    x, y, line, strength = places[inside, 0], places[inside, 1], line[inside], strength[inside]
+        return None
+    x, y, line, strength = x[inside], y[inside], line[inside], strength[inside]
     # Anchors far from the clamp constrain the shape most; the strongest come first.
     order = np.argsort(-strength * x)[:ANCHORS]
     # The weight of an object much brighter than most is limited.
     weight = np.minimum(strength, np.median(strength))
     load, tilt, x_c, score = _consensus(x, y, line, weight, order, distances, near, most_tilt)
     if score <= 0:
-        return path, 0.0, 0
+        return None
     offset = y - _shape(x, load, tilt, x_c)
-    agreed = np.flatnonzero(np.abs(offset) < near)
-    if len(agreed) == 0:
-        return path, 0.0, 0
-    half_px = np.full(len(agreed), 0.5 * pixel)
-    path[:, 0] = np.linspace(0.0, FARTHEST * length, PLACES)
-    path[:, 1] = _shape(path[:, 0], load, tilt, x_c)
-    correction = curve(x[agreed], offset[agreed], half_px, path[:, 0], 3, CUT)
+    agreed = np.abs(offset) < near
+    lines = line[agreed]
+    agreeing = 1 + np.count_nonzero(lines[1:] != lines[:-1])
+    if not agreed.any() or agreeing < LEAST_LINES:
+        return None
+    half_px = np.full(len(lines), 0.5 * guide.pixel)
+    along = np.linspace(0.0, FARTHEST * length, PLACES)
+    across = _shape(along, load, tilt, x_c)
+    correction = curve(x[agreed], offset[agreed], half_px, along, _DEGREE, CUT)
     if len(correction) > 0:
-        path[:, 1] += correction
-    agreeing = 1 + int(np.count_nonzero(np.diff(line[agreed])))
-    return path, float(np.median(strength[agreed])), agreeing
+        across += correction
+    contrast = float(np.median(strength[agreed]))
+    return Path(np.column_stack([along, across]), contrast, float(agreeing))
 
 
-@njit(cache=True, error_model="numpy")
-def _within(places: Floats, length: float) -> npt.NDArray[np.bool_]:
-    """Return the mask (n,) of the places (n, 2) that a beam of this length can reach."""
-    x, y = places[:, 0], places[:, 1]
-    return (x > 0.02 * length) & (x < 1.02 * length) & (np.abs(y) < 0.8 * length)
-
-
-@njit(cache=True, error_model="numpy")
+@njit
 def _shape(x: Floats, load: float, tilt: float, x_c: float) -> Floats:
     y = np.empty(len(x))
     for i in range(len(x)):
@@ -136,7 +128,7 @@ def _shape(x: Floats, load: float, tilt: float, x_c: float) -> Floats:
     return y
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _unit(x: float, x_c: float) -> float:
     """Compute the unit deflection of eqs. (9) and (10); 0 for a beam that does not bend."""
     if x_c >= STRAIGHT:
@@ -144,7 +136,7 @@ def _unit(x: float, x_c: float) -> float:
     return (3 * x_c - x) * x * x if x <= x_c else (3 * x - x_c) * x_c * x_c
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _consensus(
     x: Floats,
     y: Floats,
@@ -177,7 +169,7 @@ def _consensus(
     return best_load, best_tilt, best_distance, best
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _through(
     x: Floats, y: Floats, unit: Floats, a: int, b: int, x_c: float, most_tilt: float
 ) -> tuple[float, float]:
@@ -195,7 +187,7 @@ def _through(
     return (y[a] * x[b] - y[b] * x[a]) / det, (unit[a] * y[b] - unit[b] * y[a]) / det
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _gains(
     x: Floats,
     y: Floats,
@@ -215,7 +207,7 @@ def _gains(
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _best_of_lines(gain: Floats, line: Floats) -> float:
     """Sum the best gain of each scan line; candidates are in the order of the lines."""
     total = best = 0.0

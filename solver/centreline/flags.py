@@ -15,11 +15,13 @@ DIMMEST, BRIGHTEST = 0.4, 2.2
 # Threshold of a column's chi^2 per degree of freedom, over the typical value at rest: with seven
 # degrees of freedom one column in 300 exceeds it.
 WORST_MISFIT = 3.0
-NEIGHBOURHOOD = 61
+NEIGHBOURHOOD = np.int64(61)
 # Threshold of an amplitude, in its sigmas.
 LEAST_SIGNIFICANCE = 5.0
 # Threshold of the brightness off its smooth course, relative, and columns of its running median.
-ODD, ABOUT = 0.012, 21
+ODD, ABOUT = 0.012, np.int64(21)
+# Degree of the brightness's smooth course. Numpy scalars are compiled once, literals anew.
+_BRIGHTNESS_DEGREE = np.int64(2)
 # Where two consecutive columns are foreign, this many on either side are rejected too: the edge of
 # a shadow or a leaf begins in them.
 SPOILT: Final = 3
@@ -27,7 +29,7 @@ SPOILT: Final = 3
 FARTHEST_SIGMAS, FARTHEST_PX = 6.0, 0.15
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def flags_of(
     share: Floats,
     misfit: Floats,
@@ -61,7 +63,7 @@ def flags_of(
     return flags
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def follow(
     length: Floats, off_path: Floats, sigma: Floats, share: Floats, on_beam: Mask, flags: Any
 ) -> Floats:
@@ -70,24 +72,40 @@ def follow(
     `sigma` (n,) is enlarged in place where the points scatter by more than it states, as they do
     in compressed or processed images. The course has length 0 if too few points are left.
     """
+    n = len(length)
     odd = _oddly_lit(length, share, flags, on_beam)
-    flags[(flags == 0) & (odd | ~on_beam)] = FOREIGN
-    smooth = curve(length, off_path, np.where(flags == 0, sigma, np.inf), length, DEGREE, CUT)
+    known_sigma, residual = np.full(n, np.inf), np.empty(n)
+    for i in range(n):
+        if flags[i] == 0 and (odd[i] or not on_beam[i]):
+            flags[i] = FOREIGN
+        if flags[i] == 0:
+            known_sigma[i] = sigma[i]
+    smooth = curve(length, off_path, known_sigma, length, DEGREE, CUT)
     if len(smooth) == 0:
         return smooth
-    off = off_path - smooth
-    good = flags == 0
-    sigma *= _understatement(off[good] / sigma[good])
-    off = np.abs(off)
-    flags[(flags == 0) & (off > FARTHEST_PX) & (off > FARTHEST_SIGMAS * sigma)] = FOREIGN
-    running = np.flatnonzero((flags[:-1] == FOREIGN) & (flags[1:] == FOREIGN))
-    for i in running:
-        about = flags[max(i - SPOILT, 0) : i + SPOILT + 1]
-        about[about == 0] = FOREIGN
+    good = 0
+    for i in range(n):
+        if flags[i] == 0:
+            residual[good] = (off_path[i] - smooth[i]) / sigma[i]
+            good += 1
+    understatement = _understatement(residual[:good])
+    for i in range(n):
+        sigma[i] *= understatement
+        off = abs(off_path[i] - smooth[i])
+        if flags[i] == 0 and off > max(FARTHEST_PX, FARTHEST_SIGMAS * sigma[i]):
+            flags[i] = FOREIGN
+    # Marked apart: a column that is rejected here does not spoil others.
+    spoilt = np.zeros(n, np.bool_)
+    for i in range(n - 1):
+        if flags[i] == FOREIGN and flags[i + 1] == FOREIGN:
+            spoilt[max(i - SPOILT, 0) : i + SPOILT + 1] = True
+    for i in range(n):
+        if spoilt[i] and flags[i] == 0:
+            flags[i] = FOREIGN
     return smooth
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _understatement(residual: Floats) -> float:
     """Compute the local scatter of residuals (n,), which are in sigmas; at least 1.
 
@@ -99,18 +117,30 @@ def _understatement(residual: Floats) -> float:
     return scatter if scatter > 1 + 3.1 * 1.63 / np.sqrt(max(len(residual), 1)) else 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _oddly_lit(length: Floats, share: Floats, flags: Any, on_beam: Mask) -> Mask:
     """Detect columns (n,) where an object shades or lights the beam, by their brightness.
 
     An object close to the beam takes light from one of its flanks, and shifts its centre.
     """
-    odd = np.zeros(len(share), np.bool_)
-    place, course = length[on_beam], running_median(share[on_beam], ABOUT)
-    known = flags[on_beam] == 0
-    usual = curve(place, course, np.where(known, ODD / 3, np.inf), place, 2, 2.5)
+    odd, count = np.zeros(len(share), np.bool_), 0
+    index = np.empty(len(share), np.int64)
+    place, light, sigma = np.empty(len(share)), np.empty(len(share)), np.empty(len(share))
+    for i in range(len(share)):
+        if on_beam[i]:
+            index[count], place[count], light[count] = i, length[i], share[i]
+            sigma[count] = ODD / 3 if flags[i] == 0 else np.inf
+            count += 1
+    course = running_median(light[:count], ABOUT)
+    usual = curve(place[:count], course, sigma[:count], place[:count], _BRIGHTNESS_DEGREE, 2.5)
     if len(usual) > 0:
-        off = np.abs(course / usual - 1)
+        off, known = np.empty(count), 0
+        for k in range(count):
+            if np.isfinite(sigma[k]):
+                off[known] = abs(course[k] / usual[k] - 1)
+                known += 1
         # Under spotted light the threshold rises with the typical deviation.
-        odd[on_beam] = off > max(ODD, 4.5 * np.median(off[known]))
+        allowed = max(ODD, 4.5 * np.median(off[:known]))
+        for k in range(count):
+            odd[index[k]] = abs(course[k] / usual[k] - 1) > allowed
     return odd

@@ -81,7 +81,7 @@ def fit_profiles(
 GROUND, TILT, SHAPE, MOVE, GRAY = range(5)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _fit(
     image: Grey,
     along: npt.NDArray[np.int64],
@@ -117,7 +117,7 @@ def _fit(
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _fit_column(
     start: float,
     first: int,
@@ -178,7 +178,7 @@ def _fit_column(
     found[3], found[4], found[5] = 1 / np.sqrt(left), b, max(gram[GRAY, GRAY], 0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
     """Compute the weighted Gram matrix (5, 5) of (1, x, profile, derivative, gray)."""
     p, d, g = rows[SHAPE], rows[MOVE], rows[GRAY]
@@ -198,7 +198,7 @@ def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
     gram[GRAY, MOVE], gram[GRAY, GRAY] = gd, gg
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _clear(gram: Floats, row: int) -> None:
     """Eliminate the `row` from all later rows of the Gram matrix (lower triangle)."""
     for a in range(row + 1, 5):
@@ -207,7 +207,7 @@ def _clear(gram: Floats, row: int) -> None:
             gram[a, b] -= share * gram[b, row]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _weigh(
     gray: Floats, expected: Floats, full_scale: int, dark: float, per_gray: float, weight: Floats
 ) -> int:

@@ -1,21 +1,25 @@
 """Robust smooth courses along the beam: a curve and a running median."""
 
+from typing import Any
+
 import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
+from solver.instrument.small_matrices import solve_definite
 
 FEWEST = 8
 ROUNDS = 12
-DEGREE = 7
+# A numpy scalar is compiled once, a literal for every value.
+DEGREE = np.int64(7)
 # Tukey's biweight is 0 beyond this many times the points' own scatter.
 CUT = 6.0
 # Points this far apart err independently in compressed images, whose blocks have 8 or 16 pixels.
 LAG = 16
 
 
-def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: int = DEGREE) -> Floats | None:
+def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: Any = DEGREE) -> Floats | None:
     """Fit a smooth curve at x (n,) to y (n,) where sigma (n,) is finite.
 
     The curve is a polynomial of at most `degree`, lower where points are few or span little of x,
@@ -23,32 +27,34 @@ def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: int = DEGREE) -> F
     known points it is constant. Points farther off than CUT times their typical scatter have zero
     weight. Return None with too few points.
     """
-    found: Floats = curve(x, y, sigma, x, degree, CUT)
+    found: Floats = curve(x, y, sigma, x, np.int64(degree), CUT)
     return found if len(found) else None
 
 
-@njit(cache=True, error_model="numpy")
-def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: int, cut: float) -> Floats:
+@njit
+def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: float) -> Floats:
     """Fit as `smooth_curve`, and evaluate at `at`; return an empty array where that fails."""
     none = np.empty(0)
-    known = np.flatnonzero(np.isfinite(sigma))
-    if len(known) < FEWEST:
+    known_x, known_y, known_sigma = np.empty(len(x)), np.empty(len(x)), np.empty(len(x))
+    low, high, count = np.inf, -np.inf, 0
+    for i in range(len(x)):
+        if np.isfinite(sigma[i]):
+            known_x[count], known_y[count], known_sigma[count] = x[i], y[i], sigma[i]
+            low, high, count = min(low, x[i]), max(high, x[i]), count + 1
+    if count < FEWEST or high <= low:
         return none
-    low, high = x[known].min(), x[known].max()
     spanned = (high - low) / max(x.max() - x.min(), 1e-300)
-    if spanned <= 0:
-        return none
     most = 7 if spanned > 0.6 else 5 if spanned > 0.3 else 3 if spanned > 0.1 else 1
-    terms = min(degree, most, len(known) // 4) + 1
-    basis = _chebyshev(2 * (x[known] - low) / (high - low) - 1, terms)
-    coefficients = _reweighted(basis, y[known], sigma[known], cut)
-    if not np.isfinite(coefficients).all():
-        return none
-    inside = 2 * (np.minimum(np.maximum(at, low), high) - low) / (high - low) - 1
-    return coefficients @ _chebyshev(inside, terms)
+    terms = min(degree, most, count // 4) + 1
+    basis = _chebyshev(known_x[:count], low, high, terms)
+    coefficients = _reweighted(basis, known_y[:count], known_sigma[:count], cut)
+    for coefficient in coefficients:
+        if not np.isfinite(coefficient):
+            return none
+    return _combined(coefficients, _chebyshev(at, low, high, terms))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
     """Fit coefficients of a basis (terms, n); NaN where the points do not determine them."""
     terms, n = basis.shape
@@ -57,30 +63,38 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
     normal, right = np.empty((terms, terms)), np.empty(terms)
     coefficients = np.full(terms, np.nan)
     before = np.inf
+    used = n
     for _ in range(ROUNDS):
-        if np.count_nonzero(weight) <= terms + 1:
+        if used <= terms + 1:
             return np.full(terms, np.nan)
         for j in range(terms):
             right[j] = _weighted(weight, basis[j], y, weighted)
             for k in range(j + 1):
                 normal[j, k] = normal[k, j] = dot(weighted, basis[k])
             normal[j, j] *= 1 + 1e-12
-        coefficients = np.linalg.solve(normal, right)
-        off = np.abs(y - coefficients @ basis)
+        if not solve_definite(normal, right):
+            return np.full(terms, np.nan)
+        coefficients = right.copy()
+        off, near = _combined(coefficients, basis), 0
+        for i in range(n):
+            off[i] = abs(y[i] - off[i])
+            near += 1.4826 * off[i] <= usual
         # Testing by a count that the median is below `usual` is much faster than computing it.
         scale = usual
-        if 2 * np.count_nonzero(1.4826 * off <= usual) <= n:
+        if 2 * near <= n:
             scale = max(1.4826 * np.median(off), usual)
+        used = 0
         for i in range(n):
             u = off[i] / (cut * scale)
             weight[i] = (1 - u * u) ** 2 if u < 1 else 0.0
+            used += u < 1
         if abs(scale - before) < 1e-3 * scale:
             break
         before = scale
     return coefficients
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _weighted(weight: Floats, row: Floats, y: Floats, weighted: Floats) -> float:
     """Write a weighted row into `weighted`; return its product with y."""
     total = 0.0
@@ -90,18 +104,30 @@ def _weighted(weight: Floats, row: Floats, y: Floats, weighted: Floats) -> float
     return total
 
 
-@njit(cache=True, error_model="numpy")
-def _chebyshev(place: Floats, terms: int) -> Floats:
-    """Evaluate Chebyshev polynomials (terms, n) at places from -1 to 1."""
-    basis = np.ones((terms, len(place)))
-    if terms > 1:
-        basis[1] = place
-    for j in range(2, terms):
-        basis[j] = 2 * place * basis[j - 1] - basis[j - 2]
+@njit
+def _chebyshev(x: Floats, low: float, high: float, terms: int) -> Floats:
+    """Evaluate Chebyshev polynomials (terms, n) of the places x (n,), clipped to low and high."""
+    basis = np.ones((terms, len(x)))
+    for i in range(len(x)):
+        place = 2 * (min(max(x[i], low), high) - low) / (high - low) - 1
+        if terms > 1:
+            basis[1, i] = place
+        for j in range(2, terms):
+            basis[j, i] = 2 * place * basis[j - 1, i] - basis[j - 2, i]
     return basis
 
 
-@njit(cache=True, error_model="numpy")
+@njit(fastmath=FAST)
+def _combined(coefficients: Floats, basis: Floats) -> Floats:
+    """Sum the rows of a basis (terms, n), each times its coefficient."""
+    total = np.zeros(basis.shape[1])
+    for j in range(len(coefficients)):
+        for i in range(total.size):
+            total[i] += coefficients[j] * basis[j, i]
+    return total
+
+
+@njit
 def local_scatter(residual: Floats) -> float:
     """Estimate the standard deviation of residuals (n,) against neighbours; 0 for n below 8.
 
@@ -116,8 +142,8 @@ def local_scatter(residual: Floats) -> float:
     return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.5))
 
 
-@njit(cache=True, error_model="numpy")
-def running_median(values: Floats, width: int) -> Floats:
+@njit
+def running_median(values: Floats, width: Any) -> Floats:
     """Compute the median (n,) of `width` (odd) values about each; end values are repeated."""
     n, half = len(values), width // 2
     medians = np.empty(n)
@@ -126,14 +152,19 @@ def running_median(values: Floats, width: int) -> Floats:
         if i == 0:
             for k in range(len(window)):
                 window[k] = values[min(max(k - half, 0), n - 1)]
-            window.sort()
+            for k in range(1, len(window)):  # insertion: sort() takes a second to compile
+                value, place = window[k], k
+                while place > 0 and window[place - 1] > value:
+                    window[place] = window[place - 1]
+                    place -= 1
+                window[place] = value
         else:
             _exchange(window, values[max(i - half - 1, 0)], values[min(i + half, n - 1)])
         medians[i] = window[half]
     return medians
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _exchange(window: Floats, old: float, new: float) -> None:
     """Replace a value of a sorted window by another, and keep it sorted."""
     k = 0

@@ -46,7 +46,7 @@ def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
     return Stations(*_stations(path, shape[0], shape[1]))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _pixels(along: npt.NDArray[np.int64], upright: Mask, centre: Floats) -> Floats:
     pixels = np.empty((len(along), 2))
     for i in range(len(along)):
@@ -55,7 +55,7 @@ def _pixels(along: npt.NDArray[np.int64], upright: Mask, centre: Floats) -> Floa
     return pixels
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _stations(path: Floats, height: int, width: int) -> Any:
     travelled = np.zeros(len(path))
     for k in range(1, len(path)):
@@ -87,13 +87,13 @@ def _stations(path: Floats, height: int, width: int) -> Any:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _flat(path: Floats, k: int) -> bool:
     """Return whether the path runs mainly along the image rows from node k to the next."""
     return bool(abs(path[k + 1, 0] - path[k, 0]) >= abs(path[k + 1, 1] - path[k, 1]))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _walk(
     along: Floats,
     across: Floats,

@@ -104,7 +104,7 @@ def find_tip(
     return FoundTip(pixel, covariance, length)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _straight(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
     """Fit a straight line to points; return its slope and its level at x = 0."""
     x_mean, y_mean = x.mean(), y.mean()
@@ -113,7 +113,7 @@ def _straight(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
     return slope, y_mean - slope * x_mean
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _covered(
     share: Floats,
     variance: Floats,

@@ -94,7 +94,7 @@ def exact_fit_batch(
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _columns(vectors: Floats, unit: float, x: Floats, y: Floats) -> float:
     """Write vectors (n, 2) over `unit` to x and y; return their sum, finite if all values are."""
     total, scale = 0.0, 1 / unit
@@ -105,7 +105,7 @@ def _columns(vectors: Floats, unit: float, x: Floats, y: Floats) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _fit_all(
     points: Floats,
     sigma_vectors: Floats,

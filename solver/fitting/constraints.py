@@ -29,7 +29,7 @@ from solver.instrument.compiled import njit
 TIP_COLUMNS = 7
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def add_constraints(
     p: Floats,
     views: Floats,
@@ -70,7 +70,7 @@ def add_constraints(
     return chi2
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Floats) -> float:
     """Add the predicted less the measured image of the tip of a known length; return chi2."""
     theta, x_c, y_c, s_c = contact_at(p[Q], p[LEVER])
@@ -108,7 +108,7 @@ def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Flo
     return chi2
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _add(row: Floats, value: float, normal: Floats, gradient: Floats) -> float:
     for a in range(PARAMETERS):
         gradient[a] += row[a] * value

@@ -19,7 +19,7 @@ def correlation_length(residual: Floats) -> float:
     return float(integrated_correlation(np.ascontiguousarray(residual, dtype=np.float64)))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def integrated_correlation(residual: Floats) -> float:
     """Compute `correlation_length` in compiled code."""
     n = residual.size

@@ -24,6 +24,7 @@ from solver.instrument.compiled import njit
 from solver.instrument.dot_products import dot
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
+from solver.instrument.small_matrices import solve_definite
 
 # Least significance of a bend, in sigmas; noise exceeds it about once in a million frames.
 LEAST_SIGNIFICANCE = 5.0
@@ -61,9 +62,10 @@ def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> B
     Points (n,) of the measurement that are not `kept` are ignored.
     """
     length = measurement.rig.beam.length
-    points, sigma_vectors = measurement.points, measurement.sigma_vectors
-    if kept is not None:
-        points, sigma_vectors = points[kept], sigma_vectors[kept]
+    # numba compiles anew for arrays that cannot be written to, so both branches make copies.
+    chosen = ... if kept is None else kept
+    points = np.array(measurement.points[chosen])
+    sigma_vectors = np.array(measurement.sigma_vectors[chosen])
     if len(points) < LEAST_POINTS:
         return Bend(length, 0.0, 0.0)
     return Bend(*_nearest(points, sigma_vectors, measurement.base_covariance, length))
@@ -78,7 +80,7 @@ def no_contact(bend: Bend) -> Estimate | None:
     return None
 
 
-@njit(cache=True)
+@njit
 def _nearest(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -88,7 +90,10 @@ def _nearest(
         order = np.argsort(x)
         x, y, sigma = x[order], y[order], sigma[order]
     moments = _moments(x, y, sigma)
-    prior = np.linalg.inv(base).astype(np.float64)
+    determinant = base[0, 0] * base[1, 1] - base[0, 1] ** 2
+    prior = np.empty((2, 2))
+    prior[0, 0], prior[1, 1] = base[1, 1] / determinant, base[0, 0] / determinant
+    prior[0, 1] = prior[1, 0] = -base[0, 1] / determinant
     best = _largest(moments, prior, -turn, 1.0)
     refined, residual = _refined(x, y, sigma, best, prior, -turn)
     misfit = max(dot(residual, residual) / max(len(x) - 2, 1), 1.0)
@@ -104,7 +109,7 @@ def _nearest(
     return x_c * length, amplitude / length**2, significance, offset * length, tilt, widening
 
 
-@njit(cache=True)
+@njit
 def _in_own_direction(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, Floats, Floats, Floats, Floats]:
@@ -150,7 +155,7 @@ def _in_own_direction(
     return turn, x, y, sigma, base
 
 
-@njit(cache=True)
+@njit
 def _moments(x: Floats, y: Floats, sigma: Floats) -> Floats:
     """Sum weighted x^0 ... x^6, y x^0 ... y x^3 over the points up to each contact distance.
 
@@ -159,19 +164,20 @@ def _moments(x: Floats, y: Floats, sigma: Floats) -> Floats:
     """
     moments = np.zeros((DISTANCES + 1, 11))
     for i in range(len(x)):
-        row = moments[min(max(math.ceil(x[i] * DISTANCES) - 1, 0), DISTANCES)]
+        j = min(max(math.ceil(x[i] * DISTANCES) - 1, 0), DISTANCES)
         power = 1 / sigma[i] ** 2
         for k in range(7):
-            row[k] += power
+            moments[j, k] += power
             if k < 4:
-                row[7 + k] += power * y[i]
+                moments[j, 7 + k] += power * y[i]
             power *= x[i]
     for j in range(DISTANCES):
-        moments[j + 1] += moments[j]
+        for k in range(11):
+            moments[j + 1, k] += moments[j, k]
     return moments
 
 
-@njit(cache=True)
+@njit
 def _largest(
     moments: Floats, prior: Floats, tilt: float, widening: float
 ) -> tuple[int, float, float, float, float]:
@@ -213,7 +219,7 @@ def _largest(
     return best, amplitude, significance, offset, slope
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _refined(
     x: Floats,
     y: Floats,
@@ -254,21 +260,20 @@ def _refined(
             right[p] = dot(rows[p], residual)
             for q in range(p + 1):
                 normal[p, q] = normal[q, p] = dot(rows[p], rows[q])
-        normal[2:, 2:] += prior
         for p in range(2):
             right[2 + p] -= prior[p, 0] * offset + prior[p, 1] * turned
+            for q in range(2):
+                normal[2 + p, 2 + q] += prior[p, q]
         for p in range(4):
             normal[p, p] *= 1 + 1e-12
-        if normal[0, 0] <= 0 or normal[1, 1] <= 0:  # no deflection to refine
+        # Cholesky's errors do not depend on the units of the columns (Higham 2002, theorem 10.6).
+        if not solve_definite(normal, right):  # no deflection to refine
             break
-        # Columns are scaled to one, so that units do not affect the conditioning.
-        scale = np.sqrt(np.diag(normal))
-        moved = np.linalg.solve(normal / np.outer(scale, scale), right / scale) / scale
         # Limit the step: at most half the way to the clamp, x_c at most 1.5 beam lengths.
-        nearest = min(max(x_c + moved[1], x_c / 2), 1.5)
-        part = (nearest - x_c) / moved[1] if moved[1] != 0 else 1.0
-        amplitude += part * moved[0]
+        nearest = min(max(x_c + right[1], x_c / 2), 1.5)
+        part = (nearest - x_c) / right[1] if right[1] != 0 else 1.0
+        amplitude += part * right[0]
         x_c = nearest
-        offset += part * moved[2]
-        tilt += part * moved[3]
+        offset += part * right[2]
+        tilt += part * right[3]
     return kept, kept_residual

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
+from solver.fitting.fit import FrameFit
 from solver.fitting.minimise import DEFICIENT, STOPPED
-from solver.fitting.problem import FrameFit, Problem
+from solver.fitting.problem import Problem
 from solver.fitting.values import values_of
 from solver.fitting.verdict import judged
 from solver.instrument.arrays import Mask

@@ -41,7 +41,7 @@ _WIDER, _ANSWER = np.int64(10), np.int64(40)
 STATUS, CHI2, KEPT, ITERATIONS, WIDENING = range(5)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always")
 def _robustly(p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats) -> Any:
     """Minimise Tukey's loss from p, with cuts down to `cut`; return (status, cost, iterations)."""
     total = 0
@@ -52,7 +52,7 @@ def _robustly(p: Floats, problem: Any, free: Any, cut: float, work: Any, covaria
     return status, cost, total + iterations
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always")
 def _better(
     p: Floats, other: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
 ) -> Any:
@@ -66,7 +66,7 @@ def _better(
     return status, count + iterations
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def settle(
     p: Floats,
     problem: Any,
@@ -110,7 +110,7 @@ def settle(
     summary[WIDENING] = _widening(residual, chi2)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always")
 def _keep(
     p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats, kept: Any
 ) -> float:
@@ -131,7 +131,7 @@ def _keep(
     return chi2
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _widening(residual: Floats, chi2: float) -> float:
     """Compute the variance inflation, at least 1, of the covariance for independent errors.
 

@@ -136,7 +136,7 @@ def _carried(axes: Floats, turn: Floats, vector: Vector) -> Vector:
     return x + by_turn[0], y + by_turn[1], z + by_turn[2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _values(
     v: Floats,
     antenna_from_beam: Floats,
@@ -172,7 +172,7 @@ def _values(
     out[16], out[17], out[18] = moved[1], moved[2], angle
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _with_jacobian(
     contact: Floats,
     length: float,

@@ -32,7 +32,7 @@ from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def plane_equations(
     p: Floats, points: Floats, bounds: Any, residual: Floats, normal: Floats, gradient: Floats
 ) -> float:
@@ -83,7 +83,7 @@ def _inner(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _sums(
     p: Floats,
     base: float,

@@ -32,14 +32,13 @@ LEAST_PIVOT: Final = 1e-12
 _REACH: Final = ((Q, 0.7), (LEVER, 0.5), (PSI, 0.4), (TILT, 0.3))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _times(a: Floats, weight: Floats, out: Floats) -> None:
     for i in range(a.size):
         out[i] = a[i] * weight[i]
 
 
-# Passing all these arrays costs more time than a few points, hence forceinline.
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit
 def linearise(
     p: Floats,
     problem: Any,
@@ -68,7 +67,7 @@ def linearise(
     return chi2 + add_constraints(p, views, tips, known, base_whitening, normal, gradient)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def assemble(
     n: Any, free: Any, weighted: bool, work: Any, normal: Floats, gradient: Floats
 ) -> None:
@@ -90,7 +89,7 @@ def assemble(
                 normal[a, b] = normal[b, a] = dot(column, jacobian[b, :n])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
     """Write (J^T J)^-1 of the free parameters to `covariance` (8, 8) by Gauss-Jordan elimination.
 
@@ -117,7 +116,7 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _moved(p: Floats, step: Floats, share: float, views: Floats, to: Floats) -> None:
     """Write p plus a share of the step to `to`.
 
@@ -137,7 +136,7 @@ def _moved(p: Floats, step: Floats, share: float, views: Floats, to: Floats) -> 
             to[Q] = p[Q] * max(1 + gain, 0.1) * here / there
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def minimise(
     p: Floats,
     problem: Any,

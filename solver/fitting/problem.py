@@ -1,4 +1,4 @@
-"""Convert a measurement to the arrays of the compiled fit, and fit one frame."""
+"""Convert a measurement to the arrays of the compiled fit."""
 
 import math
 from dataclasses import dataclass
@@ -8,13 +8,6 @@ from typing import Any
 import numpy as np
 
 from solver.fitting.constraints import TIP_COLUMNS
-from solver.fitting.frame_fit import (
-    CHI2,
-    ITERATIONS,
-    STATUS,
-    WIDENING,
-    settle,
-)
 from solver.fitting.residuals import (
     DX,
     DY,
@@ -23,7 +16,6 @@ from solver.fitting.residuals import (
     MOMENT,
     MOMENT_SIGMA,
     MOMENT_UNIT,
-    PARAMETERS,
     PSI,
     RIGIDITY,
     RIGIDITY_SIGMA,
@@ -32,10 +24,9 @@ from solver.fitting.residuals import (
     TILT,
     Q,
 )
-from solver.fitting.starts import begin, workspace
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
 from solver.instrument.measurement import Measurement, View
+from solver.instrument.small_matrices import whitening
 
 # Least relative sigma of a length and of a rigidity.
 _LEAST_TOLERANCE = 1e-6
@@ -60,24 +51,6 @@ class Problem:
     def points(self) -> int:
         """Number of points in all views."""
         return len(self.order)
-
-
-@dataclass(frozen=True)
-class FrameFit:
-    """Fit in units of the beam's length: `p` (8,) and `covariance` (8, 8) as in `residuals`.
-
-    `status` is that of `minimise`; `chi2` is that of the `kept` points (n,) and the constraints;
-    `covariance` is multiplied by `variance_inflation`, for residuals larger than stated and for
-    correlated neighbours.
-    """
-
-    p: Floats
-    covariance: Floats
-    status: int
-    chi2: float
-    kept: Any
-    iterations: int
-    variance_inflation: float
 
 
 def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
@@ -133,35 +106,6 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
     )
 
 
-def start_of(problem: Problem, psi: float) -> Floats | None:
-    """Estimate parameters (8,) near the minimum at this psi from a few points; None if it fails."""
-    p = np.zeros(PARAMETERS)
-    if not begin(problem.arrays, problem.shape_free, problem.tilt_variance, psi, p):
-        return None
-    return p
-
-
-def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
-    """Fit from a start, robustly if the residuals require it."""
-    p = start.copy()
-    covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(5)
-    kept = np.ones(problem.points, dtype=np.bool_)
-    free = problem.all_free if psi_free else problem.shape_free
-    work = workspace(problem.points)
-    settle(p, problem.arrays, free, problem.tilt_variance, work, covariance, kept, summary)
-    of_measurement = np.empty_like(kept)
-    of_measurement[problem.order] = kept
-    return FrameFit(
-        p=p,
-        covariance=covariance * summary[WIDENING],
-        status=int(summary[STATUS]),
-        chi2=float(summary[CHI2]),
-        kept=of_measurement,
-        iterations=int(summary[ITERATIONS]),
-        variance_inflation=float(summary[WIDENING]),
-    )
-
-
 def without(problem: Problem, kept: Any) -> Problem:
     """Return the problem with only the `kept` (n,) of the measurement's points."""
     rows, bounds, *others = problem.arrays
@@ -186,15 +130,14 @@ def view_row(viewpoint: Floats, length: float) -> Floats:
     return np.array([x / z, y / z, w / z * length])
 
 
-@njit(cache=True)
 def base_whitening(covariance: Floats, length: float) -> Floats:
     """Compute the matrix (3, 3) that whitens the clamp's error, lengths in units of `length`."""
     unit = np.array([1 / length, 1 / length, 1.0])
-    return np.linalg.inv(np.linalg.cholesky(covariance * np.outer(unit, unit)))
+    return np.asarray(whitening(covariance * unit * unit[:, None]))
 
 
 def _tip_row(view: View, index: int, length: float) -> Floats:
     tip = view.tip
     assert tip is not None
-    whitening = np.linalg.inv(np.linalg.cholesky(tip.covariance / length**2))
-    return np.array([*(tip.point / length), *whitening.ravel(), index])
+    by_sigma = whitening(tip.covariance / length**2)
+    return np.array([*(tip.point / length), *by_sigma.ravel(), index])

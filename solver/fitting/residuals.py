@@ -46,7 +46,7 @@ LEAST_GRAZING: Final = 0.02
 LEAST_SIGMA: Final = 1e-9
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def possible(
     p: Floats,
     points: Floats,
@@ -112,7 +112,7 @@ def weight_of(sigma: float) -> float:
     return 1 / (sigma if abs(sigma) > LEAST_SIGMA else LEAST_SIGMA)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _points_of_view(
     p: Floats,
     mx: Floats,
@@ -174,14 +174,14 @@ def _points_of_view(
         ) * weight
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def is_gentle(p: Floats) -> bool:
     """Test whether the shorter series suffices, even for a point somewhat behind the clamp."""
     behind = 1.3 * p[LEVER] + 0.05
     return bool(p[Q] * behind * behind / 2 < GENTLE_SINE)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _points(
     p: Floats,
     points: Floats,
@@ -212,7 +212,7 @@ def _points(
             )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def point_residuals(
     p: Floats,
     points: Floats,

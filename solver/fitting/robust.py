@@ -13,7 +13,7 @@ VARIANCE_FACTOR: Final = 1 / 0.95
 MEDIAN: Final = 0.6745
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def tukey(residual: Floats, cut: float, weight: Floats) -> float:
     """Write weights (n,) to `weight`; return the robust sum of squares, r^2 where r is small."""
     total = 0.0
@@ -24,7 +24,7 @@ def tukey(residual: Floats, cut: float, weight: Floats) -> float:
     return total * cut * cut / 3
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def scale(residual: Floats, most: float) -> float:
     """Estimate the factor by which the stated sigmas are too small, from 1 to `most`.
 

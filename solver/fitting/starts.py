@@ -33,7 +33,7 @@ _TRIALS: Final = 150
 _START, _DRAW = np.int64(3), np.int64(8)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def _moments(few: Floats, x_c: float) -> Any:
     """Sum the weighted unit deflection's square, times x and times y, over few points."""
     ss = sx = sy = 0.0
@@ -47,7 +47,7 @@ def _moments(few: Floats, x_c: float) -> Any:
     return ss, sx, sy
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
     """Fit the nearest linear beam to the `chosen` points; write (q, lever) and tilt to p.
 
@@ -91,7 +91,7 @@ def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
     p[Q] = max(min(6 * amplitude, 1.6 / lever**2), 1e-9)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def subset(problem: Any, chosen: Any) -> Any:
     """Return the problem with only the chosen points of its first view, without further views."""
     points, _, views, tips, known, base_whitening = problem
@@ -104,13 +104,13 @@ def subset(problem: Any, chosen: Any) -> Any:
     return few, bounds, views, tips, known, base_whitening
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def workspace(n: int) -> Any:
     """Allocate residual, Jacobian, weight and scratch of n points."""
     return np.empty(n), np.empty((6, n)), np.ones(n), np.empty(n)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) -> bool:
     """Compute a start from equally spaced points and refine it by least squares on them.
 
@@ -134,7 +134,7 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
     return bool(possible(p, points, bounds, views))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def consensus(
     problem: Any, free: Any, tilt_variance: float, psi: float, cut: float, work: Any, p: Floats
 ) -> bool:

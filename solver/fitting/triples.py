@@ -118,7 +118,7 @@ def by_sources(
     return np.concatenate([by_error, by_base, [votes.by_node @ votes.turned]]), height
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def weighted_sum(x: Floats, y: Floats, weights: Floats, length: float) -> float:
     """Sum weight times w = x_c / (x_c + L) over pairs; NaN if a point is not lifted."""
     total = 0.0
@@ -132,7 +132,7 @@ def weighted_sum(x: Floats, y: Floats, weights: Floats, length: float) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _by_pair(x: Floats, y: Floats, x_c: float, length: float) -> tuple[Floats, Floats]:
     """Compute dw/dy of a pair's first and second point, (k, k) each, for y on a linear beam."""
     k = len(x)
@@ -145,7 +145,7 @@ def _by_pair(x: Floats, y: Floats, x_c: float, length: float) -> tuple[Floats, F
     return by_first, by_second
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _weights(
     x: Floats,
     turned: Floats,

@@ -7,7 +7,8 @@ friction, to first order, is added to its covariance.
 
 import numpy as np
 
-from solver.fitting.problem import fit_from, problem_of, start_of, without
+from solver.fitting.fit import fit_from, start_of
+from solver.fitting.problem import problem_of, without
 from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_joint import DRY
 from solver.fitting.residuals import DX, DY, LEVER, TILT, Q

@@ -7,7 +7,7 @@ import numpy as np
 from solver.beam_models import frictional
 from solver.beam_models.exact import contact_at
 from solver.fitting import frames
-from solver.fitting.problem import FrameFit
+from solver.fitting.fit import FrameFit
 from solver.fitting.residuals import PARAMETERS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
@@ -54,7 +54,7 @@ def shape_quantities(
     return values, jacobian @ by_shape, placed
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _frictionless(q: float, lever: float) -> Floats:
     """Compute rows as `_TOUCHED`, load F / EI first: value and gradient by (q, lever, grip)."""
     touched = np.zeros((len(_TOUCHED), 4))
@@ -64,7 +64,7 @@ def _frictionless(q: float, lever: float) -> Floats:
     return touched
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _contact(touched: Floats, shape: Floats, flexural_rigidity: float) -> tuple[Floats, Floats]:
     """Compute the contact (11,) as defined in `frames` and its Jacobian (11, 10) by `SHAPE`."""
     contact = np.zeros(frames.CONTACT)

@@ -31,7 +31,7 @@ def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floa
     return array
 
 
-@njit(cache=True)
+@njit
 def _finite(values: Floats) -> bool:
     """Return whether all values (n,) are finite; compiled: NumPy is slower on short arrays."""
     return bool(np.isfinite(values).all())

@@ -1,36 +1,92 @@
-"""numba's `njit`, which keeps compiled code in one folder per state of the compiled sources.
+"""numba's `njit`, which keeps compiled code in one folder per state of the sources.
 
 By itself numba compares only the file in which a function is defined, and would use outdated code
-after a change of another file whose functions it calls. All modules import `njit` from here, so
-that the folder is set before the first function is decorated.
+after a change of another file whose functions or constants it uses. All modules import `njit` from
+here.
 """
 
+import functools
 import hashlib
 import os
 import shutil
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Final, TypeVar, overload
 
-from numba import config, njit
+import numba
 
-__all__ = ["njit"]
+from solver.instrument.files import write_bytes
+from solver.instrument.syntax import syntax_digests
+
+F = TypeVar("F", bound=Callable[..., Any])
+_SETTINGS: Final = vars(numba.config)
+# A folder that the user has chosen.
+_CHOSEN: Final = _SETTINGS["CACHE_DIR"]
 
 
-def _set_folder(package: Path) -> None:
-    """Name numba's folder after the compiled sources of `package`, and remove older folders.
+@overload
+def njit(function: F) -> F: ...
+@overload
+def njit(**options: Any) -> Callable[[F], F]: ...
+def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """Compile a function at its first call, or load it if its sources have not changed.
 
-    Change nothing if the user has chosen a folder, or if `package` is not writable.
+    Divisions by zero give infinity or NaN. `options` are numba's; a function with `inline` is
+    compiled as a part of its callers. No C callback is compiled, which nothing here calls.
     """
-    cache, settings = package / "__pycache__", vars(config)
-    if settings["CACHE_DIR"] or not os.access(package, os.W_OK):
-        return
-    sources = [path.read_bytes() for path in sorted(package.rglob("*.py"))]
-    compiled = b"".join(source for source in sources if b"@njit" in source)
-    state = hashlib.sha256(compiled).hexdigest()[:12]
-    folder = cache / f"compiled-{state}"
+    if function is None:
+        return functools.partial(njit, **options)
+    compiler: Any = numba.njit  # numba's stubs lack no_cfunc_wrapper
+    if "inline" in options:
+        return compiler(function, **options)
+    package = sys.modules[function.__module__.partition(".")[0]].__file__
+    _SETTINGS["CACHE_DIR"] = _CHOSEN or (_folder(Path(package).parent) if package else "")
+    options |= {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    return compiler(function, **options)
+
+
+@functools.cache
+def _folder(package: Path) -> str:
+    """Name the folder of a package's compiled code after all sources that it depends on.
+
+    Remove older folders. Return "", numba's own choice, if the package is not writable.
+    """
+    cache, own = package / "__pycache__", Path(__file__).parents[1]
+    if not os.access(package, os.W_OK):
+        return ""
+    sources = {
+        path: (root, path.read_bytes())
+        for root in sorted({package, own})
+        for path in sorted(root.rglob("*.py"))
+    }
+    # Parsing takes half a second: the result for these very bytes is kept.
+    known = cache / f"syntax-{_sha256(b''.join(source for _, source in sources.values()))}"
+    if not known.is_file():
+        digests: dict[str, str] = {}
+        for path, (root, source) in sources.items():
+            if b"@njit" in source:
+                module = ".".join(path.relative_to(root.parent).with_suffix("").parts)
+                digests |= syntax_digests([module], root.parent, {root.name}, digests)
+        for older in cache.glob("syntax-*"):
+            older.unlink(missing_ok=True)
+        cache.mkdir(exist_ok=True)
+        write_bytes(known, _sha256("".join(digests.values()).encode()).encode())
+    folder = cache / f"compiled-{known.read_text(encoding='ascii')}"
     if not folder.is_dir():
-        for old_folder in cache.glob("compiled-*"):
-            shutil.rmtree(old_folder, ignore_errors=True)
-    settings["CACHE_DIR"] = str(folder)
+        for older in set(cache.glob("compiled-*")) - {folder}:
+            shutil.rmtree(older, ignore_errors=True)
+    return str(folder)
 
 
-_set_folder(Path(__file__).parent.parent)
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:12]
+
+
+def compiled_functions() -> set[str]:
+    """List the functions of this package whose compiled code is on the disk: `module.function`.
+
+    The list is empty if numba keeps its code elsewhere, as for a package that is not writable.
+    """
+    folder = _CHOSEN or _folder(Path(__file__).parents[1])
+    return {path.name.partition("-")[0] for path in Path(folder).rglob("*.nbi") if folder}

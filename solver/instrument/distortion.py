@@ -104,7 +104,7 @@ def _padded(coefficients: Sequence[float]) -> Floats:
     return np.array([*coefficients, *(0.0,) * (8 - len(coefficients))], dtype=np.float64)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _one(x: float, y: float, lens: Floats) -> tuple[float, float, float, float, float]:
     """Distort a point; return x', y', dx'/dx, dx'/dy = dy'/dx and dy'/dy."""
     k1, k2, p1, p2, k3, k4, k5, k6 = lens
@@ -123,7 +123,7 @@ def _one(x: float, y: float, lens: Floats) -> tuple[float, float, float, float, 
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _distorted(points: Floats, lens: Floats) -> Any:
     distorted, jacobian = np.empty((len(points), 2)), np.empty((len(points), 2, 2))
     for i in range(len(points)):
@@ -134,7 +134,7 @@ def _distorted(points: Floats, lens: Floats) -> Any:
     return distorted, jacobian
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _undistorted(points: Floats, lens: Floats, radius: float, shown: float) -> Floats:
     """Undistort points in a field of this `radius`, whose distorted image has radius `shown`.
 

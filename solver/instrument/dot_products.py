@@ -10,7 +10,7 @@ from solver.instrument.compiled import njit
 FAST: Final = {"reassoc", "contract", "nsz", "arcp"}
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(fastmath=FAST)
 def dot(a: Floats, b: Floats) -> float:
     """Compute the dot product of `a` (n,) with the first n entries of `b`."""
     total = 0.0

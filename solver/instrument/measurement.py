@@ -129,7 +129,7 @@ def _check_positive_definite(name: str, covariance: Floats) -> None:
         raise ValueError(f"{name} is not positive definite: give exact quantities a small variance")
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _positive_definite(matrix: Floats) -> bool:
     """Return whether every pivot of the elimination is positive, as a Cholesky factor requires."""
     left = matrix.copy()

@@ -1,7 +1,8 @@
 """Terminal output: progress, the latest estimate, a table. All but the table goes to stderr."""
 
+import threading
 from collections.abc import Iterator, Sized
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from rich.console import Console
@@ -10,6 +11,7 @@ from rich.progress import MofNCompleteColumn, Progress
 from rich.status import Status
 from rich.table import Table
 
+from solver.instrument.compiled import compiled_functions
 from solver.lab.live import FrameResult
 from solver.lab.shots import Source
 from solver.lab.table import Row
@@ -17,9 +19,35 @@ from solver.lab.table import Row
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
-def busy(text: str, quiet: bool) -> AbstractContextManager[object]:
-    """Show a status text during a long step."""
-    return nullcontext() if quiet else console.status(text)
+# Number of functions that a first start compiles (measured; methods differ by a few).
+FUNCTIONS = 90
+
+
+@contextmanager
+def setting_up(quiet: bool) -> Iterator[None]:
+    """Show that the rig is calibrated and, at a first start, how many functions are compiled."""
+    if quiet or len(compiled_functions()) >= FUNCTIONS // 2:
+        with nullcontext() if quiet else console.status("calibrating"):
+            yield
+        return
+    done = threading.Event()
+    with Progress(
+        *Progress.get_default_columns(), MofNCompleteColumn(), console=console
+    ) as progress:
+        task = progress.add_task("first start: compiling", total=FUNCTIONS)
+
+        def follow() -> None:
+            while not done.wait(0.5):
+                progress.update(task, completed=min(len(compiled_functions()), FUNCTIONS - 1))
+
+        watcher = threading.Thread(target=follow, daemon=True)
+        watcher.start()
+        try:
+            yield
+        finally:
+            done.set()
+            watcher.join()
+        progress.update(task, completed=FUNCTIONS)
 
 
 @contextmanager

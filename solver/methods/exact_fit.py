@@ -7,8 +7,9 @@ outliers. The plane is C itself (psi = 0), or that in which a flat strip bends (
 eqs. (7) and (8)). Neither the contact nor the tip needs to be visible.
 """
 
+from solver.fitting.fit import fit_from, start_of
 from solver.fitting.fit_estimate import LEAST_POINTS, estimate_from_fit, refusal_of
-from solver.fitting.problem import fit_from, problem_of, start_of
+from solver.fitting.problem import problem_of
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 

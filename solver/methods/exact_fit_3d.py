@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
+from solver.fitting.fit import FrameFit, fit_from, start_of
 from solver.fitting.fit_estimate import LEAST_POINTS, estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
-from solver.fitting.problem import FrameFit, Problem, fit_from, problem_of, start_of, without
+from solver.fitting.problem import Problem, problem_of, without
 from solver.fitting.residuals import PSI
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome

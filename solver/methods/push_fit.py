@@ -32,9 +32,10 @@ import numpy as np
 from scipy.stats import chi2 as distribution
 
 from solver.beam_models.linear import unit_deflection
+from solver.fitting.fit import fit_from, start_of
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.gauss_newton import Fit, gauss_newton
-from solver.fitting.problem import fit_from, problem_of, start_of, without
+from solver.fitting.problem import problem_of, without
 from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_joint import BASE, DRY, PUSH, Push
 from solver.fitting.residuals import LEVER

@@ -117,7 +117,7 @@ def contact_distance(x1: Floats, y1: Floats, x2: Floats, y2: Floats) -> Floats:
     return np.asarray(_contacts(x1, y1, x2, y2))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _contacts(x1: Floats, y1: Floats, x2: Floats, y2: Floats) -> Floats:
     x_c = np.full(len(x1), np.nan)
     for i in range(len(x1)):
@@ -128,7 +128,7 @@ def _contacts(x1: Floats, y1: Floats, x2: Floats, y2: Floats) -> Floats:
     return x_c
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _sum_over_pairs(
     x: Floats, y: Floats, separation: float, farthest: float
 ) -> tuple[Floats, Floats, int]:

@@ -34,7 +34,7 @@ def on_plane(camera: Camera, pixels: Floats, sigmas: Floats) -> tuple[Floats, Fl
     return points, vectors
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def apply_homography(h: Floats, points: Floats) -> Floats:
     """Map points (n, 2) by a homography (3, 3)."""
     to = np.empty((len(points), 2))
@@ -46,7 +46,7 @@ def apply_homography(h: Floats, points: Floats) -> Floats:
     return to
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _moved(h: Floats, points: Floats, vectors: Floats) -> Any:
     """Map points (n, 2), and small vectors (n, 2) at them, by a homography (3, 3)."""
     to, moved = apply_homography(h, points), np.empty((len(points), 2))
@@ -59,7 +59,7 @@ def _moved(h: Floats, points: Floats, vectors: Floats) -> Any:
     return to, moved
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _undone(jacobian: Floats, vectors: Floats) -> Floats:
     """Solve for the vectors (n, 2) that Jacobians (n, 2, 2) map to `vectors`."""
     before = np.empty((len(vectors), 2))

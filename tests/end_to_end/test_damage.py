@@ -339,7 +339,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
     check_refused(copied.root, r"\(seed is 11 there and 12 here\)", SMALL_SCENE.replace("11", "12"))
     with locked(copied.lock):
         check_refused(copied.root, "is being written by process")
-    monkeypatch.setattr(identity, "code_digests", lambda: {"vbaa_bench.generation.truth": "0"})
+    monkeypatch.setattr(identity, "code_digests", lambda: {"vbaa_bench.generation.truth_row": "0"})
     with pytest.raises(InputError, match=r"another version of the code.*solve, score and report"):
         generate(file, copied.root, variant, 1, quiet)
     open_truth(copied.truth)

@@ -16,9 +16,9 @@ from vbaa_bench.api.data import usable_variant
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.generation.truth import dataset_facts
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.trials import frame_specs
 from vbaa_bench.scoring.overlay import Overlay, overlay_of

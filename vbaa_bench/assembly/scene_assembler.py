@@ -14,8 +14,9 @@ from solver.instrument.transforms import apply, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.beam_mesher import BeamMesher
 from vbaa_bench.assembly.bodies import Body
-from vbaa_bench.assembly.cover import hidden_stretch, occluder
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.hidden_stretch import hidden_stretch
+from vbaa_bench.assembly.occluder import occluder
 from vbaa_bench.geometry.board import board, squares
 from vbaa_bench.geometry.ground import chequered_side
 from vbaa_bench.geometry.objects import adaptor, hub, sheet

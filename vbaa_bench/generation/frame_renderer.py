@@ -19,7 +19,7 @@ from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.generation.readings import readings
-from vbaa_bench.generation.truth import truth_row
+from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.frame import (
     Noise,
@@ -154,13 +154,9 @@ class FrameRenderer:
         """Render one frame and collect its truth."""
         pose = self.pose(spec)
         image, rendered = self.photograph(spec, exposure)
-        length_mm = self.scene.beam.length_mm
-        truth = truth_row(pose.experiment, spec, pose.state, pose.hidden)
         line = self.assembler.centreline(pose)
         visible = visibility(rendered.coverage, self.rig.camera, line, self.rig.beam.radius)
-        truth["visible_share"] = visible.visible_share
-        truth["availability_seen"] = visible.availability
-        truth["hidden_stretches_mm"] = (length_mm * visible.hidden_stretches).ravel().tolist()
+        truth = truth_row(pose.experiment, spec, pose.state, pose.hidden, visible)
         values = readings(self.scene, spec, pose.state, pose.hidden)
         layers = rendered.by_name()
         saved = {str(layer): layers[layer] for layer in self.scene.layers}

@@ -14,9 +14,9 @@ from vbaa_bench.dataset.inventory import Contents, surplus, take_inventory
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
+from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.generation.truth import dataset_facts
 from vbaa_bench.generation.workers import Pool, cores
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig

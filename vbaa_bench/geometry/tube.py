@@ -87,7 +87,7 @@ def _transported(tangents: Floats) -> Floats:
     return np.asarray(_transport(first, np.ascontiguousarray(tangents)))
 
 
-@njit(cache=True)
+@njit
 def _transport(normal: Floats, tangents: Floats) -> Floats:
     """Carry a normal (3,) along tangents (n, 3); return normals (n, 3)."""
     normals = np.empty_like(tangents)

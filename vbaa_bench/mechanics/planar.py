@@ -100,7 +100,7 @@ def push(
     )
 
 
-@njit(cache=True)
+@njit
 def walk(tau: float, longest_step: float = MAX_STEP) -> tuple[float, float, float, float]:
     """Integrate over `tau` back from the contact; return (phi, phi', along, across).
 
@@ -116,7 +116,7 @@ def walk(tau: float, longest_step: float = MAX_STEP) -> tuple[float, float, floa
     return state[0], state[1], state[2], state[3]
 
 
-@njit(cache=True)
+@njit
 def _expand(state: Floats, series: Floats) -> None:
     """Compute the Taylor coefficients of phi, along and across about a state (Moore 1966)."""
     phi, along, across = series
@@ -136,7 +136,7 @@ def _expand(state: Floats, series: Floats) -> None:
         cosine[k + 1], sine[k + 1] = c[k] / (k + 1), s[k] / (k + 1)
 
 
-@njit(cache=True)
+@njit
 def _evaluate(series: Floats, state: Floats, h: float) -> None:
     """Set `state` to the value of `series` at a distance `h` from its point of expansion."""
     phi, bend, along, across = 0.0, 0.0, 0.0, 0.0
@@ -148,7 +148,7 @@ def _evaluate(series: Floats, state: Floats, h: float) -> None:
     state[0], state[1], state[2], state[3] = phi, bend, along, across
 
 
-@njit(cache=True)
+@njit
 def _solve(
     x_0: float,
     offset: float,
@@ -207,7 +207,7 @@ def _solve(
     return solution
 
 
-@njit(cache=True)
+@njit
 def _residuals(
     tau: float,
     scale: float,
@@ -259,7 +259,7 @@ def _residuals(
     return abs(bend - along) / bend
 
 
-@njit(cache=True)
+@njit
 def _centreline(tau: float, scale: float, intervals: int) -> tuple[Floats, int, float, float]:
     """Compute rows (s, x, y, z) from clamp to tip, the contact's row, theta_c, and clamp phi'."""
     theta_c, bend, along, across = walk(tau)

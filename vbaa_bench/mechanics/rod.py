@@ -145,7 +145,7 @@ class Rod:
         return state
 
 
-@njit(cache=True)
+@njit
 def _derivative(s: float, y: Floats, ahead: Floats, p: Floats, out: Floats) -> None:
     """Fill in the state's derivative by arc length; `ahead` (3,) is the sum of forces ahead."""
     c = p[4]
@@ -171,7 +171,7 @@ def _derivative(s: float, y: Floats, ahead: Floats, p: Floats, out: Floats) -> N
     out[11] = -stretch * (t_x * n_y - t_y * n_x)
 
 
-@njit(cache=True)
+@njit
 def advance(y: Floats, start: float, end: float, steps: int, ahead: Floats, p: Floats) -> Floats:
     """Integrate the state (12,) from arc length `start` to `end` in even steps of order 8."""
     h = (end - start) / steps
@@ -199,7 +199,7 @@ def advance(y: Floats, start: float, end: float, steps: int, ahead: Floats, p: F
     return y
 
 
-@njit(cache=True)
+@njit
 def trace(
     clamp: Floats, stops: Floats, forces: Floats, couples: Floats, rows: Floats, p: Floats
 ) -> Floats:

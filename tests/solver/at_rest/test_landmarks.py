@@ -150,6 +150,6 @@ def test_what_compression_does_to_faint_edges_is_no_motion() -> None:
 
 
 def test_the_beam_itself_is_no_landmark() -> None:
-    assert len(landmarks().rows) > 100
-    near = (np.abs(landmarks().rows - 50) < 4) & (landmarks().columns > 30)
+    assert len(landmarks().pixels.rows) > 100
+    near = (np.abs(landmarks().pixels.rows - 50) < 4) & (landmarks().pixels.columns > 30)
     assert not near.any()

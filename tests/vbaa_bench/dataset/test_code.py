@@ -1,6 +1,7 @@
 import ast
 from pathlib import Path
 
+from solver.instrument.syntax import syntax_digest
 from vbaa_bench.dataset import code
 
 TEXT = '''
@@ -13,7 +14,7 @@ def half(x):
 
 
 def digest(text: str) -> str:
-    return code._digest(ast.parse(text))
+    return syntax_digest(ast.parse(text))
 
 
 def test_docstrings_comments_and_layout_are_no_code() -> None:
@@ -24,7 +25,7 @@ def test_docstrings_comments_and_layout_are_no_code() -> None:
 
 def test_the_modules_that_make_data_are_found_and_no_others() -> None:
     found = code.code_digests()
-    makers = ["generation.truth", "generation.frame_renderer", "scene.schema", "scene.trials"]
+    makers = ["generation.truth_row", "generation.frame_renderer", "scene.schema", "scene.trials"]
     makers += ["mechanics.rod", "geometry.tube", "render.frame", "sensor.sensor"]
     makers += ["dataset.writer", "dataset.exr"]
     assert {f"vbaa_bench.{name}" for name in makers} <= found.keys()

@@ -13,7 +13,7 @@ from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import LINEAR, PLANAR, SPATIAL, Experiment
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.generation.readings import readings
-from vbaa_bench.generation.truth import truth_row
+from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scene.rigs import true_rig
 from vbaa_bench.scene.trials import FrameSpec, frame_specs

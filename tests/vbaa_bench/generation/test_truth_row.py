@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.generation.truth import truth_row
+from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
 from vbaa_bench.scene.trials import frame_specs
@@ -28,7 +28,7 @@ def rows() -> str:
 
 def test_planar_truth_is_the_same_on_every_type_of_processor() -> None:
     # The oldest type runs on every x86-64; elsewhere the name is unknown and changes nothing.
-    code = "from tests.vbaa_bench.generation.test_truth import rows; print(rows())"
+    code = "from tests.vbaa_bench.generation.test_truth_row import rows; print(rows())"
     child = subprocess.run(
         [sys.executable, "-c", code],
         cwd=ROOT,

@@ -1,4 +1,4 @@
-"""The truth of a frame and of the rig: lengths in mm, angles in degrees."""
+"""The truth of a frame: lengths in mm, angles in degrees."""
 
 import math
 from typing import Any
@@ -7,21 +7,25 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import turn_about_z
-from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE, PERCENT
+from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.mechanics.state import Contact, State
-from vbaa_bench.scene.rigs import TrueRig
-from vbaa_bench.scene.schema import Scene
+from vbaa_bench.render.visibility import Visibility
 from vbaa_bench.scene.trials import FrameSpec
 
 
 def truth_row(
-    experiment: Experiment, spec: FrameSpec, state: State, hidden: tuple[float, float] | None
+    experiment: Experiment,
+    spec: FrameSpec,
+    state: State,
+    hidden: tuple[float, float] | None,
+    visible: Visibility | None = None,
 ) -> dict[str, Any]:
     """Collect the truth of one frame, as a row of `truth.parquet`.
 
     `hidden` [m] is the stretch of Sigma_a's x axis that is covered or removed, if any; bars and
-    leaves cover only parts of it. Quantities that a frame without contact does not have are null.
+    leaves cover only parts of it. `visible` is what the image shows of the beam, None if there is
+    no image. Quantities that a frame without contact does not have are null.
     Centreline and tip are in the clamp's frame. `contact_antenna_mm` is relative to the nominal
     position of the clamp. `contact_world_mm` is in Sigma_o, which equals Sigma_a at motor angle
     zero.
@@ -58,11 +62,26 @@ def truth_row(
         "availability_asked": None if cover is None else cover.availability,
         "hidden_from_mm": None if hidden is None else hidden[0] / mm,
         "hidden_to_mm": None if hidden is None else hidden[1] / mm,
+        **_visibility(visible, scene.beam.length_mm),
         "residual": state.residual,
         "centreline_s_mm": (state.centreline[:, 0] / mm).tolist(),
         "centreline_x_mm": (state.centreline[:, 1] / mm).tolist(),
         "centreline_y_mm": (state.centreline[:, 2] / mm).tolist(),
         "centreline_z_mm": (state.centreline[:, 3] / mm).tolist(),
+    }
+
+
+def _visibility(visible: Visibility | None, length_mm: float) -> dict[str, Any]:
+    """Collect the columns of the beam's visible part; all are null without an image."""
+    if visible is None:
+        empty: dict[str, Any] = dict.fromkeys(
+            ("visible_share", "availability_seen", "hidden_stretches_mm")
+        )
+        return empty
+    return {
+        "visible_share": visible.visible_share,
+        "availability_seen": visible.availability,
+        "hidden_stretches_mm": (length_mm * visible.hidden_stretches).ravel().tolist(),
     }
 
 
@@ -150,33 +169,3 @@ def _stiffness_ratio(experiment: Experiment, state: State) -> float | None:
 
 def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
-
-
-def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> dict[str, Any]:
-    """Collect the truth of a whole dataset, for its manifest."""
-    camera, mm = rig.camera, MILLIMETRE
-    return {
-        "scene": scene.model_dump(mode="json"),
-        "seed": scene.seed,
-        "variant": variant,
-        "exposure_per_radiance": exposure,
-        "true_rig": {
-            "beam_length_mm": rig.beam.length / mm,
-            "beam_diameter_mm": rig.beam.diameter / mm,
-            "flexural_rigidity_n_mm2": rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE,
-            "base_position_mm": (rig.base_position / mm).tolist(),
-            "antenna_from_board": rig.antenna_from_board.tolist(),
-            # A telecentric camera's fx and fy are in px/m.
-            "camera": {
-                "width_px": camera.width,
-                "height_px": camera.height,
-                "fx_px": camera.fx,
-                "fy_px": camera.fy,
-                "cx_px": camera.cx,
-                "cy_px": camera.cy,
-                "camera_from_antenna": camera.camera_from_antenna.tolist(),
-                "telecentric": camera.telecentric,
-                "distortion": list(camera.distortion),
-            },
-        },
-    }

@@ -1,4 +1,4 @@
-"""Occlusion of a stretch of the beam: its limits, and the occluders in front of the camera."""
+"""Occluders: meshes that hide a stretch of the beam from the camera."""
 
 import numpy as np
 import trimesh
@@ -10,33 +10,11 @@ from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry.occluders import bars, leaves, sheet_over
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.objects import OcclusionSpec
-from vbaa_bench.scene.trials import Cover
 
 # Ratio of the extent of all bars to the width that they hide: half is visible, if there is room.
 BARS_EXTENT_RATIO = 2.0
 # Maximum size of a leaf, relative to the hidden region's extent across the beam.
 MAX_LEAF_RATIO = 0.5
-# A stretch about the contact has it at a random place in its middle 80 %: a fixed place would
-# reveal the contact.
-MAX_OFFSET = 0.4
-
-
-def hidden_stretch(
-    cover: Cover | None, state: State, length: float, random: np.random.Generator
-) -> tuple[float, float] | None:
-    """Choose the stretch [m] of Sigma_a's x axis to hide (eq. 32); None if nothing is hidden.
-
-    It is relative to the nominal `length` [m] of the beam, so that it reveals nothing about the
-    deflection.
-    """
-    if cover is None or cover.availability >= 1:
-        return None
-    width = (1 - cover.availability) * length
-    middle = {"base": 0.0, "middle": length / 2, "tip": length}.get(cover.place, length / 2)
-    if cover.place == "contact" and state.contacts:
-        middle = float(state.contact.point[0]) + random.uniform(-1, 1) * MAX_OFFSET * width
-    start = float(np.clip(middle - width / 2, 0.0, length - width))
-    return start, start + width
 
 
 def occluder(

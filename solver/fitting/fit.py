@@ -1,0 +1,59 @@
+"""Fit the exact beam to one frame, by the compiled functions."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from solver.fitting.frame_fit import CHI2, ITERATIONS, STATUS, WIDENING, settle
+from solver.fitting.problem import Problem
+from solver.fitting.residuals import PARAMETERS
+from solver.fitting.starts import begin, workspace
+from solver.instrument.arrays import Floats
+
+
+@dataclass(frozen=True)
+class FrameFit:
+    """Fit in units of the beam's length: `p` (8,) and `covariance` (8, 8) as in `residuals`.
+
+    `status` is that of `minimise`; `chi2` is that of the `kept` points (n,) and the constraints;
+    `covariance` is multiplied by `variance_inflation`, for residuals larger than stated and for
+    correlated neighbours.
+    """
+
+    p: Floats
+    covariance: Floats
+    status: int
+    chi2: float
+    kept: Any
+    iterations: int
+    variance_inflation: float
+
+
+def start_of(problem: Problem, psi: float) -> Floats | None:
+    """Estimate parameters (8,) near the minimum at this psi from a few points; None if it fails."""
+    p = np.zeros(PARAMETERS)
+    if not begin(problem.arrays, problem.shape_free, problem.tilt_variance, psi, p):
+        return None
+    return p
+
+
+def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
+    """Fit from a start, robustly if the residuals require it."""
+    p = start.copy()
+    covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(5)
+    kept = np.ones(problem.points, dtype=np.bool_)
+    free = problem.all_free if psi_free else problem.shape_free
+    work = workspace(problem.points)
+    settle(p, problem.arrays, free, problem.tilt_variance, work, covariance, kept, summary)
+    of_measurement = np.empty_like(kept)
+    of_measurement[problem.order] = kept
+    return FrameFit(
+        p=p,
+        covariance=covariance * summary[WIDENING],
+        status=int(summary[STATUS]),
+        chi2=float(summary[CHI2]),
+        kept=of_measurement,
+        iterations=int(summary[ITERATIONS]),
+        variance_inflation=float(summary[WIDENING]),
+    )

@@ -1,0 +1,68 @@
+"""Small positive definite matrices in compiled code.
+
+numba's wrappers of LAPACK take seconds to compile and longer than a small system to run.
+"""
+
+import math
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
+
+
+@njit
+def cholesky(matrix: Floats) -> bool:
+    """Replace the lower triangle (n, n) by its Cholesky factor; return False if not definite."""
+    for j in range(len(matrix)):
+        for i in range(j, len(matrix)):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            if i > j:
+                matrix[i, j] = total / matrix[j, j]
+            elif total > 0:
+                matrix[j, j] = math.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@njit
+def solve_definite(matrix: Floats, right: Floats) -> bool:
+    """Replace `right` (n,) by the solution of matrix (n, n) x = right, and factor the matrix.
+
+    Return False if the matrix is not positive definite.
+    """
+    if not cholesky(matrix):
+        return False
+    n = len(right)
+    for i in range(n):
+        for k in range(i):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            right[i] -= matrix[k, i] * right[k]
+        right[i] /= matrix[i, i]
+    return True
+
+
+@njit
+def whitening(covariance: Floats) -> Floats:
+    """Compute the matrix (n, n) that whitens errors: the inverse of the Cholesky factor.
+
+    It is NaN if the covariance is not positive definite.
+    """
+    n = len(covariance)
+    factor, inverse = covariance.copy(), np.zeros((n, n))
+    if not cholesky(factor):
+        inverse[:] = np.nan
+        return inverse
+    for j in range(n):
+        inverse[j, j] = 1 / factor[j, j]
+        for i in range(j + 1, n):
+            for k in range(j, i):
+                inverse[i, j] -= factor[i, k] * inverse[k, j]
+            inverse[i, j] /= factor[i, i]
+    return inverse
