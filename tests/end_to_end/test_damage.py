@@ -30,8 +30,8 @@ from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.report.report import report
+from vbaa_bench.scene.frames import frame_specs
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scene.trials import frame_specs
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
 

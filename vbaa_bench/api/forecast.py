@@ -15,8 +15,8 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.scene.frames import FrameSpec, frame_specs, in_shards
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.trials import FrameSpec, frame_specs, in_shards
 
 # Frames that each worker renders after a first one, in which kernels are compiled. Chosen: takes
 # seconds, and gives a rough estimate of the variation between frames.

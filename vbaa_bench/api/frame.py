@@ -20,7 +20,7 @@ from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.report.gallery import whole
-from vbaa_bench.scene.trials import frame_specs
+from vbaa_bench.scene.frames import frame_specs
 from vbaa_bench.scoring.overlay import Overlay, overlay_of
 
 # Narrower images are enlarged by 2 for display. Chosen: they still fit a screen.

@@ -17,10 +17,10 @@ from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Line, upright
+from vbaa_bench.scene.frames import Push
 from vbaa_bench.scene.objects import NothingSpec, PadSpec, PlungerSpec, WallSpec
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.trials import Push
 
 LINEAR = "linear, eqs. (9) and (10)"
 PLANAR = "exact, planar: round, weightless, frictionless"

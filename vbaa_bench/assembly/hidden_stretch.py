@@ -3,7 +3,7 @@
 import numpy as np
 
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.trials import Cover
+from vbaa_bench.scene.frames import Cover
 
 # A stretch about the contact has it at a random place in its middle 80 %: a fixed place would
 # reveal the contact.

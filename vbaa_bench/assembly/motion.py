@@ -10,9 +10,9 @@ from solver.instrument.units import DEGREE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.mechanics.state import EquilibriumError
+from vbaa_bench.scene.frames import StepTarget
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.trials import StepTarget
 
 # Maximum movement of the tip [px] from one pose to the next.
 STEP_PX = 0.25
@@ -40,7 +40,7 @@ def exposure_poses(pose: Pose, scene: Scene, rig: TrueRig) -> list[Pose]:
         speed = scene.motor_speed_deg_s
         raise InputError(f"motor_speed_deg_s is {speed:g}, and meanwhile {error}") from error
     poses = [
-        Pose(experiment, replace(pose.trial, push=push, step=step), state, pose.state)
+        Pose(experiment, replace(pose.spec, push=push, step=step), state, pose.state)
         for step, state in enumerate(states)
     ]
     poses[half] = pose

@@ -27,11 +27,11 @@ from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.textures import gradient_texture, random_texture
 from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.scene.frames import FrameSpec, random_generator
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.trials import FrameSpec, random_generator
 
 _GROUND = {"background", "background_squares"}
 # Reflectance of the board's card and of the ink on it.
@@ -46,14 +46,14 @@ class Pose:
     """
 
     experiment: Experiment
-    trial: FrameSpec
+    spec: FrameSpec
     state: State
     covered: State | None = None
 
     @property
     def motor_angle(self) -> float:
         """True motor angle [rad]."""
-        return self.trial.motor_angle(self.state.pushing_angle)
+        return self.spec.motor_angle(self.state.pushing_angle)
 
     @property
     def camera_frame_from_clamp(self) -> Floats:
@@ -64,9 +64,9 @@ class Pose:
     def hidden(self) -> tuple[float, float] | None:
         """The stretch [m] of the beam that is covered or removed."""
         scene = self.experiment.scene
-        random = random_generator(scene, "cover", self.trial.index)
+        random = random_generator(scene, "cover", self.spec.index)
         length = scene.beam.length_mm * MILLIMETRE
-        return hidden_stretch(self.trial.cover, self.covered or self.state, length, random)
+        return hidden_stretch(self.spec.cover, self.covered or self.state, length, random)
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class SceneAssembler:
         experiment, state, scene = pose.experiment, pose.state, self.scene
         frame_from_clamp, top = self._frame_from_clamp(experiment, pose.motor_angle), 0.0
         if not isinstance(scene.object, NothingSpec):
-            object_mesh = experiment.touched_mesh(state, pose.trial.step)
+            object_mesh = experiment.touched_mesh(state, pose.spec.step)
             top = float(object_mesh.vertices[:, 2].max())
             yield "object", _painted(_placed(object_mesh, frame_from_clamp), scene.object)
         second_peg = scene.second_peg
@@ -168,7 +168,7 @@ class SceneAssembler:
                 top_mm=second_peg.top_mm,
                 bottom_mm=second_peg.bottom_mm,
             )
-            clamp_from_peg = experiment.clamp_from_object(state, pose.trial.step, 1)
+            clamp_from_peg = experiment.clamp_from_object(state, pose.spec.step, 1)
             peg = Body(spec, self.rig.beam.radius, experiment.ground, self.folder).mesh(0.0)
             yield (
                 "second_peg",
@@ -176,10 +176,10 @@ class SceneAssembler:
             )
         occlusion = scene.occlusion
         if occlusion is not None and occlusion.body is not None:
-            cover = pose.trial.cover
+            cover = pose.spec.cover
             covers = cover is not None and cover.kind != "removed"
             stretch = pose.hidden if covers else None
-            random = random_generator(scene, "occluder", pose.trial.index)
+            random = random_generator(scene, "occluder", pose.spec.index)
             camera = self.rig.camera
             camera_from_clamp = camera.camera_from_antenna @ frame_from_clamp
             covered = pose.covered or state

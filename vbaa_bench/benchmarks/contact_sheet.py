@@ -14,8 +14,8 @@ from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import Plan, plan
+from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
-from vbaa_bench.scene.trials import FrameSpec
 
 TILE_PX, CAPTION_PX, COLUMNS = 360, 26, 6
 # Magnification and half size of the inset at the contact, in the tile's lower right corner.
@@ -61,9 +61,9 @@ def photograph(file: SceneFile, variant: str) -> tuple[Grey, FrameRenderer, Pose
     scene_plan = plan(file)
     folder = file.path.parent.resolve()
     renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(Path()), variant, threads=0)
-    trial = _representative_frame(scene_plan, renderer)
-    image, _ = renderer.photograph(trial, renderer.measure_exposure(lambda: None))
-    return eight_bit(image), renderer, renderer.pose(trial)
+    spec = _representative_frame(scene_plan, renderer)
+    image, _ = renderer.photograph(spec, renderer.measure_exposure(lambda: None))
+    return eight_bit(image), renderer, renderer.pose(spec)
 
 
 def _representative_frame(scene_plan: Plan, renderer: FrameRenderer) -> FrameSpec:

@@ -40,8 +40,8 @@ from vbaa_bench.render.layers import every_pixel
 from vbaa_bench.render.plain import SAMPLERS, Plain, Sampler, seconds_in_kernels
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.frames import random_generator
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.trials import random_generator
 
 # Ours: factors of the scene's noise targets. Plain: samples per pixel.
 _SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
@@ -124,12 +124,12 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
     scene_plan = plan(file)
     folder, threads = file.path.parent.resolve(), cores()
     renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(out), variant, threads)
-    trial = sorted(scene_plan.frame_specs, key=lambda trial: trial.index)[scene_plan.frames // 2]
+    spec = sorted(scene_plan.frame_specs, key=lambda spec: spec.index)[scene_plan.frames // 2]
     with tempfile.TemporaryDirectory() as temporary:
         exposure = renderer.measure_exposure(lambda: None)
-        stand = PoseBenchmark(renderer, renderer.pose(trial), exposure, Path(temporary))
+        stand = PoseBenchmark(renderer, renderer.pose(spec), exposure, Path(temporary))
         record = _compare(stand, scene_plan.frames, deadline)
-    record |= {"scene": file.path.stem, "threads": threads, "frame_id": trial.frame_id}
+    record |= {"scene": file.path.stem, "threads": threads, "frame_id": spec.frame_id}
     write(record, out, ["ours", *SAMPLERS])
     return record
 

@@ -33,9 +33,9 @@ from vbaa_bench.render.frame import (
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.visibility import visibility
 from vbaa_bench.render.world import World
+from vbaa_bench.scene.frames import FrameSpec, Push, random_generator, render_seed
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
-from vbaa_bench.scene.trials import FrameSpec, Push, random_generator, render_seed
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
 from vbaa_bench.sensor.ideal import Ideal

@@ -1,4 +1,4 @@
-"""Generation of a dataset: spec -> mechanics -> geometry -> render -> sensor -> dataset."""
+"""Generation of a dataset: scene -> mechanics -> geometry -> render -> sensor -> dataset."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
@@ -18,9 +18,9 @@ from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.scene.frames import FrameSpec, frame_specs, in_shards
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
-from vbaa_bench.scene.trials import FrameSpec, frame_specs, in_shards
 
 Progress = Callable[[int, int], None]
 Shards = tuple[tuple[FrameSpec, ...], ...]

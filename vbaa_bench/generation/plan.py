@@ -18,9 +18,9 @@ from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Lamp
+from vbaa_bench.scene.frames import FrameSpec, Push, frame_specs, in_shards
 from vbaa_bench.scene.load import Key, SceneFile
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_rig
-from vbaa_bench.scene.trials import FrameSpec, Push, frame_specs, in_shards
 
 # Minimum width [px] of the beam. Below it, pixel centres miss the beam over long stretches.
 MIN_WIDTH_PX = 0.25

@@ -11,7 +11,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.mechanics.state import Contact, State
 from vbaa_bench.render.visibility import Visibility
-from vbaa_bench.scene.trials import FrameSpec
+from vbaa_bench.scene.frames import FrameSpec
 
 
 def truth_row(

@@ -45,7 +45,7 @@ def deepest(found: Equilibrium, index: int) -> tuple[float, float, Floats]:
     force = np.zeros(3)
     if index in found.contacts:  # the force sets how far the object has yielded
         force = found.contacts[index].force / problem.rod.force_unit
-    guess = problem.trial(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
+    guess = problem.evaluate(found.clamp_from_world, index, CubicSpline(rows, states)(s), s, force)
     return guess.s, -float(guess.touch.errors[0]) * problem.rod.beam.length, guess.touch.normal
 
 

@@ -149,7 +149,7 @@ class RodContactProblem:
             )
         return Equilibrium(self, step, unknown, contacts, tip, residual)
 
-    def trial(
+    def evaluate(
         self,
         clamp_from_world: Floats,
         index: int,
@@ -173,9 +173,9 @@ class RodContactProblem:
         )
         return ContactGuess(s * length, newtons, section, evaluated)
 
-    def couple(self, trial: ContactGuess) -> Floats:
+    def couple(self, guess: ContactGuess) -> Floats:
         """Compute the moment (3,) of a contact's force about the centreline."""
-        lever, force = trial.touch.lever, trial.force
+        lever, force = guess.touch.lever, guess.force
         moment = np.array(
             [
                 lever[1] * force[2] - lever[2] * force[1],
@@ -200,7 +200,7 @@ class RodContactProblem:
         for i in np.argsort(stops):
             index, s = indices[i], float(stops[i])
             state = advance(state, position, s, _step_count(steps, s - position), ahead, properties)
-            guess = self.trial(world, index, state, s, forces[i], engaged[index])
+            guess = self.evaluate(world, index, state, s, forces[i], engaged[index])
             contacts[index] = guess
             errors[4 + 4 * i : 8 + 4 * i] = guess.touch.errors
             state[9:] -= self.couple(guess)

@@ -31,7 +31,7 @@ def first_contact(problem: RodContactProblem, contact_distance: float) -> Previo
     resting = CubicSpline(rows, states)(s)
     # Only the force's direction is used: the object has not yielded yet.
     rigid = replace(problem, obstacles=(replace(first, compliance=0.0), *problem.obstacles[1:]))
-    touch = rigid.trial(untouched.clamp_from_world, 0, resting, s, force).touch
+    touch = rigid.evaluate(untouched.clamp_from_world, 0, resting, s, force).touch
     return PreviousContact(contact_distance, touch.point)
 
 

@@ -19,7 +19,7 @@ from solver.instrument.observation import open_observations
 from solver.instrument.rig import Rig, Tolerances, rig_to_json
 from solver.instrument.transforms import apply, camera_looking_at, invert, rigid
 from vbaa_bench import cli
-from vbaa_bench.benchmarks.stress import command, geometry, gray, stated, trial, video
+from vbaa_bench.benchmarks.stress import command, geometry, gray, rig_results, stated, video
 from vbaa_bench.benchmarks.stress import run as run_module
 from vbaa_bench.benchmarks.stress.figures import Figure, figures, missed
 from vbaa_bench.benchmarks.stress.recording import (
@@ -29,16 +29,16 @@ from vbaa_bench.benchmarks.stress.recording import (
     read_recording,
     write_recording,
 )
-from vbaa_bench.benchmarks.stress.rigs import drawn_rig
-from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Targets
-from vbaa_bench.benchmarks.stress.run import lines
-from vbaa_bench.benchmarks.stress.trial import (
+from vbaa_bench.benchmarks.stress.rig_results import (
     FrameResult,
     RigResult,
     SolverResult,
     score_frame,
     stress_rig,
 )
+from vbaa_bench.benchmarks.stress.rigs import drawn_rig
+from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Targets
+from vbaa_bench.benchmarks.stress.run import lines
 from vbaa_bench.render import variant
 from vbaa_bench.scene.load import load_scene
 
@@ -439,7 +439,7 @@ def test_a_refused_rig_is_told_in_every_frame(
     def refuse(_observations: object) -> None:
         raise InputError("no board")
 
-    monkeypatch.setattr(trial, "set_up", refuse)
+    monkeypatch.setattr(rig_results, "set_up", refuse)
     told = stress_rig(dataset, 0, ROWS[0], "exact_fit", 1)
     assert told.refusal == "no board"
     assert {(f.outcome, f.message) for f in told.frames} == {("refused", "no board")}

@@ -25,7 +25,7 @@ def test_docstrings_comments_and_layout_are_no_code() -> None:
 
 def test_the_modules_that_make_data_are_found_and_no_others() -> None:
     found = code.code_digests()
-    makers = ["generation.truth_row", "generation.frame_renderer", "scene.schema", "scene.trials"]
+    makers = ["generation.truth_row", "generation.frame_renderer", "scene.schema", "scene.frames"]
     makers += ["mechanics.rod", "geometry.tube", "render.frame", "sensor.sensor"]
     makers += ["dataset.writer", "dataset.exr"]
     assert {f"vbaa_bench.{name}" for name in makers} <= found.keys()

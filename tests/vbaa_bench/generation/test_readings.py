@@ -14,9 +14,9 @@ from vbaa_bench.assembly.experiment import LINEAR, PLANAR, SPATIAL, Experiment
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
+from vbaa_bench.scene.frames import FrameSpec, frame_specs
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scene.rigs import true_rig
-from vbaa_bench.scene.trials import FrameSpec, frame_specs
 
 
 def scene_of(tmp_path: Path, extra: str, pushes: str = "") -> SceneFile:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.truth_row import truth_row
+from vbaa_bench.scene.frames import frame_specs
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
-from vbaa_bench.scene.trials import frame_specs
 
 ROOT = Path(__file__).parents[3]
 

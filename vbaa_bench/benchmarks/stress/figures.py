@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.benchmarks.stress.rig_results import FrameResult, RigResult
 from vbaa_bench.benchmarks.stress.rows import Targets
-from vbaa_bench.benchmarks.stress.trial import FrameResult, RigResult
 
 # Chosen: the interval limits then scatter by a few per cent of its width.
 RESAMPLES: Final = 1000

@@ -9,8 +9,8 @@ import cv2
 
 from solver.instrument.errors import InputError
 from vbaa_bench.benchmarks.stress.figures import Figure, figures, missed
+from vbaa_bench.benchmarks.stress.rig_results import RigResult, stress_rig
 from vbaa_bench.benchmarks.stress.rows import NAMES, ROWS, Row, Targets
-from vbaa_bench.benchmarks.stress.trial import RigResult, stress_rig
 from vbaa_bench.generation.workers import Pool
 
 Record = dict[str, Any]

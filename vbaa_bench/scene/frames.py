@@ -1,4 +1,4 @@
-"""Trials of a scene: every frame with its opaque names and its own random numbers."""
+"""Frames of a scene: each with its opaque names and its own random numbers."""
 
 import hashlib
 import itertools
@@ -174,14 +174,14 @@ def _covers(scene: Scene) -> Iterator[Cover | None]:
         yield Cover(kind, place, availability)
 
 
-def random_generator(scene: Scene, stage: str, trial: int = 0) -> np.random.Generator:
-    """Make the generator of one stage of one trial, independent of all other draws."""
-    return np.random.default_rng([scene.seed, trial, int.from_bytes(_digest(stage)[:8])])
+def random_generator(scene: Scene, stream: str, index: int = 0) -> np.random.Generator:
+    """Make the generator of one random stream of one frame, independent of all other draws."""
+    return np.random.default_rng([scene.seed, index, int.from_bytes(_digest(stream)[:8])])
 
 
-def render_seed(scene: Scene, stage: str, trial: int = 0) -> int:
+def render_seed(scene: Scene, stream: str, index: int = 0) -> int:
     """Derive a 32-bit seed for the renderer in the same way."""
-    return int(random_generator(scene, stage, trial).integers(2**32))
+    return int(random_generator(scene, stream, index).integers(2**32))
 
 
 def _name(prefix: "hashlib.blake2b", number: int) -> str:
