@@ -66,6 +66,9 @@ def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> B
     chosen = ... if kept is None else kept
     points = np.array(measurement.points[chosen])
     sigma_vectors = np.array(measurement.sigma_vectors[chosen])
+    if (points[1:, 0] < points[:-1, 0]).any():  # correlated neighbours must be adjacent
+        order = np.argsort(points[:, 0], kind="stable")
+        points, sigma_vectors = points[order], sigma_vectors[order]
     if len(points) < LEAST_POINTS:
         return Bend(length, 0.0, 0.0)
     return Bend(*_nearest(points, sigma_vectors, measurement.base_covariance, length))
@@ -86,9 +89,6 @@ def _nearest(
 ) -> tuple[float, float, float, float, float, float]:
     """Compute the fields of `Bend`."""
     turn, x, y, sigma, base = _in_own_direction(points, sigma_vectors, base_covariance, length)
-    if (x[1:] < x[:-1]).any():  # correlated neighbours must be adjacent
-        order = np.argsort(x)
-        x, y, sigma = x[order], y[order], sigma[order]
     moments = _moments(x, y, sigma)
     determinant = base[0, 0] * base[1, 1] - base[0, 1] ** 2
     prior = np.empty((2, 2))

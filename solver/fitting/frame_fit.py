@@ -37,6 +37,7 @@ MOST_SCALE: Final = 2.0
 # Maximum iterations at each wider cut, and of the final fit. A numpy scalar is compiled once, a
 # literal for every value.
 _WIDER, _ANSWER = np.int64(10), np.int64(40)
+_PLANAR, _WEIGHTED = np.bool_(False), np.bool_(True)
 # Entries of `summary`.
 STATUS, CHI2, KEPT, ITERATIONS, WIDENING = range(5)
 
@@ -97,7 +98,7 @@ def settle(
         other = p.copy()
         if consensus(problem, free, tilt_variance, p[PSI], cut, work, other):
             status, iterations = _better(p, other, problem, free, cut, work, covariance)
-            point_residuals(p, points, bounds, views, False, residual, work[1])
+            point_residuals(p, points, bounds, views, _PLANAR, residual, work[1])
             inflation = scale(residual, MOST_SCALE)
             if inflation > LEAST_SCALE:
                 cut = CUT * inflation
@@ -124,7 +125,7 @@ def _keep(
         kept[i] = abs(residual[i]) < cut
         weight[i] = 1.0 if kept[i] else 0.0
         chi2 += weight[i] * residual[i] ** 2
-    assemble(len(kept), free, True, work, normal, gradient)
+    assemble(len(kept), free, _WEIGHTED, work, normal, gradient)
     chi2 += add_constraints(p, views, tips, known, base_whitening, normal, gradient)
     if invert(normal, free, covariance):
         covariance *= VARIANCE_FACTOR

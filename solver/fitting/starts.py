@@ -31,6 +31,7 @@ _TRIALS: Final = 150
 # Maximum iterations of a start and of a draw. A numpy scalar is compiled once, a literal for every
 # value.
 _START, _DRAW = np.int64(3), np.int64(8)
+_PLANAR = np.bool_(False)
 
 
 @njit(fastmath=FAST)
@@ -165,7 +166,7 @@ def consensus(
         status, _, _ = minimise(trial, few, free, np.inf, _DRAW, few_work, covariance)
         if status == DEFICIENT or not possible(trial, points, bounds, views):
             continue
-        point_residuals(trial, points, bounds, views, False, residual, jacobian)
+        point_residuals(trial, points, bounds, views, _PLANAR, residual, jacobian)
         cost = 0.0
         for r in residual:
             cost += min(r * r, cut * cut)
