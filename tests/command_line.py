@@ -28,9 +28,10 @@ class CommandLine:
     def __call__(self, *words: str | Path) -> Ended:
         """Run the command with these words."""
         self._capture.readouterr()
-        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+        with pytest.MonkeyPatch.context() as patch:
             patch.setattr(sys, "argv", ["command", *map(str, words)])
-            self._main()
+            with pytest.raises(SystemExit) as ended:
+                self._main()
         code = ended.value.code
         status = code if isinstance(code, int) else int(code is not None)
         return Ended(status, *self._capture.readouterr())

@@ -86,20 +86,21 @@ def test_the_report_fetches_nothing_and_shows_everything(finished: Path) -> None
         assert (finished / "report" / name).read_bytes().startswith(b"\x89PNG")
 
 
+def json_record(command: CommandLine, *words: str | Path) -> dict[str, Any]:
+    """Run a command with --json, and read all of its standard output as one object."""
+    ended = command(*words, "--json")
+    assert ended.status == 0, ended.err
+    record: dict[str, Any] = json.loads(ended.out)
+    return record
+
+
 def test_json_is_one_object_and_nothing_else(
     command: CommandLine, finished: Path, variant: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def record(*words: str | Path) -> dict[str, Any]:
-        ended = command(*words, "--json")
-        assert ended.status == 0, ended.err
-        value: dict[str, Any] = json.loads(ended.out)
-        return value
-
-    assert set(record("score", finished)["methods"]) == SOLVED
-    assert record("report", finished)["report"].endswith("report.html")
+    assert set(json_record(command, "score", finished)["methods"]) == SOLVED
     # Every variant was really probed when this machine's `variant` was chosen.
     monkeypatch.setattr(doctor, "probe", lambda name: Probe(name, name == variant, "probed"))
-    diagnosis = record("doctor")
+    diagnosis = json_record(command, "doctor")
     assert diagnosis["healthy"] is True
     assert list(diagnosis["variants"]) == list(VARIANTS)
 
@@ -113,8 +114,7 @@ def test_failures_are_listed_in_the_report(
         lines = path.read_text().splitlines()
         path.write_text("\n".join(lines[:-1]) + "\n")
     assert command("score", root).status == 0
-    assert command("report", root).status == 0
-    page = (root / "report" / "report.html").read_text(encoding="utf-8")
+    page = Path(json_record(command, "report", root)["report"]).read_text(encoding="utf-8")
     assert page.count("no prediction for this frame") == 2
 
 

@@ -14,22 +14,47 @@ import pytest
 
 from solver.__main__ import main
 from solver.antenna import Antenna
+from solver.at_rest.learn import Learn
 from solver.calibrate.rigidity import hung_beam
+from solver.centreline.extractor import learn_beam
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.arrays import Grey
 from solver.instrument.camera import Camera
 from solver.instrument.hashes import HASHES
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations, open_observations
+from solver.set_up import set_up
 from tests.command_line import CommandLine
+
+
+class CalibratesOnce:
+    """In place of `set_up`: what has been calibrated in the same way before is used again."""
+
+    def __init__(self) -> None:
+        self._antennas: dict[tuple[object, ...], Antenna] = {}
+
+    def __call__(self, opened: Observations, learn: Learn = learn_beam) -> Antenna:
+        key = (opened.root, opened.rig.channel, bool(opened.frames), learn)
+        if key not in self._antennas:
+            self._antennas[key] = set_up(opened, learn)
+        return self._antennas[key]
+
+
+@pytest.fixture(scope="module")
+def calibrates_once() -> CalibratesOnce:
+    return CalibratesOnce()
 
 
 @pytest.fixture
 def command(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    calibrates_once: CalibratesOnce,
 ) -> CommandLine:
     """The real command line, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("solver.__main__.set_up", calibrates_once)
     return CommandLine(main, capfd)
 
 

@@ -150,8 +150,9 @@ def test_where_the_judge_is_killed_its_method_and_its_folder_go_too(
     wait_until(lambda: not is_alive(method) and not list(temporary.iterdir()))
 
 
+@pytest.mark.usefixtures("no_process")
 def test_what_cannot_be_written_is_said_before_anything_is_solved(
-    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_process: None
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_of: Layout, _to: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -286,12 +286,9 @@ def overwrite_truth(root: Path) -> None:
         ("user_methods:good", shutil.rmtree),
     ],
 )
+@pytest.mark.usefixtures("user_methods")
 def test_canary_a_changed_truth_changes_no_estimate(
-    results: Results,
-    exact_fit_table: Path,
-    user_methods: str,
-    method: str,
-    change: Callable[[Path], None],
+    results: Results, exact_fit_table: Path, method: str, change: Callable[[Path], None]
 ) -> None:
     change(results.dataset.truth)
     path = results.root / "after.csv"
@@ -320,7 +317,8 @@ def test_the_observations_hold_nothing_of_the_truth(results: Results) -> None:
         )
 
 
-def test_a_changed_file_is_noticed(results: Results, no_process: None) -> None:
+@pytest.mark.usefixtures("no_process")
+def test_a_changed_file_is_noticed(results: Results) -> None:
     path = results.root / "oracle.csv"
     truth_table(results).write_csv(path)
     image = next(results.dataset.observations.glob("shard_*/*.png"))
