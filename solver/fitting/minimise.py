@@ -68,9 +68,7 @@ def linearise(
 
 
 @njit
-def assemble(
-    n: Any, free: Any, weighted: bool, work: Any, normal: Floats, gradient: Floats
-) -> None:
+def assemble(n: Any, free: Any, weighted: Any, work: Any, normal: Floats, gradient: Floats) -> None:
     """Assemble the normal equations of n points from `work`."""
     residual, jacobian, weight, scratch = work
     residual, weight, scratch = residual[:n], weight[:n], scratch[:n]

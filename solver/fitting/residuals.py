@@ -218,7 +218,7 @@ def point_residuals(
     points: Floats,
     bounds: Any,
     views: Floats,
-    spatial: bool,
+    spatial: Any,
     residual: Floats,
     jacobian: Floats,
 ) -> None:

@@ -84,8 +84,8 @@ def test_a_scene_in_python_is_checked_as_a_file_is() -> None:
     with pytest.raises(vb.InputError) as refused:
         vb.Scene(title="x", seed="one", pushes={**pushes, "repeats": 0})
     assert str(refused.value).splitlines() == [
-        "Scene: seed is 'one', allowed is a whole number >= 0 < 9223372036854775808",
-        "Scene: pushes.repeats is 0, allowed is a whole number >= 1 <= 1000000",
+        "Scene: seed is 'one', allowed is a whole number",
+        "Scene: pushes.repeats is 0, allowed is greater than or equal to 1",
     ]
 
 

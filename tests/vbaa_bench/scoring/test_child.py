@@ -9,11 +9,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -103,7 +100,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     heard: list[str] = []
     out = root / "predictions" / "own.csv"
     solved = solve(
-        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=4.0, hear=heard.append
+        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=2.0, hear=heard.append
     )
     with out.open(encoding="utf-8") as stream:
         messages = [one["message"] for one in csv.DictReader(stream)]
@@ -111,7 +108,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
         Outcome.CONTACT.sentence,
         "the method's process died: exit status 7",
         "MemoryError: the method needs more than 2.5 GB, the limit of --memory",
-        "timed out: no answer within 4 s",
+        "timed out: no answer within 2 s",
     ]
     assert (solved.frames, solved.crashed) == (4, 3)
     assert 'File "failing.py", line 21, in in_turn' in solved.traceback
@@ -153,11 +150,7 @@ def test_where_the_judge_is_killed_its_method_and_its_folder_go_too(
     wait_until(lambda: not is_alive(method) and not list(temporary.iterdir()))
 
 
-@contextmanager
-def nothing_started(*_: Any) -> Iterator[tuple[IO[bytes], IO[bytes]]]:
-    yield BytesIO(), BytesIO()
-
-
+@pytest.mark.usefixtures("no_process")
 def test_what_cannot_be_written_is_said_before_anything_is_solved(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,7 +158,6 @@ def test_what_cannot_be_written_is_said_before_anything_is_solved(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     (tmp_path / "predictions").write_text("")
-    monkeypatch.setattr(child, "_supervisor", nothing_started)
     monkeypatch.setattr(child, "copy_observations", full)
     out = tmp_path / "predictions" / "exact_fit.csv"
     with pytest.raises(InputError, match=r"exact_fit\.csv: cannot be written"):
