@@ -17,7 +17,7 @@ from solver.instrument.transforms import camera_looking_at
 from tests.even import even_picture
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.render.lights import Lamp
-from vbaa_bench.render.variant import activate
+from vbaa_bench.render.variant import PLAIN, activate
 from vbaa_bench.render.world import RenderUnit, Surface, World
 
 POINTS = np.array(
@@ -61,7 +61,7 @@ def picture_of_points(camera: Camera, scale: float = 1.0, lamp_height: float = 0
     lamp = Lamp(sheet(np.array([0.12, 0.0, lamp_height]) * scale, 2.0 * scale, -1))
     unit = RenderUnit(0.4e-3 * scale, np.array([0.12, 0.0, 0.0]) * scale)
     world = World(scaled, lamp, {"marks": Surface(marks, 0.9)}, unit)
-    return even_picture(world, 1024, 1)
+    return even_picture(world, 512, 1)
 
 
 def centroids(image: Floats, expected: Floats) -> Floats:
@@ -123,8 +123,8 @@ def test_the_unit_of_length_does_not_matter(camera: Camera) -> None:
 def test_an_unusable_llvm_is_survived(tmp_path: Path) -> None:
     """A library that is no LLVM: the probe says so, and the plain variant is chosen."""
     code = (
-        "from vbaa_bench.render.variant import choose, probe, FAST\n"
-        "print(probe(FAST).works, choose())"
+        "from vbaa_bench.render.variant import choose\n"
+        "print(choose())"  # probes the fast variant first
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -133,4 +133,4 @@ def test_an_unusable_llvm_is_survived(tmp_path: Path) -> None:
         text=True,
         check=True,
     )
-    assert done.stdout.split() == ["False", "scalar_rgb"]
+    assert done.stdout.split() == [PLAIN]
