@@ -13,10 +13,12 @@ from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.conftest import SMALL_SCENE
+from tests.one_process import OneProcess
 from vbaa_bench.benchmarks.contact_sheet import contact_sheet
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.layout import Results
@@ -27,14 +29,21 @@ def quiet(_done: int, _total: int) -> None:
     pass
 
 
+# These tests compare positions: the render may be as noisy as the sensor.
+COARSE = "render: {noise_near_beam: 1, noise_elsewhere: 1, noise_static_layer: 0.5}\n"
+
+
 def made(tmp_path: Path, variant: str, *changes: tuple[str, str]) -> Layout:
-    text = SMALL_SCENE
+    """Generate a changed SMALL_SCENE in this process: four views of the board, coarse renders."""
+    text = SMALL_SCENE.replace("views: 6", "views: 4") + COARSE
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
     path = tmp_path / "scene.yaml"
     path.write_text(text, encoding="utf-8")
-    return generate(load_scene(path), tmp_path / "data", variant, 1, quiet)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(generating, "Pool", OneProcess)
+        return generate(load_scene(path), tmp_path / "data", variant, 1, quiet)
 
 
 def layer(layout: Layout, name: str, frame_id: str) -> np.ndarray:

@@ -85,7 +85,7 @@ def test_a_frame_of_both_says_its_seconds_and_its_error(variant: str, tmp_path: 
         pytest.skip("it compiles no kernels")
     path = tmp_path / "small.yaml"
     path.write_text(SCENE, encoding="utf-8")
-    record = measure(load_scene(path), variant, 6.0, tmp_path / "out")
+    record = measure(load_scene(path), variant, 2.0, tmp_path / "out")
     assert set(record["curves"]) == {"ours", "independent", "multijitter"}
     for points in record["curves"].values():
         errors = [point["rmse_over_peak"] for point in points]

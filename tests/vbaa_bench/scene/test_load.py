@@ -11,7 +11,7 @@ from vbaa_bench.generation.plan import plan
 from vbaa_bench.scene.load import check_scene, load_scene
 from vbaa_bench.scene.renamed import RENAMED
 
-SCENES = sorted((Path(__file__).parents[3] / "scenes").rglob("*.yaml"))
+SCENES = Path(__file__).parents[3] / "scenes"
 
 
 def complaints(tmp_path: Path, text: str) -> list[str]:
@@ -22,15 +22,8 @@ def complaints(tmp_path: Path, text: str) -> list[str]:
     return str(caught.value).replace(str(tmp_path) + "/", "").splitlines()
 
 
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_every_scene_is_possible(path: Path) -> None:
-    work = plan(load_scene(path))
-    assert work.frames >= 18
-    assert work.worst_residual < 1e-8
-
-
 def test_fig8_is_the_papers_experiment() -> None:
-    path = next(path for path in SCENES if path.stem == "fig8_rigid")
+    path = SCENES / "fig8_rigid.yaml"
     work = plan(load_scene(path))
     assert work.frames == 270
     for push in {trial.push for trial in work.frame_specs}:

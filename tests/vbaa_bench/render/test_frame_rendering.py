@@ -1,4 +1,4 @@
-"""The rendered bench: layers that tell the truth, radiance that depends on its seed alone."""
+"""Rendering of frames: layers equal the truth, radiance depends on its seed alone."""
 
 from pathlib import Path
 
@@ -86,7 +86,7 @@ def test_arc_length_and_depth_are_those_of_the_beam(
     assert (axis - depth < 0.42e-3).all()
 
 
-def test_every_thing_has_its_index(world: World, seen: Layers) -> None:
+def test_every_surface_has_its_index(world: World, seen: Layers) -> None:
     assert world.names == ("beam", "object", "hub", "background")
     assert set(np.unique(seen.object_index)) == {1, 2, 3, 4}
     assert ((seen.object_index == 1) == (seen.beam_mask > 0)).all()
@@ -97,9 +97,9 @@ def test_tracing_chosen_pixels_agrees_with_the_renderer(world: World, seen: Laye
     v, u = np.nonzero(seen.beam_mask)
     pixels = np.column_stack([u, v])[::3]
     found = trace(world, pixels, np.full(len(pixels), 128), 5, "whole")
-    film = mi.render(world.scene, sensor=world.sensor, spp=512, seed=mi.UInt32(77))
+    film = mi.render(world.scene, sensor=world.sensor, spp=128, seed=mi.UInt32(77))
     reference = np.asarray(film)[pixels[:, 1], pixels[:, 0], 0]
-    # The mean over the beam's pixels; a path of 512 samples errs by 1 % in each.
+    # The mean over the beam's pixels; a path of 128 samples errs by 2 % in each.
     assert found.radiance.mean() == pytest.approx(reference.mean(), rel=0.003)
     assert (found.coverage > 0).all()
 
@@ -108,10 +108,10 @@ def test_the_variance_is_that_from_picture_to_picture(world: World, seen: Layers
     v, u = np.nonzero(seen.beam_mask)
     pixels = np.column_stack([u, v])[::5]
     size = np.full(len(pixels), 9)
-    made = [trace(world, pixels, size, seed, "whole") for seed in range(24)]
-    spread = np.var([found.radiance for found in made], axis=0, ddof=1).mean()
-    told = np.mean([found.variance for found in made])
-    assert told == pytest.approx(spread, rel=0.15)
+    images = [trace(world, pixels, size, seed, "whole") for seed in range(24)]
+    spread = np.var([found.radiance for found in images], axis=0, ddof=1).mean()
+    stated = np.mean([found.variance for found in images])
+    assert stated == pytest.approx(spread, rel=0.15)
 
 
 def test_the_same_seed_gives_the_same_bits_whatever_came_before(
@@ -129,7 +129,7 @@ def test_the_same_seed_gives_the_same_bits_whatever_came_before(
     assert (render_frame(world, ground, TARGET, 6).radiance != one.radiance).any()
 
 
-def test_layers_traced_where_things_move_are_those_of_the_whole(
+def test_layers_traced_where_surfaces_move_equal_those_of_the_whole_image(
     assembler: SceneAssembler, world: World, poses: list[Pose], ground: StaticLayer
 ) -> None:
     assembler.repose(world, poses[-1])
@@ -139,7 +139,7 @@ def test_layers_traced_where_things_move_are_those_of_the_whole(
         assert (getattr(found, layer) == getattr(whole, layer)).all(), layer
 
 
-def test_the_noise_near_the_beam_is_that_which_is_wanted(world: World, ground: StaticLayer) -> None:
+def test_the_noise_near_the_beam_reaches_its_target(world: World, ground: StaticLayer) -> None:
     if is_scalar():
         pytest.skip("without wavefronts every pixel gets the same samples")
     images = [render_frame(world, ground, TARGET, seed) for seed in range(12)]
@@ -166,8 +166,10 @@ def test_the_beam_is_white_on_a_dark_ground(
     assert image.min() >= 0
 
 
-def test_a_picture_without_a_plate_is_that_with_one(world: World, ground: StaticLayer) -> None:
-    alone, onto = (render_frame(world, still, TARGET, 3).radiance for still in (None, ground))
+def test_a_frame_without_a_static_layer_equals_one_with_it(
+    world: World, ground: StaticLayer
+) -> None:
+    alone, onto = (render_frame(world, static, TARGET, 3).radiance for static in (None, ground))
     assert alone.mean() == pytest.approx(onto.mean(), rel=0.003)
 
 
