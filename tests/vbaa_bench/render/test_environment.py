@@ -44,8 +44,8 @@ def test_what_is_no_picture_of_light_is_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.exr").write_bytes(whole[: len(whole) // 2])
     for path, said in (
         (tmp_path / "none.exr", "cannot be read"),
-        (text, "is not an EXR image|truncated"),
-        (tmp_path / "cut.exr", "is not an EXR image|truncated"),
+        (text, "is not a readable EXR image|truncated"),
+        (tmp_path / "cut.exr", "is not a readable EXR image|truncated"),
         (write(tmp_path / "two.exr", A=ramp, Z=ramp), "has channels A, Z, allowed are R, G, B"),
         (write(tmp_path / "negative.exr", Y=-ramp), "allowed are radiances that are finite"),
         (write(tmp_path / "dark.exr", Y=0 * ramp), "not all 0"),
