@@ -39,16 +39,16 @@ GENTLE_SINE: Final = 0.4358
 MOST_SINE: Final = 0.995
 
 
-def _series(a: float, widest: float, degree: int) -> tuple[float, ...]:
-    """Expand 2F1(1/2, a; a + 1; sin^2 phi) as a polynomial in t = 2 (1 - cos phi) / `widest` - 1.
+def _series(a: float, max_versine: float, degree: int) -> tuple[float, ...]:
+    """Expand 2F1(1/2, a; a + 1; sin^2 phi) as a polynomial in t, from the constant upwards.
 
-    Coefficients start with the constant; the range is 0 <= 1 - cos(phi) <= `widest`. In t, whose
-    singularities are outside the unit circle, powers are as well conditioned as Chebyshev's
-    polynomials.
+    t is 2 (1 - cos(phi)) / `max_versine` - 1, for a versine 1 - cos(phi) from 0 to `max_versine`.
+    In t, whose singularities are outside the unit circle, powers are as well conditioned as
+    Chebyshev's polynomials.
     """
 
     nodes = chebyshev.chebpts1(degree + 1)
-    values = hyp2f1(0.5, a, a + 1, 1 - (1 - widest * (nodes + 1) / 2) ** 2)
+    values = hyp2f1(0.5, a, a + 1, 1 - (1 - max_versine * (nodes + 1) / 2) ** 2)
     coefficients = chebyshev.cheb2poly(chebyshev.chebfit(nodes, values, degree))
     coefficients[0] += 1 - polynomial.polyval(
         -1.0, coefficients
@@ -59,7 +59,7 @@ def _series(a: float, widest: float, degree: int) -> tuple[float, ...]:
 # Coefficients decrease by 1/5.8 (steep) and 1/78 (gentle) from one to the next.
 BEND_STEEP: Final = _series(0.75, STEEP, 20)
 BEND_GENTLE: Final = _series(0.75, GENTLE, 8)
-_STRETCH: Final = _series(0.25, STEEP, 20)
+_ARC_LENGTH: Final = _series(0.25, STEEP, 20)
 
 
 @njit(inline="always")
@@ -97,7 +97,7 @@ def contact_at(q: float, lever: float) -> Any:
     y_c = lever * sine - p * cosine
     # d/dz z^a 2F1(1/2, a; a + 1; z) = a z^(a-1) (1 - z)^(-1/2) gives, with z = sine^2,
     # ds/dlever at fixed lambda = 1 / cos(theta_c); scaling (s ~ lambda) gives the rest.
-    s_c = lever * horner(1 - 2 * cosine, _STRETCH)
+    s_c = lever * horner(1 - 2 * cosine, _ARC_LENGTH)
     s_by_q = (lever / cosine - s_c) / (2 * q) if q > 0 else 0.0
     return (
         (np.arcsin(sine), theta_q, theta_l),

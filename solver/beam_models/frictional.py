@@ -69,8 +69,8 @@ class _Curve:
 
 def exists(q: Real, lever: Real, grip: Real) -> bool:
     """Test whether beams can have these shapes: pushed, and turned by less than a right angle."""
-    turned = _sine(lever, q, grip)
-    return bool(np.all(np.greater_equal(q, 0) & np.greater(lever, 0) & (turned < MOST_SINE)))
+    sine = _sine(lever, q, grip)
+    return bool(np.all(np.greater_equal(q, 0) & np.greater(lever, 0) & (sine < MOST_SINE)))
 
 
 def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Contact:
@@ -91,22 +91,22 @@ def contact(q: Real, lever: Real, grip: Real = 0.0, radius: float = 0.0) -> Cont
     d_y = sine * by_lever - cosine * d_p + x * d_across
     lean, d_lean = -np.arctan(grip), -by_grip / (1 + grip**2)
     theta_c, d_theta = np.arcsin(sine) - lean, d_across - d_lean
-    short, d_short = radius * grip, radius * by_grip
-    turned_sine, turned_cosine = np.sin(theta_c), np.cos(theta_c)
+    shortening, d_shortening = radius * grip, radius * by_grip
+    theta_sine, theta_cosine = np.sin(theta_c), np.cos(theta_c)
     root = np.hypot(1, grip)
     return Contact(
         load=q * root,
         theta_c=theta_c,
         lean=lean,
-        x_c=x - short * turned_cosine,
-        y_c=y - short * turned_sine,
-        s_c=curve.s - short,
+        x_c=x - shortening * theta_cosine,
+        y_c=y - shortening * theta_sine,
+        s_c=curve.s - shortening,
         d_load=np.array([root, zero, q * grip / root]),
         d_theta_c=d_theta,
         d_lean=d_lean,
-        d_x_c=d_x - turned_cosine * d_short + short * turned_sine * d_theta,
-        d_y_c=d_y - turned_sine * d_short - short * turned_cosine * d_theta,
-        d_s_c=d_s - d_short,
+        d_x_c=d_x - theta_cosine * d_shortening + shortening * theta_sine * d_theta,
+        d_y_c=d_y - theta_sine * d_shortening - shortening * theta_cosine * d_theta,
+        d_s_c=d_s - d_shortening,
     )
 
 
@@ -120,18 +120,18 @@ def misfit(
     """
     sine, cosine, d_across = _axis(q, lever, grip)
     base = _curve(lever, q, grip)
-    along, off = x * cosine + y * sine, y * cosine - x * sine
+    along, across = x * cosine + y * sine, y * cosine - x * sine
     u = np.minimum(lever - along, farthest(q, grip))
-    curved = np.maximum(u, 0.0)
-    here = _curve(curved, q, grip)
-    value = base.p + off - here.p + grip * (u - curved)
-    by_point = np.column_stack([here.tangent * cosine - sine, cosine + here.tangent * sine])
-    by_across = here.tangent * off - along
+    clipped = np.maximum(u, 0.0)
+    curve = _curve(clipped, q, grip)
+    value = base.p + across - curve.p + grip * (u - clipped)
+    by_point = np.column_stack([curve.tangent * cosine - sine, cosine + curve.tangent * sine])
+    by_angle = curve.tangent * across - along
     by_shape = np.column_stack(
         [
-            base.d_p[0] - here.d_p[0] + by_across * d_across[0],
-            base.tangent - here.tangent + by_across * d_across[1],
-            base.d_p[1] - here.d_p[1] + (u - curved) + by_across * d_across[2],
+            base.d_p[0] - curve.d_p[0] + by_angle * d_across[0],
+            base.tangent - curve.tangent + by_angle * d_across[1],
+            base.d_p[1] - curve.d_p[1] + (u - clipped) + by_angle * d_across[2],
         ]
     )
     return value, by_point, by_shape

@@ -35,9 +35,9 @@ def unit_deflection_by_contact(x: Floats | float, x_c: Floats | float) -> Floats
 @njit
 def ratio(x1: float, x2: float, x_c: float) -> float:
     """Compute rho = y2 / y1 of points 0 < x1 < x2 [m]; it rises strictly, x2/x1 to (x2/x1)^2."""
-    one = (3 * x_c - x1) * x1**2 if x1 <= x_c else (3 * x1 - x_c) * x_c**2
-    two = (3 * x_c - x2) * x2**2 if x2 <= x_c else (3 * x2 - x_c) * x_c**2
-    return two / one
+    u1 = (3 * x_c - x1) * x1**2 if x1 <= x_c else (3 * x1 - x_c) * x_c**2
+    u2 = (3 * x_c - x2) * x2**2 if x2 <= x_c else (3 * x2 - x_c) * x_c**2
+    return u2 / u1
 
 
 @njit
@@ -90,10 +90,10 @@ def contact_of_pair(x1: float, y1: float, x2: float, y2: float, guess: float) ->
         else:
             high = c
         slope = (3 * c - 6 * x2) * c + linear
-        following = c - value / slope if slope != 0 else low
-        if not low < following < high:
-            following = (low + high) / 2
-        if abs(following - c) <= 1e-14 * x2:
-            return following
-        c = following
+        next_c = c - value / slope if slope != 0 else low
+        if not low < next_c < high:
+            next_c = (low + high) / 2
+        if abs(next_c - c) <= 1e-14 * x2:
+            return next_c
+        c = next_c
     return c

@@ -25,7 +25,7 @@ def fit_amplitudes(
 
     Return amplitude, its variance and background, each (m,); NaN where the image ends.
     """
-    found = _fit_amplitudes(
+    fields = _fit_amplitudes(
         image,
         places.along[which],
         centre,
@@ -38,7 +38,7 @@ def fit_amplitudes(
         half,
         full_scale,
     )
-    return found[0], found[1], found[2]
+    return fields[0], fields[1], fields[2]
 
 
 @njit
@@ -83,13 +83,13 @@ def _fit_amplitudes(
             weight[k] = 0.0 if gray[k] >= full_scale else 1.0
         tabulated(value, min(climb[i], 1.0), sense[i], first - centre[i], p)
         p0, p1 = _ground(weight, p, half)
-        left = left_gray = noise = 0.0
+        norm = product = noise_sum = 0.0
         for k in range(size):
-            clear_p = weight[k] * (p[k] - p0 - p1 * (k - half))
-            left += clear_p * p[k]
-            left_gray += clear_p * gray[k]
-            noise += clear_p * clear_p * max(dark + per_gray * gray[k], ROUNDING)
+            residual = weight[k] * (p[k] - p0 - p1 * (k - half))
+            norm += residual * p[k]
+            product += residual * gray[k]
+            noise_sum += residual * residual * max(dark + per_gray * gray[k], ROUNDING)
         g0, _ = _ground(weight, gray, half)
-        a = left_gray / left
-        out[0, i], out[1, i], out[2, i] = a, noise / left**2, g0 - a * p0
+        a = product / norm
+        out[0, i], out[1, i], out[2, i] = a, noise_sum / norm**2, g0 - a * p0
     return out

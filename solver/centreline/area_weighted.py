@@ -16,12 +16,12 @@ from solver.instrument.arrays import Floats, Grey
 # Threshold over the contrast between beam and background: low enough to keep the flanks of a
 # line two pixels wide, high enough to exclude a dark object beside it.
 THRESHOLD = 0.25
-# A column shows the beam if its brightest pixel exceeds its background by this share of the whole
+# A column shows the beam if its brightest pixel exceeds its background by this fraction of the
 # image's contrast and by this many sigmas of the background.
-LEAST_CONTRAST = 0.5
-LEAST_SIGNIFICANCE = 8.0
+MIN_CONTRAST = 0.5
+MIN_SIGNIFICANCE = 8.0
 # Largest width of the beam; a window of four rows more holds the band and its flanks.
-WIDEST_PX = 12
+MAX_WIDTH_PX = 12
 
 
 def area_weighted(image: Grey) -> Centreline:
@@ -31,44 +31,44 @@ def area_weighted(image: Grey) -> Centreline:
     """
     background, noise = _background(image)
     contrast = image.max(axis=0) - background
-    seen = contrast > np.maximum(
-        LEAST_CONTRAST * np.quantile(contrast, 0.9), LEAST_SIGNIFICANCE * noise
+    visible = contrast > np.maximum(
+        MIN_CONTRAST * np.quantile(contrast, 0.9), MIN_SIGNIFICANCE * noise
     )
-    nothing = down_columns(np.empty((0, 2)), np.empty(0))
-    if not seen.any():
-        return nothing
+    empty = down_columns(np.empty((0, 2)), np.empty(0))
+    if not visible.any():
+        return empty
     # Columns without a beam: the threshold is their brightest pixel, which none exceeds.
-    least = np.where(seen, background + THRESHOLD * contrast, background + contrast)
-    about, band = _longest_band(image > least.astype(image.dtype))
+    threshold = np.where(visible, background + THRESHOLD * contrast, background + contrast)
+    crop, band = _longest_band(image > threshold.astype(image.dtype))
     height = np.count_nonzero(band, axis=0)
-    columns = np.flatnonzero(seen & (height > 0) & (height <= WIDEST_PX))
+    columns = np.flatnonzero(visible & (height > 0) & (height <= MAX_WIDTH_PX))
     if not len(columns):
-        return nothing
+        return empty
     rows = _window(np.argmax(band[:, columns], axis=0), len(band))
     inside = band[rows, columns]
-    gray = image[about][rows, columns].astype(np.float64)
+    gray = image[crop][rows, columns].astype(np.float64)
     cover = gray - background[columns]
 
     centre, area = _mean_row(rows, np.where(inside, cover, 0.0))
     flanks = cv2.dilate(inside.astype(np.uint8), np.ones((3, 1), np.uint8)) > 0
-    whole, _ = _mean_row(rows, np.where(flanks, cover, 0.0))
-    s_curve = _typical(whole - centre)
+    with_flanks, _ = _mean_row(rows, np.where(flanks, cover, 0.0))
+    s_curve = _clipped_rms(with_flanks - centre)
     # d centre / d gray = (row - centre) / area; the variance of gray grows like shot noise.
-    shots = np.maximum(gray, 1.0) / np.maximum(background[columns], 1.0)
-    lever = np.where(inside, rows - centre, 0.0) / area
-    variance = (lever**2 * shots).sum(axis=0) * noise[columns] ** 2
-    points = np.column_stack([columns, about.start + centre])
+    relative_variance = np.maximum(gray, 1.0) / np.maximum(background[columns], 1.0)
+    gradient = np.where(inside, rows - centre, 0.0) / area
+    variance = (gradient**2 * relative_variance).sum(axis=0) * noise[columns] ** 2
+    points = np.column_stack([columns, crop.start + centre])
     return down_columns(points, np.sqrt(variance + s_curve**2))
 
 
 def _background(image: Grey) -> tuple[Floats, Floats]:
     """Estimate median and standard deviation of each column, by quartiles: robust to the beam."""
     # Every fourth row is as accurate as all of them, and faster.
-    some = image[::4]
-    last = len(some) - 1
+    sample = image[::4]
+    last = len(sample) - 1
     middle = [last // 2, (last + 1) // 2]
-    at = [last // 4, *middle, last - last // 4]
-    low, *medians, high = np.partition(some, at, axis=0)[at].astype(np.float64)
+    ranks = [last // 4, *middle, last - last // 4]
+    low, *medians, high = np.partition(sample, ranks, axis=0)[ranks].astype(np.float64)
     return np.mean(medians, axis=0), (high - low) / 1.349 + 0.3  # 0.3: rounding
 
 
@@ -77,23 +77,23 @@ def _longest_band(above: np.ndarray) -> tuple[slice, np.ndarray]:
 
     Return the image rows about it, and the mask of its pixels in them.
     """
-    count, labels, found, _ = cv2.connectedComponentsWithStats(above.astype(np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(above.astype(np.uint8))
     if count <= 1:
         return slice(0, len(above)), above
-    longest = 1 + int(np.argmax(found[1:, cv2.CC_STAT_WIDTH]))
-    top, height = found[longest, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT]]
-    about = slice(max(top - WIDEST_PX, 0), top + height + WIDEST_PX)
-    return about, np.asarray(labels[about] == longest)
+    longest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_WIDTH]))
+    top, height = stats[longest, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT]]
+    crop = slice(max(top - MAX_WIDTH_PX, 0), top + height + MAX_WIDTH_PX)
+    return crop, np.asarray(labels[crop] == longest)
 
 
 def _window(first: np.ndarray, height: int) -> np.ndarray:
     """Return rows (n, columns) of windows that start two pixels above a band's first row."""
-    size = min(WIDEST_PX + 4, height)
+    size = min(MAX_WIDTH_PX + 4, height)
     top = np.clip(first - 2, 0, height - size)
     return np.asarray(top + np.arange(size)[:, None])
 
 
-def _typical(shift: Floats) -> float:
+def _clipped_rms(shift: Floats) -> float:
     """Compute the RMS of shifts (n,); clip the largest twentieth, which may be outliers."""
     size = np.abs(shift)
     return float(np.sqrt(np.mean(np.minimum(size, np.quantile(size, 0.95)) ** 2)))

@@ -31,23 +31,23 @@ class Centroid:
 
         Columns with a pixel at full scale are rejected: its true brightness is unknown.
         """
-        found, look = self.beam(image), self.beam.appearance
-        upright = found.directions[:, 1] != 0
-        window = _windows(image, found.points, upright, look.half)
-        ends = window >= look.full_scale
-        centre, variance = _centroids(window, look.half, look.noise.variance(window))
-        centre += np.rint(np.where(upright, found.points[:, 1], found.points[:, 0]))
-        good = ~ends.any(axis=1) & np.isfinite(centre) & np.isfinite(variance)
-        points = np.array(found.points)
+        centreline, appearance = self.beam(image), self.beam.appearance
+        upright = centreline.directions[:, 1] != 0
+        window = _windows(image, centreline.points, upright, appearance.half)
+        saturated = window >= appearance.full_scale
+        centre, variance = _centroids(window, appearance.half, appearance.noise.variance(window))
+        centre += np.rint(np.where(upright, centreline.points[:, 1], centreline.points[:, 0]))
+        good = ~saturated.any(axis=1) & np.isfinite(centre) & np.isfinite(variance)
+        points = np.array(centreline.points)
         points[upright, 1], points[~upright, 0] = centre[upright], centre[~upright]
         return replace(
-            found,
+            centreline,
             points=points[good],
-            directions=found.directions[good],
+            directions=centreline.directions[good],
             sigma=np.sqrt(variance[good]),
-            rejected=np.vstack([found.rejected, found.points[~good]]),
+            rejected=np.vstack([centreline.rejected, centreline.points[~good]]),
             flags=np.append(
-                found.flags, np.full(np.count_nonzero(~good), Flag.SATURATED, np.uint8)
+                centreline.flags, np.full(np.count_nonzero(~good), Flag.SATURATED, np.uint8)
             ),
         )
 
@@ -60,9 +60,9 @@ def learn_centroid(images: Sequence[Grey], guide: Guide) -> Centroid:
 def _windows(image: Grey, points: Floats, upright: npt.NDArray[np.bool_], half: int) -> Floats:
     """Return gray values (n, 2 half + 1) about points (n, 2), along their columns or rows."""
     u, v = np.rint(points).astype(np.int64).T
-    reach = np.arange(-half, half + 1)
-    rows = v[:, None] + np.where(upright[:, None], reach, 0)
-    columns = u[:, None] + np.where(upright[:, None], 0, reach)
+    offsets = np.arange(-half, half + 1)
+    rows = v[:, None] + np.where(upright[:, None], offsets, 0)
+    columns = u[:, None] + np.where(upright[:, None], 0, offsets)
     return np.asarray(image[rows, columns], dtype=np.float64)
 
 
@@ -70,15 +70,15 @@ def _centroids(window: Floats, half: int, variance: Floats) -> tuple[Floats, Flo
     """Compute centroids (n,) from the windows' middles, and variances from pixels' `variance`."""
     x = np.arange(-half, half + 1, dtype=np.float64)
     outside = np.abs(x) > half - MARGIN
-    line = np.column_stack([np.ones_like(x), x])
+    basis = np.column_stack([np.ones_like(x), x])
     # Matrix that subtracts from a window the straight line through its outer pixels.
-    clear = np.eye(len(x))
-    clear[:, outside] -= line @ np.linalg.pinv(line[outside])
-    clear[outside] = 0.0
-    over = window @ clear.T
-    area = over.sum(axis=1)
+    subtract = np.eye(len(x))
+    subtract[:, outside] -= basis @ np.linalg.pinv(basis[outside])
+    subtract[outside] = 0.0
+    signal = window @ subtract.T
+    area = signal.sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        centre = over @ x / area
+        centre = signal @ x / area
         # d centre / d gray, including the effect through the background.
-        lever = ((x - centre[:, None]) / area[:, None]) @ clear
-    return np.asarray(centre), np.asarray((lever**2 * variance).sum(axis=1))
+        gradient = ((x - centre[:, None]) / area[:, None]) @ subtract
+    return np.asarray(centre), np.asarray((gradient**2 * variance).sum(axis=1))

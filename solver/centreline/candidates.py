@@ -7,10 +7,10 @@ from solver.centreline.noise import ROUNDING, Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# Number of candidates kept per column, the strongest ones.
-MOST = 6
+# Maximum number of candidates per line; the strongest are kept.
+MAX_PER_LINE = 6
 # Threshold of a candidate's contrast, in sigmas of the noise.
-LEAST_SIGNIFICANCE = 5.0
+MIN_SIGNIFICANCE = 5.0
 # Pixels on either side that measure the surroundings, and between them and the core.
 SIDE, GAP = 2, 1
 
@@ -43,35 +43,35 @@ def _scan(
     dark: float,
     per_gray: float,
 ) -> Floats:
-    response, level, most = _responses(_summed(image, lines, upright, polarity), core)
-    reach = core // 2 + GAP + SIDE
+    response, level, largest = _responses(_summed(image, lines, upright, polarity), core)
+    margin = core // 2 + GAP + SIDE
     # Threshold at the least possible noise, in units of `response`.
     scale = 1.0 / (core * SIDE)
-    least = LEAST_SIGNIFICANCE * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
-    out, found = np.empty((len(lines), MOST, 4)), np.zeros(len(lines), np.int64)
-    for v in range(reach + 1, len(response) - reach - 1):
-        if most[v] < least:
+    threshold = MIN_SIGNIFICANCE * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
+    out, count = np.empty((len(lines), MAX_PER_LINE, 4)), np.zeros(len(lines), np.int64)
+    for v in range(margin + 1, len(response) - margin - 1):
+        if largest[v] < threshold:
             continue
         before, here, after = response[v - 1], response[v], response[v + 1]
         for j in range(len(lines)):
-            if here[j] < least or here[j] < before[j] or here[j] <= after[j]:
+            if here[j] < threshold or here[j] < before[j] or here[j] <= after[j]:
                 continue
             r = here[j] * scale
             gray = abs(level[v, j]) / SIDE + r / 2
             variance = max(dark + per_gray * gray, ROUNDING) * (1.0 / core + 1.0 / SIDE)
-            if r * r < LEAST_SIGNIFICANCE**2 * variance:
+            if r * r < MIN_SIGNIFICANCE**2 * variance:
                 continue
-            bend = before[j] - 2 * here[j] + after[j]
-            place = v + (0.5 * (before[j] - after[j]) / bend if bend < 0 else 0.0)
+            curvature = before[j] - 2 * here[j] + after[j]
+            place = v + (0.5 * (before[j] - after[j]) / curvature if curvature < 0 else 0.0)
             if core % 2 == 0:
                 place -= 0.5
-            slot = _slot(out[j, :, 2], found[j], r)
-            if slot == MOST:
+            slot = _slot(out[j, :, 2], count[j], r)
+            if slot == MAX_PER_LINE:
                 continue
-            found[j] = max(found[j], slot + 1)
+            count[j] = max(count[j], slot + 1)
             out[j, slot, 0], out[j, slot, 1] = lines[j], place
             out[j, slot, 2], out[j, slot, 3] = r, np.sqrt(variance)
-    return _packed(out, found)
+    return _packed(out, count)
 
 
 @njit
@@ -101,41 +101,41 @@ def _responses(
     The third array is the largest contrast of each row.
     """
     response = np.zeros((len(summed) - 1, summed.shape[1]), np.int32)
-    level, most = np.zeros_like(response), np.zeros(len(response), np.int32)
-    reach = core // 2 + GAP + SIDE
+    level, largest = np.zeros_like(response), np.zeros(len(response), np.int32)
+    margin = core // 2 + GAP + SIDE
     inner, outer = np.int32(core), np.int32(SIDE)
-    for v in range(reach, len(response) - reach):
+    for v in range(margin, len(response) - margin):
         low = v - core // 2
         high = low + core
         a, b, c = summed[low - GAP - SIDE], summed[low - GAP], summed[low]
         d, e, f = summed[high], summed[high + GAP], summed[high + GAP + SIDE]
-        stands, about, top = response[v], level[v], np.int32(0)
-        for j in range(len(stands)):
-            about[j] = max(b[j] - a[j], f[j] - e[j])
-            stands[j] = (d[j] - c[j]) * outer - about[j] * inner
-            top = max(top, stands[j])
-        most[v] = top
-    return response, level, most
+        contrast, surroundings, row_largest = response[v], level[v], np.int32(0)
+        for j in range(len(contrast)):
+            surroundings[j] = max(b[j] - a[j], f[j] - e[j])
+            contrast[j] = (d[j] - c[j]) * outer - surroundings[j] * inner
+            row_largest = max(row_largest, contrast[j])
+        largest[v] = row_largest
+    return response, level, largest
 
 
 @njit
-def _slot(strengths: Floats, found: int, strength: float) -> int:
+def _slot(strengths: Floats, count: int, strength: float) -> int:
     """Choose a candidate's slot: a free one, or the weakest's if weaker; else MOST (no slot)."""
-    if found < MOST:
-        return found
+    if count < MAX_PER_LINE:
+        return count
     weakest = int(np.argmin(strengths))
-    return weakest if strengths[weakest] < strength else MOST
+    return weakest if strengths[weakest] < strength else MAX_PER_LINE
 
 
 @njit
-def _packed(out: Floats, found: npt.NDArray[np.int64]) -> Floats:
+def _packed(out: Floats, count: npt.NDArray[np.int64]) -> Floats:
     total = 0
-    for j in range(len(found)):
-        total += found[j]
+    for j in range(len(count)):
+        total += count[j]
     packed = np.empty((total, 4))
     total = 0
-    for j in range(len(found)):
-        for k in range(found[j]):
+    for j in range(len(count)):
+        for k in range(count[j]):
             for i in range(4):
                 packed[total, i] = out[j, k, i]
             total += 1

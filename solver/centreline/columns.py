@@ -11,8 +11,8 @@ from solver.instrument.compiled import njit
 def read_column(image: Grey, line: int, upright: bool, first: int, gray: Floats) -> bool:
     """Fill `gray` from pixel `first` of a column (a row); return False where the image ends."""
     height, width = image.shape
-    limit, other = (height, width) if upright else (width, height)
-    if first < 0 or first + len(gray) > limit or line < 0 or line >= other:
+    limit, n_lines = (height, width) if upright else (width, height)
+    if first < 0 or first + len(gray) > limit or line < 0 or line >= n_lines:
         return False
     for k in range(len(gray)):
         gray[k] = image[first + k, line] if upright else image[line, first + k]
@@ -24,16 +24,16 @@ def tabulated(table: Floats, climb: float, sense: float, offset: float, out: Flo
     """Interpolate the table at a climb and at pixels offset, offset + 1, ... from the centre."""
     row = climb * (table.shape[0] - 1)
     low = min(int(row), table.shape[0] - 2)
-    part, last = row - low, table.shape[1] - 1
+    row_fraction, last = row - low, table.shape[1] - 1
     # A pixel is a whole number of table steps: all have the same fraction between entries.
     t = sense * offset / STEP + table.shape[1] // 2
     j = int(np.floor(t))
-    f = t - j
+    fraction = t - j
     stride = int(sense / STEP)
     flatter, steeper = table[low], table[low + 1]
     for k in range(len(out)):
         out[k] = 0.0
         if 0 <= j < last:
-            out[k] = (1 - part) * ((1 - f) * flatter[j] + f * flatter[j + 1])
-            out[k] += part * ((1 - f) * steeper[j] + f * steeper[j + 1])
+            out[k] = (1 - row_fraction) * ((1 - fraction) * flatter[j] + fraction * flatter[j + 1])
+            out[k] += row_fraction * ((1 - fraction) * steeper[j] + fraction * steeper[j + 1])
         j += stride

@@ -21,14 +21,14 @@ from solver.centreline.tip import find_tip
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# Allowed distance of the tip along the beam, over its length.
-SHORTEST, LONGEST = 0.75, 1.3
+# Allowed range of the tip's distance along the beam, over the beam's length.
+MIN_LENGTH, MAX_LENGTH = 0.75, 1.3
 # An image differs from the rest images if its beam or background is brighter or darker by this
-# factor; the background must also differ by this share of full scale. Chosen: twice a usual drift
-# of lamps.
-OTHER, LEAST_STEP = 1.4, 0.02
+# factor; the background must also differ by this fraction of full scale. Chosen: twice a typical
+# drift of lamps.
+MAX_RATIO, MIN_STEP = 1.4, 0.02
 # Largest turn [rad] of the beam about its clamp where the camera does not turn with it.
-ANY_TILT = 0.6
+MAX_TILT = 0.6
 
 
 @dataclass(frozen=True)
@@ -40,79 +40,91 @@ class BeamExtractor:
 
     def __call__(self, image: Grey) -> Centreline:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
-        look, guide = self.appearance, self.guide
-        tilt = ANY_TILT if guide.free_tilt else 0.0
-        path = find(image, guide, look.polarity, look.noise, tilt, bends=True)
+        appearance, guide = self.appearance, self.guide
+        max_tilt = MAX_TILT if guide.free_tilt else 0.0
+        path = find(image, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
         return self.measure(image, path)
 
     def measure(self, image: Grey, path: Path) -> Centreline:
         """Measure the centreline along a path."""
-        look = self.appearance
+        appearance = self.appearance
         places = stations(self.guide.pixels(path.places), image.shape)
         if len(places) < FEWEST:
             return down_columns(np.empty((0, 2)), np.empty(0))
-        fits = fit_profiles(image, places, look.profile, look.noise, look.half, look.full_scale)
-        share = fits.amplitude / np.interp(places.length, look.length, look.amplitude)
-        misfit = fits.chi2 / np.maximum(fits.dof, 1) / look.misfit
-        flags = flags_of(
-            share, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
+        fits = fit_profiles(
+            image,
+            places,
+            appearance.profile,
+            appearance.noise,
+            appearance.half,
+            appearance.full_scale,
         )
-        whole = self.guide.length / self.guide.pixel
-        tip = find_tip(image, places, flags, fits, look)
+        brightness = fits.amplitude / np.interp(
+            places.length, appearance.length, appearance.amplitude
+        )
+        misfit = fits.chi2 / np.maximum(fits.dof, 1) / appearance.misfit
+        flags = flags_of(
+            brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
+        )
+        length_px = self.guide.length / self.guide.pixel
+        tip = find_tip(image, places, flags, fits, appearance)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
-        if tip is not None and not SHORTEST < tip.length / whole < LONGEST:
+        if tip is not None and not MIN_LENGTH < tip.length / length_px < MAX_LENGTH:
             tip = None
         # The beam covers its last columns only in part.
-        on_beam = places.length < (whole if tip is None else tip.length - 1.5)
-        sigma = np.hypot(fits.sigma * np.sqrt(np.maximum(misfit, 1.0)), look.sigma_px)
+        on_beam = places.length < (length_px if tip is None else tip.length - 1.5)
+        sigma = np.hypot(fits.sigma * np.sqrt(np.maximum(misfit, 1.0)), appearance.sigma_px)
         # Offsets from the path along its normal: a beam that is read by columns first and then
         # by rows remains one curve.
         off_path = places.sense * (fits.centre - places.start)
-        smooth = follow(places.length, off_path, sigma, share, on_beam, flags)
+        smooth = follow(places.length, off_path, sigma, brightness, on_beam, flags)
         if not len(smooth):
             return down_columns(np.empty((0, 2)), np.empty(0))
         good = flags == 0
         noise = fits.sigma * np.sqrt(np.maximum(misfit, 1.0))
-        common_sigma, brightness, ground = _summary(
-            fits.centre[good], sigma[good], noise[good], share[good], fits.background[good]
+        common_sigma, typical_brightness, background = _summary(
+            fits.centre[good], sigma[good], noise[good], brightness[good], fits.background[good]
         )
-        course = places.start + places.sense * smooth
+        smooth_px = places.start + places.sense * smooth
         height, width = image.shape
         limit = np.where(places.upright, height - 0.5, width - 0.5)
-        in_image = (course > -0.5) & (course < limit)
+        in_image = (smooth_px > -0.5) & (smooth_px < limit)
         rejected = ~good & on_beam & in_image
         return Centreline(
             points=places.pixels(fits.centre)[good],
             directions=places.directions[good],
             sigma=sigma[good],
-            rejected=places.pixels(course)[rejected],
+            rejected=places.pixels(smooth_px)[rejected],
             flags=flags[rejected],
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
             common_sigma=common_sigma,
-            remark=self._remark(brightness, ground) if good.any() else "",
+            remark=self._remark(typical_brightness, background) if good.any() else "",
         )
 
-    def _remark(self, beam: float, ground: float) -> str:
+    def _remark(self, beam: float, background: float) -> str:
         """Describe the change of brightness of beam and background since rest; "" if small."""
-        look = self.appearance
-        ratio = max(ground, 1.0) / max(look.ground, 1.0)
-        step = abs(ground - look.ground) > LEAST_STEP * look.full_scale
-        if not (step and not 1 / OTHER < ratio < OTHER) and 1 / OTHER < beam < OTHER:
+        appearance = self.appearance
+        ratio = max(background, 1.0) / max(appearance.ground, 1.0)
+        is_step = abs(background - appearance.ground) > MIN_STEP * appearance.full_scale
+        if (
+            not (is_step and not 1 / MAX_RATIO < ratio < MAX_RATIO)
+            and 1 / MAX_RATIO < beam < MAX_RATIO
+        ):
             return ""
         return (
-            f"this image differs from the rest images: ground {ratio:.2g} times and beam "
-            f"{beam:.2g} times as bright; have exposure, gain, gamma or light been changed?"
+            f"this image differs from the rest images: background {ratio:.2g} times and beam "
+            f"{beam:.2g} times as bright; has exposure, gain, gamma or light changed?"
         )
 
 
 @njit
 def _summary(
-    centre: Floats, sigma: Floats, noise: Floats, share: Floats, ground: Floats
+    centre: Floats, sigma: Floats, noise: Floats, brightness: Floats, background: Floats
 ) -> tuple[float, float, float]:
-    """Compute the sigma [px] of the points' mean error, and the medians of `share` and `ground`.
+    """Compute the sigma [px] of the points' mean error, and the median brightness and background.
 
     The error is the part that the sensor's noise does not explain. Such errors, mainly those of
     compression, follow the pixel grid: for a beam that crosses R pixel rows, only R + 1 of them
@@ -120,9 +132,9 @@ def _summary(
     """
     if len(centre) == 0:
         return 0.0, 0.0, 0.0
-    rough = np.median(np.maximum(sigma**2 - noise**2, 0.0))
+    excess = np.median(np.maximum(sigma**2 - noise**2, 0.0))
     rows = centre.max() - centre.min()
-    return np.sqrt(rough / (1.0 + rows)), np.median(share), np.median(ground)
+    return np.sqrt(excess / (1.0 + rows)), np.median(brightness), np.median(background)
 
 
 def learn_beam(images: Sequence[Grey], guide: Guide) -> BeamExtractor:

@@ -21,7 +21,7 @@ def learn_area_weighted(images: Sequence[Grey], guide: Guide) -> Extractor:
     if not guide.scans_columns or not all(len(area_weighted(image).points) for image in images):
         raise InputError(
             "the rest images show no bright beam that runs from left to right, "
-            "and area_weighted sees no other"
+            "as area_weighted requires"
         )
     return area_weighted
 
@@ -34,7 +34,7 @@ EXTRACTORS: Final[dict[str, Callable[[Sequence[Grey], Guide], Extractor]]] = {
 
 
 def find_extractor(name: str) -> Callable[[Sequence[Grey], Guide], Extractor]:
-    """Return what learns an extractor from images at rest. Raises InputError."""
+    """Return the function that learns an extractor from rest images. Raises InputError."""
     if name not in EXTRACTORS:
         raise InputError(
             f"centreline '{name}' is unknown, allowed is one of {', '.join(EXTRACTORS)}"

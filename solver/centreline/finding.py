@@ -23,13 +23,13 @@ from solver.instrument.dot_products import FAST
 # Number of scan lines over the beam's length, and trial contact distances over that length.
 LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)
 # Number of places of a path, and the last one over the beam's length.
-PLACES, FARTHEST = 96, 1.06
+PLACES, PATH_END = 96, 1.06
 # Number of candidates tried as points of the beam.
 ANCHORS = 60
 # A candidate supports a shape up to this distance: the larger of pixels and beam radii.
 NEAR_PX, NEAR_RADII = 3.0, 2.0
 # Fewest agreeing scan lines for which the beam is detected.
-LEAST_LINES = 6
+MIN_LINES = 6
 # Degree of the smooth curve beside the shape. A numpy scalar is compiled once, a literal anew.
 _DEGREE = np.int64(3)
 # Contact distance [m] that represents a beam that does not bend.
@@ -40,7 +40,7 @@ STRAIGHT = 1e9
 class Path:
     """Path of the beam, to about a pixel: places (n, 2) [m] of the beam's frame, evenly along x.
 
-    `contrast` [gray] is its median contrast, `support` the share of scan lines that agree on it.
+    `contrast` [gray] is its median contrast, `support` the fraction of scan lines that agree on it.
     """
 
     places: Floats
@@ -57,11 +57,11 @@ def find(
     """
     lines = _scan_lines(guide, image.shape)
     core = max(2, round(2 * guide.radius_px))
-    seen = candidates(image, lines, guide.scans_columns, core, polarity, noise)
-    places = guide.places(seen[:, :2] if guide.scans_columns else seen[:, 1::-1])
-    near = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
+    detections = candidates(image, lines, guide.scans_columns, core, polarity, noise)
+    places = guide.places(detections[:, :2] if guide.scans_columns else detections[:, 1::-1])
+    tolerance = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
     distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
-    path = _path(places, seen[:, 0], seen[:, 2], guide, distances, near, most_tilt)
+    path = _path(places, detections[:, 0], detections[:, 2], guide, distances, tolerance, most_tilt)
     return path and replace(path, support=path.support / len(lines))
 
 
@@ -84,8 +84,8 @@ def _path(
     strength: Floats,
     guide: Guide,
     distances: Floats,
-    near: float,
-    most_tilt: float,
+    tolerance: float,
+    max_tilt: float,
 ) -> Path | None:
     """Find the path through candidates, whose `places` (m, 2) are in the order of the scan lines.
 
@@ -94,30 +94,30 @@ def _path(
     length = guide.length
     x, y = places.T
     inside = (x > 0.02 * length) & (x < 1.02 * length) & (np.abs(y) < 0.8 * length)
-    if np.count_nonzero(inside) < LEAST_LINES:
+    if np.count_nonzero(inside) < MIN_LINES:
         return None
     x, y, line, strength = x[inside], y[inside], line[inside], strength[inside]
     # Anchors far from the clamp constrain the shape most; the strongest come first.
-    order = np.argsort(-strength * x)[:ANCHORS]
+    anchors = np.argsort(-strength * x)[:ANCHORS]
     # The weight of an object much brighter than most is limited.
     weight = np.minimum(strength, np.median(strength))
-    load, tilt, x_c, score = _consensus(x, y, line, weight, order, distances, near, most_tilt)
+    load, tilt, x_c, score = _consensus(x, y, line, weight, anchors, distances, tolerance, max_tilt)
     if score <= 0:
         return None
     offset = y - _shape(x, load, tilt, x_c)
-    agreed = np.abs(offset) < near
+    agreed = np.abs(offset) < tolerance
     lines = line[agreed]
-    agreeing = 1 + np.count_nonzero(lines[1:] != lines[:-1])
-    if not agreed.any() or agreeing < LEAST_LINES:
+    n_agreeing = 1 + np.count_nonzero(lines[1:] != lines[:-1])
+    if not agreed.any() or n_agreeing < MIN_LINES:
         return None
     half_px = np.full(len(lines), 0.5 * guide.pixel)
-    along = np.linspace(0.0, FARTHEST * length, PLACES)
+    along = np.linspace(0.0, PATH_END * length, PLACES)
     across = _shape(along, load, tilt, x_c)
     correction = curve(x[agreed], offset[agreed], half_px, along, _DEGREE, CUT)
     if len(correction) > 0:
         across += correction
     contrast = float(np.median(strength[agreed]))
-    return Path(np.column_stack([along, across]), contrast, float(agreeing))
+    return Path(np.column_stack([along, across]), contrast, float(n_agreeing))
 
 
 @njit
@@ -144,11 +144,11 @@ def _consensus(
     weight: Floats,
     anchors: npt.NDArray[np.int64],
     distances: Floats,
-    near: float,
-    most_tilt: float,
+    tolerance: float,
+    max_tilt: float,
 ) -> tuple[float, float, float, float]:
     """Find the shape on which most lines agree; return (load, tilt, x_c, score)."""
-    best_load = best_tilt = best = 0.0
+    best_load = best_tilt = best_score = 0.0
     best_distance = distances[0]
     unit, gain = np.empty(len(x)), np.empty(len(x))
     for x_c in distances:
@@ -156,28 +156,28 @@ def _consensus(
             unit[k] = _unit(x[k], x_c)
         for i in range(len(anchors)):
             # A pair of a candidate with itself gives the straight beam through it.
-            partners = len(anchors) if most_tilt > 0 and x_c < STRAIGHT else i + 1
+            partners = len(anchors) if max_tilt > 0 and x_c < STRAIGHT else i + 1
             for j in range(i, partners):
-                load, tilt = _through(x, y, unit, anchors[i], anchors[j], x_c, most_tilt)
-                if abs(tilt) > most_tilt:
+                load, tilt = _through(x, y, unit, anchors[i], anchors[j], x_c, max_tilt)
+                if abs(tilt) > max_tilt:
                     continue
-                if _gains(x, y, unit, weight, near, load, tilt, gain) <= best:
+                if _gains(x, y, unit, weight, tolerance, load, tilt, gain) <= best_score:
                     continue
                 score = _best_of_lines(gain, line)
-                if score > best:
-                    best, best_load, best_tilt, best_distance = score, load, tilt, x_c
-    return best_load, best_tilt, best_distance, best
+                if score > best_score:
+                    best_score, best_load, best_tilt, best_distance = score, load, tilt, x_c
+    return best_load, best_tilt, best_distance, best_score
 
 
 @njit
 def _through(
-    x: Floats, y: Floats, unit: Floats, a: int, b: int, x_c: float, most_tilt: float
+    x: Floats, y: Floats, unit: Floats, a: int, b: int, x_c: float, max_tilt: float
 ) -> tuple[float, float]:
     """Compute load and tilt of the beam through two candidates; without tilt, through the first.
 
     The tilt is infinite where the candidates do not determine it.
     """
-    if most_tilt <= 0:
+    if max_tilt <= 0:
         return y[a] / unit[a], 0.0
     if a == b:
         return 0.0, y[a] / x[a]
@@ -193,7 +193,7 @@ def _gains(
     y: Floats,
     unit: Floats,
     weight: Floats,
-    near: float,
+    tolerance: float,
     load: float,
     tilt: float,
     gain: Floats,
@@ -201,7 +201,7 @@ def _gains(
     """Write the score of each candidate for a shape into `gain`; return their sum."""
     total = 0.0
     for k in range(x.size):
-        r = (y[k] - load * unit[k] - tilt * x[k]) / near
+        r = (y[k] - load * unit[k] - tilt * x[k]) / tolerance
         gain[k] = weight[k] * max(1 - r * r, 0.0)
         total += gain[k]
     return total

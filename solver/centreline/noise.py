@@ -13,12 +13,12 @@ from solver.instrument.arrays import Floats, Grey
 ROUNDING = 1 / 12
 # Images with a smaller noise sigma [gray levels] count as compressed or denoised; chosen: a camera
 # needs more noise to round well.
-LEAST_SIGMA = 0.5
+MIN_SIGMA = 0.5
 # Number of bins of the mean gray value, and fewest pixels in each.
-BINS, LEAST_IN_BIN = 24, 40
+BINS, MIN_IN_BIN = 24, 40
 # Mean of the lower three quarters of the smaller of both squared deviations, for white noise of
 # unit variance, by simulation.
-SMALLER_OF_TWO = 0.2149
+MEAN_OF_SMALLER = 0.2149
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Noise:
 
     def processed(self, image: Grey) -> bool:
         """Return whether images like this one (height, width) were compressed or denoised."""
-        return bool(np.median(self.variance(image.astype(np.float64))) < LEAST_SIGMA**2)
+        return bool(np.median(self.variance(image.astype(np.float64))) < MIN_SIGMA**2)
 
 
 def noise_of(images: Sequence[Grey]) -> Noise:
@@ -56,23 +56,23 @@ def noise_of(images: Sequence[Grey]) -> Noise:
     gray, scatter = mean.ravel()[order], variance.ravel()[order]
     # Bins of equal width: the few bright pixels of a thin beam determine the line's far end.
     edges = np.linspace(gray[0], gray[-1] + 1e-9, BINS + 1)
-    places = np.searchsorted(gray, edges)
-    levels, found, weights = [], [], []
-    for first, last in pairwise(places):
-        if last - first >= LEAST_IN_BIN:
+    bounds = np.searchsorted(gray, edges)
+    levels, variances, weights = [], [], []
+    for first, last in pairwise(bounds):
+        if last - first >= MIN_IN_BIN:
             levels.append(float(gray[first:last].mean()))
-            found.append(_typical(scatter[first:last], len(images)))
+            variances.append(_mean_variance(scatter[first:last], len(images)))
             weights.append(last - first)
-    if not found:
+    if not variances:
         return Noise(ROUNDING, 0.0)
     # The variance of a variance grows with its square: the weights are n over the square. The
     # line's slope, and its value at the darkest gray value, are at least 0; below the darkest gray
     # value, under the camera's black level, the line may be negative.
-    weight = np.sqrt(np.array(weights)) / np.maximum(found, ROUNDING)
+    weight = np.sqrt(np.array(weights)) / np.maximum(variances, ROUNDING)
     # With one image, remaining edges steepen the line: it then starts at gray value 0.
     black = gray[0] if len(images) > 1 else 0.0
     design = np.column_stack([np.ones(len(levels)), np.array(levels) - black])
-    (darkest, per_gray), _ = nnls(design * weight[:, None], np.array(found) * weight)
+    (darkest, per_gray), _ = nnls(design * weight[:, None], np.array(variances) * weight)
     return Noise(float(darkest - per_gray * black), float(per_gray))
 
 
@@ -88,17 +88,17 @@ def _over_images(images: Sequence[Grey]) -> tuple[Floats, Floats]:
         mean += image
     mean /= n
     total = max(float(np.einsum("hw,hw->", mean, mean)), 1e-12)
-    first, second = np.zeros(mean.shape), np.zeros(mean.shape)
+    deviations, squares = np.zeros(mean.shape), np.zeros(mean.shape)
     for image in images:
         brightness = max(float(np.einsum("hw,hw->", image, mean)) / total, 1e-6)
-        off = image / brightness - mean
-        first += off
-        second += off * off
-    return mean, (second - first * first / n) / (n - 1)
+        deviation = image / brightness - mean
+        deviations += deviation
+        squares += deviation * deviation
+    return mean, (squares - deviations * deviations / n) / (n - 1)
 
 
-def _typical(scatter: Floats, images: int) -> float:
-    if images > 1:
+def _mean_variance(scatter: Floats, n_images: int) -> float:
+    if n_images > 1:
         return float(scatter.mean())
     # The lower three quarters only: at a corner both deviations contain an edge.
-    return float(np.sort(scatter)[: 3 * len(scatter) // 4].mean() / SMALLER_OF_TWO)
+    return float(np.sort(scatter)[: 3 * len(scatter) // 4].mean() / MEAN_OF_SMALLER)

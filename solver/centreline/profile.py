@@ -48,23 +48,23 @@ class Profile:
 
 def profile(section: Section) -> Profile:
     """Tabulate a section's profiles."""
-    reach = 1.5 * section.radius + 5 * section.spread * 1.5 + 1.5
-    half = int(np.ceil(reach / STEP))
+    extent = 1.5 * section.radius + 5 * section.spread * 1.5 + 1.5
+    half = int(np.ceil(extent / STEP))
     t = np.arange(-half, half + 1, dtype=np.float64) * STEP
     values = np.empty((SLOPES, len(t)))
     slopes = np.empty_like(values)
     # An oblique section is the same one, only wider: it is computed once, on a finer grid.
     fine = np.arange(-4 * half, 4 * half + 1, dtype=np.float64) * (STEP / 4)
-    level = _spread(fine, section)
+    blurred = _spread(fine, section)
     for index, climb in enumerate(np.linspace(0, 1, SLOPES)):
         stretch = float(np.hypot(1, climb))
         # The double integral of the section, differenced over the pixel's height and width,
         # is its mean over the pixel: exact however narrow the section is.
-        smooth = np.interp(t / stretch, fine, level) / stretch
-        once = _mean_over(t, smooth, climb) if climb > 0 else smooth
-        above, below = np.interp(t + 0.5, t, once), np.interp(t - 0.5, t, once)
+        smooth = np.interp(t / stretch, fine, blurred) / stretch
+        averaged = _mean_over(t, smooth, climb) if climb > 0 else smooth
+        above, below = np.interp(t + 0.5, t, averaged), np.interp(t - 0.5, t, averaged)
         slopes[index] = (above - below) * stretch
-        values[index] = _mean_over(t, once, 1.0) * stretch
+        values[index] = _mean_over(t, averaged, 1.0) * stretch
     return Profile(values, slopes, float(t[-1]))
 
 
@@ -74,10 +74,12 @@ def _spread(t: Floats, section: Section) -> Floats:
     n = 32
     edges = np.linspace(-1, 1, n + 1)
     x = (edges[1:] + edges[:-1]) / 2
-    shine = (1 - x**2) ** (section.roundness / 2) * (1 + section.skew * x)
-    shine = shine / shine.sum()
-    share = ndtr((t[:, None] - section.radius * edges) / max(section.spread, 1e-3))
-    return np.asarray((share[:, :-1] - share[:, 1:]) @ shine * (n / (2 * section.radius)))
+    brightness = (1 - x**2) ** (section.roundness / 2) * (1 + section.skew * x)
+    brightness = brightness / brightness.sum()
+    cumulative = ndtr((t[:, None] - section.radius * edges) / max(section.spread, 1e-3))
+    return np.asarray(
+        (cumulative[:, :-1] - cumulative[:, 1:]) @ brightness * (n / (2 * section.radius))
+    )
 
 
 def _mean_over(t: Floats, values: Floats, width: float) -> Floats:

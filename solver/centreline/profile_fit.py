@@ -18,10 +18,10 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
 
-STEPS = 5
-CLOSE_ENOUGH_PX = 1e-4
-LEAST_PIXELS = 6
-# Rows on either side, beyond the profile's own reach, that determine the background.
+MAX_STEPS = 5
+TOLERANCE_PX = 1e-4
+MIN_PIXELS = 6
+# Pixels on either side, beyond the profile's extent, that determine the background.
 MARGIN = 2
 
 
@@ -50,7 +50,7 @@ def fit_profiles(
 
     `half` pixels on either side are fitted; pixels of `full_scale` or more are left out.
     """
-    found = _fit(
+    fields = _fit(
         image,
         places.along,
         places.start,
@@ -65,14 +65,14 @@ def fit_profiles(
         full_scale,
     )
     return Fits(
-        centre=found[0],
-        sigma=found[1],
-        amplitude=found[2],
-        amplitude_sigma=found[3],
-        background=found[4],
-        chi2=found[5],
-        dof=found[6].astype(np.int64),
-        saturated=found[7].astype(np.int64),
+        centre=fields[0],
+        sigma=fields[1],
+        amplitude=fields[2],
+        amplitude_sigma=fields[3],
+        background=fields[4],
+        chi2=fields[5],
+        dof=fields[6].astype(np.int64),
+        saturated=fields[7].astype(np.int64),
     )
 
 
@@ -107,7 +107,7 @@ def _fit(
         if read_column(image, along[i], upright[i], first, rows[GRAY]):
             used = _weigh(rows[GRAY], rows[GRAY], full_scale, dark, per_gray, weight)
             row[7] = size - used
-            if used >= LEAST_PIXELS:
+            if used >= MIN_PIXELS:
                 _fit_column(
                     start[i], first, half, min(climb[i], 1.0), sense[i], value, slope,
                     dark, per_gray, full_scale, rows, weight, gram, row,
@@ -132,15 +132,15 @@ def _fit_column(
     rows: Floats,
     weight: Floats,
     gram: Floats,
-    found: Floats,
+    fields: Floats,
 ) -> None:
-    """Run Gauss-Newton from `start` and write into `found`, which is unchanged on failure.
+    """Run Gauss-Newton from `start` and write into `fields`, which is unchanged on failure.
 
     For a fixed centre, the model is linear in background and amplitude: eliminating rows of the
     Gram matrix (`_clear`) one after another solves their least squares.
     """
     c = start
-    for step in range(STEPS + 1):
+    for step in range(MAX_STEPS + 1):
         tabulated(value, climb, sense, first - c, rows[SHAPE])
         tabulated(slope, climb, sense, first - c, rows[MOVE])
         _gram(weight, rows, half, gram)
@@ -149,10 +149,10 @@ def _fit_column(
         p0, p1 = gram[SHAPE, GROUND], gram[SHAPE, TILT]
         _clear(gram, GROUND)
         _clear(gram, TILT)
-        left = gram[SHAPE, SHAPE]
-        if not left > 0:
+        pivot = gram[SHAPE, SHAPE]
+        if not pivot > 0:
             return
-        a = gram[GRAY, SHAPE] / left
+        a = gram[GRAY, SHAPE] / pivot
         _clear(gram, SHAPE)
         # d(gray)/d(centre) = -sense a d.
         information = a * a * gram[MOVE, MOVE]
@@ -160,10 +160,10 @@ def _fit_column(
             return
         v0, v1, det = v0 - a * p0, v1 - a * p1, w0 * w2 - w1 * w1
         b, s = (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
-        if step == STEPS:
+        if step == MAX_STEPS:
             break
-        move = -sense * a * gram[GRAY, MOVE] / information
-        c += min(max(move, -0.5), 0.5)
+        update = -sense * a * gram[GRAY, MOVE] / information
+        c += min(max(update, -0.5), 0.5)
         if abs(c - start) > half - 2:
             return
         if step < 2:
@@ -172,10 +172,10 @@ def _fit_column(
             for k in range(len(expected)):
                 expected[k] = max(a * expected[k] + b + s * (k - half), 0.0)
             _weigh(rows[GRAY], expected, full_scale, dark, per_gray, weight)
-        elif abs(move) < CLOSE_ENOUGH_PX:
+        elif abs(update) < TOLERANCE_PX:
             break
-    found[0], found[1], found[2] = c, 1 / np.sqrt(information), a
-    found[3], found[4], found[5] = 1 / np.sqrt(left), b, max(gram[GRAY, GRAY], 0.0)
+    fields[0], fields[1], fields[2] = c, 1 / np.sqrt(information), a
+    fields[3], fields[4], fields[5] = 1 / np.sqrt(pivot), b, max(gram[GRAY, GRAY], 0.0)
 
 
 @njit(fastmath=FAST)
@@ -202,9 +202,9 @@ def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
 def _clear(gram: Floats, row: int) -> None:
     """Eliminate the `row` from all later rows of the Gram matrix (lower triangle)."""
     for a in range(row + 1, 5):
-        share = gram[a, row] / gram[row, row]
+        factor = gram[a, row] / gram[row, row]
         for b in range(row + 1, a + 1):
-            gram[a, b] -= share * gram[b, row]
+            gram[a, b] -= factor * gram[b, row]
 
 
 @njit
@@ -214,7 +214,7 @@ def _weigh(
     """Set weights by the noise of expected values, 0 at full scale; return how many are not 0."""
     used = 0
     for k in range(len(gray)):
-        bright = gray[k] >= full_scale
-        used += not bright
-        weight[k] = 0.0 if bright else 1.0 / max(dark + per_gray * expected[k], ROUNDING)
+        saturated = gray[k] >= full_scale
+        used += not saturated
+        weight[k] = 0.0 if saturated else 1.0 / max(dark + per_gray * expected[k], ROUNDING)
     return used

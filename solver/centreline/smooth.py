@@ -10,7 +10,7 @@ from solver.instrument.dot_products import FAST, dot
 from solver.instrument.small_matrices import solve_definite
 
 FEWEST = 8
-ROUNDS = 12
+MAX_ITERATIONS = 12
 # A numpy scalar is compiled once, a literal for every value.
 DEGREE = np.int64(7)
 # Tukey's biweight is 0 beyond this many times the points' own scatter.
@@ -27,14 +27,14 @@ def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: Any = DEGREE) -> F
     known points it is constant. Points farther off than CUT times their typical scatter have zero
     weight. Return None with too few points.
     """
-    found: Floats = curve(x, y, sigma, x, np.int64(degree), CUT)
-    return found if len(found) else None
+    values: Floats = curve(x, y, sigma, x, np.int64(degree), CUT)
+    return values if len(values) else None
 
 
 @njit
 def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: float) -> Floats:
     """Fit as `smooth_curve`, and evaluate at `at`; return an empty array where that fails."""
-    none = np.empty(0)
+    empty = np.empty(0)
     known_x, known_y, known_sigma = np.empty(len(x)), np.empty(len(x)), np.empty(len(x))
     low, high, count = np.inf, -np.inf, 0
     for i in range(len(x)):
@@ -42,15 +42,15 @@ def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: flo
             known_x[count], known_y[count], known_sigma[count] = x[i], y[i], sigma[i]
             low, high, count = min(low, x[i]), max(high, x[i]), count + 1
     if count < FEWEST or high <= low:
-        return none
-    spanned = (high - low) / max(x.max() - x.min(), 1e-300)
-    most = 7 if spanned > 0.6 else 5 if spanned > 0.3 else 3 if spanned > 0.1 else 1
-    terms = min(degree, most, count // 4) + 1
+        return empty
+    span = (high - low) / max(x.max() - x.min(), 1e-300)
+    max_degree = 7 if span > 0.6 else 5 if span > 0.3 else 3 if span > 0.1 else 1
+    terms = min(degree, max_degree, count // 4) + 1
     basis = _chebyshev(known_x[:count], low, high, terms)
     coefficients = _reweighted(basis, known_y[:count], known_sigma[:count], cut)
     for coefficient in coefficients:
         if not np.isfinite(coefficient):
-            return none
+            return empty
     return _combined(coefficients, _chebyshev(at, low, high, terms))
 
 
@@ -59,38 +59,38 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
     """Fit coefficients of a basis (terms, n); NaN where the points do not determine them."""
     terms, n = basis.shape
     weight, weighted = np.ones(n), np.empty(n)
-    usual = np.median(sigma)
-    normal, right = np.empty((terms, terms)), np.empty(terms)
+    typical_sigma = np.median(sigma)
+    normal, solution = np.empty((terms, terms)), np.empty(terms)
     coefficients = np.full(terms, np.nan)
-    before = np.inf
-    used = n
-    for _ in range(ROUNDS):
-        if used <= terms + 1:
+    previous_scale = np.inf
+    n_used = n
+    for _ in range(MAX_ITERATIONS):
+        if n_used <= terms + 1:
             return np.full(terms, np.nan)
         for j in range(terms):
-            right[j] = _weighted(weight, basis[j], y, weighted)
+            solution[j] = _weighted(weight, basis[j], y, weighted)
             for k in range(j + 1):
                 normal[j, k] = normal[k, j] = dot(weighted, basis[k])
             normal[j, j] *= 1 + 1e-12
-        if not solve_definite(normal, right):
+        if not solve_definite(normal, solution):
             return np.full(terms, np.nan)
-        coefficients = right.copy()
-        off, near = _combined(coefficients, basis), 0
+        coefficients = solution.copy()
+        residual, n_near = _combined(coefficients, basis), 0
         for i in range(n):
-            off[i] = abs(y[i] - off[i])
-            near += 1.4826 * off[i] <= usual
-        # Testing by a count that the median is below `usual` is much faster than computing it.
-        scale = usual
-        if 2 * near <= n:
-            scale = max(1.4826 * np.median(off), usual)
-        used = 0
+            residual[i] = abs(y[i] - residual[i])
+            n_near += 1.4826 * residual[i] <= typical_sigma
+        # To test by a count that the median is below `typical_sigma` is faster than to compute it.
+        scale = typical_sigma
+        if 2 * n_near <= n:
+            scale = max(1.4826 * np.median(residual), typical_sigma)
+        n_used = 0
         for i in range(n):
-            u = off[i] / (cut * scale)
+            u = residual[i] / (cut * scale)
             weight[i] = (1 - u * u) ** 2 if u < 1 else 0.0
-            used += u < 1
-        if abs(scale - before) < 1e-3 * scale:
+            n_used += u < 1
+        if abs(scale - previous_scale) < 1e-3 * scale:
             break
-        before = scale
+        previous_scale = scale
     return coefficients
 
 
@@ -109,11 +109,11 @@ def _chebyshev(x: Floats, low: float, high: float, terms: int) -> Floats:
     """Evaluate Chebyshev polynomials (terms, n) of the places x (n,), clipped to low and high."""
     basis = np.ones((terms, len(x)))
     for i in range(len(x)):
-        place = 2 * (min(max(x[i], low), high) - low) / (high - low) - 1
+        t = 2 * (min(max(x[i], low), high) - low) / (high - low) - 1
         if terms > 1:
-            basis[1, i] = place
+            basis[1, i] = t
         for j in range(2, terms):
-            basis[j, i] = 2 * place * basis[j - 1, i] - basis[j - 2, i]
+            basis[j, i] = 2 * t * basis[j - 1, i] - basis[j - 2, i]
     return basis
 
 
@@ -138,8 +138,8 @@ def local_scatter(residual: Floats) -> float:
     lag = min(LAG, n // 4)
     if lag < 2:
         return 0.0
-    off = residual[lag : n - lag] - (residual[: n - 2 * lag] + residual[2 * lag :]) / 2
-    return float(1.4826 * np.median(np.abs(off)) / np.sqrt(1.5))
+    difference = residual[lag : n - lag] - (residual[: n - 2 * lag] + residual[2 * lag :]) / 2
+    return float(1.4826 * np.median(np.abs(difference)) / np.sqrt(1.5))
 
 
 @njit

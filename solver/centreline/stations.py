@@ -57,12 +57,12 @@ def _pixels(along: npt.NDArray[np.int64], upright: Mask, centre: Floats) -> Floa
 
 @njit
 def _stations(path: Floats, height: int, width: int) -> Any:
-    travelled = np.zeros(len(path))
+    distance = np.zeros(len(path))
     for k in range(1, len(path)):
         step = path[k] - path[k - 1]
-        travelled[k] = travelled[k - 1] + np.hypot(step[0], step[1])
+        distance[k] = distance[k - 1] + np.hypot(step[0], step[1])
     # Upper bound: a station for every pixel of the path, and one more for every corner.
-    out = np.empty((6, int(travelled[-1]) + 2 * len(path)))
+    out = np.empty((6, int(distance[-1]) + 2 * len(path)))
     count = first = 0
     # Segments with columns only or rows only; a path is smooth, so it has few.
     while first < len(path) - 1:
@@ -71,11 +71,11 @@ def _stations(path: Floats, height: int, width: int) -> Any:
         while last < len(path) - 1 and _flat(path, last) == upright:
             last += 1
         limit = width if upright else height
-        stretch = path[first : last + 1]
+        segment = path[first : last + 1]
         along, across = (
-            (stretch[:, 0], stretch[:, 1]) if upright else (stretch[:, 1], stretch[:, 0])
+            (segment[:, 0], segment[:, 1]) if upright else (segment[:, 1], segment[:, 0])
         )
-        count = _walk(along, across, travelled[first : last + 1], upright, limit, out, count)
+        count = _walk(along, across, distance[first : last + 1], upright, limit, out, count)
         first = last
     return (
         out[0, :count].astype(np.int64),
@@ -97,7 +97,7 @@ def _flat(path: Floats, k: int) -> bool:
 def _walk(
     along: Floats,
     across: Floats,
-    travelled: Floats,
+    distance: Floats,
     upright: bool,
     limit: int,
     out: Floats,
@@ -114,26 +114,26 @@ def _walk(
     k = 0
     line = np.ceil(forward * along[0])
     while line <= forward * along[last]:
-        at = forward * line
+        position = forward * line
         line += 1
-        if not 0 <= at < limit:
+        if not 0 <= position < limit:
             continue
-        while k < last - 1 and forward * (at - along[k + 1]) > 0:
+        while k < last - 1 and forward * (position - along[k + 1]) > 0:
             k += 1
-        share = (at - along[k]) / (along[k + 1] - along[k])
+        fraction = (position - along[k]) / (along[k + 1] - along[k])
         # Slopes are those at the midpoints between nodes.
-        near = min(max(k if share < 0.5 else k + 1, 1), last - 1)
+        node = min(max(k if fraction < 0.5 else k + 1, 1), last - 1)
         climb = slope[0]
         if last > 1:
-            one = (along[near - 1] + along[near]) / 2
-            two = (along[near] + along[near + 1]) / 2
-            part = min(max((at - one) / (two - one), 0.0), 1.0)
-            climb = slope[near - 1] + part * (slope[near] - slope[near - 1])
-        out[0, count], out[1, count] = at, upright
-        out[2, count] = across[k] + (at - along[k]) * slope[k]
+            before = (along[node - 1] + along[node]) / 2
+            after = (along[node] + along[node + 1]) / 2
+            weight = min(max((position - before) / (after - before), 0.0), 1.0)
+            climb = slope[node - 1] + weight * (slope[node] - slope[node - 1])
+        out[0, count], out[1, count] = position, upright
+        out[2, count] = across[k] + (position - along[k]) * slope[k]
         out[3, count] = min(max(climb, -1.0), 1.0)
         # Going from the clamp to the tip, the normal is a quarter turn from u towards v.
         out[4, count] = forward if upright else -forward
-        out[5, count] = travelled[k] + share * (travelled[k + 1] - travelled[k])
+        out[5, count] = distance[k] + fraction * (distance[k + 1] - distance[k])
         count += 1
     return count

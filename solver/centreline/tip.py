@@ -13,17 +13,17 @@ from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
-# Number of stations that measure the beam's brightness, and of those beyond its end, which test it.
-BEFORE, BEYOND = 12, 4
+# Number of stations before the end that measure the beam's brightness, and beyond it, to test it.
+N_BEFORE, N_BEYOND = 12, 4
 # Columns that the beam's end covers in part may be flagged: the first dark column is searched
-# within this many after the last good one. Lens and pixel spread the end SPREAD columns further.
-FADING, SPREAD = 4, 1
-# A column is dark below this share of the beam's brightness.
-DARK = 0.25
+# within this many after the last good one. Lens and pixel spread the end BLUR_COLUMNS further.
+FADE_COLUMNS, BLUR_COLUMNS = 4, 1
+# A column is dark below this fraction of the beam's brightness.
+DARK_FRACTION = 0.25
 # Threshold of the background's change at the end, in its own scatter; rounding is added.
-STEP_SIGMAS = 5.0
+MAX_STEP_SIGMAS = 5.0
 # Largest chi^2 per degree of freedom of a column by chance.
-WORST_MISFIT = 3.0
+MAX_MISFIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -46,27 +46,27 @@ def find_tip(
 
     The last good stations measure the brightness. The sum of light from there on, over that
     brightness, is the number of stations that the beam still covers (the area under a step). The
-    background must be the same before and after: at the edge of an object that hides the beam it
-    is not.
+    background must be the same before and after the end: it changes at the edge of an object that
+    hides the beam.
     """
     good = np.flatnonzero(flags == 0)
-    if len(good) < BEFORE:
+    if len(good) < N_BEFORE:
         return None
     last = int(good[-1])
-    # Two stations are kept away from the end, which may affect their brightness.
-    told = good[good <= last - 2][-BEFORE:]
-    if len(told) < BEFORE // 2 or last - told[0] > 3 * BEFORE:
+    # The last two stations are excluded: the end may affect their brightness.
+    reference = good[good <= last - 2][-N_BEFORE:]
+    if len(reference) < N_BEFORE // 2 or last - reference[0] > 3 * N_BEFORE:
         return None
     # The end of a thick, oblique beam extends over many columns.
-    fading = FADING + int(look.section.radius)
-    first, end = int(told[-1]) + 1, last + fading + SPREAD + BEYOND + 1
+    fade = FADE_COLUMNS + int(look.section.radius)
+    first, end = int(reference[-1]) + 1, last + fade + BLUR_COLUMNS + N_BEYOND + 1
     if end > len(places) or (places.upright[first:end] != places.upright[last]).any():
         return None
     window = np.arange(first, end)
     # The beam is extrapolated as a straight line beyond the last centre.
-    recent = good[-2 * BEFORE :]
+    recent = good[-2 * N_BEFORE :]
     climb, level = _straight(places.along[recent], fits.centre[recent])
-    amplitude, variance, ground = fit_amplitudes(
+    amplitude, variance, background = fit_amplitudes(
         image,
         places,
         window,
@@ -76,21 +76,21 @@ def find_tip(
         look.half,
         look.full_scale,
     )
-    full = float(np.mean(fits.amplitude[told]))
+    typical = float(np.mean(fits.amplitude[reference]))
     covered, covered_variance = _covered(
-        amplitude / full,
-        variance / full**2,
-        ground,
+        amplitude / typical,
+        variance / typical**2,
+        background,
         fits.chi2[window] / np.maximum(fits.dof[window], 1) / look.misfit,
         last + 1 - first,
-        fading,
-        fits.amplitude[told] / full,
-        fits.amplitude_sigma[told] / full,
-        fits.background[told],
+        fade,
+        fits.amplitude[reference] / typical,
+        fits.amplitude_sigma[reference] / typical,
+        fits.background[reference],
     )
     if covered_variance == np.inf:
         return None
-    forward = 1.0 if places.along[last] >= places.along[told[0]] else -1.0
+    forward = 1.0 if places.along[last] >= places.along[reference[0]] else -1.0
     along = places.along[first] - forward * 0.5 + forward * covered
     across = climb * along + level
     upright = bool(places.upright[last])
@@ -108,51 +108,51 @@ def find_tip(
 def _straight(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
     """Fit a straight line to points; return its slope and its level at x = 0."""
     x_mean, y_mean = x.mean(), y.mean()
-    off = x - x_mean
-    slope = (off * (y - y_mean)).sum() / (off * off).sum()
+    dx = x - x_mean
+    slope = (dx * (y - y_mean)).sum() / (dx * dx).sum()
     return slope, y_mean - slope * x_mean
 
 
 @njit
 def _covered(
-    share: Floats,
+    brightness: Floats,
     variance: Floats,
-    ground: Floats,
+    background: Floats,
     misfit: Floats,
-    whole: int,
-    fading: int,
-    told: Floats,
-    told_sigma: Floats,
-    told_ground: Floats,
+    n_good: int,
+    fade: int,
+    reference: Floats,
+    reference_sigma: Floats,
+    reference_background: Floats,
 ) -> tuple[float, float]:
     """Estimate how many columns of a window (n,) the beam covers, and the variance.
 
-    The variance is infinite where the end is ambiguous. `share` is the brightness of the columns
-    over the beam's, `told` that of the columns before; the first `whole` columns are up to the last
-    good one.
+    The variance is infinite where the end is ambiguous. `brightness` of the columns is relative to
+    the beam's, `reference` is that of the columns before; the first `n_good` columns are those up
+    to the last good one.
     """
-    untold = 0.0, np.inf
-    dark = whole
-    while dark < len(share) and not abs(share[dark]) < DARK:
+    ambiguous = 0.0, np.inf
+    dark = n_good
+    while dark < len(brightness) and not abs(brightness[dark]) < DARK_FRACTION:
         dark += 1
-    if dark > whole + fading - 1 or not np.isfinite(share).all():
-        return untold
-    end = dark + SPREAD + 1
-    beyond = share[end : end + BEYOND]
-    if (np.abs(beyond) > DARK).any():
-        return untold
-    step = abs(np.median(ground[end : end + BEYOND]) - np.median(told_ground))
-    if step > STEP_SIGMAS * told_ground.std() + 0.5:
-        return untold
-    covered, total = share[:end].sum(), variance[:end].sum()
+    if dark > n_good + fade - 1 or not np.isfinite(brightness).all():
+        return ambiguous
+    end = dark + BLUR_COLUMNS + 1
+    beyond = brightness[end : end + N_BEYOND]
+    if (np.abs(beyond) > DARK_FRACTION).any():
+        return ambiguous
+    step = abs(np.median(background[end : end + N_BEYOND]) - np.median(reference_background))
+    if step > MAX_STEP_SIGMAS * reference_background.std() + 0.5:
+        return ambiguous
+    covered, total_variance = brightness[:end].sum(), variance[:end].sum()
     # Noise of the brightnesses averages out. Where a shadow or a light makes them differ by more,
     # the brightness at the end differs from their mean by as much.
-    scatter = told.var()
-    uneven = max(scatter - (told_sigma * told_sigma).mean(), 0.0)
-    total += covered * covered * (scatter / len(told) + uneven)
+    scatter = reference.var()
+    unexplained = max(scatter - (reference_sigma * reference_sigma).mean(), 0.0)
+    total_variance += covered * covered * (scatter / len(reference) + unexplained)
     # An object that touches the beam near its end biases all columns in the same direction.
-    excess = np.maximum(misfit[:whole] - WORST_MISFIT, 0.0)
-    total += np.sqrt(variance[:whole] * excess).sum() ** 2
+    excess = np.maximum(misfit[:n_good] - MAX_MISFIT, 0.0)
+    total_variance += np.sqrt(variance[:n_good] * excess).sum() ** 2
     # Background that looks like the beam beyond the end does so at the end, too.
-    total += (end - whole) ** 2 * (beyond * beyond).mean()
-    return covered, total
+    total_variance += (end - n_good) ** 2 * (beyond * beyond).mean()
+    return covered, total_variance

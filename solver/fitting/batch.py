@@ -71,12 +71,12 @@ def exact_fit_batch(
             f"points have shape {points.shape}, sigma vectors {sigma_vectors.shape}, "
             "allowed is (n, 2) for both"
         )
-    rising = len(offsets) > 0 and bool((offsets[1:] >= offsets[:-1]).all())
-    if not rising or offsets[0] < 0 or offsets[-1] > len(points):
-        raise ValueError("offsets do not rise within the points")
+    ascending = len(offsets) > 0 and bool((offsets[1:] >= offsets[:-1]).all())
+    if not ascending or offsets[0] < 0 or offsets[-1] > len(points):
+        raise ValueError("offsets do not ascend within the points")
     length = beam.length
-    seen = np.array([0.0, 0.0, 1.0, 0.0]) if viewpoint is None else np.asarray(viewpoint)
-    views = view_row(seen, length)[None]
+    centre = np.array([0.0, 0.0, 1.0, 0.0]) if viewpoint is None else np.asarray(viewpoint)
+    views = view_row(centre, length)[None]
     unit = np.array([length**-2, length, length, length, 1.0])
     whitening = base_whitening(base_covariance, length)
     base_tilt = float(np.asarray(base_covariance)[2, 2])
@@ -95,7 +95,7 @@ def exact_fit_batch(
 
 
 @njit(fastmath=FAST)
-def _columns(vectors: Floats, unit: float, x: Floats, y: Floats) -> float:
+def _split_columns(vectors: Floats, unit: float, x: Floats, y: Floats) -> float:
     """Write vectors (n, 2) over `unit` to x and y; return their sum, finite if all values are."""
     total, scale = 0.0, 1 / unit
     for i in range(len(vectors)):
@@ -122,30 +122,30 @@ def _fit_all(
     free = np.array([Q, LEVER, DX, DY, TILT])
     tips, known = np.zeros((0, 7)), np.zeros(KNOWN)
     p, covariance = np.zeros(PARAMETERS), np.zeros((PARAMETERS, PARAMETERS))
-    most = 0
+    max_points = 0
     for i in range(frames):
-        most = max(most, offsets[i + 1] - offsets[i])
-    kept = np.ones(most, dtype=np.bool_)
-    work = workspace(most)
-    rows, bounds = np.empty((4, most)), np.zeros(2, dtype=np.int64)
+        max_points = max(max_points, offsets[i + 1] - offsets[i])
+    inliers = np.ones(max_points, dtype=np.bool_)
+    work = workspace(max_points)
+    rows, bounds = np.empty((4, max_points)), np.zeros(2, dtype=np.int64)
     problem = (rows, bounds, views, tips, known, whitening)
     for i in range(frames):
         n = offsets[i + 1] - offsets[i]
         bounds[1] = n
-        of_frame = slice(offsets[i], offsets[i + 1])
-        total = _columns(points[of_frame], length, rows[X], rows[Y])
-        total += _columns(sigma_vectors[of_frame], length, rows[SIGMA_X], rows[SIGMA_Y])
+        frame = slice(offsets[i], offsets[i + 1])
+        total = _split_columns(points[frame], length, rows[X], rows[Y])
+        total += _split_columns(sigma_vectors[frame], length, rows[SIGMA_X], rows[SIGMA_Y])
         summary[i, STATUS] = DEFICIENT
         if not np.isfinite(total):
             summary[i, CHI2] = np.nan
             continue
         if n == 0 or not begin(problem, free, tilt_variance, psi, p):
             continue
-        settle(p, problem, free, tilt_variance, work, covariance, kept[:n], summary[i])
+        settle(p, problem, free, tilt_variance, work, covariance, inliers[:n], summary[i])
         if summary[i, STATUS] == CONVERGED:
-            widening = summary[i, WIDENING]
+            inflation = summary[i, WIDENING]
             for a in range(5):
                 parameters[i, a] = p[free[a]]
                 for b in range(5):
-                    covariances[i, a, b] = widening * covariance[free[a], free[b]]
+                    covariances[i, a, b] = inflation * covariance[free[a], free[b]]
     return parameters, covariances, summary

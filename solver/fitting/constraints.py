@@ -1,4 +1,4 @@
-"""Constraints beside the points: tip, moment sensor, and the priors of clamp, length and EI.
+"""Add constraints to the fit: tip, moment sensor, and priors of clamp, length and EI.
 
 Each is added to the normal equations of a fit, in the parameters and units of `residuals`.
 """
@@ -41,22 +41,22 @@ def add_constraints(
 ) -> float:
     """Add all constraints to J^T J (8, 8) and J^T r (8,); return their sum of squared residuals."""
     chi2 = 0.0
-    for white in base_whitening:
-        value = white[0] * p[DX] + white[1] * p[DY] + white[2] * p[TILT]
+    for whitener in base_whitening:
+        value = whitener[0] * p[DX] + whitener[1] * p[DY] + whitener[2] * p[TILT]
         chi2 += value * value
         for j in range(3):
-            gradient[DX + j] += white[j] * value
+            gradient[DX + j] += whitener[j] * value
             for k in range(3):
-                normal[DX + j, DX + k] += white[j] * white[k]
+                normal[DX + j, DX + k] += whitener[j] * whitener[k]
     if known[MOMENT_SIGMA] > 0:
         # The exact moment at the clamp is F lever; its component about y is -x_c f_z of eq. (27).
         unit = -known[MOMENT_UNIT] / known[MOMENT_SIGMA]
-        sine, stiff = np.sin(p[PSI]), 1 + p[RIGIDITY]
+        sine, rigidity = np.sin(p[PSI]), 1 + p[RIGIDITY]
         row = np.zeros(PARAMETERS)
-        row[Q], row[LEVER] = unit * stiff * p[LEVER] * sine, unit * stiff * p[Q] * sine
-        row[PSI] = unit * stiff * p[Q] * p[LEVER] * np.cos(p[PSI])
+        row[Q], row[LEVER] = unit * rigidity * p[LEVER] * sine, unit * rigidity * p[Q] * sine
+        row[PSI] = unit * rigidity * p[Q] * p[LEVER] * np.cos(p[PSI])
         row[RIGIDITY] = unit * p[Q] * p[LEVER] * sine
-        value = row[RIGIDITY] * stiff - known[MOMENT] / known[MOMENT_SIGMA]
+        value = row[RIGIDITY] * rigidity - known[MOMENT] / known[MOMENT_SIGMA]
         chi2 += _add(row, value, normal, gradient)
         row[:] = 0.0
         row[RIGIDITY] = 1 / known[RIGIDITY_SIGMA]
@@ -75,12 +75,12 @@ def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Flo
     """Add the predicted less the measured image of the tip of a known length; return chi2."""
     theta, x_c, y_c, s_c = contact_at(p[Q], p[LEVER])
     sine, cosine = np.sin(theta[0]), np.cos(theta[0])
-    beyond = 1 + p[STRETCH] - s_c[0]
-    x, y = x_c[0] + beyond * cosine, y_c[0] + beyond * sine
+    straight = 1 + p[STRETCH] - s_c[0]
+    x, y = x_c[0] + straight * cosine, y_c[0] + straight * sine
     by_x, by_y = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
     for j in range(2):
-        by_x[j] = x_c[1 + j] - s_c[1 + j] * cosine - beyond * sine * theta[1 + j]
-        by_y[j] = y_c[1 + j] - s_c[1 + j] * sine + beyond * cosine * theta[1 + j]
+        by_x[j] = x_c[1 + j] - s_c[1 + j] * cosine - straight * sine * theta[1 + j]
+        by_y[j] = y_c[1 + j] - s_c[1 + j] * sine + straight * cosine * theta[1 + j]
     by_x[STRETCH], by_y[STRETCH] = cosine, sine
     # Transform to the clamp's axes, then to plane C; the tip's height shifts its image.
     cos_psi, sin_psi = np.cos(p[PSI]), np.sin(p[PSI])
@@ -88,23 +88,23 @@ def _add_tip(p: Floats, tip: Floats, view: Floats, normal: Floats, gradient: Flo
     by_side, by_height = by_y * cos_psi, by_y * sin_psi
     by_side[PSI], by_height[PSI] = -height, side
     c, s = np.cos(p[TILT]), np.sin(p[TILT])
-    turned_x, turned_y = c * x - s * side, s * x + c * side
-    on_x, on_y = p[DX] + turned_x, p[DY] + turned_y
-    by_on_x, by_on_y = c * by_x - s * by_side, s * by_x + c * by_side
-    by_on_x[DX], by_on_y[DY] = 1.0, 1.0
-    by_on_x[TILT], by_on_y[TILT] = -turned_y, turned_x
+    rotated_x, rotated_y = c * x - s * side, s * x + c * side
+    base_x, base_y = p[DX] + rotated_x, p[DY] + rotated_y
+    by_base_x, by_base_y = c * by_x - s * by_side, s * by_x + c * by_side
+    by_base_x[DX], by_base_y[DY] = 1.0, 1.0
+    by_base_x[TILT], by_base_y[TILT] = -rotated_y, rotated_x
     # The ray from P through V meets C at P - P_z (V_xy - V_w P_xy) / (1 - V_w P_z).
-    share = height / (1 - view[2] * height)
-    by_share = by_height / (1 - view[2] * height) ** 2
-    to_x, to_y = view[0] - view[2] * on_x, view[1] - view[2] * on_y
-    miss_x, miss_y = on_x - share * to_x - tip[0], on_y - share * to_y - tip[1]
-    by_miss_x = by_on_x * (1 + share * view[2]) - by_share * to_x
-    by_miss_y = by_on_y * (1 + share * view[2]) - by_share * to_y
+    fraction = height / (1 - view[2] * height)
+    by_fraction = by_height / (1 - view[2] * height) ** 2
+    ray_x, ray_y = view[0] - view[2] * base_x, view[1] - view[2] * base_y
+    error_x, error_y = base_x - fraction * ray_x - tip[0], base_y - fraction * ray_y - tip[1]
+    by_error_x = by_base_x * (1 + fraction * view[2]) - by_fraction * ray_x
+    by_error_y = by_base_y * (1 + fraction * view[2]) - by_fraction * ray_y
     chi2 = 0.0
     for i in range(2):
-        one, two = tip[2 + 2 * i], tip[3 + 2 * i]
-        row = one * by_miss_x + two * by_miss_y
-        chi2 += _add(row, one * miss_x + two * miss_y, normal, gradient)
+        white_x, white_y = tip[2 + 2 * i], tip[3 + 2 * i]
+        row = white_x * by_error_x + white_y * by_error_y
+        chi2 += _add(row, white_x * error_x + white_y * error_y, normal, gradient)
     return chi2
 
 

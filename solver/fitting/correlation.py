@@ -1,4 +1,4 @@
-"""Correlation length of the errors of neighbouring points."""
+"""Compute the correlation length of the errors of neighbouring points."""
 
 import numpy as np
 
@@ -33,14 +33,14 @@ def integrated_correlation(residual: Floats) -> float:
     first_zero = 1
     while first_zero < n and dot(centred[first_zero:], centred) >= 0:
         first_zero += 1
-    reach = min(6 * first_zero, max(n // 2, 1))
-    # The tapered sum of lagged products equals the sum of squared sums over `reach` neighbours.
-    up_to = np.zeros(n + 2 * reach)
+    window = min(6 * first_zero, max(n // 2, 1))
+    # The tapered sum of lagged products equals the sum of squared sums over `window` neighbours.
+    cumulative = np.zeros(n + 2 * window)
     total = 0.0
-    for i in range(n + reach):
+    for i in range(n + window):
         total += centred[i] if i < n else 0.0
-        up_to[reach + i] = total
+        cumulative[window + i] = total
     total = 0.0
-    for i in range(n + reach):
-        total += (up_to[reach + i] - up_to[i]) ** 2
-    return max(1.0, total / (reach * power))
+    for i in range(n + window):
+        total += (cumulative[window + i] - cumulative[i]) ** 2
+    return max(1.0, total / (window * power))

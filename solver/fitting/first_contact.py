@@ -26,11 +26,11 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.small_matrices import solve_definite
 
-# Least significance of a bend, in sigmas; noise exceeds it about once in a million frames.
+# Minimum significance of a bend, in sigmas; noise exceeds it about once in a million frames.
 LEAST_SIGNIFICANCE = 5.0
 # Number of contact distances on the grid, evenly spaced up to the tip.
 DISTANCES = 50
-LEAST_POINTS = 4
+MIN_POINTS = 4
 STEPS = 3
 
 
@@ -63,54 +63,61 @@ def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> B
     """
     length = measurement.rig.beam.length
     # numba compiles anew for arrays that cannot be written to, so both branches make copies.
-    chosen = ... if kept is None else kept
-    points = np.array(measurement.points[chosen])
-    sigma_vectors = np.array(measurement.sigma_vectors[chosen])
+    selection = ... if kept is None else kept
+    points = np.array(measurement.points[selection])
+    sigma_vectors = np.array(measurement.sigma_vectors[selection])
     if (points[1:, 0] < points[:-1, 0]).any():  # correlated neighbours must be adjacent
         order = np.argsort(points[:, 0], kind="stable")
         points, sigma_vectors = points[order], sigma_vectors[order]
-    if len(points) < LEAST_POINTS:
+    if len(points) < MIN_POINTS:
         return Bend(length, 0.0, 0.0)
-    return Bend(*_nearest(points, sigma_vectors, measurement.base_covariance, length))
+    return Bend(*_fit_bend(points, sigma_vectors, measurement.base_covariance, length))
 
 
 def no_contact(bend: Bend) -> Estimate | None:
     """Return an Estimate if there is no bend, or one to the side without object; else None."""
     if abs(bend.significance) < LEAST_SIGNIFICANCE:
-        return Estimate(Outcome.NO_CONTACT, f"a bend of {abs(bend.significance):.1f} sigmas")
+        return Estimate(Outcome.NO_CONTACT, f"bend of {abs(bend.significance):.1f} sigmas")
     if bend.significance < 0:
         return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")
     return None
 
 
 @njit
-def _nearest(
+def _fit_bend(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, float, float, float, float, float]:
     """Compute the fields of `Bend`."""
-    turn, x, y, sigma, base = _in_own_direction(points, sigma_vectors, base_covariance, length)
+    rotation, x, y, sigma, base = _rotate_to_beam(points, sigma_vectors, base_covariance, length)
     moments = _moments(x, y, sigma)
     determinant = base[0, 0] * base[1, 1] - base[0, 1] ** 2
     prior = np.empty((2, 2))
     prior[0, 0], prior[1, 1] = base[1, 1] / determinant, base[0, 0] / determinant
     prior[0, 1] = prior[1, 0] = -base[0, 1] / determinant
-    best = _largest(moments, prior, -turn, 1.0)
-    refined, residual = _refined(x, y, sigma, best, prior, -turn)
+    best = _most_significant(moments, prior, -rotation, 1.0)
+    refined, residual = _refine(x, y, sigma, best, prior, -rotation)
     misfit = max(dot(residual, residual) / max(len(x) - 2, 1), 1.0)
-    widening = misfit * integrated_correlation(residual)
-    if widening > 1:
+    variance_inflation = misfit * integrated_correlation(residual)
+    if variance_inflation > 1:
         k = best[0]
-        best = _largest(moments, prior, -turn, widening)
+        best = _most_significant(moments, prior, -rotation, variance_inflation)
         if best[0] != k:
-            refined, _ = _refined(x, y, sigma, best, prior * widening, -turn)
+            refined, _ = _refine(x, y, sigma, best, prior * variance_inflation, -rotation)
     x_c, amplitude, offset, tilt = refined
     significance = math.copysign(best[2], amplitude) if amplitude != 0 else 0.0
-    tilt = turn + math.atan(tilt)
-    return x_c * length, amplitude / length**2, significance, offset * length, tilt, widening
+    tilt = rotation + math.atan(tilt)
+    return (
+        x_c * length,
+        amplitude / length**2,
+        significance,
+        offset * length,
+        tilt,
+        variance_inflation,
+    )
 
 
 @njit
-def _in_own_direction(
+def _rotate_to_beam(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, Floats, Floats, Floats, Floats]:
     """Express the points in beam lengths, in a frame rotated towards the beam's mean direction.
@@ -130,29 +137,29 @@ def _in_own_direction(
         dx, dy = points[i, 0] - sx, points[i, 1] - sy
         sxx += dx * dx
         sxy += dx * dy
-    line = math.atan2(sxy, sxx)
-    open_tilt = base_covariance[2, 2]
-    turn = line * open_tilt / (open_tilt + (line / 10) ** 2)
-    cosine, sine = math.cos(turn), math.sin(turn)
+    direction = math.atan2(sxy, sxx)
+    tilt_variance = base_covariance[2, 2]
+    rotation = direction * tilt_variance / (tilt_variance + (direction / 10) ** 2)
+    cosine, sine = math.cos(rotation), math.sin(rotation)
     x, y, sigma = np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
         px, py = points[i, 0] / length, points[i, 1] / length
         x[i] = max(cosine * px + sine * py, 0.0)
         y[i] = cosine * py - sine * px
         along, across = sigma_vectors[i, 0], sigma_vectors[i, 1]
-        size = math.hypot(along, across) / length
+        sigma_norm = math.hypot(along, across) / length
         # An error along the beam is not observable; 1 nm per metre keeps weights finite.
-        sigma[i] = max(abs(cosine * across - sine * along) / length, 1e-3 * size, 1e-9)
+        sigma[i] = max(abs(cosine * across - sine * along) / length, 1e-3 * sigma_norm, 1e-9)
     offset = (
         sine * sine * base_covariance[0, 0]
         - 2 * sine * cosine * base_covariance[0, 1]
         + cosine * cosine * base_covariance[1, 1]
     ) / length**2
-    both = (cosine * base_covariance[1, 2] - sine * base_covariance[0, 2]) / length
-    base = np.array([[offset, both], [both, open_tilt]])
+    cross = (cosine * base_covariance[1, 2] - sine * base_covariance[0, 2]) / length
+    base = np.array([[offset, cross], [cross, tilt_variance]])
     base[0, 0] += 1e-20
     base[1, 1] += 1e-20
-    return turn, x, y, sigma, base
+    return rotation, x, y, sigma, base
 
 
 @njit
@@ -178,31 +185,31 @@ def _moments(x: Floats, y: Floats, sigma: Floats) -> Floats:
 
 
 @njit
-def _largest(
-    moments: Floats, prior: Floats, tilt: float, widening: float
+def _most_significant(
+    moments: Floats, prior: Floats, tilt: float, variance_inflation: float
 ) -> tuple[int, float, float, float, float]:
     """Find the most significant bend on the grid of contact distances.
 
     Returns the index of its contact distance, its amplitude, significance, offset and tilt.
     `prior` (2, 2) is the inverse covariance of offset and tilt about (0, `tilt`).
     """
-    everything = moments[DISTANCES] / widening
-    n11 = everything[0] + prior[0, 0]
-    n12 = everything[1] + prior[0, 1]
-    n22 = everything[2] + prior[1, 1]
-    r1 = everything[7] + prior[0, 1] * tilt
-    r2 = everything[8] + prior[1, 1] * tilt
+    total = moments[DISTANCES] / variance_inflation
+    n11 = total[0] + prior[0, 0]
+    n12 = total[1] + prior[0, 1]
+    n22 = total[2] + prior[1, 1]
+    r1 = total[7] + prior[0, 1] * tilt
+    r2 = total[8] + prior[1, 1] * tilt
     determinant = n11 * n22 - n12 * n12
     best, amplitude, significance, offset, slope = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(DISTANCES):
         c = (k + 1) / DISTANCES
-        near = moments[k] / widening
-        far = everything - near
-        uu = (9 * c * near[4] - 6 * near[5]) * c + near[6]
-        uu += ((9 * far[2] - 6 * c * far[1]) + c * c * far[0]) * c**4
-        u1 = 3 * c * near[2] - near[3] + (3 * far[1] - c * far[0]) * c**2
-        ux = 3 * c * near[3] - near[4] + (3 * far[2] - c * far[1]) * c**2
-        uy = 3 * c * near[9] - near[10] + (3 * far[8] - c * far[7]) * c**2
+        before = moments[k] / variance_inflation
+        beyond = total - before
+        uu = (9 * c * before[4] - 6 * before[5]) * c + before[6]
+        uu += ((9 * beyond[2] - 6 * c * beyond[1]) + c * c * beyond[0]) * c**4
+        u1 = 3 * c * before[2] - before[3] + (3 * beyond[1] - c * beyond[0]) * c**2
+        ux = 3 * c * before[3] - before[4] + (3 * beyond[2] - c * beyond[1]) * c**2
+        uy = 3 * c * before[9] - before[10] + (3 * beyond[8] - c * beyond[7]) * c**2
         # Eliminate the clamp's offset and tilt (Schur complement).
         w1 = (n22 * u1 - n12 * ux) / determinant
         w2 = (n11 * ux - n12 * u1) / determinant
@@ -220,7 +227,7 @@ def _largest(
 
 
 @njit
-def _refined(
+def _refine(
     x: Floats,
     y: Floats,
     sigma: Floats,
@@ -236,9 +243,9 @@ def _refined(
     k, amplitude, _, offset, tilt = best
     x_c = (k + 1) / DISTANCES
     weight = 1 / sigma
-    rows, normal, right = np.empty((4, len(x))), np.empty((4, 4)), np.empty(4)
+    rows, normal, rhs = np.empty((4, len(x))), np.empty((4, 4)), np.empty(4)
     rows[2], rows[3] = weight, x * weight
-    kept, kept_residual, least = (x_c, amplitude, offset, tilt), np.zeros(len(x)), np.inf
+    minimum, min_residual, min_cost = (x_c, amplitude, offset, tilt), np.zeros(len(x)), np.inf
     for _ in range(STEPS + 1):
         residual = np.empty(len(x))
         for i in range(len(x)):
@@ -249,31 +256,31 @@ def _refined(
             residual[i] = (y[i] - amplitude * u - offset - tilt * x[i]) * weight[i]
             rows[0, i], rows[1, i] = u * weight[i], amplitude * by_x_c * weight[i]
         # Without a clear bend a step in x_c is arbitrary: accept it only if it reduces the sum.
-        squares = dot(residual, residual)
-        turned = tilt - resting_tilt
-        squares += prior[0, 0] * offset**2 + 2 * prior[0, 1] * offset * turned
-        squares += prior[1, 1] * turned**2
-        if not squares < least:
+        cost = dot(residual, residual)
+        tilt_change = tilt - resting_tilt
+        cost += prior[0, 0] * offset**2 + 2 * prior[0, 1] * offset * tilt_change
+        cost += prior[1, 1] * tilt_change**2
+        if not cost < min_cost:
             break
-        kept, kept_residual, least = (x_c, amplitude, offset, tilt), residual, squares
+        minimum, min_residual, min_cost = (x_c, amplitude, offset, tilt), residual, cost
         for p in range(4):
-            right[p] = dot(rows[p], residual)
+            rhs[p] = dot(rows[p], residual)
             for q in range(p + 1):
                 normal[p, q] = normal[q, p] = dot(rows[p], rows[q])
         for p in range(2):
-            right[2 + p] -= prior[p, 0] * offset + prior[p, 1] * turned
+            rhs[2 + p] -= prior[p, 0] * offset + prior[p, 1] * tilt_change
             for q in range(2):
                 normal[2 + p, 2 + q] += prior[p, q]
         for p in range(4):
             normal[p, p] *= 1 + 1e-12
         # Cholesky's errors do not depend on the units of the columns (Higham 2002, theorem 10.6).
-        if not solve_definite(normal, right):  # no deflection to refine
+        if not solve_definite(normal, rhs):  # no deflection to refine
             break
         # Limit the step: at most half the way to the clamp, x_c at most 1.5 beam lengths.
-        nearest = min(max(x_c + right[1], x_c / 2), 1.5)
-        part = (nearest - x_c) / right[1] if right[1] != 0 else 1.0
-        amplitude += part * right[0]
-        x_c = nearest
-        offset += part * right[2]
-        tilt += part * right[3]
-    return kept, kept_residual
+        next_x_c = min(max(x_c + rhs[1], x_c / 2), 1.5)
+        fraction = (next_x_c - x_c) / rhs[1] if rhs[1] != 0 else 1.0
+        amplitude += fraction * rhs[0]
+        x_c = next_x_c
+        offset += fraction * rhs[2]
+        tilt += fraction * rhs[3]
+    return minimum, min_residual

@@ -42,18 +42,20 @@ def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
     """Fit from a start, robustly if the residuals require it."""
     p = start.copy()
     covariance, summary = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(5)
-    kept = np.ones(problem.points, dtype=np.bool_)
+    sorted_inliers = np.ones(problem.points, dtype=np.bool_)
     free = problem.all_free if psi_free else problem.shape_free
     work = workspace(problem.points)
-    settle(p, problem.arrays, free, problem.tilt_variance, work, covariance, kept, summary)
-    of_measurement = np.empty_like(kept)
-    of_measurement[problem.order] = kept
+    settle(
+        p, problem.arrays, free, problem.tilt_variance, work, covariance, sorted_inliers, summary
+    )
+    inliers = np.empty_like(sorted_inliers)
+    inliers[problem.order] = sorted_inliers
     return FrameFit(
         p=p,
         covariance=covariance * summary[WIDENING],
         status=int(summary[STATUS]),
         chi2=float(summary[CHI2]),
-        kept=of_measurement,
+        kept=inliers,
         iterations=int(summary[ITERATIONS]),
         variance_inflation=float(summary[WIDENING]),
     )

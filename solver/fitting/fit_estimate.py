@@ -16,17 +16,17 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 LEAST_POINTS = 8
-# If less than this share of the beam is visible from the clamp on, chi2 may have no minimum.
+# If less than this fraction of the beam is visible from the clamp on, chi2 may have no minimum.
 SHORT_STRETCH = 0.25
-# If more than this share of the points is rejected, the model is wrong.
-MOST_REJECTED = 0.45
+# If more than this fraction of the points is rejected, the model is wrong.
+MAX_REJECTED = 0.45
 # The same for rejected points in runs of five and more: an occluder's edge affects fewer.
-MOST_COHERENT = 1 / 3
-# Above this share in runs, the other points must fit well: a beam with two contacts does not.
+MAX_COHERENT = 1 / 3
+# Above this fraction in runs, the other points must fit well: a beam with two contacts does not.
 COHERENT = 0.1
-MOST_CHI2_BESIDE_RUNS = 1.4
+MAX_CHI2_BESIDE_RUNS = 1.4
 # Residuals twice as large as stated are not those of an exact beam with one contact.
-MOST_CHI2_PER_DOF = 4.0
+MAX_CHI2_PER_DOF = 4.0
 
 
 def refusal_of(
@@ -42,32 +42,32 @@ def refusal_of(
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points, needed are {LEAST_POINTS}"
         )
-    refusal = no_contact(nearest_linear_bend(measurement, _kept(measurement, fit)))
+    refusal = no_contact(nearest_linear_bend(measurement, _inliers(measurement, fit)))
     if refusal is not None and not (either_side and refusal.outcome is Outcome.INVALID):
         return refusal
     if fit is None:
-        return _stopped(problem, "no exact beam lies near the points")
+        return _failed(problem, "no exact beam is near the points")
     if fit.status == DEFICIENT:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
-    off = ~fit.kept[problem.order]
-    rejected = int(np.count_nonzero(off))
-    if max(rejected / len(off) / MOST_REJECTED, _in_runs(off) / MOST_COHERENT) > 1:
+    outliers = ~fit.kept[problem.order]
+    rejected = int(np.count_nonzero(outliers))
+    if max(rejected / len(outliers) / MAX_REJECTED, _in_runs(outliers) / MAX_COHERENT) > 1:
         return Estimate(
             Outcome.INVALID,
-            f"{rejected} of {problem.points} points lie off every exact beam with one contact",
+            f"{rejected} of {problem.points} points do not fit an exact beam with one contact",
             iterations=fit.iterations,
         )
     if fit.status == STOPPED:
-        return replace(_stopped(problem), iterations=fit.iterations)
+        return replace(_failed(problem), iterations=fit.iterations)
     return None
 
 
-def _stopped(problem: Problem, message: str = "") -> Estimate:
+def _failed(problem: Problem, message: str = "") -> Estimate:
     """Return the outcome of a fit without a minimum; a short stretch need not have one."""
-    reach = float(np.hypot(*problem.arrays[0][:2]).max())
-    if reach < SHORT_STRETCH:
+    visible = float(np.hypot(*problem.arrays[0][:2]).max())
+    if visible < SHORT_STRETCH:
         return Estimate(
-            Outcome.NOT_IDENTIFIABLE, f"only the first {100 * reach:.0f} % of the beam are visible"
+            Outcome.NOT_IDENTIFIABLE, f"only the first {100 * visible:.0f} % of the beam is visible"
         )
     return Estimate(Outcome.NOT_CONVERGED, message)
 
@@ -87,29 +87,29 @@ def estimate_from_fit(
     almost as well.
     """
     arrays = problem.arrays
-    moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
-    kept = int(np.count_nonzero(fit.kept))
-    data = kept + 2 * len(arrays[3]) + int(moment)
-    dof = max(data - 2 - int(psi_fitted), 1)
+    has_moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
+    count = int(np.count_nonzero(fit.kept))
+    measurements = count + 2 * len(arrays[3]) + int(has_moment)
+    dof = max(measurements - 2 - int(psi_fitted), 1)
 
-    def said(outcome: Outcome, message: str = "") -> Estimate:
+    def failure(outcome: Outcome, message: str = "") -> Estimate:
         return Estimate(outcome, message, chi2=fit.chi2, dof=dof, iterations=fit.iterations)
 
     in_runs = _in_runs(~fit.kept[problem.order]) > COHERENT
-    most = MOST_CHI2_BESIDE_RUNS if in_runs else MOST_CHI2_PER_DOF
-    if fit.chi2 / dof > most:
-        return said(
+    max_chi2 = MAX_CHI2_BESIDE_RUNS if in_runs else MAX_CHI2_PER_DOF
+    if fit.chi2 / dof > max_chi2:
+        return failure(
             Outcome.INVALID,
             f"the nearest exact beam with one contact leaves a chi2 of {fit.chi2 / dof:.1f} "
-            f"per degree of freedom in {kept} of {problem.points} points",
+            f"per degree of freedom in {count} of {problem.points} points",
         )
     if spread is not None:
         fit = replace(fit, covariance=fit.covariance + np.outer(spread, spread))
     values, covariance = values_of(measurement, fit, psi_known)
-    rejected = problem.points - kept
+    rejected = problem.points - count
     remarks = [f"{rejected} of {problem.points} points were rejected"] if rejected else []
-    if measurement.moment_y is not None and not moment:
-        remarks.append("the moment is left out, for the rig states no sigma of its sensor")
+    if measurement.moment_y is not None and not has_moment:
+        remarks.append("moment ignored: the rig has no sigma for its moment sensor")
     return judged(
         measurement.rig,
         values,
@@ -121,16 +121,16 @@ def estimate_from_fit(
     )
 
 
-def _in_runs(off: Any) -> float:
-    """Compute the share of points in the middle of five neighbours that are all rejected."""
-    middle = off[2:-2] & off[1:-3] & off[3:-1] & off[:-4] & off[4:]
-    return int(np.count_nonzero(middle)) / max(len(off), 1)
+def _in_runs(outliers: Any) -> float:
+    """Compute the fraction of points in the middle of five neighbours that are all rejected."""
+    middle = outliers[2:-2] & outliers[1:-3] & outliers[3:-1] & outliers[:-4] & outliers[4:]
+    return int(np.count_nonzero(middle)) / max(len(outliers), 1)
 
 
-def _kept(measurement: Measurement, fit: FrameFit | None) -> Mask | None:
-    """Return the mask (n,) of the first view's points that a fit keeps; None to use all points."""
+def _inliers(measurement: Measurement, fit: FrameFit | None) -> Mask | None:
+    """Return the mask (n,) of the first view's inliers; None to use all points."""
     if fit is None or fit.status == STOPPED:
         return None
-    kept = fit.kept[: len(measurement.points)]
+    inliers = fit.kept[: len(measurement.points)]
     # If more points are rejected, the model is wrong, not the points.
-    return None if kept.all() or kept.mean() < 1 - MOST_REJECTED else kept
+    return None if inliers.all() or inliers.mean() < 1 - MAX_REJECTED else inliers

@@ -32,39 +32,45 @@ from solver.instrument.compiled import njit
 # chi2 (see `settle`) detect a run of outliers that has biased the least-squares fit.
 SUSPICIOUS: Final = 5.0
 # A residual scale between these means that the sigmas are understated, not that there are outliers.
-LEAST_SCALE: Final = 1.1
-MOST_SCALE: Final = 2.0
+MIN_SCALE: Final = 1.1
+MAX_SCALE: Final = 2.0
 # Maximum iterations at each wider cut, and of the final fit. A numpy scalar is compiled once, a
 # literal for every value.
-_WIDER, _ANSWER = np.int64(10), np.int64(40)
+_WIDE_ITERATIONS, _FINAL_ITERATIONS = np.int64(10), np.int64(40)
 _PLANAR, _WEIGHTED = np.bool_(False), np.bool_(True)
 # Entries of `summary`.
 STATUS, CHI2, KEPT, ITERATIONS, WIDENING = range(5)
 
 
 @njit(inline="always")
-def _robustly(p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats) -> Any:
+def _minimise_tukey(
+    p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
+) -> Any:
     """Minimise Tukey's loss from p, with cuts down to `cut`; return (status, cost, iterations)."""
     total = 0
-    for widened in (4.0, 2.0):
-        _, _, iterations = minimise(p, problem, free, widened * cut, _WIDER, work, covariance)
+    for factor in (4.0, 2.0):
+        _, _, iterations = minimise(
+            p, problem, free, factor * cut, _WIDE_ITERATIONS, work, covariance
+        )
         total += iterations
-    status, cost, iterations = minimise(p, problem, free, cut, _ANSWER, work, covariance)
+    status, cost, iterations = minimise(p, problem, free, cut, _FINAL_ITERATIONS, work, covariance)
     return status, cost, total + iterations
 
 
 @njit(inline="always")
-def _better(
-    p: Floats, other: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
+def _minimise_both(
+    p: Floats, second_p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
 ) -> Any:
-    """Write the better of Tukey's minima near p and `other` to p; return (status, iterations)."""
-    here = p.copy()
-    first, first_cost, count = _robustly(here, problem, free, cut, work, covariance)
-    status, cost, iterations = _robustly(other, problem, free, cut, work, covariance)
-    p[:] = other
-    if first == CONVERGED and (first_cost <= cost * (1 + 1e-6) or status != CONVERGED):
-        status, p[:] = first, here
-    return status, count + iterations
+    """Write the better of Tukey's minima near p and `second_p` to p; return status, iterations."""
+    first_p = p.copy()
+    first_status, first_cost, first_iterations = _minimise_tukey(
+        first_p, problem, free, cut, work, covariance
+    )
+    status, cost, iterations = _minimise_tukey(second_p, problem, free, cut, work, covariance)
+    p[:] = second_p
+    if first_status == CONVERGED and (first_cost <= cost * (1 + 1e-6) or status != CONVERGED):
+        status, p[:] = first_status, first_p
+    return status, first_iterations + iterations
 
 
 @njit
@@ -75,45 +81,51 @@ def settle(
     tilt_variance: float,
     work: Any,
     covariance: Floats,
-    kept: Any,
+    inliers: Any,
     summary: Floats,
 ) -> None:
     """Fit from the start p, robustly if the residuals require it.
 
-    Writes `covariance` (8, 8), `kept` (n,), which points have a weight, and `summary` (5,): status,
-    chi2 of the kept points and the constraints, number of kept points, iterations, and the variance
+    Writes `covariance` (8, 8), `inliers` (n,), which points have a weight, and `summary` (5,):
+    status, chi2 of the inliers and the constraints, number of inliers, iterations, and the variance
     inflation, by which the covariance is not yet multiplied.
     """
     points, bounds, views, _, _, _ = problem
     residual = work[0][: bounds[-1] - bounds[0]]
-    status, chi2, iterations = minimise(p, problem, free, np.inf, _ANSWER, work, covariance)
-    kept[:] = True
-    far = 0
+    status, chi2, iterations = minimise(
+        p, problem, free, np.inf, _FINAL_ITERATIONS, work, covariance
+    )
+    inliers[:] = True
+    suspicious = 0
     for i in range(residual.size):
-        far += abs(residual[i]) > SUSPICIOUS
+        suspicious += abs(residual[i]) > SUSPICIOUS
     dof = max(len(residual) - 2, 1)
-    if far > 0 or chi2 > dof * (1 + 6 * np.sqrt(2 / dof)) or status == STOPPED:
-        # Use the stated sigmas; larger ones only if most of the kept residuals require it.
+    if suspicious > 0 or chi2 > dof * (1 + 6 * np.sqrt(2 / dof)) or status == STOPPED:
+        # Use the stated sigmas; larger ones only if most of the inliers' residuals require it.
         cut = CUT
-        other = p.copy()
-        if consensus(problem, free, tilt_variance, p[PSI], cut, work, other):
-            status, iterations = _better(p, other, problem, free, cut, work, covariance)
+        second_start = p.copy()
+        if consensus(problem, free, tilt_variance, p[PSI], cut, work, second_start):
+            status, iterations = _minimise_both(
+                p, second_start, problem, free, cut, work, covariance
+            )
             point_residuals(p, points, bounds, views, _PLANAR, residual, work[1])
-            inflation = scale(residual, MOST_SCALE)
-            if inflation > LEAST_SCALE:
+            inflation = scale(residual, MAX_SCALE)
+            if inflation > MIN_SCALE:
                 cut = CUT * inflation
-                status, _, more = minimise(p, problem, free, cut, _ANSWER, work, covariance)
-                iterations += more
-        chi2 = _keep(p, problem, free, cut, work, covariance, kept)
-        residual = residual[kept]
+                status, _, extra = minimise(
+                    p, problem, free, cut, _FINAL_ITERATIONS, work, covariance
+                )
+                iterations += extra
+        chi2 = _mark_inliers(p, problem, free, cut, work, covariance, inliers)
+        residual = residual[inliers]
     summary[STATUS], summary[CHI2], summary[ITERATIONS] = status, chi2, iterations
     summary[KEPT] = len(residual)
-    summary[WIDENING] = _widening(residual, chi2)
+    summary[WIDENING] = _variance_inflation(residual, chi2)
 
 
 @njit(inline="always")
-def _keep(
-    p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats, kept: Any
+def _mark_inliers(
+    p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats, inliers: Any
 ) -> float:
     """Mark the points with a weight at p, compute the covariance by Tukey's efficiency and chi2."""
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
@@ -121,11 +133,11 @@ def _keep(
     _, _, views, tips, known, base_whitening = problem
     residual, _, weight, _ = work
     chi2 = 0.0
-    for i in range(len(kept)):
-        kept[i] = abs(residual[i]) < cut
-        weight[i] = 1.0 if kept[i] else 0.0
+    for i in range(len(inliers)):
+        inliers[i] = abs(residual[i]) < cut
+        weight[i] = 1.0 if inliers[i] else 0.0
         chi2 += weight[i] * residual[i] ** 2
-    assemble(len(kept), free, _WEIGHTED, work, normal, gradient)
+    assemble(len(inliers), free, _WEIGHTED, work, normal, gradient)
     chi2 += add_constraints(p, views, tips, known, base_whitening, normal, gradient)
     if invert(normal, free, covariance):
         covariance *= VARIANCE_FACTOR
@@ -133,7 +145,7 @@ def _keep(
 
 
 @njit
-def _widening(residual: Floats, chi2: float) -> float:
+def _variance_inflation(residual: Floats, chi2: float) -> float:
     """Compute the variance inflation, at least 1, of the covariance for independent errors.
 
     It is chi2 per degree of freedom times the correlation length of the residuals. Each factor is
@@ -141,10 +153,10 @@ def _widening(residual: Floats, chi2: float) -> float:
     smaller than stated never reduce the covariance.
     """
     dof = max(len(residual) - 2, 1)
-    widening = chi2 / dof
-    if abs(widening - 1) < 3 * np.sqrt(2 / dof):
-        widening = 1.0
+    inflation = chi2 / dof
+    if abs(inflation - 1) < 3 * np.sqrt(2 / dof):
+        inflation = 1.0
     correlation = integrated_correlation(residual)
     if correlation > 1 + 6 / np.sqrt(dof):
-        widening *= correlation
-    return max(widening, 1.0)
+        inflation *= correlation
+    return max(inflation, 1.0)

@@ -35,14 +35,14 @@ NAMES: Final = (
 _SPATIAL: Final = frozenset({"psi_rad", "force_z_n", "displacement_z_m"})
 _WORLD: Final = frozenset({"contact_world_x_m", "contact_world_y_m", "contact_world_z_m"})
 # Linear theory neglects the force along the beam, and that the beam foreshortens.
-_LARGE: Final = frozenset({"s_c_m", "theta_c_rad", "force_x_n"})
+_LARGE_DEFLECTION: Final = frozenset({"s_c_m", "theta_c_rad", "force_x_n"})
 Vector = tuple[float, float, float]
 # Entries of a contact vector, in this order: lengths [m], force [N], angles [rad]. LEAN is the
 # angle of the force from the beam's normal, back to the clamp.
 X_C, Y_C, S_C, FORCE, THETA, PSI, DX, DY, TILT, ANGLE, LEAN = range(11)
 CONTACT: Final = 11
-# They are followed by the error of Sigma_a: shift (3,), rotation (3,) about the board's middle.
-_PLACED: Final = 6
+# The error of Sigma_a follows: shift (3,), rotation (3,) about the board's middle.
+_POSE_ERRORS: Final = 6
 
 
 def stands_in_world(measurement: Measurement) -> bool:
@@ -68,72 +68,72 @@ def in_all_frames(
     stated by the rig, Sigma_o if neither the encoder nor a fitted clamp gives the motor angle,
     and with `linear` the values that linear theory neglects.
     """
-    rig, standing = measurement.rig, stands_in_world(measurement)
-    values, by_contact, by_place = _with_jacobian(
+    rig, world_camera = measurement.rig, stands_in_world(measurement)
+    values, by_contact, by_pose = _with_jacobian(
         contact,
         rig.beam.length,
         measurement.antenna_from_beam,
         rig.antenna_from_board,
         measurement.handedness,
         plane,
-        standing,
+        world_camera,
     )
-    by_tilt = standing and clamp_fitted
-    told, names = _told(
+    by_tilt = world_camera and clamp_fitted
+    indices, names = _estimated(
         psi_fitted or rig.known_psi is not None,
         by_tilt or measurement.motor_angle is not None,
         by_tilt,
         linear,
     )
     tolerances = rig.tolerances
-    placed = np.full(_PLACED, tolerances.board_translation**2)
-    placed[2] += tolerances.base_position**2
-    placed[3:] = tolerances.board_rotation**2
-    by_place = by_place[told]
+    variances = np.full(_POSE_ERRORS, tolerances.board_translation**2)
+    variances[2] += tolerances.base_position**2
+    variances[3:] = tolerances.board_rotation**2
+    by_pose = by_pose[indices]
     return (
-        dict(zip(names, values[told].tolist(), strict=True)),
-        np.asarray(by_contact[told]),
-        np.asarray((by_place * placed) @ by_place.T),
+        dict(zip(names, values[indices].tolist(), strict=True)),
+        np.asarray(by_contact[indices]),
+        np.asarray((by_pose * variances) @ by_pose.T),
     )
 
 
 @lru_cache
-def _told(
+def _estimated(
     spatial: bool, world: bool, motor: bool, linear: bool
 ) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
     """Return the indices of the estimated NAMES, and these names."""
-    absent = _LARGE if linear else frozenset()
+    absent = _LARGE_DEFLECTION if linear else frozenset()
     absent |= frozenset() if spatial else _SPATIAL
     absent |= frozenset() if world else _WORLD
     absent |= frozenset() if motor else {"motor_angle_rad"}
-    told = [i for i, name in enumerate(NAMES) if name not in absent]
-    return np.array(told), tuple(NAMES[i] for i in told)
+    indices = [i for i, name in enumerate(NAMES) if name not in absent]
+    return np.array(indices), tuple(NAMES[i] for i in indices)
 
 
 @njit(inline="always")
-def _turned(angle: float, vector: Vector) -> Vector:
+def _rotated(angle: float, vector: Vector) -> Vector:
     """Rotate a vector about z."""
     c, s = math.cos(angle), math.sin(angle)
     return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1], vector[2]
 
 
 @njit(inline="always")
-def _cross(turn: Floats, vector: Vector) -> Vector:
+def _cross(rotation: Floats, vector: Vector) -> Vector:
     return (
-        turn[1] * vector[2] - turn[2] * vector[1],
-        turn[2] * vector[0] - turn[0] * vector[2],
-        turn[0] * vector[1] - turn[1] * vector[0],
+        rotation[1] * vector[2] - rotation[2] * vector[1],
+        rotation[2] * vector[0] - rotation[0] * vector[2],
+        rotation[0] * vector[1] - rotation[1] * vector[0],
     )
 
 
 @njit(inline="always")
-def _carried(axes: Floats, turn: Floats, vector: Vector) -> Vector:
-    """Rotate from the beam's frame to the axes of Sigma_a, with the small rotation error `turn`."""
+def _to_antenna(axes: Floats, rotation: Floats, vector: Vector) -> Vector:
+    """Rotate from the beam's frame to Sigma_a, with the small rotation error `rotation`."""
     x = axes[0, 0] * vector[0] + axes[0, 1] * vector[1] + axes[0, 2] * vector[2]
     y = axes[1, 0] * vector[0] + axes[1, 1] * vector[1] + axes[1, 2] * vector[2]
     z = axes[2, 0] * vector[0] + axes[2, 1] * vector[1] + axes[2, 2] * vector[2]
-    by_turn = _cross(turn, (x, y, z))
-    return x + by_turn[0], y + by_turn[1], z + by_turn[2]
+    change = _cross(rotation, (x, y, z))
+    return x + change[0], y + change[1], z + change[2]
 
 
 @njit
@@ -141,9 +141,9 @@ def _values(
     v: Floats,
     antenna_from_beam: Floats,
     antenna_from_board: Floats,
-    handed: int,
+    handedness: int,
     plane: float,
-    standing: bool,
+    world_camera: bool,
     out: Floats,
 ) -> None:
     """Write the values of NAMES to `out`."""
@@ -151,25 +151,42 @@ def _values(
     direction = theta + v[LEAN]
     across, along = force * math.cos(direction), -force * math.sin(direction)
     cosine, sine = math.cos(psi), math.sin(psi)
-    shift, turn = v[CONTACT : CONTACT + 3], v[CONTACT + 3 :]
+    shift, rotation = v[CONTACT : CONTACT + 3], v[CONTACT + 3 :]
     # Vectors from the clamp, in Sigma_a as given by the board.
-    arm = _carried(antenna_from_beam, turn, _turned(tilt, (x, y * cosine, y * sine)))
-    push = _carried(antenna_from_beam, turn, _turned(tilt, (along, across * cosine, across * sine)))
-    moved = _carried(antenna_from_beam, turn, _turned(tilt, (0.0, y * cosine, y * sine)))
-    stands = _carried(antenna_from_beam, turn, (v[DX], v[DY], 0.0))
-    origin, middle = antenna_from_beam[:3, 3], antenna_from_board[:3, 3]
-    lever = _cross(turn, (origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]))
+    contact_vector = _to_antenna(
+        antenna_from_beam, rotation, _rotated(tilt, (x, y * cosine, y * sine))
+    )
+    force_vector = _to_antenna(
+        antenna_from_beam, rotation, _rotated(tilt, (along, across * cosine, across * sine))
+    )
+    displacement = _to_antenna(
+        antenna_from_beam, rotation, _rotated(tilt, (0.0, y * cosine, y * sine))
+    )
+    clamp_offset = _to_antenna(antenna_from_beam, rotation, (v[DX], v[DY], 0.0))
+    origin, board_middle = antenna_from_beam[:3, 3], antenna_from_board[:3, 3]
+    clamp_shift = _cross(
+        rotation,
+        (origin[0] - board_middle[0], origin[1] - board_middle[1], origin[2] - board_middle[2]),
+    )
     angle = v[ANGLE]
-    if standing:  # the camera observes Sigma_o; Sigma_a has turned
-        angle = handed * tilt
-        arm, push, moved = _turned(-angle, arm), _turned(-angle, push), _turned(-angle, moved)
-    there = _turned(angle, arm)
+    if world_camera:  # the camera observes Sigma_o; Sigma_a has turned
+        angle = handedness * tilt
+        contact_vector, force_vector, displacement = (
+            _rotated(-angle, contact_vector),
+            _rotated(-angle, force_vector),
+            _rotated(-angle, displacement),
+        )
+    world_contact = _rotated(angle, contact_vector)
     out[0], out[1], out[2], out[3], out[4], out[5] = x, y, v[S_C], force, across, theta
-    out[6] = handed * (plane + psi)
+    out[6] = handedness * (plane + psi)
     for i in range(3):
-        clamp = origin[i] + stands[i] + shift[i] + lever[i]
-        out[7 + i], out[10 + i], out[13 + i] = clamp + arm[i], clamp + there[i], push[i]
-    out[16], out[17], out[18] = moved[1], moved[2], angle
+        clamp = origin[i] + clamp_offset[i] + shift[i] + clamp_shift[i]
+        out[7 + i], out[10 + i], out[13 + i] = (
+            clamp + contact_vector[i],
+            clamp + world_contact[i],
+            force_vector[i],
+        )
+    out[16], out[17], out[18] = displacement[1], displacement[2], angle
 
 
 @njit
@@ -178,15 +195,15 @@ def _with_jacobian(
     length: float,
     antenna_from_beam: Floats,
     antenna_from_board: Floats,
-    handed: int,
+    handedness: int,
     plane: float,
-    standing: bool,
+    world_camera: bool,
 ) -> Any:
     """Compute values (n,) and Jacobians by contact (n, 11) and by the error of Sigma_a (n, 6).
 
     The Jacobians are central differences, with a relative error of 1e-10.
     """
-    inputs, steps = np.zeros(CONTACT + _PLACED), np.ones(CONTACT + _PLACED)
+    inputs, steps = np.zeros(CONTACT + _POSE_ERRORS), np.ones(CONTACT + _POSE_ERRORS)
     inputs[:CONTACT] = contact
     for j in (X_C, Y_C, S_C, DX, DY, CONTACT, CONTACT + 1, CONTACT + 2):
         steps[j] = length
@@ -194,14 +211,18 @@ def _with_jacobian(
     steps *= 1e-5
     n = len(NAMES)
     values, ahead, behind = np.empty(n), np.empty(n), np.empty(n)
-    _values(inputs, antenna_from_beam, antenna_from_board, handed, plane, standing, values)
+    _values(inputs, antenna_from_beam, antenna_from_board, handedness, plane, world_camera, values)
     jacobian = np.empty((n, len(inputs)))
     for j in range(len(inputs)):
-        here = inputs[j]
-        inputs[j] = here + steps[j]
-        _values(inputs, antenna_from_beam, antenna_from_board, handed, plane, standing, ahead)
-        inputs[j] = here - steps[j]
-        _values(inputs, antenna_from_beam, antenna_from_board, handed, plane, standing, behind)
-        inputs[j] = here
+        centre = inputs[j]
+        inputs[j] = centre + steps[j]
+        _values(
+            inputs, antenna_from_beam, antenna_from_board, handedness, plane, world_camera, ahead
+        )
+        inputs[j] = centre - steps[j]
+        _values(
+            inputs, antenna_from_beam, antenna_from_board, handedness, plane, world_camera, behind
+        )
+        inputs[j] = centre
         jacobian[:, j] = (ahead - behind) / (2 * steps[j])
     return values, jacobian[:, :CONTACT], jacobian[:, CONTACT:]

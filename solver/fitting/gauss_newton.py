@@ -1,4 +1,4 @@
-"""Gauss-Newton with step halving, for residuals already divided by their sigmas."""
+"""Minimise by Gauss-Newton with step halving, for residuals already divided by their sigmas."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,26 +39,26 @@ def gauss_newton(
     `start` must be inside. The iteration stops at a step shorter than `step_tolerance` sigmas: the
     noise, not the rounding, sets the tolerance. Raises ValueError if `start` is outside.
     """
-    here = residuals(start)
-    if here is None:
-        raise ValueError("the start lies outside the model's domain")
+    current = residuals(start)
+    if current is None:
+        raise ValueError("the start is outside the model's domain")
     parameters = start
     converged = False
     iteration = 0
     while iteration < most_iterations and not converged:
         iteration += 1
-        residual, jacobian = here
+        residual, jacobian = current
         inverse, _ = _inverse_normal(jacobian)
         step = -inverse @ (jacobian.T @ residual)
         # Length of the step in sigmas, the natural unit of the problem.
         length = float(np.linalg.norm(jacobian @ step))
-        moved = _halved_until_downhill(residuals, parameters, step, residual)
-        if moved is None:
+        accepted = _halved_until_downhill(residuals, parameters, step, residual)
+        if accepted is None:
             converged = length < 1.0  # no descent: only rounding, if the step was short
             break
-        parameters, here = moved
+        parameters, current = accepted
         converged = length < step_tolerance
-    residual, jacobian = here
+    residual, jacobian = current
     covariance, deficient = _inverse_normal(jacobian)
     return Fit(parameters, covariance, float(residual @ residual), iteration, converged, deficient)
 
@@ -72,9 +72,9 @@ def _halved_until_downhill(
     chi2 = residual @ residual
     for halving in range(12):
         trial = parameters + step / 2**halving
-        there = residuals(trial)
-        if there is not None and there[0] @ there[0] <= chi2 * (1 + 1e-12):
-            return trial, there
+        linearised = residuals(trial)
+        if linearised is not None and linearised[0] @ linearised[0] <= chi2 * (1 + 1e-12):
+            return trial, linearised
     return None
 
 
@@ -84,6 +84,6 @@ def _inverse_normal(jacobian: Floats) -> tuple[Floats, bool]:
     scale = np.where(scale > 0, scale, 1.0)
     _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)
     deficient = bool(singular[-1] < 1e-9 * singular[0])
-    kept = np.where(singular > 1e-12 * singular[0], singular, np.inf)
-    root = right.T / kept
+    truncated = np.where(singular > 1e-12 * singular[0], singular, np.inf)
+    root = right.T / truncated
     return (root @ root.T) / np.outer(scale, scale), deficient

@@ -1,4 +1,4 @@
-"""Normal equations of a beam that bends in plane C, in one pass and without the Jacobian.
+"""Compute normal equations of a beam that bends in plane C, in one pass, without the Jacobian.
 
 A curve in a plane has four parameters: its q, and the shift of its contact's tangent across
 itself, along itself, and its rotation. The slopes of the misfit by these are 1, P', and two more of
@@ -71,10 +71,10 @@ def plane_equations(
     gradient[:] = 0.0
     for a in range(TILT + 1):
         gradient[a] = _inner(chain[a], by_residual)
-        one, two = _inner(chain[a], products[0]), _inner(chain[a], products[1])
-        three, four = _inner(chain[a], products[2]), _inner(chain[a], products[3])
+        by_1, by_2 = _inner(chain[a], products[0]), _inner(chain[a], products[1])
+        by_3, by_4 = _inner(chain[a], products[2]), _inner(chain[a], products[3])
         for b in range(a + 1):
-            normal[a, b] = normal[b, a] = _inner(chain[b], (one, two, three, four))
+            normal[a, b] = normal[b, a] = _inner(chain[b], (by_1, by_2, by_3, by_4))
     return float(chi2)
 
 
@@ -94,7 +94,7 @@ def _sums(
     sx: Floats,
     sy: Floats,
     series: tuple[float, ...],
-    widest: float,
+    max_versine: float,
     residual: Floats,
 ) -> Any:
     """Sum r^2 (), r times the four slopes (4,), and the slopes' products (4, 4).
@@ -102,26 +102,26 @@ def _sums(
     Each sum is a separate scalar, so that all stay in registers.
     """
     q, lever, dx, dy = p[Q], p[LEVER], p[DX], p[DY]
-    farthest = curve_end(q, widest)
+    max_distance = curve_end(q, max_versine)
     rr = r1 = r2 = r3 = r4 = s11 = s12 = s13 = s14 = s22 = s23 = s24 = s33 = s34 = s44 = 0.0
     for i in range(mx.size):
         along = cosine * (mx[i] - dx) + sine * (my[i] - dy)
         across = cosine * (my[i] - dy) - sine * (mx[i] - dx)
-        value, by_along, by_turn, by_q = off_the_curve(
-            along, across, q, lever, farthest, widest, series
+        value, by_along, by_rotation, by_q = off_the_curve(
+            along, across, q, lever, max_distance, max_versine, series
         )
         sigma_along, sigma_across = cosine * sx[i] + sine * sy[i], cosine * sy[i] - sine * sx[i]
         # The slope by `across` (1) over sigma; then the other slopes, and the residual.
-        one = weight_of(by_along * sigma_along + sigma_across)
-        two, three, four = by_along * one, by_turn * one, by_q * one
-        r = (base + value) * one
+        w1 = weight_of(by_along * sigma_along + sigma_across)
+        w2, w3, w4 = by_along * w1, by_rotation * w1, by_q * w1
+        r = (base + value) * w1
         residual[i] = r
         rr += r * r
-        r1, r2, r3, r4 = r1 + r * one, r2 + r * two, r3 + r * three, r4 + r * four
-        s11, s12, s13 = s11 + one * one, s12 + one * two, s13 + one * three
-        s14, s22, s23 = s14 + one * four, s22 + two * two, s23 + two * three
-        s24, s33, s34 = s24 + two * four, s33 + three * three, s34 + three * four
-        s44 += four * four
+        r1, r2, r3, r4 = r1 + r * w1, r2 + r * w2, r3 + r * w3, r4 + r * w4
+        s11, s12, s13 = s11 + w1 * w1, s12 + w1 * w2, s13 + w1 * w3
+        s14, s22, s23 = s14 + w1 * w4, s22 + w2 * w2, s23 + w2 * w3
+        s24, s33, s34 = s24 + w2 * w4, s33 + w3 * w3, s34 + w3 * w4
+        s44 += w4 * w4
     products = (
         (s11, s12, s13, s14),
         (s12, s22, s23, s24),

@@ -48,10 +48,10 @@ def bent(measurement: Measurement, least_points: int) -> tuple[Measurement, Bend
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"{count} visible points, needed are {least_points}"
         )
-    found = known_plane(measurement)
-    if isinstance(found, Estimate):
-        return found
-    planar, _ = found
+    plane = known_plane(measurement)
+    if isinstance(plane, Estimate):
+        return plane
+    planar, _ = plane
     bend = nearest_linear_bend(planar)
     return no_contact(bend) or (planar, bend)
 
@@ -97,10 +97,10 @@ def estimate_from_linear_fit(
     """
     rig, x_c, load = planar.rig, contact.x_c, contact.load
     force, y_c = 6 * rig.beam.flexural_rigidity * load, 2 * load * x_c**3
-    at = np.zeros(frames.CONTACT)
-    at[[frames.X_C, frames.Y_C, frames.FORCE]] = x_c, y_c, force
-    at[frames.DX : frames.TILT + 1] = contact.base or (0.0, 0.0, 0.0)
-    at[frames.ANGLE] = planar.motor_angle or 0.0
+    entries = np.zeros(frames.CONTACT)
+    entries[[frames.X_C, frames.Y_C, frames.FORCE]] = x_c, y_c, force
+    entries[frames.DX : frames.TILT + 1] = contact.base or (0.0, 0.0, 0.0)
+    entries[frames.ANGLE] = planar.motor_angle or 0.0
     by_error = np.zeros((frames.CONTACT, ERRORS + 1))
     by_error[frames.X_C, [X_C, SCALE]] = 1.0, x_c
     by_error[frames.Y_C, [X_C, LOAD, SCALE]] = 6 * load * x_c**2, 2 * x_c**3, y_c
@@ -111,9 +111,9 @@ def estimate_from_linear_fit(
     errors = np.zeros((ERRORS + 1, ERRORS + 1))
     errors[:ERRORS, :ERRORS] = contact.covariance
     errors[ERRORS, ERRORS] = rig.tolerances.encoder**2
-    values, jacobian, placed = frames.in_all_frames(
+    values, jacobian, pose_covariance = frames.in_all_frames(
         planar,
-        at,
+        entries,
         psi_fitted=contact.psi is not None,
         clamp_fitted=contact.base is not None,
         linear=True,
@@ -123,7 +123,7 @@ def estimate_from_linear_fit(
     return judged(
         rig,
         values,
-        by_error @ errors @ by_error.T + placed,
+        by_error @ errors @ by_error.T + pose_covariance,
         message,
         chi2=chi2,
         dof=dof,

@@ -1,4 +1,4 @@
-"""Gauss-Newton for one frame on the normal equations of its few parameters, compiled."""
+"""Fit one frame by Gauss-Newton on the normal equations of its parameters, compiled."""
 
 from typing import Any, Final
 
@@ -27,13 +27,13 @@ CONVERGED, STOPPED, DEFICIENT = range(3)
 STEP_SIGMAS: Final = 1e-3
 _SHORT: Final = 0.3
 # With a scaled pivot below this the normal equations do not determine a direction.
-LEAST_PIVOT: Final = 1e-12
+MIN_PIVOT: Final = 1e-12
 # Longest steps in q and lever (relative), psi and tilt [rad].
-_REACH: Final = ((Q, 0.7), (LEVER, 0.5), (PSI, 0.4), (TILT, 0.3))
+_MAX_STEPS: Final = ((Q, 0.7), (LEVER, 0.5), (PSI, 0.4), (TILT, 0.3))
 
 
 @njit(fastmath=FAST)
-def _times(a: Floats, weight: Floats, out: Floats) -> None:
+def _multiply(a: Floats, weight: Floats, out: Floats) -> None:
     for i in range(a.size):
         out[i] = a[i] * weight[i]
 
@@ -79,7 +79,7 @@ def assemble(n: Any, free: Any, weighted: Any, work: Any, normal: Floats, gradie
             continue
         column = jacobian[a, :n]
         if weighted:
-            _times(column, weight, scratch)
+            _multiply(column, weight, scratch)
             column = scratch
         gradient[a] = dot(column, residual)
         for b in free:
@@ -100,7 +100,7 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
     for k in free:
         # Information about this parameter if those before it are unknown too.
         pivot = covariance[k, k]
-        if not pivot > LEAST_PIVOT * normal[k, k]:
+        if not pivot > MIN_PIVOT * normal[k, k]:
             return False
         covariance[k, k] = 1.0
         for b in range(PARAMETERS):
@@ -115,23 +115,23 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
 
 
 @njit
-def _moved(p: Floats, step: Floats, share: float, views: Floats, to: Floats) -> None:
-    """Write p plus a share of the step to `to`.
+def _take_step(p: Floats, step: Floats, fraction: float, views: Floats, target: Floats) -> None:
+    """Write p plus a fraction of the step to `target`.
 
     An image determines q cos(psi) - q (y_v / z_v) sin(psi) well and psi badly. If psi changes, the
     step is applied to that product and q follows from it, so that the iterates follow the curved
     valley of chi2.
     """
     for a in range(PARAMETERS):
-        to[a] = p[a] + share * step[a]
+        target[a] = p[a] + fraction * step[a]
     if step[PSI] != 0:
         ray = views[0, 1]
-        here = np.cos(p[PSI]) - ray * np.sin(p[PSI])
-        there = np.cos(to[PSI]) - ray * np.sin(to[PSI])
+        factor = np.cos(p[PSI]) - ray * np.sin(p[PSI])
+        target_factor = np.cos(target[PSI]) - ray * np.sin(target[PSI])
         slope = -np.sin(p[PSI]) - ray * np.cos(p[PSI])
-        if here > 0 and there > 0 and p[Q] > 0:
-            gain = share * (step[Q] / p[Q] + slope / here * step[PSI])
-            to[Q] = p[Q] * max(1 + gain, 0.1) * here / there
+        if factor > 0 and target_factor > 0 and p[Q] > 0:
+            gain = fraction * (step[Q] / p[Q] + slope / factor * step[PSI])
+            target[Q] = p[Q] * max(1 + gain, 0.1) * factor / target_factor
 
 
 @njit
@@ -140,7 +140,7 @@ def minimise(
     problem: Any,
     free: Any,
     cut: float,
-    most_iterations: Any,
+    max_iterations: Any,
     work: Any,
     covariance: Floats,
 ) -> Any:
@@ -153,8 +153,8 @@ def minimise(
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     step, trial = np.zeros(PARAMETERS), np.empty(PARAMETERS)
     chi2 = linearise(p, problem, free, cut, work, normal, gradient)
-    iteration, before = 0, 0.0
-    while iteration < most_iterations:
+    iteration, previous_length = 0, 0.0
+    while iteration < max_iterations:
         iteration += 1
         if not invert(normal, free, covariance):
             return DEFICIENT, chi2, iteration
@@ -164,32 +164,34 @@ def minimise(
             for b in free:
                 step[a] -= covariance[a, b] * gradient[b]
             length2 -= step[a] * gradient[a]
-        share = 1.0
-        for parameter, reach in _REACH:
-            allowed = reach * p[parameter] if parameter <= LEVER else reach
-            if abs(step[parameter]) > allowed:
-                share = min(share, allowed / abs(step[parameter]))
+        fraction = 1.0
+        for parameter, limit in _MAX_STEPS:
+            max_step = limit * p[parameter] if parameter <= LEVER else limit
+            if abs(step[parameter]) > max_step:
+                fraction = min(fraction, max_step / abs(step[parameter]))
         length = np.sqrt(max(length2, 0.0))
-        last = length < STEP_SIGMAS or (length < _SHORT and length**3 < STEP_SIGMAS * before**2)
-        before = length if share == 1.0 else 0.0
-        if share == 1.0 and last:
-            _moved(p, step, share, views, trial)
+        last = length < STEP_SIGMAS or (
+            length < _SHORT and length**3 < STEP_SIGMAS * previous_length**2
+        )
+        previous_length = length if fraction == 1.0 else 0.0
+        if fraction == 1.0 and last:
+            _take_step(p, step, fraction, views, trial)
             if possible(trial, points, bounds, views):
                 p[:] = trial
             return CONVERGED, chi2 - length2, iteration
-        moved = False
+        accepted = False
         for _ in range(10):
-            _moved(p, step, share, views, trial)
+            _take_step(p, step, fraction, views, trial)
             if possible(trial, points, bounds, views):
-                there = linearise(trial, problem, free, cut, work, normal, gradient)
+                trial_chi2 = linearise(trial, problem, free, cut, work, normal, gradient)
                 # Sigmas depend on the shape, so a short step may be right without reducing chi2.
-                if there <= chi2 * (1 + 1e-9) or (length2 < 1 and share == 1.0):
-                    moved = True
+                if trial_chi2 <= chi2 * (1 + 1e-9) or (length2 < 1 and fraction == 1.0):
+                    accepted = True
                     break
-            share /= 2
-        if not moved:
+            fraction /= 2
+        if not accepted:
             chi2 = linearise(p, problem, free, cut, work, normal, gradient)
             return STOPPED, chi2, iteration
         p[:] = trial
-        chi2 = there
+        chi2 = trial_chi2
     return STOPPED, chi2, iteration

@@ -28,8 +28,8 @@ from solver.instrument.arrays import Floats
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.small_matrices import whitening
 
-# Least relative sigma of a length and of a rigidity.
-_LEAST_TOLERANCE = 1e-6
+# Minimum relative sigma of a length and of a rigidity.
+_MIN_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Problem:
 
     `order` (n,) is, for each point of `arrays`, its index among the measurement's points of all
     views; `shape_free` and `all_free` are the free parameters with psi held and with psi free. The
-    clamp turns about itself, where the motor's axis passes.
+    motor's axis passes through the clamp.
     """
 
     arrays: Any
@@ -63,13 +63,13 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
     bounds = np.array([0, *accumulate(len(view.points) for view in views)])
     order, rows = np.empty(bounds[-1], np.int64), np.empty((4, bounds[-1]))
     for view, (first, last) in zip(views, pairwise(bounds), strict=True):
-        along = np.argsort(view.points[:, 0], kind="stable")
-        order[first:last] = first + along
-        rows[:2, first:last] = view.points[along].T
-        rows[2:, first:last] = view.sigma_vectors[along].T
+        ranks = np.argsort(view.points[:, 0], kind="stable")
+        order[first:last] = first + ranks
+        rows[:2, first:last] = view.points[ranks].T
+        rows[2:, first:last] = view.sigma_vectors[ranks].T
     known = np.zeros(KNOWN)
-    shown = [(i, view) for i, view in enumerate(views) if with_tips and view.tip is not None]
-    tips = [_tip_row(view, i, length) for i, view in shown]
+    tip_views = [(i, view) for i, view in enumerate(views) if with_tips and view.tip is not None]
+    tips = [_tip_row(view, i, length) for i, view in tip_views]
     shape_free = [Q, LEVER, DX, DY, TILT]
     if tips:
         shape_free.append(STRETCH)
@@ -77,7 +77,7 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         if stretch_sigma is None:
             tolerance = rig.tolerances.beam_length / length
             stretch_sigma = math.hypot(tolerance, measurement.scale_sigma)
-        known[STRETCH_SIGMA] = max(stretch_sigma, _LEAST_TOLERANCE)
+        known[STRETCH_SIGMA] = max(stretch_sigma, _MIN_TOLERANCE)
     if measurement.moment_y is not None and rig.sensors.moment_y is not None:
         shape_free.append(RIGIDITY)
         rotation = measurement.antenna_from_beam[:3, :3]
@@ -87,7 +87,7 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         known[MOMENT], known[MOMENT_SIGMA] = measurement.moment_y, rig.sensors.moment_y
         known[RIGIDITY_SIGMA] = max(
             float(np.hypot(rig.tolerances.flexural_rigidity / rigidity, measurement.scale_sigma)),
-            _LEAST_TOLERANCE,
+            _MIN_TOLERANCE,
         )
     arrays = (
         rows / length,
@@ -108,13 +108,13 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
 
 def without(problem: Problem, kept: Any) -> Problem:
     """Return the problem with only the `kept` (n,) of the measurement's points."""
-    rows, bounds, *others = problem.arrays
-    here = kept[problem.order]
-    counts = [int(here[a:b].sum()) for a, b in pairwise(bounds)]
-    fewer = np.array([0, *accumulate(counts)])
-    arrays = (np.ascontiguousarray(rows[:, here]), fewer, *others)
+    rows, bounds, *rest = problem.arrays
+    mask = kept[problem.order]
+    counts = [int(mask[a:b].sum()) for a, b in pairwise(bounds)]
+    new_bounds = np.array([0, *accumulate(counts)])
+    arrays = (np.ascontiguousarray(rows[:, mask]), new_bounds, *rest)
     return Problem(
-        arrays, np.arange(int(here.sum())), problem.shape_free, problem.all_free,
+        arrays, np.arange(int(mask.sum())), problem.shape_free, problem.all_free,
         problem.tilt_variance,
     )  # fmt: skip
 
@@ -126,7 +126,7 @@ def view_row(viewpoint: Floats, length: float) -> Floats:
     """
     x, y, z, w = viewpoint
     if z == 0:
-        raise ValueError("the viewpoint lies in the calibration plane")
+        raise ValueError("the viewpoint is in the calibration plane")
     return np.array([x / z, y / z, w / z * length])
 
 
@@ -139,5 +139,5 @@ def base_whitening(covariance: Floats, length: float) -> Floats:
 def _tip_row(view: View, index: int, length: float) -> Floats:
     tip = view.tip
     assert tip is not None
-    by_sigma = whitening(tip.covariance / length**2)
-    return np.array([*(tip.point / length), *by_sigma.ravel(), index])
+    whitener = whitening(tip.covariance / length**2)
+    return np.array([*(tip.point / length), *whitener.ravel(), index])

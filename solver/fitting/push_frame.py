@@ -25,8 +25,8 @@ from solver.fitting.residuals import (
 )
 from solver.instrument.arrays import Floats
 
-# Indices of the frame's parameters among those of a fit without friction.
-_OWN: Final = [Q, LEVER, DX, DY, TILT]
+# Indices of a push frame's parameters among those of a fit without friction.
+_FRAME_PARAMETERS: Final = [Q, LEVER, DX, DY, TILT]
 
 
 @dataclass(frozen=True)
@@ -51,46 +51,48 @@ class PushFrame:
         exist.
         """
         unit = np.array([length**2, 1 / length, 1 / length, 1 / length, 1.0, 1.0, 1.0])
-        given = np.array([*shape, *base]) * unit[:5]
-        rows = self._frictionless(given) if grip is None else self._dragged(given, grip)
+        parameters = np.array([*shape, *base]) * unit[:5]
+        rows = (
+            self._frictionless(parameters) if grip is None else self._frictional(parameters, grip)
+        )
         if rows is None:
             return None
         condensed = np.asarray(np.linalg.qr(rows.T, mode="r"))
         return np.asarray(condensed * unit / math.sqrt(self.widening), dtype=np.float64)
 
-    def _frictionless(self, given: Floats) -> Floats | None:
+    def _frictionless(self, parameters: Floats) -> Floats | None:
         """Compute rows (7, n): gradients by (q, lever, dx, dy, tilt), zero by grip, residuals."""
         points, bounds, views, *_ = self.problem.arrays
         p = np.zeros(PARAMETERS)
-        p[_OWN] = given
+        p[_FRAME_PARAMETERS] = parameters
         if not possible(p, points, bounds, views):
             return None
         rows = np.zeros((TILT + 3, points.shape[1]))
         point_residuals(p, points, bounds, views, True, rows[-1], rows[:-2])
-        return rows[[*_OWN, -2, -1]]
+        return rows[[*_FRAME_PARAMETERS, -2, -1]]
 
-    def _dragged(self, given: Floats, grip: float) -> Floats | None:
+    def _frictional(self, parameters: Floats, grip: float) -> Floats | None:
         """Compute the rows of `_frictionless` with friction, including the gradient by grip."""
-        q, lever, dx, dy, tilt = given
+        q, lever, dx, dy, tilt = parameters
         if not frictional.exists(q, lever, grip):
             return None
         points = self.problem.arrays[0]
-        turn = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
-        sigmas = turn @ points[[SIGMA_X, SIGMA_Y]]
+        rotation = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
+        sigmas = rotation @ points[[SIGMA_X, SIGMA_Y]]
 
-        def weighed(at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-            value, by_point, by_shape = frictional.misfit(at[0], at[1], q, lever, grip)
+        def weighted_misfit(position: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+            value, by_point, by_shape = frictional.misfit(position[0], position[1], q, lever, grip)
             sigma = (sigmas * by_point.T).sum(axis=0)
             # The weight has the sign of sigma, as in `residuals`.
             weight = 1 / np.where(np.abs(sigma) > LEAST_SIGMA, sigma, LEAST_SIGMA)
             return value * weight, by_point.T, by_shape.T, weight
 
-        seen = turn @ [points[X] - dx, points[Y] - dy]
-        residual, *_ = weighed(seen)
+        observed = rotation @ [points[X] - dx, points[Y] - dy]
+        residual, *_ = weighted_misfit(observed)
         # Evaluate gradients at the points without their errors, which would bias the grip, as they
         # would bias psi in `residuals`.
-        x, y = foot = seen - residual * sigmas
-        _, by_point, by_shape, weight = weighed(foot)
+        x, y = foot = observed - residual * sigmas
+        _, by_point, by_shape, weight = weighted_misfit(foot)
         by_tilt = by_point[0] * y - by_point[1] * x
-        by_all = np.vstack([by_shape[:2], -turn.T @ by_point, by_tilt, by_shape[2]])
-        return np.vstack([by_all * weight, residual])
+        gradients = np.vstack([by_shape[:2], -rotation.T @ by_point, by_tilt, by_shape[2]])
+        return np.vstack([gradients * weight, residual])

@@ -51,42 +51,45 @@ def touch(
     """
     if not frictional.exists(q, lever, grip):
         return None
-    at = frictional.contact(q, lever, grip, beam.radius)
+    contact = frictional.contact(q, lever, grip, beam.radius)
     rigidity = beam.flexural_rigidity
-    sine, cosine = np.sin(at.theta_c), np.cos(at.theta_c)
-    force_sine, force_cosine = np.sin(at.theta_c + at.lean), np.cos(at.theta_c + at.lean)
-    yielded = compliance * rigidity * at.load
-    along = at.x_c + reach * sine - yielded * force_sine
-    across = at.y_c - reach * cosine + yielded * force_cosine
+    sine, cosine = np.sin(contact.theta_c), np.cos(contact.theta_c)
+    force_sine, force_cosine = (
+        np.sin(contact.theta_c + contact.lean),
+        np.cos(contact.theta_c + contact.lean),
+    )
+    deflection = compliance * rigidity * contact.load
+    along = contact.x_c + reach * sine - deflection * force_sine
+    across = contact.y_c - reach * cosine + deflection * force_cosine
     radius = np.hypot(along, across)
     if np.any(abs(reach) >= radius):
         return None
     delta = np.arctan2(across, along) + np.arcsin(reach / radius)
-    turned_sine, turned_cosine = np.sin(delta), np.cos(delta)
-    slope = along * turned_cosine + across * turned_sine
+    delta_sine, delta_cosine = np.sin(delta), np.cos(delta)
+    slope = along * delta_cosine + across * delta_sine
     if np.any((slope <= 0) | (np.abs(delta) >= np.pi / 2)):
         return None
-    zero, one = np.zeros_like(q), np.ones_like(q)
+    zeros, ones = np.zeros_like(q), np.ones_like(q)
 
     def by_all(by_shape: Floats) -> Floats:
-        return np.array([*by_shape, zero, zero])
+        return np.array([*by_shape, zeros, zeros])
 
-    d_theta, d_x, d_y = by_all(at.d_theta_c), by_all(at.d_x_c), by_all(at.d_y_c)
-    d_beta = d_theta + by_all(at.d_lean)
-    d_yielded = compliance * rigidity * by_all(at.d_load)
-    d_yielded[3] = rigidity * at.load
-    d_reach = np.array([zero, zero, zero, zero, one])
+    d_theta, d_x, d_y = by_all(contact.d_theta_c), by_all(contact.d_x_c), by_all(contact.d_y_c)
+    d_beta = d_theta + by_all(contact.d_lean)
+    d_deflection = compliance * rigidity * by_all(contact.d_load)
+    d_deflection[3] = rigidity * contact.load
+    d_reach = np.array([zeros, zeros, zeros, zeros, ones])
     d_along = d_x + sine * d_reach + reach * cosine * d_theta
-    d_along -= force_sine * d_yielded + yielded * force_cosine * d_beta
+    d_along -= force_sine * d_deflection + deflection * force_cosine * d_beta
     d_across = d_y - cosine * d_reach + reach * sine * d_theta
-    d_across += force_cosine * d_yielded - yielded * force_sine * d_beta
-    d_delta = (turned_cosine * d_across - turned_sine * d_along + d_reach) / slope
-    world_sine, world_cosine = np.sin(at.theta_c - delta), np.cos(at.theta_c - delta)
-    distance = at.x_c * turned_cosine + at.y_c * turned_sine + reach * world_sine
+    d_across += force_cosine * d_deflection - deflection * force_sine * d_beta
+    d_delta = (delta_cosine * d_across - delta_sine * d_along + d_reach) / slope
+    world_sine, world_cosine = np.sin(contact.theta_c - delta), np.cos(contact.theta_c - delta)
+    distance = contact.x_c * delta_cosine + contact.y_c * delta_sine + reach * world_sine
     d_distance = (
-        turned_cosine * d_x
-        + turned_sine * d_y
-        + (at.y_c * turned_cosine - at.x_c * turned_sine) * d_delta
+        delta_cosine * d_x
+        + delta_sine * d_y
+        + (contact.y_c * delta_cosine - contact.x_c * delta_sine) * d_delta
         + world_sine * d_reach
         + reach * world_cosine * (d_theta - d_delta)
     )

@@ -1,4 +1,4 @@
-"""Least-squares problem of all frames of a push.
+"""Define the least-squares problem of all frames of a push.
 
 The unknowns are, in this order, q of every frame, the clamp's pose (dx, dy, tilt), which all frames
 share, and the four of the push: the contact distance at rest x0 [m], the onset's motor angle [rad],
@@ -25,13 +25,13 @@ from solver.instrument.rig import Rig
 
 BASE: Final = 3
 PUSH: Final = 4
-# Tolerance of levers as a share of the beam's length, and maximum number of Newton's steps.
-_EXACT: Final = 1e-10
-_MOST_STEPS: Final = 20
-# Least encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
-_LEAST_ENCODER: Final = 1e-6
-# Prior sigma of an object's radius, as a share of the beam's length: about the largest expected.
-_ROUNDING: Final = 0.05
+# Tolerance of levers as a fraction of the beam's length, and maximum number of Newton's steps.
+_LEVER_TOLERANCE: Final = 1e-10
+_MAX_STEPS: Final = 20
+# Minimum encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
+_MIN_ENCODER_SIGMA: Final = 1e-6
+# Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
+_RADIUS_SIGMA: Final = 0.05
 # Prior sigma of Coulomb's coefficient and of each grip: a typical coefficient of dry friction.
 DRY: Final = 0.4
 
@@ -69,7 +69,7 @@ class Push:
     @property
     def encoder_sigma(self) -> float:
         """Sigma of the motor angle [rad]."""
-        return max(self.rig.tolerances.encoder, _LEAST_ENCODER)
+        return max(self.rig.tolerances.encoder, _MIN_ENCODER_SIGMA)
 
     @property
     def size(self) -> int:
@@ -88,56 +88,56 @@ class Push:
         x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
         if not (q >= 0).all() or x0 <= 0:
             return None
-        most = 0.999 * frictional.farthest(q, grip)
-        levers = np.minimum(x0, most)
-        for _ in range(_MOST_STEPS):
-            at = touch(q, levers, grip, compliance, reach, self.rig.beam)
-            if at is None:
+        max_levers = 0.999 * frictional.farthest(q, grip)
+        levers = np.minimum(x0, max_levers)
+        for _ in range(_MAX_STEPS):
+            contacts = touch(q, levers, grip, compliance, reach, self.rig.beam)
+            if contacts is None:
                 return None
-            step = (at.distance - x0) / at.d_distance[1]
-            if np.abs(step).max() < _EXACT * length:
+            step = (contacts.distance - x0) / contacts.d_distance[1]
+            if np.abs(step).max() < _LEVER_TOLERANCE * length:
                 break
-            levers = np.clip(levers - step, 0.1 * levers, most)
+            levers = np.clip(levers - step, 0.1 * levers, max_levers)
         else:
             return None
         # Derivatives by q, (compliance, reach) and grips at constant distance: the levers follow.
-        by_lever = at.d_distance[1]
-        d_levers = self._by_all(-at.d_distance / by_lever)
+        by_lever = contacts.d_distance[1]
+        d_levers = self._by_all(-contacts.d_distance / by_lever)
         d_levers[:, self.size - PUSH] = 1 / by_lever
-        by_angle = at.d_pushing_angle
+        by_angle = contacts.d_pushing_angle
         d_angles = self._by_all(by_angle) + by_angle[1][:, None] * d_levers
-        return Shapes(levers, at.pushing_angle, d_levers, d_angles)
+        return Shapes(levers, contacts.pushing_angle, d_levers, d_angles)
 
     def _by_all(self, by_touch: Floats) -> Floats:
         """Map a touch's gradient (5, n), except that by the levers, to all parameters (n, p)."""
-        made = np.zeros((len(self.frames), self.size + self.grip_matrix.shape[1]))
-        np.fill_diagonal(made, by_touch[0])
-        made[:, self.size - 2 : self.size] = by_touch[3:].T
-        made[:, self.size :] = by_touch[2][:, None] * self.grip_matrix
-        return made
+        gradient = np.zeros((len(self.frames), self.size + self.grip_matrix.shape[1]))
+        np.fill_diagonal(gradient, by_touch[0])
+        gradient[:, self.size - 2 : self.size] = by_touch[3:].T
+        gradient[:, self.size :] = by_touch[2][:, None] * self.grip_matrix
+        return gradient
 
     def residuals(self, parameters: Floats) -> Linearised | None:
         """Compute residuals and Jacobian in sigmas; None if a shape or its push does not exist."""
         shapes = self.shapes(parameters)
-        seen = None if shapes is None else self._seen(parameters, shapes.levers)
-        if shapes is None or seen is None:
+        images = None if shapes is None else self._image_residuals(parameters, shapes.levers)
+        if shapes is None or images is None:
             return None
         # Levers are functions of all parameters; the other unknowns of the points are parameters.
-        count, known = len(self.frames), len(self.frames) + BASE
-        by_all = np.zeros((seen[1].shape[1], len(parameters)))
-        by_all[:known, :known] = np.eye(known)
-        by_all[known : known + count] = shapes.d_levers
-        by_all[known + count :, self.size :] = np.eye(self.grip_matrix.shape[1])
-        residual, jacobian = self._of_push(parameters, shapes)
-        return np.append(seen[0], residual), np.vstack([seen[1] @ by_all, jacobian])
+        count, image_unknowns = len(self.frames), len(self.frames) + BASE
+        by_parameters = np.zeros((images[1].shape[1], len(parameters)))
+        by_parameters[:image_unknowns, :image_unknowns] = np.eye(image_unknowns)
+        by_parameters[image_unknowns : image_unknowns + count] = shapes.d_levers
+        by_parameters[image_unknowns + count :, self.size :] = np.eye(self.grip_matrix.shape[1])
+        residual, jacobian = self._push_residuals(parameters, shapes)
+        return np.append(images[0], residual), np.vstack([images[1] @ by_parameters, jacobian])
 
-    def _seen(self, parameters: Floats, levers: Floats) -> Linearised | None:
+    def _image_residuals(self, parameters: Floats, levers: Floats) -> Linearised | None:
         """Compute the residuals of the images: a few rows per frame, and the clamp's prior.
 
         The Jacobian is by q (n), the clamp, the levers (n) and the grips' unknowns. Returns None if
         a shape does not exist.
         """
-        count, unknown = len(self.frames), self.grip_matrix.shape[1]
+        count, grip_count = len(self.frames), self.grip_matrix.shape[1]
         clamp = slice(count, count + BASE)
         grips = self.grip_matrix @ parameters[self.size :] if self.friction else [None] * count
         residuals, jacobians = [], []
@@ -146,35 +146,35 @@ class Push:
             rows = frame.points(shape, parameters[clamp], self.rig.beam.length, grips[i])
             if rows is None:
                 return None
-            by_shape = np.zeros((len(rows), 2 * count + BASE + unknown))
+            by_shape = np.zeros((len(rows), 2 * count + BASE + grip_count))
             by_shape[:, i], by_shape[:, clamp.stop + i] = rows[:, 0], rows[:, 1]
             by_shape[:, clamp] = rows[:, 2:5]
             by_shape[:, 2 * count + BASE :] = np.outer(rows[:, 5], self.grip_matrix[i])
             residuals.append(rows[:, 6])
             jacobians.append(by_shape)
-        prior = np.zeros((BASE, 2 * count + BASE + unknown))
+        prior = np.zeros((BASE, 2 * count + BASE + grip_count))
         prior[:, clamp] = np.linalg.inv(np.linalg.cholesky(self.base_covariance))
         residuals.append(prior[:, clamp] @ parameters[clamp])
         return np.concatenate(residuals), np.vstack([*jacobians, prior])
 
-    def _of_push(self, parameters: Floats, shapes: Shapes) -> Linearised:
+    def _push_residuals(self, parameters: Floats, shapes: Shapes) -> Linearised:
         """Compute the push's residuals: pushing angles (n), priors of object radius and grips."""
-        count, unknown, side = (
+        count, grip_count, side = (
             len(self.frames),
             self.grip_matrix.shape[1],
             self.rig.deflects_towards,
         )
         onset, reach = self.size - PUSH + 1, self.size - 1
-        residual = np.zeros(count + 1 + unknown)
+        residual = np.zeros(count + 1 + grip_count)
         jacobian = np.zeros((len(residual), len(parameters)))
         residual[:count] = shapes.pushing_angles - side * (parameters[onset] - self.motor_angles)
         jacobian[:count] = shapes.d_pushing_angles
         jacobian[:count, onset] -= side
         residual[count] = parameters[reach] - self.rig.beam.radius
         residual[count + 1 :] = parameters[self.size :]
-        jacobian[count:, reach:] = np.eye(1 + unknown)
+        jacobian[count:, reach:] = np.eye(1 + grip_count)
         sigma = np.full(len(residual), self.encoder_sigma)
-        sigma[count], sigma[count + 1 :] = _ROUNDING * self.rig.beam.length, DRY
+        sigma[count], sigma[count + 1 :] = _RADIUS_SIGMA * self.rig.beam.length, DRY
         return residual / sigma, jacobian / sigma[:, None]
 
     def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
@@ -184,15 +184,15 @@ class Push:
         joint fit's `parameters`. For a single object at rest at one place, on a linear spring, it
         is chi^2-distributed; for one that moves or slips it is large, however noisy the points.
         """
-        shapes, here = self.shapes(parameters), self.residuals(parameters)
+        shapes, joint = self.shapes(parameters), self.residuals(parameters)
         assert shapes is not None
-        assert here is not None
-        seen = self._seen(parameters, shapes.levers)
-        assert seen is not None
-        (whole, _), (kept, free) = here, seen
-        scale = np.linalg.norm(free, axis=0)
+        assert joint is not None
+        images = self._image_residuals(parameters, shapes.levers)
+        assert images is not None
+        (all_residuals, _), (image_residuals, jacobian) = joint, images
+        scale = np.linalg.norm(jacobian, axis=0)
         scale = np.where(scale > 0, scale, 1.0)
-        step = lstsq(free / scale, kept, lapack_driver="gelsy")[0]
-        left = kept - free @ (step / scale)
-        freedom = len(whole) - len(kept) + free.shape[1] - len(parameters)
-        return float(whole @ whole - left @ left), freedom
+        step = lstsq(jacobian / scale, image_residuals, lapack_driver="gelsy")[0]
+        remaining = image_residuals - jacobian @ (step / scale)
+        dof = len(all_residuals) - len(image_residuals) + jacobian.shape[1] - len(parameters)
+        return float(all_residuals @ all_residuals - remaining @ remaining), dof

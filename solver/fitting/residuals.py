@@ -1,4 +1,4 @@
-"""Residuals of one frame, each divided by its sigma, with the exact Jacobian.
+"""Compute residuals of one frame, each divided by its sigma, with the exact Jacobian.
 
 All lengths are in units of the beam's length L. Parameters, in this order:
 
@@ -40,9 +40,9 @@ X, Y, SIGMA_X, SIGMA_Y = range(4)
 # Entries of `known`.
 MOMENT, MOMENT_SIGMA, MOMENT_UNIT, STRETCH_SIGMA, RIGIDITY_SIGMA = range(5)
 KNOWN: Final = 5
-# Least cos(psi) - W_y sin(psi): rays may not graze D more closely.
-LEAST_GRAZING: Final = 0.02
-# Least sigma of a point, in units of L.
+# Minimum cos(psi) - W_y sin(psi): rays may not graze D more closely.
+MIN_GRAZING: Final = 0.02
+# Minimum sigma of a point, in units of L.
 LEAST_SIGMA: Final = 1e-9
 
 
@@ -68,7 +68,7 @@ def possible(
             across = cosine * (vy - vw * points[Y, i]) - sine * (vx - vw * points[X, i])
             low, high = min(low, across), max(high, across)
         for across in (low, high):
-            if np.cos(p[PSI]) - np.sin(p[PSI]) * across < LEAST_GRAZING:
+            if np.cos(p[PSI]) - np.sin(p[PSI]) * across < MIN_GRAZING:
                 return False
     return True
 
@@ -79,31 +79,33 @@ def off_the_curve(
     across: float,
     q: float,
     lever: float,
-    farthest: float,
-    widest: float,
+    max_distance: float,
+    max_versine: float,
     series: tuple[float, ...],
 ) -> tuple[float, float, float, float]:
     """Compute a point's misfit to the curve, less P(lever), and the slopes of that.
 
     The point's position from the clamp is along and across the contact's tangent. The slopes are
     by `along`, by the tangent's angle, and by q; by `across` it is 1. A point farther than
-    `farthest` from the contact is measured from the curve's end. `series` gives P where
-    1 - cos(phi) <= `widest`, as in `exact`.
+    `max_distance` from the contact is measured from the curve's end. `series` gives P where
+    1 - cos(phi) <= `max_versine`, as in `exact`.
     """
-    u = min(max(lever - along, 0.0), farthest)
+    u = min(max(lever - along, 0.0), max_distance)
     s = q * u * u / 2
     c = np.sqrt(1 - s * s)
     secant = 1 / c
     tangent = s * secant
-    shape = horner((1 - c) * (2 / widest) - 1, series)
+    shape = horner((1 - c) * (2 / max_versine) - 1, series)
     value = across - u * s / 3 * shape
     return value, tangent, tangent * across - along, u * u * u / 12 * (shape - 3 * secant)
 
 
 @njit(inline="always")
-def curve_end(q: float, widest: float) -> float:
+def curve_end(q: float, max_versine: float) -> float:
     """Compute the largest distance from the contact at which the beam and its series are valid."""
-    return float(np.sqrt(2 * min(MOST_SINE, np.sqrt(widest * (2 - widest))) / max(q, 1e-300)))
+    return float(
+        np.sqrt(2 * min(MOST_SINE, np.sqrt(max_versine * (2 - max_versine))) / max(q, 1e-300))
+    )
 
 
 @njit(inline="always")
@@ -121,7 +123,7 @@ def _points_of_view(
     sy: Floats,
     view: Floats,
     series: tuple[float, ...],
-    widest: float,
+    max_versine: float,
     residual: Floats,
     by_q: Floats,
     by_lever: Floats,
@@ -138,30 +140,30 @@ def _points_of_view(
     cosine = np.sqrt(1 - sine * sine)
     theta_q, theta_lever = lever * lever / 2 / cosine, q * lever / cosine
     base, base_tangent, base_by_q = bend_at(lever, q)
-    farthest = curve_end(q, widest)
+    max_distance = curve_end(q, max_versine)
     dx, dy = p[DX], p[DY]
     for i in range(mx.size):
-        turned_x = cos_tilt * (mx[i] - dx) + sin_tilt * (my[i] - dy)
-        turned_y = cos_tilt * (my[i] - dy) - sin_tilt * (mx[i] - dx)
+        rotated_x = cos_tilt * (mx[i] - dx) + sin_tilt * (my[i] - dy)
+        rotated_y = cos_tilt * (my[i] - dy) - sin_tilt * (mx[i] - dx)
         ray_x = cos_tilt * (vx - vw * mx[i]) + sin_tilt * (vy - vw * my[i])
         ray_y = cos_tilt * (vy - vw * my[i]) - sin_tilt * (vx - vw * mx[i])
         k = 1 / (cos_psi - sin_psi * ray_y)
-        y = turned_y * k
-        x = turned_x + sin_psi * ray_x * y
+        y = rotated_y * k
+        x = rotated_x + sin_psi * ray_x * y
         along, across = x * cosine + y * sine, y * cosine - x * sine
         value, tangent, by_theta, curve_by_q = off_the_curve(
-            along, across, q, lever, farthest, widest, series
+            along, across, q, lever, max_distance, max_versine, series
         )
         by_x, by_y = tangent * cosine - sine, cosine + tangent * sine
         # Derivatives by y, x following along the ray, and by the ray's direction.
         by_y += by_x * sin_psi * ray_x
         by_ray_x, by_ray_y = by_x * sin_psi * y, by_y * k * y * sin_psi
         by_k = by_y * k
-        turned_sx, turned_sy = (
+        rotated_sx, rotated_sy = (
             cos_tilt * sx[i] + sin_tilt * sy[i],
             cos_tilt * sy[i] - sin_tilt * sx[i],
         )
-        sigma = (by_x - vw * by_ray_x) * turned_sx + (by_k - vw * by_ray_y) * turned_sy
+        sigma = (by_x - vw * by_ray_x) * rotated_sx + (by_k - vw * by_ray_y) * rotated_sy
         weight = weight_of(sigma)
         residual[i] = (base + value) * weight
         by_q[i] = (base_by_q + curve_by_q + by_theta * theta_q) * weight
@@ -170,7 +172,7 @@ def _points_of_view(
         by_dx[i] = (sin_tilt * by_k - cos_tilt * by_x) * weight
         by_dy[i] = -(sin_tilt * by_x + cos_tilt * by_k) * weight
         by_tilt[i] = (
-            by_x * turned_y - by_k * turned_x + by_ray_x * ray_y - by_ray_y * ray_x
+            by_x * rotated_y - by_k * rotated_x + by_ray_x * ray_y - by_ray_y * ray_x
         ) * weight
 
 
@@ -193,22 +195,22 @@ def _points(
     gentle = is_gentle(p)
     for view in range(len(views)):
         first, last = bounds[view], bounds[view + 1]
-        to, end = first - bounds[0], last - bounds[0]
+        start, end = first - bounds[0], last - bounds[0]
         if gentle:
             _points_of_view(
                 p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
                 points[SIGMA_Y, first:last], views[view],
-                BEND_GENTLE, GENTLE, residual[to:end], jacobian[Q, to:end],
-                jacobian[LEVER, to:end], jacobian[PSI, to:end], jacobian[DX, to:end],
-                jacobian[DY, to:end], jacobian[TILT, to:end],
+                BEND_GENTLE, GENTLE, residual[start:end], jacobian[Q, start:end],
+                jacobian[LEVER, start:end], jacobian[PSI, start:end], jacobian[DX, start:end],
+                jacobian[DY, start:end], jacobian[TILT, start:end],
             )  # fmt: skip
         else:
             _points_of_view(
                 p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
                 points[SIGMA_Y, first:last], views[view],
-                BEND_STEEP, STEEP, residual[to:end], jacobian[Q, to:end],
-                jacobian[LEVER, to:end], jacobian[PSI, to:end], jacobian[DX, to:end],
-                jacobian[DY, to:end], jacobian[TILT, to:end],
+                BEND_STEEP, STEEP, residual[start:end], jacobian[Q, start:end],
+                jacobian[LEVER, start:end], jacobian[PSI, start:end], jacobian[DX, start:end],
+                jacobian[DY, start:end], jacobian[TILT, start:end],
             )  # fmt: skip
 
 
@@ -234,10 +236,10 @@ def point_residuals(
     if not spatial:
         return
     n = bounds[-1] - bounds[0]
-    moved, left = np.empty((4, n)), np.empty(n)
+    shifted, scratch = np.empty((4, n)), np.empty(n)
     for i in range(n):
-        at = bounds[0] + i
-        moved[SIGMA_X, i], moved[SIGMA_Y, i] = points[SIGMA_X, at], points[SIGMA_Y, at]
-        moved[X, i] = points[X, at] - residual[i] * points[SIGMA_X, at]
-        moved[Y, i] = points[Y, at] - residual[i] * points[SIGMA_Y, at]
-    _points(p, moved, bounds - bounds[0], views, left, jacobian)
+        column = bounds[0] + i
+        shifted[SIGMA_X, i], shifted[SIGMA_Y, i] = points[SIGMA_X, column], points[SIGMA_Y, column]
+        shifted[X, i] = points[X, column] - residual[i] * points[SIGMA_X, column]
+        shifted[Y, i] = points[Y, column] - residual[i] * points[SIGMA_Y, column]
+    _points(p, shifted, bounds - bounds[0], views, scratch, jacobian)

@@ -1,4 +1,4 @@
-"""Tukey's biweight (Beaton and Tukey 1974) on residuals in sigmas."""
+"""Compute Tukey's biweight (Beaton and Tukey 1974) on residuals in sigmas."""
 
 from typing import Final
 
@@ -18,15 +18,15 @@ def tukey(residual: Floats, cut: float, weight: Floats) -> float:
     """Write weights (n,) to `weight`; return the robust sum of squares, r^2 where r is small."""
     total = 0.0
     for i in range(residual.size):
-        kept = max(1 - (residual[i] / cut) ** 2, 0.0)
-        weight[i] = kept * kept
-        total += 1 - kept * kept * kept
+        factor = max(1 - (residual[i] / cut) ** 2, 0.0)
+        weight[i] = factor * factor
+        total += 1 - factor * factor * factor
     return total * cut * cut / 3
 
 
 @njit
-def scale(residual: Floats, most: float) -> float:
-    """Estimate the factor by which the stated sigmas are too small, from 1 to `most`.
+def scale(residual: Floats, max_factor: float) -> float:
+    """Estimate the factor by which the stated sigmas are too small, from 1 to `max_factor`.
 
     It is the median of |residual| over its expectation, in steps of 0.05, of the residuals that
     are no outliers at the stated sigmas.
@@ -35,13 +35,13 @@ def scale(residual: Floats, most: float) -> float:
     for r in residual:
         if abs(r) < CUT:
             count += 1
-    found = 1.0
-    while found < most:
+    factor = 1.0
+    while factor < max_factor:
         within = 0
         for r in residual:
-            if abs(r) <= MEDIAN * found:
+            if abs(r) <= MEDIAN * factor:
                 within += 1
         if 2 * within >= count:
             break
-        found += 0.05
-    return min(found, most)
+        factor += 0.05
+    return min(factor, max_factor)

@@ -15,12 +15,12 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 
-# A contact may be held for this share of the way from first contact to the motor's reversal.
+# A contact may be held for this fraction of the way from first contact to the motor's reversal.
 HELD: Final = 0.1
 # A motor behind its farthest angle by more encoder sigmas than this has turned back.
-_BACK: Final = 3.0
-# Pushing angle in units of beam radius over contact distance; below it either way is possible.
-_FIRST: Final = 3.0
+_BACK_SIGMAS: Final = 3.0
+# Pushing angle over (beam radius / contact distance); below it both directions are possible.
+_MIN_ANGLE: Final = 3.0
 
 
 def grip_matrix(
@@ -33,15 +33,15 @@ def grip_matrix(
     `pushing_angles` (n,) [rad] are from first contact, known to `sigma`; `begins` (n,) is True
     where the beam was free before; `slenderness` is the beam's radius over the contact distance.
     """
-    starts = [i for i, first in enumerate(begins) if first or i == 0]
+    starts = [i for i, free_before in enumerate(begins) if free_before or i == 0]
     parts = np.split(np.asarray(pushing_angles), starts[1:])
     signs = np.concatenate([_signs(part, sigma) for part in parts])
-    signs[np.asarray(pushing_angles) < _FIRST * slenderness] = 0.0
+    signs[np.asarray(pushing_angles) < _MIN_ANGLE * slenderness] = 0.0
     held = np.flatnonzero(signs == 0)
-    made = np.zeros((len(signs), 1 + len(held)))
-    made[:, 0] = signs
-    made[held, 1 + np.arange(len(held))] = 1.0
-    return made
+    matrix = np.zeros((len(signs), 1 + len(held)))
+    matrix[:, 0] = signs
+    matrix[held, 1 + np.arange(len(held))] = 1.0
+    return matrix
 
 
 def _signs(angles: Floats, sigma: float) -> Floats:
@@ -50,14 +50,14 @@ def _signs(angles: Floats, sigma: float) -> Floats:
     If the motor never passes the first frame's angle, it may have turned back before.
     """
     signs = np.zeros(len(angles))
-    direction, turned, farthest = 1.0, 0.0, 0.0
+    direction, reversal, farthest = 1.0, 0.0, 0.0
     for i, angle in enumerate(angles):
-        if direction * (angle - farthest) < -_BACK * sigma:
-            direction, turned, farthest = -direction, farthest, angle
+        if direction * (angle - farthest) < -_BACK_SIGMAS * sigma:
+            direction, reversal, farthest = -direction, farthest, angle
         elif direction * (angle - farthest) > 0:
             farthest = angle
-        slides = abs(farthest - turned) > HELD * abs(turned)
-        signs[i] = direction if slides else 0.0
-    if len(angles) > 1 and angles.max() - angles[0] <= _BACK * sigma:
+        sliding = abs(farthest - reversal) > HELD * abs(reversal)
+        signs[i] = direction if sliding else 0.0
+    if len(angles) > 1 and angles.max() - angles[0] <= _BACK_SIGMAS * sigma:
         signs[0] = 0.0
     return signs

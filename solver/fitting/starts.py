@@ -1,4 +1,4 @@
-"""Starts of a frame's fit: from a few points, or, among outliers, from many draws of fewer.
+"""Compute starts of a frame's fit: from a few points or, with outliers, from random draws.
 
 A `problem` and its units are those of `frame_fit`.
 """
@@ -25,84 +25,84 @@ from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
 
-_COARSE: Final = 32
+_START_POINTS: Final = 32
 _DISTANCES: Final = 20
-_TRIALS: Final = 150
+_DRAWS: Final = 150
 # Maximum iterations of a start and of a draw. A numpy scalar is compiled once, a literal for every
 # value.
-_START, _DRAW = np.int64(3), np.int64(8)
+_START_ITERATIONS, _DRAW_ITERATIONS = np.int64(3), np.int64(8)
 _PLANAR = np.bool_(False)
 
 
 @njit(fastmath=FAST)
-def _moments(few: Floats, x_c: float) -> Any:
-    """Sum the weighted unit deflection's square, times x and times y, over few points."""
+def _moments(sample: Floats, x_c: float) -> Any:
+    """Sum the weighted unit deflection's square, times x and times y, over a sample."""
     ss = sx = sy = 0.0
-    for j in range(few.shape[1]):
-        x = few[0, j]
+    for j in range(sample.shape[1]):
+        x = sample[0, j]
         near = min(x, x_c)
         # (3 x_c - x) x^2 up to the contact, (3 x - x_c) x_c^2 beyond it, in one formula.
         shape = (3 * max(x, x_c) - near) * near * near
-        by_weight = few[1, j] * shape
-        ss, sx, sy = ss + by_weight * shape, sx + by_weight * x, sy + few[2, j] * shape
+        weighted = sample[1, j] * shape
+        ss, sx, sy = ss + weighted * shape, sx + weighted * x, sy + sample[2, j] * shape
     return ss, sx, sy
 
 
 @njit
-def start(points: Floats, chosen: Any, tilt_variance: float, p: Floats) -> None:
-    """Fit the nearest linear beam to the `chosen` points; write (q, lever) and tilt to p.
+def start(points: Floats, indices: Any, tilt_variance: float, p: Floats) -> None:
+    """Fit the nearest linear beam to the points at `indices`; write (q, lever) and tilt to p.
 
     Eqs. (9), (10) are fitted over a grid of contact distances, with amplitude and tilt by linear
     least squares. This is repeated, at most twice, in axes rotated by the estimated tilt if that
     is 0.02 rad or more.
     """
-    turn, few = 0.0, np.empty((3, len(chosen)))
+    rotation, sample = 0.0, np.empty((3, len(indices)))
     for _ in range(3):
-        c, s = np.cos(turn), np.sin(turn)
+        c, s = np.cos(rotation), np.sin(rotation)
         best, lever, amplitude, tilt = np.inf, 0.5, 0.0, 0.0
         # The tilt's prior is centred on zero in the axes that are not rotated.
         xx = 1 / tilt_variance
-        xy, yy = -turn / tilt_variance, turn * turn / tilt_variance
-        for j in range(len(chosen)):
-            i = chosen[j]
+        xy, yy = -rotation / tilt_variance, rotation * rotation / tilt_variance
+        for j in range(len(indices)):
+            i = indices[j]
             x = c * points[X, i] + s * points[Y, i]
             y = c * points[Y, i] - s * points[X, i]
             weight = 1 / max(points[SIGMA_X, i] ** 2 + points[SIGMA_Y, i] ** 2, 1e-18)
-            few[0, j], few[1, j], few[2, j] = x, weight, weight * y
+            sample[0, j], sample[1, j], sample[2, j] = x, weight, weight * y
             xx, xy, yy = xx + weight * x * x, xy + weight * x * y, yy + weight * y * y
         for k in range(_DISTANCES):
             # The grid is denser near the clamp, where a contact bends a shorter stretch.
             x_c = ((k + 0.7) / (_DISTANCES - 0.3)) ** 2
-            ss, sx, sy = _moments(few, x_c)
+            ss, sx, sy = _moments(sample, x_c)
             determinant = ss * xx - sx * sx
             if not determinant > 1e-12 * ss * xx:
                 continue
             a, b = (sy * xx - xy * sx) / determinant, (xy * ss - sy * sx) / determinant
             if a <= 0:
                 continue
-            left = yy - a * sy - b * xy
-            if left < best:
-                best, lever, amplitude, tilt = left, x_c, a, b
-        turn += tilt
+            cost = yy - a * sy - b * xy
+            if cost < best:
+                best, lever, amplitude, tilt = cost, x_c, a, b
+        rotation += tilt
         if abs(tilt) < 0.02:
             break
     p[:] = 0.0
-    p[TILT] = turn
+    p[TILT] = rotation
     p[LEVER] = lever
     p[Q] = max(min(6 * amplitude, 1.6 / lever**2), 1e-9)
 
 
 @njit
-def subset(problem: Any, chosen: Any) -> Any:
-    """Return the problem with only the chosen points of its first view, without further views."""
+def subset(problem: Any, indices: Any) -> Any:
+    """Return the problem with only the points at `indices` of its first view."""
     points, _, views, tips, known, base_whitening = problem
-    few = np.empty((4, len(chosen)))
-    for j in range(len(chosen)):
+    sample = np.empty((4, len(indices)))
+    for j in range(len(indices)):
         for row in range(4):
-            few[row, j] = points[row, chosen[j]]
-    bounds = np.full(len(views) + 1, len(chosen))
+            sample[row, j] = points[row, indices[j]]
+    bounds = np.full(len(views) + 1, len(indices))
     bounds[0] = 0
-    return few, bounds, views, tips, known, base_whitening
+    return sample, bounds, views, tips, known, base_whitening
 
 
 @njit
@@ -118,9 +118,9 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
     `free` does not contain psi, which is written to `p`. Returns False if there is no start.
     """
     points, bounds, views, _, _, _ = problem
-    stride = max((bounds[1] - bounds[0]) // _COARSE, 1)
-    chosen = np.arange(bounds[0] + stride // 2, bounds[1], stride)
-    start(points, chosen, tilt_variance, p)
+    stride = max((bounds[1] - bounds[0]) // _START_POINTS, 1)
+    indices = np.arange(bounds[0] + stride // 2, bounds[1], stride)
+    start(points, indices, tilt_variance, p)
     p[PSI] = psi
     for _ in range(40):
         if possible(p, points, bounds, views):
@@ -129,9 +129,11 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
     else:
         return False
     if stride > 1:
-        few = subset(problem, chosen)
+        sparse_problem = subset(problem, indices)
         covariance = np.empty((PARAMETERS, PARAMETERS))
-        minimise(p, few, free, np.inf, _START, workspace(len(chosen)), covariance)
+        minimise(
+            p, sparse_problem, free, np.inf, _START_ITERATIONS, workspace(len(indices)), covariance
+        )
     return bool(possible(p, points, bounds, views))
 
 
@@ -147,23 +149,25 @@ def consensus(
     residual, jacobian = work[0][: bounds[-1] - bounds[0]], work[1]
     n = bounds[1] - bounds[0]
     size = 2 if tilt_variance < 1e-4 else 3
-    chosen = np.empty(size, dtype=np.int64)
+    indices = np.empty(size, dtype=np.int64)
     covariance = np.empty((PARAMETERS, PARAMETERS))
     trial = np.empty(PARAMETERS)
-    few_work = workspace(size)
+    draw_work = workspace(size)
     best, state = np.inf, 12345
-    for _ in range(_TRIALS):
+    for _ in range(_DRAWS):
         for j in range(size):
-            # Draw one from each part of the beam, so that they are far apart.
+            # Draw one point from each part of the beam, so that they are far apart.
             state = (1103515245 * state + 12345) % 2147483648
-            share = (j + state / 2147483648) / size
-            chosen[j] = bounds[0] + min(int(share * n), n - 1)
-        start(points, chosen, tilt_variance, trial)
+            fraction = (j + state / 2147483648) / size
+            indices[j] = bounds[0] + min(int(fraction * n), n - 1)
+        start(points, indices, tilt_variance, trial)
         trial[PSI] = psi
         if not possible(trial, points, bounds, views):
             continue
-        few = subset(problem, chosen)
-        status, _, _ = minimise(trial, few, free, np.inf, _DRAW, few_work, covariance)
+        drawn_problem = subset(problem, indices)
+        status, _, _ = minimise(
+            trial, drawn_problem, free, np.inf, _DRAW_ITERATIONS, draw_work, covariance
+        )
         if status == DEFICIENT or not possible(trial, points, bounds, views):
             continue
         point_residuals(trial, points, bounds, views, _PLANAR, residual, jacobian)

@@ -1,4 +1,4 @@
-"""Votes of all triples of points on the inclination of the deformation plane: the mean of g_3D.
+"""Compute the votes of all point triples on the deformation plane's inclination: the mean of g_3D.
 
 A triple's pairs (1, 2) and (1, 3) each give a contact by linear theory, w = x_c / (x_c + L); their
 difference, averaged over all triples, is a weighted sum over pairs.
@@ -15,7 +15,7 @@ from solver.instrument.measurement import Measurement
 from solver.planes.plane_d import unproject
 
 STRETCHES = 24
-LEAST_SEPARATION = 1 / 12  # of the beam's length, of neighbours in a triple
+MIN_SEPARATION = 1 / 12  # of the beam's length, of neighbours in a triple
 
 
 @dataclass(frozen=True)
@@ -31,22 +31,22 @@ class Nodes:
 
 def stretch_nodes(measurement: Measurement) -> Nodes:
     """Fit a parabola to each of 24 stretches of equally many columns; return their middles."""
-    ahead = np.flatnonzero(measurement.points[:, 0] > 0)
-    rows = ahead[np.argsort(measurement.points[ahead, 0], kind="stable")]
+    usable = np.flatnonzero(measurement.points[:, 0] > 0)
+    rows = usable[np.argsort(measurement.points[usable, 0], kind="stable")]
     points, by_error = (
         np.empty((STRETCHES, 2)),
         np.zeros((STRETCHES, len(measurement.points))),
     )
-    for k, part in enumerate(np.array_split(rows, STRETCHES)):
-        x, y = measurement.points[part].T
+    for k, columns in enumerate(np.array_split(rows, STRETCHES)):
+        x, y = measurement.points[columns].T
         middle = x.mean()
         t = (x - middle) / (np.ptp(x) or 1.0)
         # Repeated columns may leave fewer than three positions: use the parabola of least norm.
         pseudo = np.linalg.pinv(np.vander(t, 3, increasing=True))
         points[k] = middle, pseudo[0] @ y
         slope = pseudo[1] @ y / (np.ptp(x) or 1.0)
-        along, across = measurement.sigma_vectors[part].T
-        by_error[k, part] = pseudo[0] * (across - slope * along)
+        along, across = measurement.sigma_vectors[columns].T
+        by_error[k, columns] = pseudo[0] * (across - slope * along)
     return Nodes(points, by_error)
 
 
@@ -85,7 +85,7 @@ class Votes:
                 turned,
                 np.maximum(sigma, 1e-9 * length),
                 (by_first, by_second),
-                LEAST_SEPARATION * length,
+                MIN_SEPARATION * length,
             )
         by_node = (weights * by_first).sum(axis=1) + (weights * by_second).sum(axis=0)
         return Votes(weights, by_node, turned)
@@ -140,15 +140,15 @@ def _by_pair(x: Floats, y: Floats, x_c: float, length: float) -> tuple[Floats, F
     for i in range(k):
         for j in range(i + 1, k):
             if x[j] > x[i]:
-                by = length / (x_c + length) ** 2 / (y[i] * ratio_slope(x[i], x[j], x_c))
-                by_first[i, j], by_second[i, j] = -by * y[j] / y[i], by
+                slope = length / (x_c + length) ** 2 / (y[i] * ratio_slope(x[i], x[j], x_c))
+                by_first[i, j], by_second[i, j] = -slope * y[j] / y[i], slope
     return by_first, by_second
 
 
 @njit
 def _weights(
     x: Floats,
-    turned: Floats,
+    height_by_psi: Floats,
     sigma: Floats,
     by_pair: tuple[Floats, Floats],
     separation: float,
@@ -167,7 +167,9 @@ def _weights(
                 by_a = by_first[a, b] - by_first[a, c]
                 by_b, by_c = by_second[a, b], -by_second[a, c]
                 noise = (by_a * sigma[a]) ** 2 + (by_b * sigma[b]) ** 2 + (by_c * sigma[c]) ** 2
-                weight = (by_a * turned[a] + by_b * turned[b] + by_c * turned[c]) / noise
+                weight = (
+                    by_a * height_by_psi[a] + by_b * height_by_psi[b] + by_c * height_by_psi[c]
+                ) / noise
                 weights[a, b] += weight
                 weights[a, c] -= weight
                 total += abs(weight)

@@ -1,8 +1,8 @@
 """Add the uncertainty due to unknown friction to an estimate, also to that of a single frame.
 
 A single image hardly distinguishes a force inclined against the beam's normal from a normal force
-at another place. The estimate without friction is kept; its change by a grip typical of dry
-friction, to first order, is added to its covariance.
+at another place. The estimate without friction is unchanged; its first-order change by a friction
+ratio typical of dry friction is added to its covariance.
 """
 
 import numpy as np
@@ -20,21 +20,21 @@ from solver.planes.plane_d import known_plane
 
 
 def curved_by_grip(force: float, grip: float, sigma: float) -> float:
-    """Compute the variance [N^2] of a force's magnitude that its slope by the grip leaves out.
+    """Compute the second-order variance [N^2] of the force's magnitude due to friction.
 
-    The magnitude is the component across the beam times sqrt(1 + grip^2), whose slope is zero at
-    zero grip. The result is the mean square of the second-order term, for a normally distributed
-    grip.
+    `grip` is the friction ratio. The magnitude is the component across the beam times
+    sqrt(1 + grip^2), whose slope is zero at zero grip. The result is the mean square of the
+    second-order term, for a normally distributed friction ratio with this `sigma`.
     """
     return 3 * (force * sigma**2 / (1 + grip**2) ** 2 / 2) ** 2
 
 
 def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     """Add the uncertainty due to unknown friction to the estimate `alone` of `exact_fit`."""
-    found = known_plane(measurement)
-    if isinstance(found, Estimate):
-        return found
-    planar, psi = found
+    plane = known_plane(measurement)
+    if isinstance(plane, Estimate):
+        return plane
+    planar, psi = plane
     problem = problem_of(planar, with_tips=False)
     start = start_of(problem, 0.0)
     if start is None or alone.covariance is None:
@@ -46,18 +46,18 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     rows = frame.points(p[:2], p[2:], length, grip=0.0)
     if rows is None:
         return alone
-    known = np.linalg.inv(np.linalg.cholesky(planar.base_covariance))
-    by_p = np.vstack([rows[:, :5], np.hstack([np.zeros((3, 2)), known])])
-    by_grip = np.append(rows[:, 5], np.zeros(3))
+    base_rows = np.linalg.inv(np.linalg.cholesky(planar.base_covariance))
+    by_p = np.vstack([rows[:, :5], np.hstack([np.zeros((3, 2)), base_rows])])
+    by_friction = np.append(rows[:, 5], np.zeros(3))
     scale = np.maximum(np.linalg.norm(by_p, axis=0), 1e-300)  # units do not affect the rank
-    moved = np.linalg.lstsq(by_p / scale, -by_grip)[0] / scale
+    response = np.linalg.lstsq(by_p / scale, -by_friction)[0] / scale
     column = {name: i for i, name in enumerate(SHAPE)}
     shape = np.zeros(len(SHAPE))
-    in_shape = [column[name] for name in ("q", "lever", "dx", "dy", "tilt")]
-    shape[in_shape], shape[column["psi"]] = p, psi
+    columns = [column[name] for name in ("q", "lever", "dx", "dy", "tilt")]
+    shape[columns], shape[column["psi"]] = p, psi
     shape[column["motor_angle"]] = measurement.motor_angle or 0.0
     values, by_shape, _ = shape_quantities(measurement, shape, clamp_fitted=True, grip_fitted=True)
-    change = DRY * (by_shape[:, in_shape] @ moved + by_shape[:, column["grip"]])
+    change = DRY * (by_shape[:, columns] @ response + by_shape[:, column["grip"]])
     covariance = alone.covariance + np.outer(change, change)
     force = list(values).index("force_n")
     covariance[force, force] += curved_by_grip(values["force_n"], 0.0, DRY)

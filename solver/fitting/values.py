@@ -20,7 +20,7 @@ _ANGLE, _EI, _SCALE, _GRIP = (
     SHAPE.index(name) for name in ("motor_angle", "rigidity", "scale", "grip")
 )
 _LENGTHS: Final = (frames.X_C, frames.Y_C, frames.S_C)
-_TOUCHED: Final = (frames.FORCE, frames.THETA, *_LENGTHS, frames.LEAN)
+_CONTACT_ROWS: Final = (frames.FORCE, frames.THETA, *_LENGTHS, frames.LEAN)
 
 
 def shape_quantities(
@@ -39,42 +39,42 @@ def shape_quantities(
     """
     q, lever, beam = float(shape[0]), float(shape[1]), measurement.rig.beam
     if grip_fitted:
-        at = frictional.contact(q, lever, float(shape[_GRIP]), beam.radius)
-        touched = np.empty((len(_TOUCHED), 4))
-        touched[:, 0] = at.load, at.theta_c, at.x_c, at.y_c, at.s_c, at.lean
-        touched[:, 1:] = (
-            at.d_load, at.d_theta_c, at.d_x_c, at.d_y_c, at.d_s_c, at.d_lean,
+        state = frictional.contact(q, lever, float(shape[_GRIP]), beam.radius)
+        quantities = np.empty((len(_CONTACT_ROWS), 4))
+        quantities[:, 0] = state.load, state.theta_c, state.x_c, state.y_c, state.s_c, state.lean
+        quantities[:, 1:] = (
+            state.d_load, state.d_theta_c, state.d_x_c, state.d_y_c, state.d_s_c, state.d_lean,
         )  # fmt: skip
     else:
-        touched = _frictionless(q, lever)
-    contact, by_shape = _contact(touched, shape, beam.flexural_rigidity)
-    values, jacobian, placed = frames.in_all_frames(
+        quantities = _frictionless(q, lever)
+    contact, by_shape = _contact(quantities, shape, beam.flexural_rigidity)
+    values, jacobian, pose_covariance = frames.in_all_frames(
         measurement, contact, psi_fitted=psi_fitted, clamp_fitted=clamp_fitted
     )
-    return values, jacobian @ by_shape, placed
+    return values, jacobian @ by_shape, pose_covariance
 
 
 @njit
 def _frictionless(q: float, lever: float) -> Floats:
-    """Compute rows as `_TOUCHED`, load F / EI first: value and gradient by (q, lever, grip)."""
-    touched = np.zeros((len(_TOUCHED), 4))
-    touched[0, 0], touched[0, 1] = q, 1.0
-    for i, told in enumerate(contact_at(q, lever)):
-        touched[1 + i, 0], touched[1 + i, 1], touched[1 + i, 2] = told
-    return touched
+    """Compute `_CONTACT_ROWS`, load F / EI first: value and gradient by (q, lever, grip)."""
+    quantities = np.zeros((len(_CONTACT_ROWS), 4))
+    quantities[0, 0], quantities[0, 1] = q, 1.0
+    for i, entry in enumerate(contact_at(q, lever)):
+        quantities[1 + i, 0], quantities[1 + i, 1], quantities[1 + i, 2] = entry
+    return quantities
 
 
 @njit
-def _contact(touched: Floats, shape: Floats, flexural_rigidity: float) -> tuple[Floats, Floats]:
+def _contact(quantities: Floats, shape: Floats, flexural_rigidity: float) -> tuple[Floats, Floats]:
     """Compute the contact (11,) as defined in `frames` and its Jacobian (11, 10) by `SHAPE`."""
     contact = np.zeros(frames.CONTACT)
     by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
-    for i, row in enumerate(_TOUCHED):
-        contact[row] = touched[i, 0]
-        by_shape[row, 0], by_shape[row, 1], by_shape[row, _GRIP] = touched[i, 1:]
-    stiff = flexural_rigidity * (1 + shape[_EI])
-    contact[frames.FORCE] *= stiff
-    by_shape[frames.FORCE] *= stiff
+    for i, row in enumerate(_CONTACT_ROWS):
+        contact[row] = quantities[i, 0]
+        by_shape[row, 0], by_shape[row, 1], by_shape[row, _GRIP] = quantities[i, 1:]
+    rigidity = flexural_rigidity * (1 + shape[_EI])
+    contact[frames.FORCE] *= rigidity
+    by_shape[frames.FORCE] *= rigidity
     # By similarity: lengths grow with the scale, the force falls with its square.
     for row in _LENGTHS:
         by_shape[row, _SCALE] = contact[row]
@@ -109,7 +109,7 @@ def values_of(
     if measurement.motor_angle is not None:
         shape[_ANGLE] = measurement.motor_angle
         covariance[_ANGLE, _ANGLE] = rig.tolerances.encoder**2
-    values, jacobian, placed = shape_quantities(
+    values, jacobian, pose_covariance = shape_quantities(
         measurement, shape, psi_fitted=psi_fitted, clamp_fitted=True
     )
-    return values, np.asarray(jacobian @ covariance @ jacobian.T + placed)
+    return values, np.asarray(jacobian @ covariance @ jacobian.T + pose_covariance)

@@ -8,13 +8,13 @@ from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.rig import Rig
 
-# If the sigma of x_c exceeds this share of the beam's length, the contact is only an interval.
+# If the sigma of x_c exceeds this fraction of the beam's length, the contact is only an interval.
 WEAK_SIGMA: Final = 1 / 7
 # A contact beyond the tip by more than this many sigmas is impossible.
 BEYOND: Final = 3.0
-# Least x_c in sigmas: with a short visible stretch noise alone gives contacts nearer to the
+# Minimum x_c in sigmas: with a short visible stretch noise alone gives contacts nearer to the
 # clamp, which their sigma does not show.
-LEAST_SIGNIFICANCE: Final = 4.0
+MIN_SIGNIFICANCE: Final = 4.0
 
 
 def judged(
@@ -37,14 +37,16 @@ def judged(
         index = list(values).index(name)
         return math.sqrt(max(float(covariance[index, index]), 0.0))
 
-    place = "s_c_m" if "s_c_m" in values else "x_c_m"
-    outcome, why = verdict(rig, values["x_c_m"], sigma("x_c_m"), values[place], sigma(place))
-    shown = outcome.has_values
+    position = "s_c_m" if "s_c_m" in values else "x_c_m"
+    outcome, reason = verdict(
+        rig, values["x_c_m"], sigma("x_c_m"), values[position], sigma(position)
+    )
+    has_values = outcome.has_values
     return Estimate(
         outcome,
-        message if shown else why,
-        values=values if shown else {},
-        covariance=(covariance + covariance.T) / 2 if shown else None,
+        message if has_values else reason,
+        values=values if has_values else {},
+        covariance=(covariance + covariance.T) / 2 if has_values else None,
         chi2=chi2,
         dof=dof,
         iterations=iterations,
@@ -60,14 +62,14 @@ def verdict(
     if s_c > length + BEYOND * s_sigma:
         return (
             Outcome.INVALID,
-            f"the shape would be touched at {s_c:.4g} m, beyond the tip at {length:.4g} m",
+            f"the contact is at {s_c:.4g} m, beyond the tip at {length:.4g} m",
         )
     if x_sigma > length:
-        return Outcome.NOT_IDENTIFIABLE, "the contact might lie anywhere on the beam"
+        return Outcome.NOT_IDENTIFIABLE, "the contact can be anywhere on the beam"
     if x_sigma > WEAK_SIGMA * length:
         return Outcome.WEAK_CONTACT, ""
-    if x_c < LEAST_SIGNIFICANCE * x_sigma:
-        return Outcome.NOT_IDENTIFIABLE, "the contact would lie within four sigma of the clamp"
+    if x_c < MIN_SIGNIFICANCE * x_sigma:
+        return Outcome.NOT_IDENTIFIABLE, "the contact is within four sigma of the clamp"
     if s_c > length - 2 * s_sigma:
         return Outcome.TIP_CONTACT, ""
     return Outcome.CONTACT, ""

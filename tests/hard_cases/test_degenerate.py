@@ -166,7 +166,7 @@ def test_shapes_and_viewpoints_that_cannot_be_are_refused_at_the_door() -> None:
         View(POINTS.T, FLAT.sigma_vectors.T, FLAT.view.viewpoint)
     with pytest.raises(ValueError, match="sigma_vectors has shape"):
         View(POINTS, FLAT.sigma_vectors[:-1], FLAT.view.viewpoint)
-    with pytest.raises(ValueError, match="the viewpoint lies in the calibration plane"):
+    with pytest.raises(ValueError, match="the viewpoint is in the calibration plane"):
         View(POINTS, FLAT.sigma_vectors, np.array([0.12, 0.3, 0.0, 1.0]))
 
 
