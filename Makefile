@@ -11,7 +11,7 @@ test: libraries
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile
+	$(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 
 # uv comes from PyPI at a pinned hash; --target also works where Debian protects its own site-packages.
 .tools/bin/uv: requirements-uv.lock

@@ -16,7 +16,7 @@ from solver.calibrate import Calibration
 from solver.centreline import Centreline, Extractor
 from solver.centreline.extractor import BeamExtractor
 from solver.centreline.guide import Guide
-from solver.centreline.noise import noise_of
+from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -77,7 +77,7 @@ def learn_at_rest(
     largest = float(deviations.max(initial=0.0))
     if largest > MAX_DISAGREEMENT_PX:
         raise _motion_error(largest)
-    noise = noise_of(used)
+    noise = estimate_noise(used)
     rest = learn_rest(lines, calibration, rig)
     _check_direction(rest, extract, used[0], lines[0], rig)
     landmarks = learn_landmarks(

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.columns import read_column, tabulated
+from solver.centreline.columns import interpolate_profile, read_column
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
@@ -81,7 +81,7 @@ def _fit_amplitudes(
         # in two would weigh more than the bright one, and the estimated end would be too near.
         for k in range(size):
             weight[k] = 0.0 if gray[k] >= full_scale else 1.0
-        tabulated(value, min(climb[i], 1.0), sense[i], first - centre[i], p)
+        interpolate_profile(value, min(climb[i], 1.0), sense[i], first - centre[i], p)
         p0, p1 = _ground(weight, p, half)
         norm = product = noise_sum = 0.0
         for k in range(size):

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 
-from solver.centreline.finding import find
+from solver.centreline.finding import find_path
 from solver.centreline.guide import Guide
-from solver.centreline.noise import Noise, noise_of
+from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile
 from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
 from solver.centreline.smooth import smooth_curve
@@ -57,18 +57,18 @@ class Appearance:
     full_scale: int
 
 
-def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
+def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
     """Learn the beam's appearance, and turn the guide to the beam's direction at rest.
 
     Raises InputError where no beam is found along the rig's x axis.
     """
-    noise = noise_of(images)
+    noise = estimate_noise(images)
     image = images[0]
     full_scale = guide.full_scale or int(np.iinfo(image.dtype).max)
     detections = []
     for scale, polarity in product(WIDTHS, (1, -1)):
         wider = replace(guide, radius=scale * guide.radius)
-        path = find(image, wider, polarity, noise, MAX_ASKEW, bends=False)
+        path = find_path(image, wider, polarity, noise, MAX_ASKEW, bends=False)
         if path is not None:
             detections.append((path.contrast * path.support**2, path, polarity, wider))
     if not detections:
@@ -82,13 +82,13 @@ def learn(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
         )
     slope = float(np.polyfit(on_beam[:, 0], on_beam[:, 1], 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
-    look = _Rested(images, places, noise, polarity, guide.radius_px, full_scale).appearance()
+    look = _RestImages(images, places, noise, polarity, guide.radius_px, full_scale).appearance()
     radius = look.section.radius * guide.pixel
     return look, replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
 
 
 @dataclass(frozen=True)
-class _Rested:
+class _RestImages:
     """Rest images, and the stations where the beam crosses their columns."""
 
     images: Sequence[Grey]

@@ -21,7 +21,7 @@ from solver.instrument.arrays import Floats, Grey
 
 
 @dataclass(frozen=True)
-class Centroid:
+class CentroidExtractor:
     """Beam extractor by the centroid, in every column in which `beam` measures the beam."""
 
     beam: BeamExtractor
@@ -52,9 +52,9 @@ class Centroid:
         )
 
 
-def learn_centroid(images: Sequence[Grey], guide: Guide) -> Centroid:
+def learn_centroid(images: Sequence[Grey], guide: Guide) -> CentroidExtractor:
     """Learn the beam from images (height, width) of it at rest. Raises InputError."""
-    return Centroid(learn_beam(images, guide))
+    return CentroidExtractor(learn_beam(images, guide))
 
 
 def _windows(image: Grey, points: Floats, upright: npt.NDArray[np.bool_], half: int) -> Floats:

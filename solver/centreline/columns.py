@@ -1,4 +1,4 @@
-"""Gray values of one pixel column or row, and the tabulated profile at its pixels."""
+"""Gray values of one pixel column or row, and the interpolated profile at its pixels."""
 
 import numpy as np
 
@@ -20,7 +20,9 @@ def read_column(image: Grey, line: int, upright: bool, first: int, gray: Floats)
 
 
 @njit
-def tabulated(table: Floats, climb: float, sense: float, offset: float, out: Floats) -> None:
+def interpolate_profile(
+    table: Floats, climb: float, sense: float, offset: float, out: Floats
+) -> None:
     """Interpolate the table at a climb and at pixels offset, offset + 1, ... from the centre."""
     row = climb * (table.shape[0] - 1)
     low = min(int(row), table.shape[0] - 2)

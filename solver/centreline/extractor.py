@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.centreline import Centreline, down_columns
-from solver.centreline.appearance import Appearance, learn
-from solver.centreline.finding import Path, find
-from solver.centreline.flags import flags_of, follow
+from solver.centreline.appearance import Appearance, learn_appearance
+from solver.centreline.finding import Path, find_path
+from solver.centreline.flags import fit_and_flag_outliers, flag_columns
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import fit_profiles
 from solver.centreline.smooth import FEWEST
@@ -42,7 +42,7 @@ class BeamExtractor:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
         appearance, guide = self.appearance, self.guide
         max_tilt = MAX_TILT if guide.free_tilt else 0.0
-        path = find(image, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
+        path = find_path(image, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
         return self.measure(image, path)
@@ -65,7 +65,7 @@ class BeamExtractor:
             places.length, appearance.length, appearance.amplitude
         )
         misfit = fits.chi2 / np.maximum(fits.dof, 1) / appearance.misfit
-        flags = flags_of(
+        flags = flag_columns(
             brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
         )
         length_px = self.guide.length / self.guide.pixel
@@ -79,7 +79,7 @@ class BeamExtractor:
         # Offsets from the path along its normal: a beam that is read by columns first and then
         # by rows remains one curve.
         off_path = places.sense * (fits.centre - places.start)
-        smooth = follow(places.length, off_path, sigma, brightness, on_beam, flags)
+        smooth = fit_and_flag_outliers(places.length, off_path, sigma, brightness, on_beam, flags)
         if not len(smooth):
             return down_columns(np.empty((0, 2)), np.empty(0))
         good = flags == 0
@@ -139,5 +139,5 @@ def _summary(
 
 def learn_beam(images: Sequence[Grey], guide: Guide) -> BeamExtractor:
     """Learn the beam from images (height, width) of it at rest. Raises InputError."""
-    appearance, turned = learn(images, guide)
+    appearance, turned = learn_appearance(images, guide)
     return BeamExtractor(appearance, turned)

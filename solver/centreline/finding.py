@@ -48,7 +48,7 @@ class Path:
     support: float
 
 
-def find(
+def find_path(
     image: Grey, guide: Guide, polarity: int, noise: Noise, most_tilt: float, bends: bool
 ) -> Path | None:
     """Find the beam's path in an image (height, width); return None where there is none.
@@ -124,12 +124,12 @@ def _path(
 def _shape(x: Floats, load: float, tilt: float, x_c: float) -> Floats:
     y = np.empty(len(x))
     for i in range(len(x)):
-        y[i] = load * _unit(x[i], x_c) + tilt * x[i]
+        y[i] = load * _unit_deflection(x[i], x_c) + tilt * x[i]
     return y
 
 
 @njit
-def _unit(x: float, x_c: float) -> float:
+def _unit_deflection(x: float, x_c: float) -> float:
     """Compute the unit deflection of eqs. (9) and (10); 0 for a beam that does not bend."""
     if x_c >= STRAIGHT:
         return 0.0
@@ -153,12 +153,12 @@ def _consensus(
     unit, gain = np.empty(len(x)), np.empty(len(x))
     for x_c in distances:
         for k in range(len(x)):
-            unit[k] = _unit(x[k], x_c)
+            unit[k] = _unit_deflection(x[k], x_c)
         for i in range(len(anchors)):
             # A pair of a candidate with itself gives the straight beam through it.
             partners = len(anchors) if max_tilt > 0 and x_c < STRAIGHT else i + 1
             for j in range(i, partners):
-                load, tilt = _through(x, y, unit, anchors[i], anchors[j], x_c, max_tilt)
+                load, tilt = _load_and_tilt(x, y, unit, anchors[i], anchors[j], x_c, max_tilt)
                 if abs(tilt) > max_tilt:
                     continue
                 if _gains(x, y, unit, weight, tolerance, load, tilt, gain) <= best_score:
@@ -170,7 +170,7 @@ def _consensus(
 
 
 @njit
-def _through(
+def _load_and_tilt(
     x: Floats, y: Floats, unit: Floats, a: int, b: int, x_c: float, max_tilt: float
 ) -> tuple[float, float]:
     """Compute load and tilt of the beam through two candidates; without tilt, through the first.

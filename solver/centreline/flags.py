@@ -31,7 +31,7 @@ MAX_RESIDUAL_SIGMAS, MAX_RESIDUAL_PX = 6.0, 0.15
 
 
 @njit
-def flags_of(
+def flag_columns(
     brightness: Floats,
     misfit: Floats,
     sigma: Floats,
@@ -69,7 +69,7 @@ def flags_of(
 
 
 @njit
-def follow(
+def fit_and_flag_outliers(
     length: Floats, off_path: Floats, sigma: Floats, brightness: Floats, on_beam: Mask, flags: Any
 ) -> Floats:
     """Fit the smooth course (n,) of centres `off_path`, and flag outliers from it as foreign.
@@ -78,7 +78,7 @@ def follow(
     in compressed or processed images. The course has length 0 if too few points are left.
     """
     n = len(length)
-    disturbed = _oddly_lit(length, brightness, flags, on_beam)
+    disturbed = _disturbed_columns(length, brightness, flags, on_beam)
     used_sigma, normalised = np.full(n, np.inf), np.empty(n)
     for i in range(n):
         if flags[i] == 0 and (disturbed[i] or not on_beam[i]):
@@ -93,7 +93,7 @@ def follow(
         if flags[i] == 0:
             normalised[n_good] = (off_path[i] - smooth[i]) / sigma[i]
             n_good += 1
-    inflation = _understatement(normalised[:n_good])
+    inflation = _sigma_inflation(normalised[:n_good])
     for i in range(n):
         sigma[i] *= inflation
         residual = abs(off_path[i] - smooth[i])
@@ -111,7 +111,7 @@ def follow(
 
 
 @njit
-def _understatement(residual: Floats) -> float:
+def _sigma_inflation(residual: Floats) -> float:
     """Compute the local scatter of residuals (n,), which are in sigmas; at least 1.
 
     It is 1 unless white noise would exceed it in fewer than one image of a thousand. The median of
@@ -123,7 +123,7 @@ def _understatement(residual: Floats) -> float:
 
 
 @njit
-def _oddly_lit(length: Floats, brightness: Floats, flags: Any, on_beam: Mask) -> Mask:
+def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: Mask) -> Mask:
     """Detect columns (n,) where an object shades or lights the beam, by their brightness.
 
     An object close to the beam takes light from one of its flanks, and shifts its centre.

@@ -37,7 +37,7 @@ class Noise:
         return bool(np.median(self.variance(image.astype(np.float64))) < MIN_SIGMA**2)
 
 
-def noise_of(images: Sequence[Grey]) -> Noise:
+def estimate_noise(images: Sequence[Grey]) -> Noise:
     """Estimate the noise from images (height, width) of one scene; one is enough.
 
     With several images, the noise is a pixel's scatter from image to image, after division by each

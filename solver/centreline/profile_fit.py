@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.columns import read_column, tabulated
+from solver.centreline.columns import interpolate_profile, read_column
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
@@ -137,23 +137,23 @@ def _fit_column(
     """Run Gauss-Newton from `start` and write into `fields`, which is unchanged on failure.
 
     For a fixed centre, the model is linear in background and amplitude: eliminating rows of the
-    Gram matrix (`_clear`) one after another solves their least squares.
+    Gram matrix (`_eliminate`) one after another solves their least squares.
     """
     c = start
     for step in range(MAX_STEPS + 1):
-        tabulated(value, climb, sense, first - c, rows[SHAPE])
-        tabulated(slope, climb, sense, first - c, rows[MOVE])
+        interpolate_profile(value, climb, sense, first - c, rows[SHAPE])
+        interpolate_profile(slope, climb, sense, first - c, rows[MOVE])
         _gram(weight, rows, half, gram)
         w0, w1, w2 = gram[GROUND, GROUND], gram[TILT, GROUND], gram[TILT, TILT]
         v0, v1 = gram[GRAY, GROUND], gram[GRAY, TILT]
         p0, p1 = gram[SHAPE, GROUND], gram[SHAPE, TILT]
-        _clear(gram, GROUND)
-        _clear(gram, TILT)
+        _eliminate(gram, GROUND)
+        _eliminate(gram, TILT)
         pivot = gram[SHAPE, SHAPE]
         if not pivot > 0:
             return
         a = gram[GRAY, SHAPE] / pivot
-        _clear(gram, SHAPE)
+        _eliminate(gram, SHAPE)
         # d(gray)/d(centre) = -sense a d.
         information = a * a * gram[MOVE, MOVE]
         if not information > 0:
@@ -199,7 +199,7 @@ def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
 
 
 @njit
-def _clear(gram: Floats, row: int) -> None:
+def _eliminate(gram: Floats, row: int) -> None:
     """Eliminate the `row` from all later rows of the Gram matrix (lower triangle)."""
     for a in range(row + 1, 5):
         factor = gram[a, row] / gram[row, row]

@@ -27,7 +27,7 @@ MAX_MISFIT = 3.0
 
 
 @dataclass(frozen=True)
-class FoundTip:
+class TipEstimate:
     """The tip's pixel (2,), its covariance (2, 2) [px^2], and its distance along the path [px]."""
 
     pixel: Floats
@@ -41,7 +41,7 @@ def find_tip(
     flags: npt.NDArray[np.uint8],
     fits: Fits,
     look: Appearance,
-) -> FoundTip | None:
+) -> TipEstimate | None:
     """Locate the free end; return None where it is hidden, outside the image or ambiguous.
 
     The last good stations measure the brightness. The sum of light from there on, over that
@@ -65,7 +65,7 @@ def find_tip(
     window = np.arange(first, end)
     # The beam is extrapolated as a straight line beyond the last centre.
     recent = good[-2 * N_BEFORE :]
-    climb, level = _straight(places.along[recent], fits.centre[recent])
+    climb, level = _fit_line(places.along[recent], fits.centre[recent])
     amplitude, variance, background = fit_amplitudes(
         image,
         places,
@@ -77,7 +77,7 @@ def find_tip(
         look.full_scale,
     )
     typical = float(np.mean(fits.amplitude[reference]))
-    covered, covered_variance = _covered(
+    covered, covered_variance = _covered_columns(
         amplitude / typical,
         variance / typical**2,
         background,
@@ -101,11 +101,11 @@ def find_tip(
     covariance = np.outer(tangent, tangent) * (covered_variance + 0.02**2)
     covariance += np.outer(normal, normal)
     length = float(places.length[first] + (covered - 0.5) * math.hypot(1.0, climb))
-    return FoundTip(pixel, covariance, length)
+    return TipEstimate(pixel, covariance, length)
 
 
 @njit
-def _straight(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
+def _fit_line(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
     """Fit a straight line to points; return its slope and its level at x = 0."""
     x_mean, y_mean = x.mean(), y.mean()
     dx = x - x_mean
@@ -114,7 +114,7 @@ def _straight(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
 
 
 @njit
-def _covered(
+def _covered_columns(
     brightness: Floats,
     variance: Floats,
     background: Floats,

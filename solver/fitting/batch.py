@@ -21,7 +21,7 @@ from solver.fitting.residuals import (
     X,
     Y,
 )
-from solver.fitting.starts import begin, workspace
+from solver.fitting.starts import initial_estimate, workspace
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
@@ -139,7 +139,7 @@ def _fit_all(
         if not np.isfinite(total):
             summary[i, CHI2] = np.nan
             continue
-        if n == 0 or not begin(problem, free, tilt_variance, psi, p):
+        if n == 0 or not initial_estimate(problem, free, tilt_variance, psi, p):
             continue
         settle(p, problem, free, tilt_variance, work, covariance, inliers[:n], summary[i])
         if summary[i, STATUS] == CONVERGED:

@@ -27,7 +27,7 @@ from solver.instrument.measurement import Measurement
 from solver.instrument.small_matrices import solve_definite
 
 # Minimum significance of a bend, in sigmas; noise exceeds it about once in a million frames.
-LEAST_SIGNIFICANCE = 5.0
+MIN_SIGNIFICANCE = 5.0
 # Number of contact distances on the grid, evenly spaced up to the tip.
 DISTANCES = 50
 MIN_POINTS = 4
@@ -39,7 +39,7 @@ class Bend:
     """Nearest linear beam: x_c [m], amplitude f / (6 EI) [1/m^2], and the latter over its sigma.
 
     `offset` [m] and `tilt` [rad] are the clamp's, estimated from their prior and the points. The
-    points' variances must be multiplied by the variance inflation `widening`: the correlation
+    points' variances must be multiplied by `variance_inflation`: the correlation
     length, times the misfit where that is larger than the sigmas allow.
     """
 
@@ -48,7 +48,7 @@ class Bend:
     significance: float
     offset: float = 0.0
     tilt: float = 0.0
-    widening: float = 1.0
+    variance_inflation: float = 1.0
 
     @property
     def sigma(self) -> float:
@@ -76,7 +76,7 @@ def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> B
 
 def no_contact(bend: Bend) -> Estimate | None:
     """Return an Estimate if there is no bend, or one to the side without object; else None."""
-    if abs(bend.significance) < LEAST_SIGNIFICANCE:
+    if abs(bend.significance) < MIN_SIGNIFICANCE:
         return Estimate(Outcome.NO_CONTACT, f"bend of {abs(bend.significance):.1f} sigmas")
     if bend.significance < 0:
         return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")

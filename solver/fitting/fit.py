@@ -8,7 +8,7 @@ import numpy as np
 from solver.fitting.frame_fit import CHI2, ITERATIONS, STATUS, WIDENING, settle
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import PARAMETERS
-from solver.fitting.starts import begin, workspace
+from solver.fitting.starts import initial_estimate, workspace
 from solver.instrument.arrays import Floats
 
 
@@ -33,7 +33,7 @@ class FrameFit:
 def start_of(problem: Problem, psi: float) -> Floats | None:
     """Estimate parameters (8,) near the minimum at this psi from a few points; None if it fails."""
     p = np.zeros(PARAMETERS)
-    if not begin(problem.arrays, problem.shape_free, problem.tilt_variance, psi, p):
+    if not initial_estimate(problem.arrays, problem.shape_free, problem.tilt_variance, psi, p):
         return None
     return p
 

@@ -10,7 +10,7 @@ from solver.fitting.fit import FrameFit
 from solver.fitting.minimise import DEFICIENT, STOPPED
 from solver.fitting.problem import Problem
 from solver.fitting.values import values_of
-from solver.fitting.verdict import judged
+from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Mask
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -110,7 +110,7 @@ def estimate_from_fit(
     remarks = [f"{rejected} of {problem.points} points were rejected"] if rejected else []
     if measurement.moment_y is not None and not has_moment:
         remarks.append("moment ignored: the rig has no sigma for its moment sensor")
-    return judged(
+    return classified_estimate(
         measurement.rig,
         values,
         covariance,

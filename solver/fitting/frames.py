@@ -45,7 +45,7 @@ CONTACT: Final = 11
 _POSE_ERRORS: Final = 6
 
 
-def stands_in_world(measurement: Measurement) -> bool:
+def tilt_is_motor_angle(measurement: Measurement) -> bool:
     """Test whether the clamp's tilt is the motor angle, as for a camera fixed in the world."""
     return measurement.motor_angle is None and measurement.rig.camera_mount == "world"
 
@@ -68,7 +68,7 @@ def in_all_frames(
     stated by the rig, Sigma_o if neither the encoder nor a fitted clamp gives the motor angle,
     and with `linear` the values that linear theory neglects.
     """
-    rig, world_camera = measurement.rig, stands_in_world(measurement)
+    rig, world_camera = measurement.rig, tilt_is_motor_angle(measurement)
     values, by_contact, by_pose = _with_jacobian(
         contact,
         rig.beam.length,

@@ -23,8 +23,8 @@ from solver.fitting.residuals import (
     X,
     Y,
     curve_end,
+    curve_misfit,
     is_gentle,
-    off_the_curve,
     weight_of,
 )
 from solver.instrument.arrays import Floats
@@ -107,7 +107,7 @@ def _sums(
     for i in range(mx.size):
         along = cosine * (mx[i] - dx) + sine * (my[i] - dy)
         across = cosine * (my[i] - dy) - sine * (mx[i] - dx)
-        value, by_along, by_rotation, by_q = off_the_curve(
+        value, by_along, by_rotation, by_q = curve_misfit(
             along, across, q, lever, max_distance, max_versine, series
         )
         sigma_along, sigma_across = cosine * sx[i] + sine * sy[i], cosine * sy[i] - sine * sx[i]

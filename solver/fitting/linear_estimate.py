@@ -11,7 +11,7 @@ import numpy as np
 
 from solver.fitting import frames
 from solver.fitting.first_contact import Bend, nearest_linear_bend, no_contact
-from solver.fitting.verdict import judged
+from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -38,7 +38,7 @@ class LinearContact:
     base: tuple[float, float, float] | None = None
 
 
-def bent(measurement: Measurement, least_points: int) -> tuple[Measurement, Bend] | Estimate:
+def planar_bend(measurement: Measurement, least_points: int) -> tuple[Measurement, Bend] | Estimate:
     """Return the measurement on the known plane of the rig, and the beam's bend there.
 
     Returns an Estimate with the failure outcome if they are unknown or there is no contact.
@@ -120,7 +120,7 @@ def estimate_from_linear_fit(
         plane=_inclination(planar, contact),
     )
     by_error = jacobian @ by_error
-    return judged(
+    return classified_estimate(
         rig,
         values,
         by_error @ errors @ by_error.T + pose_covariance,

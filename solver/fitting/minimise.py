@@ -12,8 +12,8 @@ from solver.fitting.residuals import (
     PSI,
     TILT,
     Q,
+    is_feasible,
     point_residuals,
-    possible,
 )
 from solver.fitting.robust import tukey
 from solver.instrument.arrays import Floats
@@ -147,7 +147,7 @@ def minimise(
     """Minimise from p, which is moved to the minimum; return (status, chi2, iterations).
 
     The residual in `work` (see `linearise`) is evaluated within a third of a sigma of the minimum,
-    and `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be `possible`.
+    and `covariance` (8, 8) is (J^T W J)^-1 there. `p` must be feasible (`is_feasible`).
     """
     points, bounds, views, _, _, _ = problem
     normal, gradient = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
@@ -176,13 +176,13 @@ def minimise(
         previous_length = length if fraction == 1.0 else 0.0
         if fraction == 1.0 and last:
             _take_step(p, step, fraction, views, trial)
-            if possible(trial, points, bounds, views):
+            if is_feasible(trial, points, bounds, views):
                 p[:] = trial
             return CONVERGED, chi2 - length2, iteration
         accepted = False
         for _ in range(10):
             _take_step(p, step, fraction, views, trial)
-            if possible(trial, points, bounds, views):
+            if is_feasible(trial, points, bounds, views):
                 trial_chi2 = linearise(trial, problem, free, cut, work, normal, gradient)
                 # Sigmas depend on the shape, so a short step may be right without reducing chi2.
                 if trial_chi2 <= chi2 * (1 + 1e-9) or (length2 < 1 and fraction == 1.0):

@@ -20,8 +20,8 @@ from solver.fitting.residuals import (
     Q,
     X,
     Y,
+    is_feasible,
     point_residuals,
-    possible,
 )
 from solver.instrument.arrays import Floats
 
@@ -31,14 +31,14 @@ _FRAME_PARAMETERS: Final = [Q, LEVER, DX, DY, TILT]
 
 @dataclass(frozen=True)
 class PushFrame:
-    """Bent frame: motor angle [rad], points, and variance inflation `widening` of the points.
+    """Bent frame: motor angle [rad], points, and their variance inflation.
 
     `begins` is True if the beam was free before.
     """
 
     motor_angle: float
     problem: Problem
-    widening: float
+    variance_inflation: float
     begins: bool = False
 
     def points(
@@ -58,14 +58,14 @@ class PushFrame:
         if rows is None:
             return None
         condensed = np.asarray(np.linalg.qr(rows.T, mode="r"))
-        return np.asarray(condensed * unit / math.sqrt(self.widening), dtype=np.float64)
+        return np.asarray(condensed * unit / math.sqrt(self.variance_inflation), dtype=np.float64)
 
     def _frictionless(self, parameters: Floats) -> Floats | None:
         """Compute rows (7, n): gradients by (q, lever, dx, dy, tilt), zero by grip, residuals."""
         points, bounds, views, *_ = self.problem.arrays
         p = np.zeros(PARAMETERS)
         p[_FRAME_PARAMETERS] = parameters
-        if not possible(p, points, bounds, views):
+        if not is_feasible(p, points, bounds, views):
             return None
         rows = np.zeros((TILT + 3, points.shape[1]))
         point_residuals(p, points, bounds, views, True, rows[-1], rows[:-2])

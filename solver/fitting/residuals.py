@@ -47,7 +47,7 @@ LEAST_SIGMA: Final = 1e-9
 
 
 @njit
-def possible(
+def is_feasible(
     p: Floats,
     points: Floats,
     bounds: Any,
@@ -74,7 +74,7 @@ def possible(
 
 
 @njit(inline="always")
-def off_the_curve(
+def curve_misfit(
     along: float,
     across: float,
     q: float,
@@ -151,7 +151,7 @@ def _points_of_view(
         y = rotated_y * k
         x = rotated_x + sin_psi * ray_x * y
         along, across = x * cosine + y * sine, y * cosine - x * sine
-        value, tangent, by_theta, curve_by_q = off_the_curve(
+        value, tangent, by_theta, curve_by_q = curve_misfit(
             along, across, q, lever, max_distance, max_versine, series
         )
         by_x, by_y = tangent * cosine - sine, cosine + tangent * sine

@@ -18,8 +18,8 @@ from solver.fitting.residuals import (
     Q,
     X,
     Y,
+    is_feasible,
     point_residuals,
-    possible,
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
@@ -49,7 +49,7 @@ def _moments(sample: Floats, x_c: float) -> Any:
 
 
 @njit
-def start(points: Floats, indices: Any, tilt_variance: float, p: Floats) -> None:
+def fit_linear_start(points: Floats, indices: Any, tilt_variance: float, p: Floats) -> None:
     """Fit the nearest linear beam to the points at `indices`; write (q, lever) and tilt to p.
 
     Eqs. (9), (10) are fitted over a grid of contact distances, with amplitude and tilt by linear
@@ -112,7 +112,7 @@ def workspace(n: int) -> Any:
 
 
 @njit
-def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) -> bool:
+def initial_estimate(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) -> bool:
     """Compute a start from equally spaced points and refine it by least squares on them.
 
     `free` does not contain psi, which is written to `p`. Returns False if there is no start.
@@ -120,10 +120,10 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
     points, bounds, views, _, _, _ = problem
     stride = max((bounds[1] - bounds[0]) // _START_POINTS, 1)
     indices = np.arange(bounds[0] + stride // 2, bounds[1], stride)
-    start(points, indices, tilt_variance, p)
+    fit_linear_start(points, indices, tilt_variance, p)
     p[PSI] = psi
     for _ in range(40):
-        if possible(p, points, bounds, views):
+        if is_feasible(p, points, bounds, views):
             break
         p[Q] *= 0.8
     else:
@@ -134,7 +134,7 @@ def begin(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) 
         minimise(
             p, sparse_problem, free, np.inf, _START_ITERATIONS, workspace(len(indices)), covariance
         )
-    return bool(possible(p, points, bounds, views))
+    return bool(is_feasible(p, points, bounds, views))
 
 
 @njit
@@ -160,15 +160,15 @@ def consensus(
             state = (1103515245 * state + 12345) % 2147483648
             fraction = (j + state / 2147483648) / size
             indices[j] = bounds[0] + min(int(fraction * n), n - 1)
-        start(points, indices, tilt_variance, trial)
+        fit_linear_start(points, indices, tilt_variance, trial)
         trial[PSI] = psi
-        if not possible(trial, points, bounds, views):
+        if not is_feasible(trial, points, bounds, views):
             continue
         drawn_problem = subset(problem, indices)
         status, _, _ = minimise(
             trial, drawn_problem, free, np.inf, _DRAW_ITERATIONS, draw_work, covariance
         )
-        if status == DEFICIENT or not possible(trial, points, bounds, views):
+        if status == DEFICIENT or not is_feasible(trial, points, bounds, views):
             continue
         point_residuals(trial, points, bounds, views, _PLANAR, residual, jacobian)
         cost = 0.0

@@ -13,7 +13,7 @@ from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_joint import DRY
 from solver.fitting.residuals import DX, DY, LEVER, TILT, Q
 from solver.fitting.values import SHAPE, shape_quantities
-from solver.fitting.verdict import judged
+from solver.fitting.verdict import classified_estimate
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.planes.plane_d import known_plane
@@ -61,7 +61,7 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     covariance = alone.covariance + np.outer(change, change)
     force = list(values).index("force_n")
     covariance[force, force] += curved_by_grip(values["force_n"], 0.0, DRY)
-    return judged(
+    return classified_estimate(
         measurement.rig,
         alone.values,
         covariance,

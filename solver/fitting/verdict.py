@@ -17,7 +17,7 @@ BEYOND: Final = 3.0
 MIN_SIGNIFICANCE: Final = 4.0
 
 
-def judged(
+def classified_estimate(
     rig: Rig,
     values: Mapping[str, float],
     covariance: Floats,

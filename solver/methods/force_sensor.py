@@ -19,7 +19,7 @@ from scipy.stats import chi2 as distribution
 from solver.beam_models.exact import MOST_SINE
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
 from solver.fitting.values import SHAPE, shape_quantities
-from solver.fitting.verdict import judged
+from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -133,4 +133,6 @@ def _estimate(measurement: Measurement, fit: Fit) -> Estimate:
     input_covariance[:3, :3] = fit.covariance
     input_covariance[3:6, 3:6] = measurement.base_covariance
     covariance = by_shape @ input_covariance @ by_shape.T + placement
-    return judged(rig, values, covariance, "", chi2=fit.chi2, dof=dof, iterations=fit.iterations)
+    return classified_estimate(
+        rig, values, covariance, "", chi2=fit.chi2, dof=dof, iterations=fit.iterations
+    )

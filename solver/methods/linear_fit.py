@@ -28,8 +28,8 @@ from solver.fitting.linear_estimate import (
     LOAD,
     X_C,
     LinearContact,
-    bent,
     estimate_from_linear_fit,
+    planar_bend,
     stated_errors,
 )
 from solver.instrument.arrays import Floats
@@ -43,7 +43,7 @@ ROUNDS = 2
 
 def linear_fit(measurement: Measurement) -> Estimate:
     """Estimate contact distance x_c, force f and derived values, with their joint covariance."""
-    prepared = bent(measurement, MIN_POINTS)
+    prepared = planar_bend(measurement, MIN_POINTS)
     if isinstance(prepared, Estimate):
         return prepared
     planar, bend = prepared

@@ -25,7 +25,7 @@ import math
 
 import numpy as np
 
-from solver.fitting.first_contact import LEAST_SIGNIFICANCE, nearest_linear_bend, no_contact
+from solver.fitting.first_contact import MIN_SIGNIFICANCE, nearest_linear_bend, no_contact
 from solver.fitting.linear_estimate import (
     ERRORS,
     LOAD,
@@ -66,10 +66,7 @@ def moment_sensor(measurement: Measurement) -> Estimate:
     moment_sigma = measurement.rig.sensors.moment_y / abs(axis)
     refusal = no_contact(nearest_linear_bend(measurement))
     if refusal is not None:
-        if (
-            refusal.outcome is Outcome.NO_CONTACT
-            and abs(moment) > LEAST_SIGNIFICANCE * moment_sigma
-        ):
+        if refusal.outcome is Outcome.NO_CONTACT and abs(moment) > MIN_SIGNIFICANCE * moment_sigma:
             return Estimate(
                 Outcome.EDGE_ON, "the sensor measures a force, but the image shows no bend"
             )
@@ -140,7 +137,7 @@ def _covariance(
     `sensor` is (moment [N m], its sigma, EI).
     """
     moment, moment_sigma, rigidity = sensor
-    variance_inflation = nearest_linear_bend(planar).widening
+    variance_inflation = nearest_linear_bend(planar).variance_inflation
     fixed_plane = errors_of_planar_fit(planar, mean.noise * variance_inflation, mean.by_base)
     # Derivative of the mean by the inclination of the plane onto which the points are un-projected.
     _, _, points_by_psi = unproject(measurement.points, measurement.view.viewpoint, psi)

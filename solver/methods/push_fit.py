@@ -42,7 +42,7 @@ from solver.fitting.residuals import LEVER
 from solver.fitting.sliding import grip_matrix
 from solver.fitting.unknown_grip import curved_by_grip, with_unknown_grip
 from solver.fitting.values import SHAPE, shape_quantities
-from solver.fitting.verdict import judged
+from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -196,7 +196,7 @@ def _estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> Esti
             "the compliance would be negative: the motor turns about another axis than the "
             "clamp's, or the beam is not the rig's",
         )
-    return judged(
+    return classified_estimate(
         last.rig,
         values,
         covariance,

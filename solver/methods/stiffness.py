@@ -25,7 +25,7 @@ from typing import Final
 import numpy as np
 
 from solver.beam_models.linear import unit_deflection, unit_slope
-from solver.fitting.first_contact import LEAST_SIGNIFICANCE, nearest_linear_bend
+from solver.fitting.first_contact import MIN_SIGNIFICANCE, nearest_linear_bend
 from solver.fitting.gauss_newton import Linearised, gauss_newton
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
@@ -102,7 +102,7 @@ def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
         if frame.motor_angle is None or isinstance(plane, Estimate):
             continue
         planar = plane[0]
-        if nearest_linear_bend(planar).significance < LEAST_SIGNIFICANCE:
+        if nearest_linear_bend(planar).significance < MIN_SIGNIFICANCE:
             continue
         x, y = planar.points.T
         unit = unit_deflection(x, x_c)

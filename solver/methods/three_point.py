@@ -160,7 +160,7 @@ def _covariance(
 
     def variance(by_source: Floats) -> float:
         noise, clamp = by_source[:count], by_source[count:-1]
-        return float(noise @ noise * bend.widening + clamp @ base @ clamp)
+        return float(noise @ noise * bend.variance_inflation + clamp @ base @ clamp)
 
     sigma = math.sqrt(variance(at_root)) / abs(by_psi)
     farthest = sigma
@@ -179,7 +179,9 @@ def _covariance(
     transfer[:2, 2] = by_plane
     by_error, by_base = transfer @ by_error, transfer @ by_base
     covariance = stated_errors(planar)
-    covariance[:3, :3] = by_error @ by_error.T * bend.widening + by_base @ base @ by_base.T
+    covariance[:3, :3] = (
+        by_error @ by_error.T * bend.variance_inflation + by_base @ base @ by_base.T
+    )
     covariance[:3, BASE] = -by_base @ base
     covariance[BASE, :3] = covariance[:3, BASE].T
     return covariance

@@ -29,9 +29,9 @@ import numpy.typing as npt
 from solver.beam_models.linear import contact_of_pair, ratio_slope, unit_slope
 from solver.fitting.linear_estimate import (
     LinearContact,
-    bent,
     errors_of_planar_fit,
     estimate_from_linear_fit,
+    planar_bend,
 )
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
@@ -45,14 +45,14 @@ MIN_SEPARATION = 0.25  # of the beam's length
 
 def two_point(measurement: Measurement) -> Estimate:
     """Estimate contact distance x_c, force f and derived values, with their joint covariance."""
-    prepared = bent(measurement, MIN_POINTS)
+    prepared = planar_bend(measurement, MIN_POINTS)
     if isinstance(prepared, Estimate):
         return prepared
     planar, bend = prepared
     mean = mean_of_pairs(planar)
     if isinstance(mean, Estimate):
         return mean
-    covariance = errors_of_planar_fit(planar, mean.noise * bend.widening, mean.by_base)
+    covariance = errors_of_planar_fit(planar, mean.noise * bend.variance_inflation, mean.by_base)
     contact = LinearContact(mean.x_c, mean.load, covariance)
     return estimate_from_linear_fit(contact, planar, f"mean of {mean.pairs} pairs")
 

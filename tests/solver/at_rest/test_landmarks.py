@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ndtr
 
 from solver.at_rest.landmarks import Landmarks, Shift, learn_landmarks
-from solver.centreline.noise import noise_of
+from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import Sensor
 
@@ -47,7 +47,7 @@ def compressed(picture: Grey, quality: int) -> Grey:
 @cache
 def landmarks() -> Landmarks:
     rests = [image(scene(), seed) for seed in range(4)]
-    return learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+    return learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
 
 
 def shift_of(light: Floats, seed: int = 100) -> Shift:
@@ -81,7 +81,7 @@ def test_the_covariance_is_honest_and_noise_is_no_motion() -> None:
     light, still, errors, exceeding = scene(), scene(0.3, -0.2), [], 0
     for seed in range(0, 1500, 5):
         rests = [image(light, seed + n) for n in range(2)]
-        marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+        marks = learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
         unmoved, moved = (marks.shift_of(image(one, seed + 3)) for one in (light, still))
         assert unmoved is not None
         assert moved is not None
@@ -121,7 +121,7 @@ def test_a_chequered_ground_that_turns_says_nothing(degrees: float) -> None:
         return np.asarray(0.4 + 0.25 * squares)
 
     rests = [image(chequered(0.0), seed) for seed in range(2)]
-    marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+    marks = learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
     assert marks.known
     assert marks.shift_of(image(chequered(np.deg2rad(degrees)), 7)) is None
 
@@ -130,7 +130,7 @@ def test_an_even_scene_or_one_of_parallel_edges_has_no_landmarks() -> None:
     v = np.mgrid[:HEIGHT, :WIDTH][0]
     for light in (np.full((HEIGHT, WIDTH), 0.4), 0.4 + 0.2 * np.tanh((v - 75.0) / 2)):
         rests = [image(light, seed) for seed in range(2)]
-        marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+        marks = learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
         assert not marks.known
         assert marks.shift_of(rests[0]) is None
 
@@ -139,7 +139,7 @@ def test_what_compression_does_to_faint_edges_is_no_motion() -> None:
     """The rest images are one still picture; every frame is compressed by itself."""
     faint = 0.4 + 0.2 * (scene() - 0.4)
     rests = [compressed(image(faint, 0), 95)] * 4
-    marks = learn_landmarks(rests, BEAM, 8.0, noise_of(rests))
+    marks = learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
     assert marks.processed
     shifts = [marks.shift_of(compressed(image(faint, seed), 50)) for seed in range(20)]
     assert sum(shift is not None and shift.exceeds(0.0) for shift in shifts) <= 1

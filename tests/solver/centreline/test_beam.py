@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from solver.centreline import Centreline, Flag
-from solver.centreline.background_subtracted import Centroid, learn_centroid
+from solver.centreline.background_subtracted import CentroidExtractor, learn_centroid
 from solver.centreline.extractor import BeamExtractor, learn_beam
-from solver.centreline.flags import follow
+from solver.centreline.flags import fit_and_flag_outliers
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
@@ -280,7 +280,7 @@ def test_the_centroid_finds_the_same_beam_less_sharply(look: Look, roll: float) 
     light, pixels = pushed(0.25, look, roll)
     image = SENSOR(light, np.random.default_rng(2))
     fitted = learned(look, roll)(image)
-    line = Centroid(learned(look, roll))(image)
+    line = CentroidExtractor(learned(look, roll))(image)
     assert len(line.points) == len(fitted.points)
     off = distances(line.points, pixels)
     assert 0.007 < off.std() < (0.03 if look is BRIGHT else 0.12)
@@ -337,7 +337,9 @@ def test_white_noise_does_not_enlarge_its_own_sigma() -> None:
         for _ in range(200):
             sigma = np.full(n, 0.01)
             off = scale * sigma * random.standard_normal(n)
-            follow(length, off, sigma, even, np.ones(n, np.bool_), np.zeros(n, np.uint8))
+            fit_and_flag_outliers(
+                length, off, sigma, even, np.ones(n, np.bool_), np.zeros(n, np.uint8)
+            )
             enlarged.append(sigma[0] / 0.01)
         # By chance a sigma is enlarged in one image of a thousand; twice the scatter is known to
         # 1.63 / sqrt(n), a tenth.

@@ -3,7 +3,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from solver.centreline.noise import noise_of
+from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats
 from tests.beam_images import Look, Sensor, bent, drawn, guide
 
@@ -24,7 +24,7 @@ def wedge(edges: bool) -> Floats:
 @pytest.mark.parametrize("images", [2, 4])
 def test_several_images_give_the_photon_transfer_line(images: int) -> None:
     random = np.random.default_rng(1)
-    noise = noise_of([SENSOR(wedge(edges=True), random) for _ in range(images)])
+    noise = estimate_noise([SENSOR(wedge(edges=True), random) for _ in range(images)])
     assert noise.per_gray == pytest.approx(PER_GRAY, rel=0.05)
     assert noise.variance(128.0) == pytest.approx(DARK + PER_GRAY * 128, rel=0.03)
     assert noise.variance(12.0) == pytest.approx(DARK + PER_GRAY * 12, rel=0.1)
@@ -32,7 +32,7 @@ def test_several_images_give_the_photon_transfer_line(images: int) -> None:
 
 @pytest.mark.parametrize("edges", [False, True])
 def test_one_image_gives_it_too(edges: bool) -> None:
-    noise = noise_of([SENSOR(wedge(edges), np.random.default_rng(2))])
+    noise = estimate_noise([SENSOR(wedge(edges), np.random.default_rng(2))])
     for gray in (20.0, 100.0, 200.0):
         assert noise.variance(gray) == pytest.approx(DARK + PER_GRAY * gray, rel=0.15)
 
@@ -40,7 +40,7 @@ def test_one_image_gives_it_too(edges: bool) -> None:
 def test_a_deep_image_has_the_noise_of_its_own_unit() -> None:
     random = np.random.default_rng(3)
     deep = Sensor(bits=16)
-    noise = noise_of([deep(wedge(edges=False), random) for _ in range(3)])
+    noise = estimate_noise([deep(wedge(edges=False), random) for _ in range(3)])
     assert noise.per_gray == pytest.approx(65535 / deep.full_well, rel=0.05)
 
 
@@ -48,20 +48,20 @@ def test_a_deep_image_has_the_noise_of_its_own_unit() -> None:
 def test_an_even_image_has_rounding_s_noise(gray: int) -> None:
     even = np.full((40, 60), gray, np.uint8)
     for images in ([even], [even, even]):
-        assert noise_of(images).variance(float(gray)) == pytest.approx(1 / 12)
+        assert estimate_noise(images).variance(float(gray)) == pytest.approx(1 / 12)
 
 
 def test_flicker_is_no_noise() -> None:
     random = np.random.default_rng(4)
     gains = (1.0, 1.03, 0.985, 1.015)
-    noise = noise_of([SENSOR(gain * wedge(edges=True), random) for gain in gains])
+    noise = estimate_noise([SENSOR(gain * wedge(edges=True), random) for gain in gains])
     for gray in (20.0, 128.0, 220.0):
         assert noise.variance(gray) == pytest.approx(DARK + PER_GRAY * gray, rel=0.1)
 
 
 def test_one_image_of_a_thin_bright_beam_gives_its_shot_noise() -> None:
     light = drawn(guide(), bent(0.0, tilt=3e-3), Look())
-    slopes = [noise_of([SENSOR(light, np.random.default_rng(n))]).per_gray for n in range(5)]
+    slopes = [estimate_noise([SENSOR(light, np.random.default_rng(n))]).per_gray for n in range(5)]
     # Where a beam along the rows makes every column an edge, the smaller of two deviations is
     # always the same one, and its square 2.6 times that of white noise in both.
     assert min(slopes) > 0.7 * PER_GRAY
@@ -76,7 +76,7 @@ def test_noise_is_never_negative() -> None:
         gray = [255 * light + light**exponent * random.standard_normal(light.shape) for _ in (1, 2)]
         images = [np.clip(np.rint(one), 0, 255).astype(np.uint8) for one in gray]
         for several in (images[:1], images):
-            noise = noise_of(several)
+            noise = estimate_noise(several)
             darkest = float(np.mean(several, axis=0).min())
             assert noise.dark + noise.per_gray * darkest >= -1e-12
             assert noise.per_gray >= 0
@@ -88,7 +88,7 @@ def test_memory_does_not_grow_with_the_number_of_images() -> None:
     peaks = []
     for used in (3, 12):
         tracemalloc.start()
-        noise_of(images[:used])
+        estimate_noise(images[:used])
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     # One of them as floats has 3.2 MB.

@@ -68,7 +68,7 @@ def test_a_bend_of_sixty_sigmas_is_always_found(x_c: float, tilt_sigma: float) -
     random = np.random.default_rng(2)
     shape = unit_deflection(X, x_c)
     strong = nearest_linear_bend(seen(shape, tilt_sigma=tilt_sigma))
-    load = 60 * strong.sigma / strong.widening**0.5
+    load = 60 * strong.sigma / strong.variance_inflation**0.5
     found = 0
     for _ in range(200):
         turn = min(tilt_sigma, 0.1) * random.standard_normal()

@@ -5,7 +5,7 @@ import pytest
 
 from solver.beam_models import frictional
 from solver.fitting.constraints import add_constraints
-from solver.fitting.residuals import PARAMETERS, PSI, point_residuals, possible
+from solver.fitting.residuals import PARAMETERS, PSI, is_feasible, point_residuals
 from solver.instrument.arrays import Floats
 
 PINHOLE = np.array([0.5, 0.1, 0.7])
@@ -29,7 +29,7 @@ def residuals(
 ) -> tuple[Floats, Floats]:
     residual, jacobian = np.empty(rows.shape[1]), np.empty((6, rows.shape[1]))
     bounds = np.array([0, rows.shape[1]])
-    assert possible(p, rows, bounds, view[None])
+    assert is_feasible(p, rows, bounds, view[None])
     point_residuals(p, rows, bounds, view[None], spatial, residual, jacobian)
     return residual, jacobian
 
