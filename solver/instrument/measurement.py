@@ -55,7 +55,7 @@ class View:
         viewpoint = frozen_floats("viewpoint", self.viewpoint, (4,))
         object.__setattr__(self, "viewpoint", viewpoint)
         if viewpoint[2] == 0:
-            raise ValueError("the viewpoint lies in the calibration plane")
+            raise ValueError("the viewpoint is in the calibration plane")
 
 
 @dataclass(frozen=True)

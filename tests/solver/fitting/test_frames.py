@@ -182,6 +182,6 @@ def test_a_moment_without_a_sigma_is_left_out_in_words() -> None:
     points, truth = pushed(0.15, 0.1, 0.5)
     seen = inclined(points, 1e-7, moment_y=truth["moment_y"])
     answer = exact_fit_3d(seen)
-    assert "sigma of its sensor" in answer.message
+    assert "no sigma for its moment sensor" in answer.message
     weighed = replace(seen, rig=replace(seen.rig, sensors=Sensors(1e-4)))
     assert exact_fit_3d(weighed).message == ""
