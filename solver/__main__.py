@@ -138,7 +138,9 @@ def solve(
 @app.command()
 def warm(
     rig: RigOption,
-    method: Annotated[str, typer.Option(help=f"{', '.join(METHODS)}")] = "exact_fit",
+    method: Annotated[
+        str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
+    ] = "exact_fit",
 ) -> None:
     """Compile all code that a frame needs, so that the next start takes seconds."""
     function, observations = find_method(method), open_rig(rig)
