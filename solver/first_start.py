@@ -9,11 +9,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from solver.instrument.arrays import Floats
 from solver.instrument.compiled import compiled_functions
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig
 from solver.methods.exact_fit import exact_fit
 
+# Displacement of outliers: every fit rejects them, and succeeds with the other points.
+_OUTLIER_SIGMAS = 60.0
 # The function of the fits that is compiled last.
 _LAST_OF_FITS = "frame_fit.settle"
 # The process finds the modules where this one does.
@@ -29,9 +32,11 @@ compile_fits(pickle.load(sys.stdin.buffer))
 def fits_compiled_beside(rig: Rig) -> Iterator[None]:
     """Compile the fits in a process of their own during this block, unless they are compiled.
 
-    The block's end waits for the process. If that fails, they are compiled when they are used.
+    Nothing is done if it cannot be known whether they are. The block's end waits for the process.
+    If that fails, they are compiled when they are used.
     """
-    if _LAST_OF_FITS in compiled_functions():
+    compiled = compiled_functions()
+    if compiled is None or _LAST_OF_FITS in compiled:
         yield
         return
     command = [sys.executable, "-c", _CHILD, json.dumps(sys.path)]
@@ -55,13 +60,24 @@ def compile_fits(rig: Rig) -> None:
     The clamp's and the points' errors are of the order of an ordinary camera's.
     """
     length = rig.beam.length
-    x = np.linspace(0.02, 0.98, 200)
-    y = 0.05 * np.where(x < 0.5, x**2 * (1.5 - x), 0.75 * x - 0.125)
-    points = length * np.column_stack([x, y])
-    sigmas = np.full_like(points, 1e-5 * length) * (0.0, 1.0)
-    stray = 60 * sigmas * (np.arange(len(x)) % 20 == 0)[:, None]
+    straight = length * np.column_stack([np.linspace(0.02, 0.98, 200), np.zeros(200)])
+    sigmas = np.full_like(straight, 1e-5 * length) * (0.0, 1.0)
+    bent = touched_in_the_middle(straight, length)
     viewpoint = np.array([length / 2, 0.0, 1.5 * length, 1.0])
     base_covariance = np.diag([1e-4 * length, 1e-5 * length, 1e-4]) ** 2
-    for outliers in (0.0, stray):
-        view = View(points + outliers, sigmas, viewpoint)
+    for points in (bent, with_outliers(bent, sigmas)):
+        view = View(points, sigmas, viewpoint)
         exact_fit(Measurement(view, base_covariance, 1e-4, 0.0, rig))
+
+
+def touched_in_the_middle(points: Floats, length: float) -> Floats:
+    """Bend a straight beam's points (n, 2) [m] as if touched in the middle, the tip by 3 %."""
+    x = np.clip(points[:, 0] / length, 0.0, 1.0)
+    y = 0.05 * length * np.where(x < 0.5, x**2 * (1.5 - x), 0.75 * x - 0.125)
+    return np.column_stack([points[:, 0], points[:, 1] + y])
+
+
+def with_outliers(points: Floats, sigma_vectors: Floats) -> Floats:
+    """Displace one point (n, 2) in twenty so far that every fit rejects it."""
+    is_outlier = (np.arange(len(points)) % 20 == 0)[:, None]
+    return np.asarray(points + _OUTLIER_SIGMAS * sigma_vectors * is_outlier)

@@ -49,11 +49,11 @@ class Path:
 
 
 def find_path(
-    image: Grey, guide: Guide, polarity: int, noise: Noise, most_tilt: float, bends: bool
+    image: Grey, guide: Guide, polarity: int, noise: Noise, max_tilt: float, bends: bool
 ) -> Path | None:
     """Find the beam's path in an image (height, width); return None where there is none.
 
-    `most_tilt` [rad] is the largest turn of the beam about its clamp; `bends` also allows bending.
+    `max_tilt` [rad] is the largest turn of the beam about its clamp; `bends` also allows bending.
     """
     lines = _scan_lines(guide, image.shape)
     core = max(2, round(2 * guide.radius_px))
@@ -61,7 +61,7 @@ def find_path(
     places = guide.places(detections[:, :2] if guide.scans_columns else detections[:, 1::-1])
     tolerance = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
     distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
-    path = _path(places, detections[:, 0], detections[:, 2], guide, distances, tolerance, most_tilt)
+    path = _path(places, detections[:, 0], detections[:, 2], guide, distances, tolerance, max_tilt)
     return path and replace(path, support=path.support / len(lines))
 
 

@@ -83,10 +83,12 @@ def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:12]
 
 
-def compiled_functions() -> set[str]:
+def compiled_functions() -> set[str] | None:
     """List the functions of this package whose compiled code is on the disk: `module.function`.
 
-    The list is empty if numba keeps its code elsewhere, as for a package that is not writable.
+    Return None if numba keeps its code elsewhere, as for a package that is not writable.
     """
     folder = _CHOSEN or _folder(Path(__file__).parents[1])
-    return {path.name.partition("-")[0] for path in Path(folder).rglob("*.nbi") if folder}
+    if not folder:
+        return None
+    return {path.name.partition("-")[0] for path in Path(folder).rglob("*.nbi")}

@@ -18,7 +18,6 @@ from solver.lab.table import Row
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
-
 # Number of functions that a first start compiles (measured; methods differ by a few).
 FUNCTIONS = 90
 
@@ -26,7 +25,8 @@ FUNCTIONS = 90
 @contextmanager
 def setting_up(quiet: bool) -> Iterator[None]:
     """Show that the rig is calibrated and, at a first start, how many functions are compiled."""
-    if quiet or len(compiled_functions()) >= FUNCTIONS // 2:
+    compiled = compiled_functions()
+    if quiet or compiled is None or len(compiled) >= FUNCTIONS // 2:
         with nullcontext() if quiet else console.status("calibrating"):
             yield
         return
@@ -38,7 +38,8 @@ def setting_up(quiet: bool) -> Iterator[None]:
 
         def follow() -> None:
             while not done.wait(0.5):
-                progress.update(task, completed=min(len(compiled_functions()), FUNCTIONS - 1))
+                count = len(compiled_functions() or ())
+                progress.update(task, completed=min(count, FUNCTIONS - 1))
 
         watcher = threading.Thread(target=follow, daemon=True)
         watcher.start()

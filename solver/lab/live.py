@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.antenna import Antenna
+from solver.first_start import touched_in_the_middle, with_outliers
 from solver.instrument.arrays import Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View
@@ -25,9 +26,6 @@ from solver.tracker import (
     run_method,
 )
 
-# Offset of outliers: every fit rejects them. One point in twenty is an outlier, so that every fit
-# succeeds with the others.
-_OUTLIER_SIGMAS = 60.0
 _ROTATION = 0.05  # [rad]
 
 
@@ -81,15 +79,11 @@ def warm_up(antenna: Antenna, method: Method, rest_image: Grey) -> None:
     extract_centreline(antenna, np.full_like(rest_image, np.median(rest_image)))
     reject_moved_camera(antenna, rest_image)
     at_rest = to_measurement(antenna, extract_centreline(antenna, rest_image))
-    length, view = at_rest.rig.beam.length, at_rest.view
-    x = np.clip(view.points[:, 0] / length, 0.0, 1.0)
-    y = 0.05 * length * np.where(x < 0.5, x**2 * (1.5 - x), 0.75 * x - 0.125)
-    bent = np.column_stack([view.points[:, 0], view.points[:, 1] + y])
+    view = at_rest.view
+    bent = touched_in_the_middle(view.points, at_rest.rig.beam.length)
     clean = View(bent, view.sigma_vectors, view.viewpoint)
-    with_outliers = (
-        bent + _OUTLIER_SIGMAS * view.sigma_vectors * (np.arange(len(bent)) % 20 == 0)[:, None]
-    )
-    for tipless in (clean, View(with_outliers, view.sigma_vectors, view.viewpoint)):
+    displaced = with_outliers(bent, view.sigma_vectors)
+    for tipless in (clean, View(displaced, view.sigma_vectors, view.viewpoint)):
         run_method(method, replace(at_rest, view=tipless))
     # A push of two frames; the motor's rotation is of the order of the slope of the bent beam.
     first = replace(at_rest, view=clean, motor_angle=_ROTATION / 2)

@@ -29,33 +29,44 @@ def test_the_synthetic_measurements_are_fitted_plainly_and_robustly(
     assert len(estimates) == 2
 
 
-def test_a_later_start_begins_no_process(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(first_start, "compiled_functions", lambda: {"frame_fit.settle"})
-    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("began a process"))
-    with first_start.fits_compiled_beside(rig):
-        pass
-
-
-def test_a_first_start_waits_for_its_process(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    begun: list[subprocess.Popen[bytes]] = []
+def record_processes(monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
+    """Return the list to which every process is added that is begun from now on."""
+    processes: list[subprocess.Popen[bytes]] = []
     popen = subprocess.Popen
 
     def recorded(*args: object, **options: object) -> object:
-        begun.append(popen(*args, **options))  # type: ignore[call-overload]
-        return begun[-1]
+        processes.append(popen(*args, **options))  # type: ignore[call-overload]
+        return processes[-1]
 
-    monkeypatch.setattr(first_start, "compiled_functions", set)
     monkeypatch.setattr(subprocess, "Popen", recorded)
+    return processes
+
+
+@pytest.mark.parametrize("compiled", [{"frame_fit.settle"}, None])
+def test_where_the_fits_are_compiled_or_elsewhere_no_process_is_begun(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, compiled: set[str] | None
+) -> None:
+    begun = record_processes(monkeypatch)
+    monkeypatch.setattr(first_start, "compiled_functions", lambda: compiled)
+    with first_start.fits_compiled_beside(rig):
+        assert begun == []
+
+
+def test_a_first_start_waits_for_its_process(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = record_processes(monkeypatch)
+    monkeypatch.setattr(first_start, "compiled_functions", set)
     with first_start.fits_compiled_beside(rig):
         assert begun[0].returncode is None
     assert begun[0].returncode == 0  # it has found the modules and fitted
 
 
 def test_a_process_that_fails_costs_only_time(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = record_processes(monkeypatch)
     monkeypatch.setattr(first_start, "compiled_functions", set)
     monkeypatch.setattr(first_start, "_CHILD", "raise SystemExit(3)")
     with first_start.fits_compiled_beside(rig):
         pass
+    assert [process.returncode for process in ended] == [3]
 
 
 def test_an_error_of_the_block_ends_the_process(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,10 +67,10 @@ def check_camera(
     ), calibration
 
 
-def compare(calibration: Calibration, true: Camera, told: Rig) -> list[Check]:
+def compare(calibration: Calibration, true: Camera, nominal: Rig) -> list[Check]:
     """Compare a calibration with the true camera, whose board is where the rig states it."""
     estimated = calibration.camera
-    points = _field(true, told.beam.length)
+    points = _field(true, nominal.beam.length)
     estimates, _ = on_plane(estimated, true.project(points), np.zeros((len(points), 2)))
     max_distance = float(np.linalg.norm(estimates - points[:, :2], axis=1).max())
     scale_error = abs(estimated.fx / true.fx - 1)
@@ -79,7 +79,7 @@ def compare(calibration: Calibration, true: Camera, told: Rig) -> list[Check]:
         return [*checks, Check("magnification", scale_error / PERCENT, FOCAL_LENGTH_PCT, "%")]
     allowed = PRINCIPAL_POINT_DISTORTED_PX if true.distortion else PRINCIPAL_POINT_PX
     shift = float(np.hypot(estimated.cx - true.cx, estimated.cy - true.cy))
-    board = told.antenna_from_board
+    board = nominal.antenna_from_board
     sigmas = _pose_sigmas(calibration, true.camera_from_antenna @ board, board)
     return [
         *checks,

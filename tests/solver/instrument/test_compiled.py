@@ -81,4 +81,10 @@ def test_the_syntax_trees_of_known_bytes_are_not_read_again(
 
 def test_the_functions_on_the_disk_are_listed() -> None:
     assert whitening(np.eye(2)) == pytest.approx(np.eye(2))
-    assert "small_matrices.whitening" in compiled.compiled_functions()
+    assert "small_matrices.whitening" in (compiled.compiled_functions() or ())
+
+
+def test_functions_that_are_kept_elsewhere_are_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "_CHOSEN", "")
+    monkeypatch.setattr(compiled, "_folder", lambda _package: "")
+    assert compiled.compiled_functions() is None

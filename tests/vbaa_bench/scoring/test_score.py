@@ -242,7 +242,7 @@ def user_methods(results: Results, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def messages_of_failures(results: Results, method: str, failures: int) -> list[str]:
-    """Run a method that fails on so many of the four frames, score it, and return its messages."""
+    """Run a method that fails on some of the four frames, score it, and return its messages."""
     out = results.predictions / "mine.csv"
     solve(results.dataset, method, out, 1)
     scored = score(results, {"mine": out})["methods"]["mine"]
