@@ -18,7 +18,7 @@ from solver.methods.exact_fit import exact_fit
 # Displacement of outliers: every fit rejects them, and succeeds with the other points.
 _OUTLIER_SIGMAS = 60.0
 # The function of the fits that is compiled last.
-_LAST_OF_FITS = "frame_fit.settle"
+_LAST_OF_FITS = "frame_fit._mark_inliers"
 # The process finds the modules where this one does.
 _CHILD = """
 import json, pickle, sys

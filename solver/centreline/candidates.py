@@ -123,7 +123,10 @@ def _slot(strengths: Floats, count: int, strength: float) -> int:
     """Choose a candidate's slot: a free one, or the weakest's if weaker; else MOST (no slot)."""
     if count < MAX_PER_LINE:
         return count
-    weakest = int(np.argmin(strengths))
+    weakest = 0
+    for k in range(1, len(strengths)):
+        if strengths[k] < strengths[weakest]:
+            weakest = k
     return weakest if strengths[weakest] < strength else MAX_PER_LINE
 
 

@@ -58,7 +58,8 @@ def find_path(
     lines = _scan_lines(guide, image.shape)
     core = max(2, round(2 * guide.radius_px))
     detections = candidates(image, lines, guide.scans_columns, core, polarity, noise)
-    places = guide.places(detections[:, :2] if guide.scans_columns else detections[:, 1::-1])
+    pixels = detections[:, :2] if guide.scans_columns else detections[:, 1::-1]
+    places = guide.places(np.ascontiguousarray(pixels))
     tolerance = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
     distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
     path = _path(places, detections[:, 0], detections[:, 2], guide, distances, tolerance, max_tilt)

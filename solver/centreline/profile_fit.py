@@ -77,8 +77,8 @@ def fit_profiles(
 
 
 # Rows of a pixel column's linear model: the background (1, x), the profile, its derivative by the
-# centre, and the gray values themselves.
-GROUND, TILT, SHAPE, MOVE, GRAY = range(5)
+# centre, and the gray values themselves. Numpy scalars are compiled once, literals anew.
+GROUND, TILT, SHAPE, MOVE, GRAY = np.arange(5)
 
 
 @njit
@@ -113,7 +113,8 @@ def _fit(
                     dark, per_gray, full_scale, rows, weight, gram, row,
                 )  # fmt: skip
                 row[6] = used - 4
-        out[:, i] = row
+        for field in range(len(row)):
+            out[field, i] = row[field]
     return out
 
 
@@ -199,7 +200,7 @@ def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
 
 
 @njit
-def _eliminate(gram: Floats, row: int) -> None:
+def _eliminate(gram: Floats, row: np.int64) -> None:
     """Eliminate the `row` from all later rows of the Gram matrix (lower triangle)."""
     for a in range(row + 1, 5):
         factor = gram[a, row] / gram[row, row]

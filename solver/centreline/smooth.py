@@ -37,13 +37,15 @@ def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: flo
     empty = np.empty(0)
     known_x, known_y, known_sigma = np.empty(len(x)), np.empty(len(x)), np.empty(len(x))
     low, high, count = np.inf, -np.inf, 0
+    lowest, highest = np.inf, -np.inf
     for i in range(len(x)):
+        lowest, highest = min(lowest, x[i]), max(highest, x[i])
         if np.isfinite(sigma[i]):
             known_x[count], known_y[count], known_sigma[count] = x[i], y[i], sigma[i]
             low, high, count = min(low, x[i]), max(high, x[i]), count + 1
     if count < FEWEST or high <= low:
         return empty
-    span = (high - low) / max(x.max() - x.min(), 1e-300)
+    span = (high - low) / max(highest - lowest, 1e-300)
     max_degree = 7 if span > 0.6 else 5 if span > 0.3 else 3 if span > 0.1 else 1
     terms = min(degree, max_degree, count // 4) + 1
     basis = _chebyshev(known_x[:count], low, high, terms)

@@ -41,6 +41,10 @@ class Stations:
         return _pixels(np.zeros(n, np.int64), self.upright, np.ones(n))
 
 
+# A numpy scalar is compiled once, a literal anew.
+_FIRST: Any = np.int64(0)
+
+
 def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
     """Compute the stations along a path of pixels (m, 2), within an image of `shape`."""
     return Stations(*_stations(path, shape[0], shape[1]))
@@ -63,7 +67,7 @@ def _stations(path: Floats, height: int, width: int) -> Any:
         distance[k] = distance[k - 1] + np.hypot(step[0], step[1])
     # Upper bound: a station for every pixel of the path, and one more for every corner.
     out = np.empty((6, int(distance[-1]) + 2 * len(path)))
-    count = first = 0
+    count, first = _FIRST, 0
     # Segments with columns only or rows only; a path is smooth, so it has few.
     while first < len(path) - 1:
         upright = _flat(path, first)

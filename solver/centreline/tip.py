@@ -107,10 +107,13 @@ def find_tip(
 @njit
 def _fit_line(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
     """Fit a straight line to points; return its slope and its level at x = 0."""
-    x_mean, y_mean = x.mean(), y.mean()
-    dx = x - x_mean
-    slope = (dx * (y - y_mean)).sum() / (dx * dx).sum()
-    return slope, y_mean - slope * x_mean
+    x_mean = y_mean = 0.0
+    for i in range(len(x)):
+        x_mean, y_mean = x_mean + x[i] / len(x), y_mean + y[i] / len(x)
+    xx = xy = 0.0
+    for i in range(len(x)):
+        xx, xy = xx + (x[i] - x_mean) ** 2, xy + (x[i] - x_mean) * (y[i] - y_mean)
+    return xy / xx, y_mean - xy / xx * x_mean
 
 
 @njit

@@ -83,7 +83,6 @@ def no_contact(bend: Bend) -> Estimate | None:
     return None
 
 
-@njit
 def _fit_bend(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -242,9 +241,10 @@ def _refine(
     """
     k, amplitude, _, offset, tilt = best
     x_c = (k + 1) / DISTANCES
-    weight = 1 / sigma
     rows, normal, rhs = np.empty((4, len(x))), np.empty((4, 4)), np.empty(4)
-    rows[2], rows[3] = weight, x * weight
+    for i in range(len(x)):
+        rows[2, i], rows[3, i] = 1 / sigma[i], x[i] / sigma[i]
+    weight = rows[2]
     minimum, min_residual, min_cost = (x_c, amplitude, offset, tilt), np.zeros(len(x)), np.inf
     for _ in range(STEPS + 1):
         residual = np.empty(len(x))

@@ -8,6 +8,7 @@ exact beams through a few points each (MSAC; Torr and Zisserman 2000), which is 
 that agree with one another.
 """
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +27,7 @@ from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
 from solver.fitting.robust import CUT, VARIANCE_FACTOR, scale
 from solver.fitting.starts import consensus
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
+from solver.instrument.compiled import interpreted, njit
 
 # The largest of 500 residuals of white noise exceeds this in one frame of 3500; six sigmas of
 # chi2 (see `settle`) detect a run of outliers that has biased the least-squares fit.
@@ -42,7 +43,7 @@ _PLANAR, _WEIGHTED = np.bool_(False), np.bool_(True)
 STATUS, CHI2, KEPT, ITERATIONS, WIDENING = range(5)
 
 
-@njit(inline="always")
+@interpreted
 def _minimise_tukey(
     p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
 ) -> Any:
@@ -57,7 +58,7 @@ def _minimise_tukey(
     return status, cost, total + iterations
 
 
-@njit(inline="always")
+@interpreted
 def _minimise_both(
     p: Floats, second_p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats
 ) -> Any:
@@ -73,7 +74,7 @@ def _minimise_both(
     return status, first_iterations + iterations
 
 
-@njit
+@interpreted
 def settle(
     p: Floats,
     problem: Any,
@@ -96,11 +97,9 @@ def settle(
         p, problem, free, np.inf, _FINAL_ITERATIONS, work, covariance
     )
     inliers[:] = True
-    suspicious = 0
-    for i in range(residual.size):
-        suspicious += abs(residual[i]) > SUSPICIOUS
     dof = max(len(residual) - 2, 1)
-    if suspicious > 0 or chi2 > dof * (1 + 6 * np.sqrt(2 / dof)) or status == STOPPED:
+    limit = dof * (1 + 6 * math.sqrt(2 / dof))
+    if chi2 > limit or status == STOPPED or np.abs(residual).max() > SUSPICIOUS:
         # Use the stated sigmas; larger ones only if most of the inliers' residuals require it.
         cut = CUT
         second_start = p.copy()
@@ -123,7 +122,7 @@ def settle(
     summary[WIDENING] = _variance_inflation(residual, chi2)
 
 
-@njit(inline="always")
+@njit
 def _mark_inliers(
     p: Floats, problem: Any, free: Any, cut: float, work: Any, covariance: Floats, inliers: Any
 ) -> float:

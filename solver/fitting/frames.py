@@ -144,48 +144,42 @@ def _values(
     handedness: int,
     plane: float,
     world_camera: bool,
+    scratch: Floats,
     out: Floats,
 ) -> None:
-    """Write the values of NAMES to `out`."""
+    """Write the values of NAMES to `out`; `scratch` is (3, 3)."""
     x, y, force, theta, psi, tilt = v[X_C], v[Y_C], v[FORCE], v[THETA], v[PSI], v[TILT]
     direction = theta + v[LEAN]
     across, along = force * math.cos(direction), -force * math.sin(direction)
     cosine, sine = math.cos(psi), math.sin(psi)
+    # A camera fixed in the world observes Sigma_o; Sigma_a has turned.
+    angle = handedness * tilt if world_camera else v[ANGLE]
+    turn = -angle if world_camera else 0.0
     shift, rotation = v[CONTACT : CONTACT + 3], v[CONTACT + 3 :]
     # Vectors from the clamp, in Sigma_a as given by the board.
-    contact_vector = _to_antenna(
-        antenna_from_beam, rotation, _rotated(tilt, (x, y * cosine, y * sine))
+    vectors = (
+        (x, y * cosine, y * sine),  # to the contact
+        (along, across * cosine, across * sine),  # the force
+        (0.0, y * cosine, y * sine),  # the displacement
     )
-    force_vector = _to_antenna(
-        antenna_from_beam, rotation, _rotated(tilt, (along, across * cosine, across * sine))
-    )
-    displacement = _to_antenna(
-        antenna_from_beam, rotation, _rotated(tilt, (0.0, y * cosine, y * sine))
-    )
+    for k in range(3):
+        vector = _to_antenna(antenna_from_beam, rotation, _rotated(tilt, vectors[k]))
+        vector = _rotated(turn, vector)
+        scratch[k, 0], scratch[k, 1], scratch[k, 2] = vector
+    contact, force_vector, displacement = scratch[0], scratch[1], scratch[2]
+    world_contact = _rotated(angle, (contact[0], contact[1], contact[2]))
     clamp_offset = _to_antenna(antenna_from_beam, rotation, (v[DX], v[DY], 0.0))
     origin, board_middle = antenna_from_beam[:3, 3], antenna_from_board[:3, 3]
     clamp_shift = _cross(
         rotation,
         (origin[0] - board_middle[0], origin[1] - board_middle[1], origin[2] - board_middle[2]),
     )
-    angle = v[ANGLE]
-    if world_camera:  # the camera observes Sigma_o; Sigma_a has turned
-        angle = handedness * tilt
-        contact_vector, force_vector, displacement = (
-            _rotated(-angle, contact_vector),
-            _rotated(-angle, force_vector),
-            _rotated(-angle, displacement),
-        )
-    world_contact = _rotated(angle, contact_vector)
     out[0], out[1], out[2], out[3], out[4], out[5] = x, y, v[S_C], force, across, theta
     out[6] = handedness * (plane + psi)
     for i in range(3):
         clamp = origin[i] + clamp_offset[i] + shift[i] + clamp_shift[i]
-        out[7 + i], out[10 + i], out[13 + i] = (
-            clamp + contact_vector[i],
-            clamp + world_contact[i],
-            force_vector[i],
-        )
+        out[7 + i], out[10 + i] = clamp + contact[i], clamp + world_contact[i]
+        out[13 + i] = force_vector[i]
     out[16], out[17], out[18] = displacement[1], displacement[2], angle
 
 
@@ -204,25 +198,23 @@ def _with_jacobian(
     The Jacobians are central differences, with a relative error of 1e-10.
     """
     inputs, steps = np.zeros(CONTACT + _POSE_ERRORS), np.ones(CONTACT + _POSE_ERRORS)
-    inputs[:CONTACT] = contact
+    for j in range(CONTACT):
+        inputs[j] = contact[j]
     for j in (X_C, Y_C, S_C, DX, DY, CONTACT, CONTACT + 1, CONTACT + 2):
         steps[j] = length
     steps[FORCE] = max(contact[FORCE], 1e-300)
-    steps *= 1e-5
-    n = len(NAMES)
-    values, ahead, behind = np.empty(n), np.empty(n), np.empty(n)
-    _values(inputs, antenna_from_beam, antenna_from_board, handedness, plane, world_camera, values)
-    jacobian = np.empty((n, len(inputs)))
+    n, scratch = len(NAMES), np.empty((3, 3))
+    # The values at the inputs, ahead of and behind them.
+    values, jacobian = np.empty((3, n)), np.empty((n, len(inputs)))
     for j in range(len(inputs)):
-        centre = inputs[j]
-        inputs[j] = centre + steps[j]
-        _values(
-            inputs, antenna_from_beam, antenna_from_board, handedness, plane, world_camera, ahead
-        )
-        inputs[j] = centre - steps[j]
-        _values(
-            inputs, antenna_from_beam, antenna_from_board, handedness, plane, world_camera, behind
-        )
+        centre, step = inputs[j], 1e-5 * steps[j]
+        for side in range(3):
+            inputs[j] = centre + (0.0, step, -step)[side]
+            _values(
+                inputs, antenna_from_beam, antenna_from_board, handedness, plane, world_camera,
+                scratch, values[side],
+            )  # fmt: skip
         inputs[j] = centre
-        jacobian[:, j] = (ahead - behind) / (2 * steps[j])
-    return values, jacobian[:, :CONTACT], jacobian[:, CONTACT:]
+        for i in range(n):
+            jacobian[i, j] = (values[1, i] - values[2, i]) / (2 * step)
+    return values[0], jacobian[:, :CONTACT], jacobian[:, CONTACT:]

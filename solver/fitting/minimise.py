@@ -115,6 +115,13 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
 
 
 @njit
+def _copy(source: Floats, target: Floats) -> None:
+    # Assignment to a slice would compile numba's message for arrays of unequal length: 2 s.
+    for a in range(PARAMETERS):
+        target[a] = source[a]
+
+
+@njit
 def _take_step(p: Floats, step: Floats, fraction: float, views: Floats, target: Floats) -> None:
     """Write p plus a fraction of the step to `target`.
 
@@ -177,7 +184,7 @@ def minimise(
         if fraction == 1.0 and last:
             _take_step(p, step, fraction, views, trial)
             if is_feasible(trial, points, bounds, views):
-                p[:] = trial
+                _copy(trial, p)
             return CONVERGED, chi2 - length2, iteration
         accepted = False
         for _ in range(10):
@@ -192,6 +199,6 @@ def minimise(
         if not accepted:
             chi2 = linearise(p, problem, free, cut, work, normal, gradient)
             return STOPPED, chi2, iteration
-        p[:] = trial
+        _copy(trial, p)
         chi2 = trial_chi2
     return STOPPED, chi2, iteration

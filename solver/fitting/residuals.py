@@ -196,21 +196,21 @@ def _points(
     for view in range(len(views)):
         first, last = bounds[view], bounds[view + 1]
         start, end = first - bounds[0], last - bounds[0]
+        mx, my = points[X, first:last], points[Y, first:last]
+        sx, sy = points[SIGMA_X, first:last], points[SIGMA_Y, first:last]
+        out, by_q = residual[start:end], jacobian[Q, start:end]
+        by_lever, by_psi = jacobian[LEVER, start:end], jacobian[PSI, start:end]
+        by_tilt = jacobian[TILT, start:end]
+        by_dx, by_dy = jacobian[DX, start:end], jacobian[DY, start:end]
         if gentle:
             _points_of_view(
-                p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
-                points[SIGMA_Y, first:last], views[view],
-                BEND_GENTLE, GENTLE, residual[start:end], jacobian[Q, start:end],
-                jacobian[LEVER, start:end], jacobian[PSI, start:end], jacobian[DX, start:end],
-                jacobian[DY, start:end], jacobian[TILT, start:end],
+                p, mx, my, sx, sy, views[view], BEND_GENTLE, GENTLE,
+                out, by_q, by_lever, by_psi, by_dx, by_dy, by_tilt,
             )  # fmt: skip
         else:
             _points_of_view(
-                p, points[X, first:last], points[Y, first:last], points[SIGMA_X, first:last],
-                points[SIGMA_Y, first:last], views[view],
-                BEND_STEEP, STEEP, residual[start:end], jacobian[Q, start:end],
-                jacobian[LEVER, start:end], jacobian[PSI, start:end], jacobian[DX, start:end],
-                jacobian[DY, start:end], jacobian[TILT, start:end],
+                p, mx, my, sx, sy, views[view], BEND_STEEP, STEEP,
+                out, by_q, by_lever, by_psi, by_dx, by_dy, by_tilt,
             )  # fmt: skip
 
 

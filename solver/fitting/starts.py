@@ -22,7 +22,7 @@ from solver.fitting.residuals import (
     point_residuals,
 )
 from solver.instrument.arrays import Floats
-from solver.instrument.compiled import njit
+from solver.instrument.compiled import interpreted, njit
 from solver.instrument.dot_products import FAST
 
 _START_POINTS: Final = 32
@@ -111,7 +111,7 @@ def workspace(n: int) -> Any:
     return np.empty(n), np.empty((6, n)), np.ones(n), np.empty(n)
 
 
-@njit
+@interpreted
 def initial_estimate(problem: Any, free: Any, tilt_variance: float, psi: float, p: Floats) -> bool:
     """Compute a start from equally spaced points and refine it by least squares on them.
 
@@ -176,5 +176,6 @@ def consensus(
             cost += min(r * r, cut * cut)
         if cost < best:
             best = cost
-            p[:] = trial
+            for a in range(PARAMETERS):
+                p[a] = trial[a]
     return best < np.inf

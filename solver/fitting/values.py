@@ -71,10 +71,12 @@ def _contact(quantities: Floats, shape: Floats, flexural_rigidity: float) -> tup
     by_shape = np.zeros((frames.CONTACT, len(SHAPE)))
     for i, row in enumerate(_CONTACT_ROWS):
         contact[row] = quantities[i, 0]
-        by_shape[row, 0], by_shape[row, 1], by_shape[row, _GRIP] = quantities[i, 1:]
+        for k, column in enumerate((0, 1, _GRIP)):
+            by_shape[row, column] = quantities[i, 1 + k]
     rigidity = flexural_rigidity * (1 + shape[_EI])
     contact[frames.FORCE] *= rigidity
-    by_shape[frames.FORCE] *= rigidity
+    for k in range(len(SHAPE)):
+        by_shape[frames.FORCE, k] *= rigidity
     # By similarity: lengths grow with the scale, the force falls with its square.
     for row in _LENGTHS:
         by_shape[row, _SCALE] = contact[row]

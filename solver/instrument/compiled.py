@@ -12,9 +12,10 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, TypeVar, overload
+from typing import Any, Final, TypeVar, cast, overload
 
 import numba
+import numba.extending
 
 from solver.instrument.files import write_bytes
 from solver.instrument.syntax import syntax_digests
@@ -44,6 +45,15 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     _SETTINGS["CACHE_DIR"] = _CHOSEN or (_folder(Path(package).parent) if package else "")
     options |= {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     return compiler(function, **options)
+
+
+def interpreted(function: F) -> F:
+    """Run a function in Python, and compile it as a part of compiled functions that call it.
+
+    This is for functions that mostly call others: compiling them takes longest, and saves least.
+    """
+    register: Any = numba.extending.register_jitable
+    return cast(F, register(function))
 
 
 @functools.cache

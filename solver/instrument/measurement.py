@@ -137,5 +137,6 @@ def _positive_definite(matrix: Floats) -> bool:
         if not left[k, k] > 0:
             return False
         for i in range(k + 1, len(left)):
-            left[i, k + 1 :] -= left[i, k] / left[k, k] * left[k, k + 1 :]
+            for j in range(k + 1, len(left)):
+                left[i, j] -= left[i, k] / left[k, k] * left[k, j]
     return True
