@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from solver.at_rest.thresholds import LIMITS
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
@@ -27,28 +28,11 @@ MAX_LANDMARKS = 1000
 PROCESSED_ERROR = 1.0
 # Blur [px] of the image before its gradients are computed, to reduce their noise; chosen.
 BLUR_PX = 0.7
-# Threshold of a landmark's gradient, per pixel, in sigmas of the noise.
-MIN_GRADIENT = 3.0
 # Largest shift searched [px], and the margin at the image's border that such a shift may push out
 # of it.
 FARTHEST = 6
-# Shadows and reflections move edges by about this much without any motion [px]; chosen, a tenth of
-# the half pixel to be detected.
-STEADINESS_PX = 0.05
-# chi^2 of a shift (du, dv) as unlikely by chance as three sigmas of one normal variable.
-MOVED_CHI2 = 11.83
-# Largest sigma [px] of a shift, in every direction, at which half a pixel is detected.
-MAX_KNOWN_SIGMA_PX = 0.1
 # Largest sigma [px] at which a shift is measured: three sigmas are within the search range.
 MAX_MEASURED_SIGMA_PX = FARTHEST / 3
-# Threshold of the residuals over the noise, which allows for compression and changed light; above
-# it the pixels are not those of the rest images. Chosen.
-MOST_SCATTER = 4.0
-# Least fraction of landmarks that agree on the shift. With a chequered ground that turns below the
-# camera, half of them agree with any shift; measured.
-LEAST_SHARE = 0.75
-# Largest change of the light; an object that covers the landmarks lacks their edges. Chosen.
-MOST_GAIN = 2.0
 STEPS = 8
 # Rows and columns of a block, a macroblock of video. Where an image differs from the rest images by
 # more than noise, through compression or light, the errors of a block are correlated.
@@ -66,11 +50,11 @@ class Shift(NamedTuple):
 
     def exceeds(self, sigma_px: float) -> bool:
         """Return whether the shift exceeds three sigmas, where shifts of `sigma_px` are usual."""
-        usual_variance = STEADINESS_PX**2 + sigma_px**2
+        usual_variance = LIMITS.steadiness_px**2 + sigma_px**2
         uu, vv = self.uu + usual_variance, self.vv + usual_variance
         # Squared Mahalanobis distance, with the inverse of the covariance written out.
         distance2 = vv * self.du**2 - 2 * self.uv * self.du * self.dv + uu * self.dv**2
-        return distance2 > MOVED_CHI2 * (uu * vv - self.uv**2)
+        return distance2 > LIMITS.moved_chi2 * (uu * vv - self.uv**2)
 
 
 class Pixels(NamedTuple):
@@ -111,7 +95,7 @@ class Landmarks:
     @property
     def known(self) -> bool:
         """Whether a shift of half a pixel in any direction would be detected."""
-        return self.shift_sigma < MAX_KNOWN_SIGMA_PX
+        return self.shift_sigma < LIMITS.known_sigma_px
 
     @cached_property
     def shift_sigma(self) -> float:
@@ -137,7 +121,7 @@ class Landmarks:
         if self.shift_sigma > MAX_MEASURED_SIGMA_PX:
             return None
         match = _shift(image, self.pixels)
-        if not (match.agreeing >= LEAST_SHARE and match.scatter <= MOST_SCATTER):
+        if not (match.agreeing >= LIMITS.min_share and match.scatter <= LIMITS.max_scatter):
             return None
         # The median of n independent |x| exceeds this by chance in one image of a thousand.
         usual_scatter = 1 + 3.1 * 1.17 / math.sqrt(len(self.pixels.rows))
@@ -178,7 +162,7 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     cv2.polylines(usable, [path], isClosed=False, color=0, thickness=max(math.ceil(width), 1))
     strength = np.where(usable, np.hypot(along_u, along_v) / sigma, 0.0).ravel()
     strongest = np.argsort(strength)[::-1][:MAX_LANDMARKS]
-    selected = np.sort(strongest[strength[strongest] > MIN_GRADIENT])
+    selected = np.sort(strongest[strength[strongest] > LIMITS.min_gradient])
     rows, columns = np.divmod(selected, mean.shape[1])
     pixels = Pixels(
         rows,
@@ -202,7 +186,7 @@ def _noise_gain() -> float:
 def _shift(image: Grey, pixels: Pixels) -> _Match:
     """Measure the shift of an image (height, width), coarsely first if it is large."""
     match = _refined(image, pixels, 0.0, 0.0)
-    if match.agreeing >= LEAST_SHARE and match.scatter <= MOST_SCATTER:
+    if match.agreeing >= LIMITS.min_share and match.scatter <= LIMITS.max_scatter:
         return match
     # At large shifts the edges no longer overlap: the best whole pixel is searched first.
     rows, columns, gray, _, _, sigma = pixels
@@ -279,7 +263,7 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
             return unknown
         if abs(right[0]) + abs(right[1]) < 1e-3:
             break
-    if not 1 / MOST_GAIN < gain < MOST_GAIN:
+    if not 1 / LIMITS.max_gain < gain < LIMITS.max_gain:
         return unknown
     agreeing = 0
     for i in range(n):

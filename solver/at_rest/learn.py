@@ -12,6 +12,7 @@ import numpy as np
 
 from solver.at_rest.landmarks import Landmarks, learn_landmarks
 from solver.at_rest.pose import Rest, disagreements, learn_rest
+from solver.at_rest.thresholds import LIMITS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, Extractor
 from solver.centreline.extractor import BeamExtractor
@@ -25,15 +26,10 @@ from solver.instrument.units import DEGREE
 # Learns a beam extractor from images of the beam at rest.
 Learn = Callable[[Sequence[Grey], Guide], Extractor]
 
-# Largest difference [px] among rest images: half of the motion to be detected.
-MAX_DISAGREEMENT_PX = 0.25
 # Margin [px] beside the beam without landmarks, for its immediate shadow.
 BESIDE_PX = 3.0
 # End of the beam's path for the landmarks, beyond its tip, over its length.
 BEYOND_TIP = 1.08
-# Largest angle [rad] between the beam and the rig's x axis: the search covers 0.12 rad, and a bow
-# adds to that.
-MAX_MISALIGNMENT = 0.17
 
 
 @dataclass(frozen=True)
@@ -75,7 +71,7 @@ def learn_at_rest(
     else:
         used, outliers = distinct, ()
     largest = float(deviations.max(initial=0.0))
-    if largest > MAX_DISAGREEMENT_PX:
+    if largest > LIMITS.max_disagreement_px:
         raise _motion_error(largest)
     noise = estimate_noise(used)
     rest = learn_rest(lines, calibration, rig)
@@ -103,10 +99,10 @@ def _check_direction(
     """Reject a beam that does not run from the rig's clamp along its x axis. Raises InputError."""
     key = "board.antenna_from_board_rotation_vector_deg"
     angle = math.atan(rest.slope)
-    if abs(angle) > MAX_MISALIGNMENT and rig.camera_mount == "antenna":
+    if abs(angle) > LIMITS.max_misalignment and rig.camera_mount == "antenna":
         raise InputError(
             f"the beam at rest is at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
-            f"are {MAX_MISALIGNMENT / DEGREE:.0f}: correct the third number of {key}"
+            f"are {LIMITS.max_misalignment / DEGREE:.0f}: correct the third number of {key}"
         )
     if line.tip is None and isinstance(extract, BeamExtractor):
         reversed_extract = replace(extract, guide=extract.guide.turned_about())
@@ -138,7 +134,7 @@ def _learn_extractor(
         if len(images) > 1:
             single = learn(images[:1], guide)
             largest = float(disagreements([single(image) for image in images]).max(initial=0.0))
-            if largest > MAX_DISAGREEMENT_PX:
+            if largest > LIMITS.max_disagreement_px:
                 raise _motion_error(largest) from None
         raise
     return extract, [extract(image) for image in images]

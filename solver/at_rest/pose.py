@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solver.at_rest.thresholds import LIMITS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
 from solver.centreline.smooth import LAG
@@ -22,9 +23,6 @@ from solver.instrument.rig import Rig
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
 
-MIN_POINTS = 10
-# A bow is accepted if its three coefficients decrease chi^2 by this much.
-MIN_BOW_CHI2 = 30.0
 # Largest error [px] of a centre that processing shifts to the middle of its pixel row: a larger bow
 # is not an effect of the pixel grid.
 MAX_GRID_ERROR_PX = 0.5
@@ -32,9 +30,6 @@ MAX_GRID_ERROR_PX = 0.5
 # are more independent errors than coefficients: five of the bow and two per harmonic.
 HARMONICS = 2
 GRID_COEFFICIENTS = 5 + 2 * HARMONICS
-# An image differs from the others if it exceeds both thresholds: chi^2 for four coefficients, by
-# chance once in a million; and pixels: compressed images differ by less without motion; chosen.
-MIN_DISAGREEMENT_CHI2, MIN_DISAGREEMENT_PX = 33.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -103,9 +98,10 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     """
     mean = _mean_line(lines, calibration)
     points = correct_for_sag(mean.points, calibration.camera.viewpoint, rig)
-    if len(points) < MIN_POINTS:
+    if len(points) < LIMITS.min_points:
         raise InputError(
-            f"the rest images show {len(points)} columns of the beam, needed are {MIN_POINTS}"
+            f"the rest images show {len(points)} columns of the beam, "
+            f"needed are {LIMITS.min_points}"
         )
     length = rig.beam.length
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
@@ -118,9 +114,9 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     covariance[:2, :2] = straight.covariance
     # Both fits are compared by the scatter about the curve, which fits the beam in either case.
     gain = straight.chi2 - bowed.chi2
-    if len(points) > 50 and gain > MIN_BOW_CHI2 * bowed.scatter:
+    if len(points) > 50 and gain > LIMITS.bow_chi2 * bowed.scatter:
         bend = float(np.abs(curve @ (c - s)).max())
-        if gain > MIN_BOW_CHI2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
+        if gain > LIMITS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
         # Uniform from straight to fully bowed: the second moment about zero.
         covariance += np.outer(c - s, c - s) / 3
@@ -136,7 +132,7 @@ def disagreements(lines: Sequence[Centreline]) -> Floats:
     deviations = np.zeros(len(lines))
     centre_by_key = [dict(zip(_keys(line), _centres(line), strict=True)) for line in lines]
     keys = sorted(set.intersection(*map(set, centre_by_key)))
-    if len(keys) < MIN_POINTS:
+    if len(keys) < LIMITS.min_points:
         return deviations
     centre = np.array([[centres[key] for key in keys] for centres in centre_by_key])
     shape = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, len(keys)), 3)
@@ -145,7 +141,10 @@ def disagreements(lines: Sequence[Centreline]) -> Floats:
         residual = difference - smooth
         variance = max(float(np.mean(residual**2)), 1e-12) * correlation_length(residual)
         largest = float(np.abs(smooth).max())
-        if smooth @ smooth / variance > MIN_DISAGREEMENT_CHI2 and largest > MIN_DISAGREEMENT_PX:
+        if (
+            smooth @ smooth / variance > LIMITS.disagreement_chi2
+            and largest > LIMITS.disagreement_px
+        ):
             deviations[i] = largest
     return deviations
 

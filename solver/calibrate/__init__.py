@@ -18,16 +18,14 @@ from solver.calibrate.pinhole import pinhole
 from solver.calibrate.plane_alone import plane_alone
 from solver.calibrate.saddles import charuco, chessboard
 from solver.calibrate.telecentric import telecentric
+from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Grey
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 
-# Fewest points of a target that may be partly visible, in at least three rows and columns.
-MIN_POINTS = 12
-# Number of points along the beam at rest, and the least fraction of them that the camera shows; at
-# least one must be in the image. Chosen: no method gives an estimate from less than half of a beam.
-_BEAM_SAMPLES, _MIN_VISIBLE = 20, 0.5
+# Number of points along the beam at rest whose visibility is tested.
+_BEAM_SAMPLES = 20
 
 
 @contextmanager
@@ -86,7 +84,7 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
     points = rig.base_position + offsets
     visible = calibration.camera.shows(points)
     in_image = np.abs(calibration.camera.project(points[visible]) / [width, height] - 0.5) < 0.5
-    if np.mean(visible) < _MIN_VISIBLE or not in_image.all(axis=1).any():
+    if np.mean(visible) < LIMITS.min_visible or not in_image.all(axis=1).any():
         raise InputError(
             "the calibrated camera does not show the beam: it is behind the camera, beside the "
             "image or where the distortion is not one-to-one; check base.position_mm, "
@@ -107,7 +105,9 @@ def detect_board(view: Grey, board: Board) -> BoardDetection | None:
         detection = line_network(view, board)
     elif isinstance(board, Chessboard):
         detection = chessboard(view, board)
-    if detection is None or len(detection) < min(MIN_POINTS, board.columns * board.rows):
+    if detection is None or len(detection) < min(
+        LIMITS.min_target_points, board.columns * board.rows
+    ):
         return None
     row, column = np.divmod(detection.numbers, board.columns)
     return detection if min(len(np.unique(row)), len(np.unique(column))) >= 3 else None

@@ -7,13 +7,10 @@ import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
+from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
-# Largest distance of a crossing from its expected pixel, over the distance to its neighbour.
-_MAX_DEVIATION: Final = 0.25
 _START_COUNT: Final = 5
-# Threshold over the typical crossing's response; line ends and dirt respond less.
-_MIN_RESPONSE: Final = 0.3
 
 Node = tuple[int, int]
 Lattice = dict[Node, Floats]
@@ -39,7 +36,7 @@ def crossings(darkness: Floats, scale: float, expected: int) -> Floats:
     if len(strengths) < 4:
         return np.empty((0, 2))
     typical = np.median(np.sort(strengths)[-expected:])
-    v, u = np.nonzero((response == local_max) & (response > _MIN_RESPONSE * typical))
+    v, u = np.nonzero((response == local_max) & (response > LIMITS.min_response * typical))
     return np.column_stack([u, v]).astype(np.float64)
 
 
@@ -77,7 +74,7 @@ def _grow(candidates: Floats, tree: KDTree, start: int) -> Lattice:
                 step = sign * steps[node][axis]
                 neighbour = (node[0] + sign * axis[0], node[1] + sign * axis[1])
                 deviation, nearest = tree.query(nodes[node] + step)
-                is_close = deviation < _MAX_DEVIATION * float(np.linalg.norm(step))
+                is_close = deviation < LIMITS.max_lattice_deviation * float(np.linalg.norm(step))
                 if neighbour in nodes or nearest in used or not is_close:
                     continue
                 nodes[neighbour] = candidates[nearest]

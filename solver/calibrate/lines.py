@@ -10,6 +10,7 @@ from scipy.ndimage import spline_filter
 from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.lattice import Lattice, Node, crossings, lattice
 from solver.calibrate.strokes import Stroke, crossing, stroke
+from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import LineNetwork
 
@@ -18,10 +19,6 @@ BLUR_PX: Final = 1.0
 # Trial fractions of the image's width that the network fills; they give the trial line distances.
 _FILL_FRACTIONS: Final = (1.0, 0.7, 0.5, 0.35)
 _MIN_LINES: Final = 3
-# Threshold of a thick line's width over its neighbours'; it is printed twice as wide.
-_MIN_THICK_RATIO: Final = 1.5
-# Largest distance of a crossing of the curves from its detection, over the lines' distance.
-_MAX_DEVIATION: Final = 0.15
 
 
 def line_network(view: Grey, board: LineNetwork) -> BoardDetection | None:
@@ -53,7 +50,10 @@ def line_network(view: Grey, board: LineNetwork) -> BoardDetection | None:
         pixel = crossing(rows[j].curve, columns[i].curve, approximate)
         margin = min(*pixel, *(np.array([width, height]) - 1 - pixel))
         # Reject a crossing near the image's border, or far from its detection.
-        if margin > max_width and np.linalg.norm(pixel - approximate) < _MAX_DEVIATION * spacing:
+        if (
+            margin > max_width
+            and np.linalg.norm(pixel - approximate) < LIMITS.max_crossing_deviation * spacing
+        ):
             detected[row * board.columns + column] = pixel
     if not detected:
         return None
@@ -112,5 +112,7 @@ def _thick(strokes: dict[int, Stroke]) -> int | None:
         neighbours = [strokes[n].width for n in (number - 1, number + 1) if n in strokes]
         if neighbours:
             ratio[number] = line.width / (sum(neighbours) / len(neighbours))
-    thick = [number for number, width_ratio in ratio.items() if width_ratio > _MIN_THICK_RATIO]
+    thick = [
+        number for number, width_ratio in ratio.items() if width_ratio > LIMITS.min_thick_ratio
+    ]
     return thick[0] if len(thick) == 1 else None

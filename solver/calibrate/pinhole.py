@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 
 from solver.calibrate.board_detection import BoardDetection
 from solver.calibrate.calibration import Calibration
+from solver.calibrate.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.board import Board
 from solver.instrument.camera import Camera
@@ -20,14 +21,11 @@ from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert, rigid
 
-MIN_VIEWS: Final = 3
 _TOLERANCE: Final = 1e-14
 # Prior of the coefficients, which are of the order of one: a coefficient of 1 has the weight of a
 # corner's error of this size. Without it a rational lens's k1 and k4 may diverge together, nearly
 # cancelling each other.
 _PRIOR_PX: Final = 0.02
-# Outlier threshold over the median error; noise alone exceeds it in one point of 100 000.
-_OUTLIER_RATIO: Final = 4.0
 
 
 def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -> Calibration:
@@ -36,9 +34,9 @@ def pinhole(seen: Sequence[BoardDetection], width: int, height: int, rig: Rig) -
     Every point has the same weight; the least squares run in float64 to 14 digits. Raises
     InputError if there are fewer than three views.
     """
-    if len(seen) < MIN_VIEWS:
+    if len(seen) < LIMITS.min_views:
         raise InputError(
-            f"{len(seen)} calibration views show enough of the board, needed are {MIN_VIEWS}"
+            f"{len(seen)} calibration views show enough of the board, needed are {LIMITS.min_views}"
         )
     bundle, fit = _adjust_bundle(rig, seen, width, height)
     inliers = _without_outliers(seen, fit.fun)
@@ -89,7 +87,7 @@ def _without_outliers(
     total = sum(map(len, detections))
     errors = np.linalg.norm(residuals[: 2 * total].reshape(-1, 2), axis=1)
     # At least a hundredth of a pixel: points without noise err by rounding alone.
-    inlier = errors <= _OUTLIER_RATIO * max(float(np.median(errors)), 0.01)
+    inlier = errors <= LIMITS.outlier_ratio * max(float(np.median(errors)), 0.01)
     masks = np.split(inlier, np.cumsum([len(detection) for detection in detections])[:-1])
     return [
         BoardDetection(detection.numbers[mask], detection.pixels[mask])

@@ -20,20 +20,12 @@ from scipy.integrate import solve_bvp
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import least_squares
 
+from solver.calibrate.thresholds import LIMITS
 from solver.fitting.correlation import correlation_length
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 
-MIN_POINTS = 20
-# Largest slope: on a steeper beam, x no longer determines the place, and the weight slides.
-MAX_SLOPE = math.radians(60)
-# Least load over its sigma: a smaller one does not determine EI.
-MIN_SNR = 20.0
-# Largest deviation of the weight's place, and of the clamp's level, from those stated, in sigmas.
-MAX_DEVIATION = 4.0
-# Largest scatter of the points about the fitted beam, in sigmas, for a beam under a hung weight.
-MAX_MISFIT = 3.0
 # Points with a residual above this many sigmas have less weight.
 _ROBUST_SIGMAS = 3.0
 # Bounds of the weight's place in the fit, which keep it on the beam: fractions of the length.
@@ -155,9 +147,9 @@ def flexural_rigidity(
     if not np.abs(unweighted).max() < _NO_SHAPE:
         raise InputError(
             f"no beam of {1e3 * length:g} mm under a weight fits the images: is its slope above "
-            f"{math.degrees(MAX_SLOPE):.0f} deg, or does another force bend it?"
+            f"{math.degrees(LIMITS.max_slope):.0f} deg, or does another force bend it?"
         )
-    if not fit.success or not ratio > MIN_SNR * ratio_sigma:
+    if not fit.success or not ratio > LIMITS.min_load_sigmas * ratio_sigma:
         raise InputError(
             "the weight bends the beam too little to determine EI: use a heavier one or a larger "
             "distance from the clamp"
@@ -195,13 +187,14 @@ def _check_consistency(deviations: Floats, sigmas: Floats, misfit: float) -> Non
     `sigmas` (2,), [m] and [rad]; `misfit` is the points' scatter about the fitted shape.
     """
     place, level = deviations * sigmas
-    if misfit > MAX_MISFIT:
+    if misfit > LIMITS.max_weight_misfit:
         raise InputError(
             f"the points deviate by {misfit:.1f} sigma from the fitted beam, allowed is "
-            f"{MAX_MISFIT:g}: only the weight may bend the beam, and nothing may touch it"
+            f"{LIMITS.max_weight_misfit:g}: only the weight may bend the beam, and nothing "
+            "may touch it"
         )
     largest = int(np.argmax(np.abs(deviations)))
-    if abs(deviations[largest]) <= MAX_DEVIATION:
+    if abs(deviations[largest]) <= LIMITS.max_weight_deviation:
         return
     if largest == 0:
         raise InputError(
@@ -243,7 +236,7 @@ def hung_beam(
     solution = solve_bvp(derivatives, boundary, np.linspace(0, 1, 11), np.zeros((8, 11)), tol=1e-6)
     state = solution.sol(_NODES)
     theta = np.concatenate([state[0], state[1][1:]])
-    if not solution.success or np.abs(theta).max() > MAX_SLOPE:
+    if not solution.success or np.abs(theta).max() > LIMITS.max_slope:
         return None
     x, y = (np.concatenate([part[0], part[1][1:]]) for part in (state[4:6], state[6:8]))
     return CubicHermiteSpline(x, y, np.tan(theta))
@@ -253,9 +246,10 @@ def _pool(measurements: Sequence[Measurement], when: str) -> tuple[Floats, Float
     """Pool the points of several images and their sigma vectors, in order along the beam."""
     points = np.vstack([measurement.points for measurement in measurements])
     sigmas = np.vstack([measurement.sigma_vectors for measurement in measurements])
-    if len(points) < MIN_POINTS:
+    if len(points) < LIMITS.min_weight_points:
         raise InputError(
-            f"the images of the beam {when} show {len(points)} points, needed are {MIN_POINTS}"
+            f"the images of the beam {when} show {len(points)} points, "
+            f"needed are {LIMITS.min_weight_points}"
         )
     order = np.argsort(points[:, 0], kind="stable")
     return points[order], sigmas[order]

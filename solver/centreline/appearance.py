@@ -15,22 +15,17 @@ from solver.centreline.profile import Profile, Section, profile
 from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
 from solver.centreline.smooth import smooth_curve
 from solver.centreline.stations import Stations, stations
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import turn_about_z
 
-# Largest angle [rad] between a mounted beam and the rig's x axis.
-MAX_ASKEW = 0.12
 # Trial widths, times the rig's diameter: a flat strip looks wider than it is thick.
 WIDTHS = (1, 2, 4, 8)
-MIN_STATIONS = 20
 # Start values of the section's search: diameter over the rig's, spread, roundness, skew. A
 # sharpened beam looks narrower than it is, a defocused one wider.
 STARTS = ((1.0, 0.3, 1.0, 0.0), (1.0, 0.8, 0.5, 0.0))
 PROCESSED_STARTS = tuple((scale, *rest) for scale in (0.7, 1.4) for _, *rest in STARTS)
-# Images with a chi^2 per degree of freedom above this are processed; chosen: the section of an
-# unprocessed beam leaves about 1.
-PROCESSED_MISFIT = 2.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     detections = []
     for scale, polarity in product(WIDTHS, (1, -1)):
         wider = replace(guide, radius=scale * guide.radius)
-        path = find_path(image, wider, polarity, noise, MAX_ASKEW, bends=False)
+        path = find_path(image, wider, polarity, noise, LIMITS.max_askew, bends=False)
         if path is not None:
             detections.append((path.contrast * path.support**2, path, polarity, wider))
     if not detections:
@@ -76,9 +71,10 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     _, path, polarity, guide = max(detections, key=lambda detection: detection[0])
     on_beam = path.places[(path.places[:, 0] > 0) & (path.places[:, 0] < 0.98 * guide.length)]
     places = stations(guide.pixels(on_beam), image.shape)
-    if len(places) < MIN_STATIONS:
+    if len(places) < LIMITS.min_stations:
         raise InputError(
-            f"the rest images show {len(places)} columns of the beam, needed are {MIN_STATIONS}"
+            f"the rest images show {len(places)} columns of the beam, "
+            f"needed are {LIMITS.min_stations}"
         )
     slope = float(np.polyfit(on_beam[:, 0], on_beam[:, 1], 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
@@ -102,7 +98,7 @@ class _RestImages:
         """Estimate the section that gives the smoothest centres and the smallest residuals."""
         p = self._best(STARTS, 1.0)
         misfit_unit = self._misfit(p)
-        if misfit_unit > PROCESSED_MISFIT:
+        if misfit_unit > LIMITS.processed_misfit:
             # The noise of processed images is no reference: misfits are scaled by `misfit_unit`.
             p = self._best((*STARTS, *PROCESSED_STARTS), misfit_unit)
         section = self._section(p)
@@ -110,10 +106,10 @@ class _RestImages:
             raise InputError("the rest images show no beam of the rig's diameter")
         fits = self._fits(section)
         centre, good = self._mean_centre(fits)
-        if np.count_nonzero(good) < MIN_STATIONS:
+        if np.count_nonzero(good) < LIMITS.min_stations:
             raise InputError(
                 f"the rest images show {np.count_nonzero(good)} columns of the beam, "
-                f"needed are {MIN_STATIONS}"
+                f"needed are {LIMITS.min_stations}"
             )
         residual = (centre - self._smooth(centre, good))[good]
         noise_variance = np.mean([f.sigma[good] ** 2 for f in fits]) / len(fits)
@@ -143,7 +139,7 @@ class _RestImages:
                 return 1e12
             fits = self._fits(section)
             centre, good = self._mean_centre(fits)
-            if np.count_nonzero(good) < MIN_STATIONS:
+            if np.count_nonzero(good) < LIMITS.min_stations:
                 return 1e12
             residual = centre - self._smooth(centre, good)
             sigma = np.median([f.sigma[good] for f in fits], axis=0) / np.sqrt(len(fits))

@@ -11,17 +11,8 @@ import cv2
 import numpy as np
 
 from solver.centreline import Centreline, down_columns
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
-
-# Threshold over the contrast between beam and background: low enough to keep the flanks of a
-# line two pixels wide, high enough to exclude a dark object beside it.
-THRESHOLD = 0.25
-# A column shows the beam if its brightest pixel exceeds its background by this fraction of the
-# image's contrast and by this many sigmas of the background.
-MIN_CONTRAST = 0.5
-MIN_SIGNIFICANCE = 8.0
-# Largest width of the beam; a window of four rows more holds the band and its flanks.
-MAX_WIDTH_PX = 12
 
 
 def area_weighted(image: Grey) -> Centreline:
@@ -32,16 +23,16 @@ def area_weighted(image: Grey) -> Centreline:
     background, noise = _background(image)
     contrast = image.max(axis=0) - background
     visible = contrast > np.maximum(
-        MIN_CONTRAST * np.quantile(contrast, 0.9), MIN_SIGNIFICANCE * noise
+        LIMITS.area_contrast * np.quantile(contrast, 0.9), LIMITS.area_sigmas * noise
     )
     empty = down_columns(np.empty((0, 2)), np.empty(0))
     if not visible.any():
         return empty
     # Columns without a beam: the threshold is their brightest pixel, which none exceeds.
-    threshold = np.where(visible, background + THRESHOLD * contrast, background + contrast)
+    threshold = np.where(visible, background + LIMITS.area_level * contrast, background + contrast)
     crop, band = _longest_band(image > threshold.astype(image.dtype))
     height = np.count_nonzero(band, axis=0)
-    columns = np.flatnonzero(visible & (height > 0) & (height <= MAX_WIDTH_PX))
+    columns = np.flatnonzero(visible & (height > 0) & (height <= LIMITS.area_width_px))
     if not len(columns):
         return empty
     rows = _window(np.argmax(band[:, columns], axis=0), len(band))
@@ -82,13 +73,13 @@ def _longest_band(above: np.ndarray) -> tuple[slice, np.ndarray]:
         return slice(0, len(above)), above
     longest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_WIDTH]))
     top, height = stats[longest, [cv2.CC_STAT_TOP, cv2.CC_STAT_HEIGHT]]
-    crop = slice(max(top - MAX_WIDTH_PX, 0), top + height + MAX_WIDTH_PX)
+    crop = slice(max(top - LIMITS.area_width_px, 0), top + height + LIMITS.area_width_px)
     return crop, np.asarray(labels[crop] == longest)
 
 
 def _window(first: np.ndarray, height: int) -> np.ndarray:
     """Return rows (n, columns) of windows that start two pixels above a band's first row."""
-    size = min(MAX_WIDTH_PX + 4, height)
+    size = min(LIMITS.area_width_px + 4, height)
     top = np.clip(first - 2, 0, height - size)
     return np.asarray(top + np.arange(size)[:, None])
 

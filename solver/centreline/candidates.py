@@ -4,13 +4,12 @@ import numpy as np
 import numpy.typing as npt
 
 from solver.centreline.noise import ROUNDING, Noise
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
 # Maximum number of candidates per line; the strongest are kept.
 MAX_PER_LINE = 6
-# Threshold of a candidate's contrast, in sigmas of the noise.
-MIN_SIGNIFICANCE = 5.0
 # Pixels on either side that measure the surroundings, and between them and the core.
 SIDE, GAP = 2, 1
 
@@ -47,7 +46,9 @@ def _scan(
     margin = core // 2 + GAP + SIDE
     # Threshold at the least possible noise, in units of `response`.
     scale = 1.0 / (core * SIDE)
-    threshold = MIN_SIGNIFICANCE * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
+    threshold = (
+        LIMITS.candidate_sigmas * np.sqrt(max(dark, ROUNDING) * (1.0 / core + 1.0 / SIDE)) / scale
+    )
     out, count = np.empty((len(lines), MAX_PER_LINE, 4)), np.zeros(len(lines), np.int64)
     for v in range(margin + 1, len(response) - margin - 1):
         if largest[v] < threshold:
@@ -59,7 +60,7 @@ def _scan(
             r = here[j] * scale
             gray = abs(level[v, j]) / SIDE + r / 2
             variance = max(dark + per_gray * gray, ROUNDING) * (1.0 / core + 1.0 / SIDE)
-            if r * r < MIN_SIGNIFICANCE**2 * variance:
+            if r * r < LIMITS.candidate_sigmas**2 * variance:
                 continue
             curvature = before[j] - 2 * here[j] + after[j]
             place = v + (0.5 * (before[j] - after[j]) / curvature if curvature < 0 else 0.0)

@@ -15,20 +15,11 @@ from solver.centreline.finding import Path, find_path
 from solver.centreline.flags import fit_and_flag_outliers, flag_columns
 from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import fit_profiles
-from solver.centreline.smooth import FEWEST
 from solver.centreline.stations import stations
+from solver.centreline.thresholds import LIMITS
 from solver.centreline.tip import find_tip
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
-
-# Allowed range of the tip's distance along the beam, over the beam's length.
-MIN_LENGTH, MAX_LENGTH = 0.75, 1.3
-# An image differs from the rest images if its beam or background is brighter or darker by this
-# factor; the background must also differ by this fraction of full scale. Chosen: twice a typical
-# drift of lamps.
-MAX_RATIO, MIN_STEP = 1.4, 0.02
-# Largest turn [rad] of the beam about its clamp where the camera does not turn with it.
-MAX_TILT = 0.6
 
 
 @dataclass(frozen=True)
@@ -41,7 +32,7 @@ class BeamExtractor:
     def __call__(self, image: Grey) -> Centreline:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
         appearance, guide = self.appearance, self.guide
-        max_tilt = MAX_TILT if guide.free_tilt else 0.0
+        max_tilt = LIMITS.max_tilt if guide.free_tilt else 0.0
         path = find_path(image, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
@@ -51,7 +42,7 @@ class BeamExtractor:
         """Measure the centreline along a path."""
         appearance = self.appearance
         places = stations(self.guide.pixels(path.places), image.shape)
-        if len(places) < FEWEST:
+        if len(places) < LIMITS.min_curve_points:
             return down_columns(np.empty((0, 2)), np.empty(0))
         fits = fit_profiles(
             image,
@@ -71,7 +62,7 @@ class BeamExtractor:
         length_px = self.guide.length / self.guide.pixel
         tip = find_tip(image, places, flags, fits, appearance)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
-        if tip is not None and not MIN_LENGTH < tip.length / length_px < MAX_LENGTH:
+        if tip is not None and not LIMITS.min_length < tip.length / length_px < LIMITS.max_length:
             tip = None
         # The beam covers its last columns only in part.
         on_beam = places.length < (length_px if tip is None else tip.length - 1.5)
@@ -108,10 +99,12 @@ class BeamExtractor:
         """Describe the change of brightness of beam and background since rest; "" if small."""
         appearance = self.appearance
         ratio = max(background, 1.0) / max(appearance.ground, 1.0)
-        is_step = abs(background - appearance.ground) > MIN_STEP * appearance.full_scale
+        is_step = (
+            abs(background - appearance.ground) > LIMITS.min_light_step * appearance.full_scale
+        )
         if (
-            not (is_step and not 1 / MAX_RATIO < ratio < MAX_RATIO)
-            and 1 / MAX_RATIO < beam < MAX_RATIO
+            not (is_step and not 1 / LIMITS.max_light_ratio < ratio < LIMITS.max_light_ratio)
+            and 1 / LIMITS.max_light_ratio < beam < LIMITS.max_light_ratio
         ):
             return ""
         return (

@@ -15,7 +15,8 @@ import numpy.typing as npt
 from solver.centreline.candidates import candidates
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise
-from solver.centreline.smooth import CUT, curve
+from solver.centreline.smooth import curve
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
@@ -26,10 +27,6 @@ LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)
 PLACES, PATH_END = 96, 1.06
 # Number of candidates tried as points of the beam.
 ANCHORS = 60
-# A candidate supports a shape up to this distance: the larger of pixels and beam radii.
-NEAR_PX, NEAR_RADII = 3.0, 2.0
-# Fewest agreeing scan lines for which the beam is detected.
-MIN_LINES = 6
 # Degree of the smooth curve beside the shape. A numpy scalar is compiled once, a literal anew.
 _DEGREE = np.int64(3)
 # Contact distance [m] that represents a beam that does not bend.
@@ -60,7 +57,7 @@ def find_path(
     detections = candidates(image, lines, guide.scans_columns, core, polarity, noise)
     pixels = detections[:, :2] if guide.scans_columns else detections[:, 1::-1]
     places = guide.places(np.ascontiguousarray(pixels))
-    tolerance = max(NEAR_PX, NEAR_RADII * guide.radius_px) * guide.pixel
+    tolerance = max(LIMITS.near_px, LIMITS.near_radii * guide.radius_px) * guide.pixel
     distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
     path = _path(places, detections[:, 0], detections[:, 2], guide, distances, tolerance, max_tilt)
     return path and replace(path, support=path.support / len(lines))
@@ -95,7 +92,7 @@ def _path(
     length = guide.length
     x, y = places.T
     inside = (x > 0.02 * length) & (x < 1.02 * length) & (np.abs(y) < 0.8 * length)
-    if np.count_nonzero(inside) < MIN_LINES:
+    if np.count_nonzero(inside) < LIMITS.min_lines:
         return None
     x, y, line, strength = x[inside], y[inside], line[inside], strength[inside]
     # Anchors far from the clamp constrain the shape most; the strongest come first.
@@ -109,12 +106,12 @@ def _path(
     agreed = np.abs(offset) < tolerance
     lines = line[agreed]
     n_agreeing = 1 + np.count_nonzero(lines[1:] != lines[:-1])
-    if not agreed.any() or n_agreeing < MIN_LINES:
+    if not agreed.any() or n_agreeing < LIMITS.min_lines:
         return None
     half_px = np.full(len(lines), 0.5 * guide.pixel)
     along = np.linspace(0.0, PATH_END * length, PLACES)
     across = _shape(along, load, tilt, x_c)
-    correction = curve(x[agreed], offset[agreed], half_px, along, _DEGREE, CUT)
+    correction = curve(x[agreed], offset[agreed], half_px, along, _DEGREE, LIMITS.tukey_cut)
     if len(correction) > 0:
         across += correction
     contrast = float(np.median(strength[agreed]))

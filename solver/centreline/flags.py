@@ -1,33 +1,19 @@
 """Flags of the columns along a path that do not look like the beam at rest; compiled."""
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from solver.centreline.smooth import CUT, DEGREE, curve, local_scatter, running_median
+from solver.centreline.smooth import DEGREE, curve, local_scatter, running_median
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.centreline import Flag
 from solver.instrument.compiled import njit
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
-# Allowed range of a column's amplitude, over the amplitude at rest.
-MIN_BRIGHTNESS, MAX_BRIGHTNESS = 0.4, 2.2
-# Threshold of a column's chi^2 per degree of freedom, over the typical value at rest: with seven
-# degrees of freedom one column in 300 exceeds it.
-MAX_MISFIT = 3.0
-NEIGHBOURHOOD = np.int64(61)
-# Threshold of an amplitude, in its sigmas.
-MIN_SIGNIFICANCE = 5.0
-# Threshold of the relative deviation of the brightness from its smooth course, and width of the
-# running median in columns.
-MAX_DEVIATION, MEDIAN_WIDTH = 0.012, np.int64(21)
-# Degree of the brightness's smooth course. Numpy scalars are compiled once, literals anew.
-_BRIGHTNESS_DEGREE = np.int64(2)
-# Where two consecutive columns are foreign, this many on either side are rejected too: the edge of
-# a shadow or a leaf begins in them.
-EDGE_COLUMNS: Final = 3
-# Thresholds of a centre's distance from the smooth curve, in sigmas and [px]; outliers exceed both.
-MAX_RESIDUAL_SIGMAS, MAX_RESIDUAL_PX = 6.0, 0.15
+# Widths, in columns, of the running medians of misfit and brightness, and the degree of the
+# brightness's smooth course. Numpy scalars are compiled once, literals anew.
+_MISFIT_WIDTH, _BRIGHTNESS_WIDTH, _BRIGHTNESS_DEGREE = np.int64(61), np.int64(21), np.int64(2)
 
 
 @njit
@@ -46,20 +32,21 @@ def flag_columns(
     """
     # A beam that comes nearer to the camera looks wider than at rest in all columns: a foreign
     # object differs from the columns about it.
-    local_misfit = running_median(np.minimum(misfit, 30.0), NEIGHBOURHOOD)
+    local_misfit = running_median(np.minimum(misfit, 30.0), _MISFIT_WIDTH)
     # A textured background raises the misfit of every column.
-    plausible = misfit[(brightness > MIN_BRIGHTNESS) & (brightness < MAX_BRIGHTNESS)]
+    plausible = misfit[(brightness > LIMITS.min_brightness) & (brightness < LIMITS.max_brightness)]
     typical_misfit = max(np.median(plausible), 1.0) if len(plausible) > 0 else 1.0
     flags = np.zeros(len(brightness), np.uint8)
     for i in range(len(brightness)):
         # On a textured background the amplitude must exceed a larger threshold.
         enlarged_sigma = amplitude_sigma[i] * np.sqrt(max(misfit[i], 1.0))
         faint = (
-            brightness[i] < MIN_BRIGHTNESS or abs(amplitude[i]) < MIN_SIGNIFICANCE * enlarged_sigma
+            brightness[i] < LIMITS.min_brightness
+            or abs(amplitude[i]) < LIMITS.amplitude_sigmas * enlarged_sigma
         )
         if faint or not np.isfinite(sigma[i]):
             flags[i] = HIDDEN
-        elif brightness[i] > MAX_BRIGHTNESS or misfit[i] > MAX_MISFIT * max(
+        elif brightness[i] > LIMITS.max_brightness or misfit[i] > LIMITS.max_misfit * max(
             local_misfit[i], typical_misfit
         ):
             flags[i] = FOREIGN
@@ -85,7 +72,7 @@ def fit_and_flag_outliers(
             flags[i] = FOREIGN
         if flags[i] == 0:
             used_sigma[i] = sigma[i]
-    smooth = curve(length, off_path, used_sigma, length, DEGREE, CUT)
+    smooth = curve(length, off_path, used_sigma, length, DEGREE, LIMITS.tukey_cut)
     if len(smooth) == 0:
         return smooth
     n_good = 0
@@ -97,13 +84,15 @@ def fit_and_flag_outliers(
     for i in range(n):
         sigma[i] *= inflation
         residual = abs(off_path[i] - smooth[i])
-        if flags[i] == 0 and residual > max(MAX_RESIDUAL_PX, MAX_RESIDUAL_SIGMAS * sigma[i]):
+        if flags[i] == 0 and residual > max(
+            LIMITS.max_residual_px, LIMITS.max_residual_sigmas * sigma[i]
+        ):
             flags[i] = FOREIGN
     # A separate mask: a column that is rejected here does not cause further rejections.
     near_edge = np.zeros(n, np.bool_)
     for i in range(n - 1):
         if flags[i] == FOREIGN and flags[i + 1] == FOREIGN:
-            near_edge[max(i - EDGE_COLUMNS, 0) : i + EDGE_COLUMNS + 1] = True
+            near_edge[max(i - LIMITS.edge_columns, 0) : i + LIMITS.edge_columns + 1] = True
     for i in range(n):
         if near_edge[i] and flags[i] == 0:
             flags[i] = FOREIGN
@@ -134,9 +123,9 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
     for i in range(len(brightness)):
         if on_beam[i]:
             index[count], x[count], y[count] = i, length[i], brightness[i]
-            sigma[count] = MAX_DEVIATION / 3 if flags[i] == 0 else np.inf
+            sigma[count] = LIMITS.max_brightness_deviation / 3 if flags[i] == 0 else np.inf
             count += 1
-    medians = running_median(y[:count], MEDIAN_WIDTH)
+    medians = running_median(y[:count], _BRIGHTNESS_WIDTH)
     smooth = curve(x[:count], medians, sigma[:count], x[:count], _BRIGHTNESS_DEGREE, 2.5)
     if len(smooth) > 0:
         deviation, n_good = np.empty(count), 0
@@ -145,7 +134,7 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
                 deviation[n_good] = abs(medians[k] / smooth[k] - 1)
                 n_good += 1
         # Under spotted light the threshold rises with the typical deviation.
-        threshold = max(MAX_DEVIATION, 4.5 * np.median(deviation[:n_good]))
+        threshold = max(LIMITS.max_brightness_deviation, 4.5 * np.median(deviation[:n_good]))
         for k in range(count):
             disturbed[index[k]] = abs(medians[k] / smooth[k] - 1) > threshold
     return disturbed

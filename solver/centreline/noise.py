@@ -7,13 +7,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import nnls
 
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 
 # Rounding to whole gray values alone has this variance.
 ROUNDING = 1 / 12
-# Images with a smaller noise sigma [gray levels] count as compressed or denoised; chosen: a camera
-# needs more noise to round well.
-MIN_SIGMA = 0.5
 # Number of bins of the mean gray value, and fewest pixels in each.
 BINS, MIN_IN_BIN = 24, 40
 # Mean of the lower three quarters of the smaller of both squared deviations, for white noise of
@@ -34,7 +32,7 @@ class Noise:
 
     def processed(self, image: Grey) -> bool:
         """Return whether images like this one (height, width) were compressed or denoised."""
-        return bool(np.median(self.variance(image.astype(np.float64))) < MIN_SIGMA**2)
+        return bool(np.median(self.variance(image.astype(np.float64))) < LIMITS.min_noise**2)
 
 
 def estimate_noise(images: Sequence[Grey]) -> Noise:

@@ -14,13 +14,13 @@ from solver.centreline.columns import interpolate_profile, read_column
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
 
 MAX_STEPS = 5
 TOLERANCE_PX = 1e-4
-MIN_PIXELS = 6
 # Pixels on either side, beyond the profile's extent, that determine the background.
 MARGIN = 2
 
@@ -107,7 +107,7 @@ def _fit(
         if read_column(image, along[i], upright[i], first, rows[GRAY]):
             used = _weigh(rows[GRAY], rows[GRAY], full_scale, dark, per_gray, weight)
             row[7] = size - used
-            if used >= MIN_PIXELS:
+            if used >= LIMITS.min_pixels:
                 _fit_column(
                     start[i], first, half, min(climb[i], 1.0), sense[i], value, slope,
                     dark, per_gray, full_scale, rows, weight, gram, row,

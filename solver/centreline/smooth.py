@@ -4,17 +4,15 @@ from typing import Any
 
 import numpy as np
 
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
 from solver.instrument.small_matrices import solve_definite
 
-FEWEST = 8
 MAX_ITERATIONS = 12
 # A numpy scalar is compiled once, a literal for every value.
 DEGREE = np.int64(7)
-# Tukey's biweight is 0 beyond this many times the points' own scatter.
-CUT = 6.0
 # Points this far apart err independently in compressed images, whose blocks have 8 or 16 pixels.
 LAG = 16
 
@@ -24,10 +22,10 @@ def smooth_curve(x: Floats, y: Floats, sigma: Floats, degree: Any = DEGREE) -> F
 
     The curve is a polynomial of at most `degree`, lower where points are few or span little of x,
     fitted by iteratively reweighted least squares (Beaton and Tukey 1974). Beyond the outermost
-    known points it is constant. Points farther off than CUT times their typical scatter have zero
-    weight. Return None with too few points.
+    known points it is constant. Points farther off than `tukey_cut` times their typical scatter
+    have zero weight. Return None with too few points.
     """
-    values: Floats = curve(x, y, sigma, x, np.int64(degree), CUT)
+    values: Floats = curve(x, y, sigma, x, np.int64(degree), LIMITS.tukey_cut)
     return values if len(values) else None
 
 
@@ -43,7 +41,7 @@ def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: flo
         if np.isfinite(sigma[i]):
             known_x[count], known_y[count], known_sigma[count] = x[i], y[i], sigma[i]
             low, high, count = min(low, x[i]), max(high, x[i]), count + 1
-    if count < FEWEST or high <= low:
+    if count < LIMITS.min_curve_points or high <= low:
         return empty
     span = (high - low) / max(highest - lowest, 1e-300)
     max_degree = 7 if span > 0.6 else 5 if span > 0.3 else 3 if span > 0.1 else 1

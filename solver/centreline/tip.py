@@ -10,6 +10,7 @@ from solver.centreline.amplitude import fit_amplitudes
 from solver.centreline.appearance import Appearance
 from solver.centreline.profile_fit import Fits
 from solver.centreline.stations import Stations
+from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 
@@ -18,12 +19,6 @@ N_BEFORE, N_BEYOND = 12, 4
 # Columns that the beam's end covers in part may be flagged: the first dark column is searched
 # within this many after the last good one. Lens and pixel spread the end BLUR_COLUMNS further.
 FADE_COLUMNS, BLUR_COLUMNS = 4, 1
-# A column is dark below this fraction of the beam's brightness.
-DARK_FRACTION = 0.25
-# Threshold of the background's change at the end, in its own scatter; rounding is added.
-MAX_STEP_SIGMAS = 5.0
-# Largest chi^2 per degree of freedom of a column by chance.
-MAX_MISFIT = 3.0
 
 
 @dataclass(frozen=True)
@@ -136,16 +131,16 @@ def _covered_columns(
     """
     ambiguous = 0.0, np.inf
     dark = n_good
-    while dark < len(brightness) and not abs(brightness[dark]) < DARK_FRACTION:
+    while dark < len(brightness) and not abs(brightness[dark]) < LIMITS.dark_fraction:
         dark += 1
     if dark > n_good + fade - 1 or not np.isfinite(brightness).all():
         return ambiguous
     end = dark + BLUR_COLUMNS + 1
     beyond = brightness[end : end + N_BEYOND]
-    if (np.abs(beyond) > DARK_FRACTION).any():
+    if (np.abs(beyond) > LIMITS.dark_fraction).any():
         return ambiguous
     step = abs(np.median(background[end : end + N_BEYOND]) - np.median(reference_background))
-    if step > MAX_STEP_SIGMAS * reference_background.std() + 0.5:
+    if step > LIMITS.max_step_sigmas * reference_background.std() + 0.5:
         return ambiguous
     covered, total_variance = brightness[:end].sum(), variance[:end].sum()
     # Noise of the brightnesses averages out. Where a shadow or a light makes them differ by more,
@@ -154,7 +149,7 @@ def _covered_columns(
     unexplained = max(scatter - (reference_sigma * reference_sigma).mean(), 0.0)
     total_variance += covered * covered * (scatter / len(reference) + unexplained)
     # An object that touches the beam near its end biases all columns in the same direction.
-    excess = np.maximum(misfit[:n_good] - MAX_MISFIT, 0.0)
+    excess = np.maximum(misfit[:n_good] - LIMITS.max_tip_misfit, 0.0)
     total_variance += np.sqrt(variance[:n_good] * excess).sum() ** 2
     # Background that looks like the beam beyond the end does so at the end, too.
     total_variance += (end - n_good) ** 2 * (beyond * beyond).mean()

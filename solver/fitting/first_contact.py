@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.fitting.correlation import integrated_correlation
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import dot
@@ -26,11 +27,8 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.small_matrices import solve_definite
 
-# Minimum significance of a bend, in sigmas; noise exceeds it about once in a million frames.
-MIN_SIGNIFICANCE = 5.0
 # Number of contact distances on the grid, evenly spaced up to the tip.
 DISTANCES = 50
-MIN_POINTS = 4
 STEPS = 3
 
 
@@ -69,14 +67,14 @@ def nearest_linear_bend(measurement: Measurement, kept: Mask | None = None) -> B
     if (points[1:, 0] < points[:-1, 0]).any():  # correlated neighbours must be adjacent
         order = np.argsort(points[:, 0], kind="stable")
         points, sigma_vectors = points[order], sigma_vectors[order]
-    if len(points) < MIN_POINTS:
+    if len(points) < LIMITS.min_bend_points:
         return Bend(length, 0.0, 0.0)
     return Bend(*_fit_bend(points, sigma_vectors, measurement.base_covariance, length))
 
 
 def no_contact(bend: Bend) -> Estimate | None:
     """Return an Estimate if there is no bend, or one to the side without object; else None."""
-    if abs(bend.significance) < MIN_SIGNIFICANCE:
+    if abs(bend.significance) < LIMITS.contact_sigmas:
         return Estimate(Outcome.NO_CONTACT, f"bend of {abs(bend.significance):.1f} sigmas")
     if bend.significance < 0:
         return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")

@@ -9,24 +9,12 @@ from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.fit import FrameFit
 from solver.fitting.minimise import DEFICIENT, STOPPED
 from solver.fitting.problem import Problem
+from solver.fitting.thresholds import LIMITS
 from solver.fitting.values import values_of
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Mask
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
-
-LEAST_POINTS = 8
-# If less than this fraction of the beam is visible from the clamp on, chi2 may have no minimum.
-SHORT_STRETCH = 0.25
-# If more than this fraction of the points is rejected, the model is wrong.
-MAX_REJECTED = 0.45
-# The same for rejected points in runs of five and more: an occluder's edge affects fewer.
-MAX_COHERENT = 1 / 3
-# Above this fraction in runs, the other points must fit well: a beam with two contacts does not.
-COHERENT = 0.1
-MAX_CHI2_BESIDE_RUNS = 1.4
-# Residuals twice as large as stated are not those of an exact beam with one contact.
-MAX_CHI2_PER_DOF = 4.0
 
 
 def refusal_of(
@@ -38,9 +26,10 @@ def refusal_of(
     the beam may appear bent to either side of its rest position, as where its plane is steeper
     than the rays to the camera.
     """
-    if problem.points < LEAST_POINTS:
+    if problem.points < LIMITS.min_points:
         return Estimate(
-            Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points, needed are {LEAST_POINTS}"
+            Outcome.NOT_IDENTIFIABLE,
+            f"{problem.points} visible points, needed are {LIMITS.min_points}",
         )
     refusal = no_contact(nearest_linear_bend(measurement, _inliers(measurement, fit)))
     if refusal is not None and not (either_side and refusal.outcome is Outcome.INVALID):
@@ -51,7 +40,13 @@ def refusal_of(
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=fit.iterations)
     outliers = ~fit.kept[problem.order]
     rejected = int(np.count_nonzero(outliers))
-    if max(rejected / len(outliers) / MAX_REJECTED, _in_runs(outliers) / MAX_COHERENT) > 1:
+    if (
+        max(
+            rejected / len(outliers) / LIMITS.max_rejected,
+            _in_runs(outliers) / LIMITS.max_in_runs,
+        )
+        > 1
+    ):
         return Estimate(
             Outcome.INVALID,
             f"{rejected} of {problem.points} points do not fit an exact beam with one contact",
@@ -65,7 +60,7 @@ def refusal_of(
 def _failed(problem: Problem, message: str = "") -> Estimate:
     """Return the outcome of a fit without a minimum; a short stretch need not have one."""
     visible = float(np.hypot(*problem.arrays[0][:2]).max())
-    if visible < SHORT_STRETCH:
+    if visible < LIMITS.short_stretch:
         return Estimate(
             Outcome.NOT_IDENTIFIABLE, f"only the first {100 * visible:.0f} % of the beam is visible"
         )
@@ -95,8 +90,8 @@ def estimate_from_fit(
     def failure(outcome: Outcome, message: str = "") -> Estimate:
         return Estimate(outcome, message, chi2=fit.chi2, dof=dof, iterations=fit.iterations)
 
-    in_runs = _in_runs(~fit.kept[problem.order]) > COHERENT
-    max_chi2 = MAX_CHI2_BESIDE_RUNS if in_runs else MAX_CHI2_PER_DOF
+    in_runs = _in_runs(~fit.kept[problem.order]) > LIMITS.some_in_runs
+    max_chi2 = LIMITS.max_chi2_beside_runs if in_runs else LIMITS.max_chi2
     if fit.chi2 / dof > max_chi2:
         return failure(
             Outcome.INVALID,
@@ -133,4 +128,4 @@ def _inliers(measurement: Measurement, fit: FrameFit | None) -> Mask | None:
         return None
     inliers = fit.kept[: len(measurement.points)]
     # If more points are rejected, the model is wrong, not the points.
-    return None if inliers.all() or inliers.mean() < 1 - MAX_REJECTED else inliers
+    return None if inliers.all() or inliers.mean() < 1 - LIMITS.max_rejected else inliers

@@ -9,7 +9,7 @@ that agree with one another.
 """
 
 import math
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -24,17 +24,12 @@ from solver.fitting.minimise import (
     minimise,
 )
 from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
-from solver.fitting.robust import CUT, VARIANCE_FACTOR, scale
+from solver.fitting.robust import VARIANCE_FACTOR, scale
 from solver.fitting.starts import consensus
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import interpreted, njit
 
-# The largest of 500 residuals of white noise exceeds this in one frame of 3500; six sigmas of
-# chi2 (see `settle`) detect a run of outliers that has biased the least-squares fit.
-SUSPICIOUS: Final = 5.0
-# A residual scale between these means that the sigmas are understated, not that there are outliers.
-MIN_SCALE: Final = 1.1
-MAX_SCALE: Final = 2.0
 # Maximum iterations at each wider cut, and of the final fit. A numpy scalar is compiled once, a
 # literal for every value.
 _WIDE_ITERATIONS, _FINAL_ITERATIONS = np.int64(10), np.int64(40)
@@ -98,19 +93,20 @@ def settle(
     )
     inliers[:] = True
     dof = max(len(residual) - 2, 1)
+    # Six sigmas of chi2 detect a run of outliers that has biased the least-squares fit.
     limit = dof * (1 + 6 * math.sqrt(2 / dof))
-    if chi2 > limit or status == STOPPED or np.abs(residual).max() > SUSPICIOUS:
+    if chi2 > limit or status == STOPPED or np.abs(residual).max() > LIMITS.suspicious_sigmas:
         # Use the stated sigmas; larger ones only if most of the inliers' residuals require it.
-        cut = CUT
+        cut = LIMITS.tukey_cut
         second_start = p.copy()
         if consensus(problem, free, tilt_variance, p[PSI], cut, work, second_start):
             status, iterations = _minimise_both(
                 p, second_start, problem, free, cut, work, covariance
             )
             point_residuals(p, points, bounds, views, _PLANAR, residual, work[1])
-            inflation = scale(residual, MAX_SCALE)
-            if inflation > MIN_SCALE:
-                cut = CUT * inflation
+            inflation = scale(residual, LIMITS.max_scale)
+            if inflation > LIMITS.min_scale:
+                cut = LIMITS.tukey_cut * inflation
                 status, _, extra = minimise(
                     p, problem, free, cut, _FINAL_ITERATIONS, work, covariance
                 )

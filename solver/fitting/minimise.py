@@ -16,18 +16,15 @@ from solver.fitting.residuals import (
     point_residuals,
 )
 from solver.fitting.robust import tukey
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
 
 CONVERGED, STOPPED, DEFICIENT = range(3)
-# Stop after a step shorter than this many sigmas, or after a short one (_SHORT) if Gauss-Newton's
-# quadratic convergence, estimated from the step before, predicts that the next step is shorter
-# than this.
-STEP_SIGMAS: Final = 1e-3
+# A fit has also converged after a step shorter than this many sigmas if Gauss-Newton's quadratic
+# convergence, estimated from the step before, predicts that the next step is short enough.
 _SHORT: Final = 0.3
-# With a scaled pivot below this the normal equations do not determine a direction.
-MIN_PIVOT: Final = 1e-12
 # Longest steps in q and lever (relative), psi and tilt [rad].
 _MAX_STEPS: Final = ((Q, 0.7), (LEVER, 0.5), (PSI, 0.4), (TILT, 0.3))
 
@@ -100,7 +97,7 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
     for k in free:
         # Information about this parameter if those before it are unknown too.
         pivot = covariance[k, k]
-        if not pivot > MIN_PIVOT * normal[k, k]:
+        if not pivot > LIMITS.min_pivot * normal[k, k]:
             return False
         covariance[k, k] = 1.0
         for b in range(PARAMETERS):
@@ -177,8 +174,8 @@ def minimise(
             if abs(step[parameter]) > max_step:
                 fraction = min(fraction, max_step / abs(step[parameter]))
         length = np.sqrt(max(length2, 0.0))
-        last = length < STEP_SIGMAS or (
-            length < _SHORT and length**3 < STEP_SIGMAS * previous_length**2
+        last = length < LIMITS.step_sigmas or (
+            length < _SHORT and length**3 < LIMITS.step_sigmas * previous_length**2
         )
         previous_length = length if fraction == 1.0 else 0.0
         if fraction == 1.0 and last:

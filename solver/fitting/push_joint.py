@@ -20,6 +20,7 @@ from solver.beam_models import frictional
 from solver.fitting.gauss_newton import Linearised
 from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_geometry import touch
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 
@@ -28,8 +29,6 @@ PUSH: Final = 4
 # Tolerance of levers as a fraction of the beam's length, and maximum number of Newton's steps.
 _LEVER_TOLERANCE: Final = 1e-10
 _MAX_STEPS: Final = 20
-# Minimum encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
-_MIN_ENCODER_SIGMA: Final = 1e-6
 # Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
 _RADIUS_SIGMA: Final = 0.05
 # Prior sigma of Coulomb's coefficient and of each grip: a typical coefficient of dry friction.
@@ -69,7 +68,7 @@ class Push:
     @property
     def encoder_sigma(self) -> float:
         """Sigma of the motor angle [rad]."""
-        return max(self.rig.tolerances.encoder, _MIN_ENCODER_SIGMA)
+        return max(self.rig.tolerances.encoder, LIMITS.min_encoder_sigma)
 
     @property
     def size(self) -> int:

@@ -29,6 +29,7 @@ from solver.beam_models.exact import (
     bend_at,
     horner,
 )
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
@@ -40,8 +41,6 @@ X, Y, SIGMA_X, SIGMA_Y = range(4)
 # Entries of `known`.
 MOMENT, MOMENT_SIGMA, MOMENT_UNIT, STRETCH_SIGMA, RIGIDITY_SIGMA = range(5)
 KNOWN: Final = 5
-# Minimum cos(psi) - W_y sin(psi): rays may not graze D more closely.
-MIN_GRAZING: Final = 0.02
 # Minimum sigma of a point, in units of L.
 LEAST_SIGMA: Final = 1e-9
 
@@ -68,7 +67,7 @@ def is_feasible(
             across = cosine * (vy - vw * points[Y, i]) - sine * (vx - vw * points[X, i])
             low, high = min(low, across), max(high, across)
         for across in (low, high):
-            if np.cos(p[PSI]) - np.sin(p[PSI]) * across < MIN_GRAZING:
+            if np.cos(p[PSI]) - np.sin(p[PSI]) * across < LIMITS.min_grazing:
                 return False
     return True
 

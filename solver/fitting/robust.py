@@ -2,12 +2,11 @@
 
 from typing import Final
 
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
 
-# Residuals from here on have no weight; the efficiency for white noise is 95 %.
-CUT: Final = 4.685
 VARIANCE_FACTOR: Final = 1 / 0.95
 # Median of |x| for a standard normal variable.
 MEDIAN: Final = 0.6745
@@ -33,7 +32,7 @@ def scale(residual: Floats, max_factor: float) -> float:
     """
     count = 0
     for r in residual:
-        if abs(r) < CUT:
+        if abs(r) < LIMITS.tukey_cut:
             count += 1
     factor = 1.0
     while factor < max_factor:

@@ -9,18 +9,11 @@ pushes up to 25 degrees it never exceeded 7 % of the way from first contact to t
 """
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
-
-# A contact may be held for this fraction of the way from first contact to the motor's reversal.
-HELD: Final = 0.1
-# A motor behind its farthest angle by more encoder sigmas than this has turned back.
-_BACK_SIGMAS: Final = 3.0
-# Pushing angle over (beam radius / contact distance); below it both directions are possible.
-_MIN_ANGLE: Final = 3.0
 
 
 def grip_matrix(
@@ -36,7 +29,7 @@ def grip_matrix(
     starts = [i for i, free_before in enumerate(begins) if free_before or i == 0]
     parts = np.split(np.asarray(pushing_angles), starts[1:])
     signs = np.concatenate([_signs(part, sigma) for part in parts])
-    signs[np.asarray(pushing_angles) < _MIN_ANGLE * slenderness] = 0.0
+    signs[np.asarray(pushing_angles) < LIMITS.min_sliding_angle * slenderness] = 0.0
     held = np.flatnonzero(signs == 0)
     matrix = np.zeros((len(signs), 1 + len(held)))
     matrix[:, 0] = signs
@@ -52,12 +45,12 @@ def _signs(angles: Floats, sigma: float) -> Floats:
     signs = np.zeros(len(angles))
     direction, reversal, farthest = 1.0, 0.0, 0.0
     for i, angle in enumerate(angles):
-        if direction * (angle - farthest) < -_BACK_SIGMAS * sigma:
+        if direction * (angle - farthest) < -LIMITS.back_sigmas * sigma:
             direction, reversal, farthest = -direction, farthest, angle
         elif direction * (angle - farthest) > 0:
             farthest = angle
-        sliding = abs(farthest - reversal) > HELD * abs(reversal)
+        sliding = abs(farthest - reversal) > LIMITS.held_fraction * abs(reversal)
         signs[i] = direction if sliding else 0.0
-    if len(angles) > 1 and angles.max() - angles[0] <= _BACK_SIGMAS * sigma:
+    if len(angles) > 1 and angles.max() - angles[0] <= LIMITS.back_sigmas * sigma:
         signs[0] = 0.0
     return signs

@@ -2,19 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from typing import Final
 
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.rig import Rig
-
-# If the sigma of x_c exceeds this fraction of the beam's length, the contact is only an interval.
-WEAK_SIGMA: Final = 1 / 7
-# A contact beyond the tip by more than this many sigmas is impossible.
-BEYOND: Final = 3.0
-# Minimum x_c in sigmas: with a short visible stretch noise alone gives contacts nearer to the
-# clamp, which their sigma does not show.
-MIN_SIGNIFICANCE: Final = 4.0
 
 
 def classified_estimate(
@@ -59,16 +51,16 @@ def verdict(
     """Return the outcome of a contact at distance x_c [m], arc length s_c [m], and the reason."""
     length = rig.beam.length
     s_sigma = math.hypot(s_sigma, rig.tolerances.beam_length)
-    if s_c > length + BEYOND * s_sigma:
+    if s_c > length + LIMITS.beyond_tip_sigmas * s_sigma:
         return (
             Outcome.INVALID,
             f"the contact is at {s_c:.4g} m, beyond the tip at {length:.4g} m",
         )
     if x_sigma > length:
         return Outcome.NOT_IDENTIFIABLE, "the contact can be anywhere on the beam"
-    if x_sigma > WEAK_SIGMA * length:
+    if x_sigma > LIMITS.weak_sigma * length:
         return Outcome.WEAK_CONTACT, ""
-    if x_c < MIN_SIGNIFICANCE * x_sigma:
+    if x_c < LIMITS.x_c_sigmas * x_sigma:
         return Outcome.NOT_IDENTIFIABLE, "the contact is within four sigma of the clamp"
     if s_c > length - 2 * s_sigma:
         return Outcome.TIP_CONTACT, ""

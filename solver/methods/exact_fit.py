@@ -8,8 +8,9 @@ eqs. (7) and (8)). Neither the contact nor the tip needs to be visible.
 """
 
 from solver.fitting.fit import fit_from, start_of
-from solver.fitting.fit_estimate import LEAST_POINTS, estimate_from_fit, refusal_of
+from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.problem import problem_of
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
@@ -21,7 +22,7 @@ def exact_fit(measurement: Measurement) -> Estimate:
     known_psi = measurement.rig.known_psi
     # If the rig deflects to -y, the beam's frame is mirrored and the inclination changes its sign.
     psi = measurement.handedness * (known_psi or 0.0)
-    start = start_of(problem, psi) if problem.points >= LEAST_POINTS else None
+    start = start_of(problem, psi) if problem.points >= LIMITS.min_points else None
     fit = None if start is None else fit_from(problem, start, psi_free=False)
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or fit is None:

@@ -15,22 +15,17 @@ import numpy as np
 
 from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.fit import FrameFit, fit_from, start_of
-from solver.fitting.fit_estimate import LEAST_POINTS, estimate_from_fit, refusal_of
+from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of, without
 from solver.fitting.residuals import PSI
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
 
 STARTS = np.radians([-65.0, -35.0, -10.0, 10.0, 35.0, 65.0])
-# With a larger sigma of psi, force and plane are not identifiable.
-MAX_PSI_SIGMA = math.radians(30)
-# Minima within three sigmas of the best are possible solutions.
-CLOSE_CHI2 = 9.0
 BENT_AWAY = "the beam appears bent away from the object, as in a plane that is seen nearly edge-on"
-# Largest increase of chi2 by the tip at which the fit keeps the tip: five sigmas.
-MAX_TIP_CHI2 = 25.0
 
 
 def exact_fit_3d(measurement: Measurement) -> Estimate:
@@ -44,7 +39,7 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
     if not measurement.viewpoint_known:
         return Estimate(Outcome.NOT_IDENTIFIABLE, UNKNOWN_VIEWPOINT)
     estimate = _fit(measurement)
-    if estimate.outcome.has_values or len(measurement.points) < LEAST_POINTS:
+    if estimate.outcome.has_values or len(measurement.points) < LIMITS.min_points:
         return estimate
     refusal = no_contact(nearest_linear_bend(measurement))
     if refusal is not None and refusal.outcome is Outcome.INVALID:
@@ -68,7 +63,7 @@ def _fit(measurement: Measurement) -> Estimate:
     spread, close = _spread(best, minima[1:])
     sigma = math.sqrt(best.covariance[PSI, PSI] + spread[PSI] ** 2)
     psi = math.degrees(float(best.p[PSI]))
-    if sigma > MAX_PSI_SIGMA:
+    if sigma > LIMITS.max_psi_sigma:
         alternatives = "".join(
             f", or {math.degrees(float(minimum.p[PSI])):.0f}" for minimum in close
         )
@@ -96,7 +91,7 @@ def _fit(measurement: Measurement) -> Estimate:
 
 def _robust_minima(problem: Problem) -> list[FrameFit]:
     """Find the distinct minima of chi2, best first, without outliers; none for too few points."""
-    minima = _minima(problem) if problem.points >= LEAST_POINTS else []
+    minima = _minima(problem) if problem.points >= LIMITS.min_points else []
     if minima and not minima[0].kept.all():
         # Outliers bias every start: search again with the inliers of the first search.
         inlier_minima = _minima(without(problem, minima[0].kept))
@@ -117,7 +112,7 @@ def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool
     rejected = int(free.kept.sum()) - int(tip.kept.sum())
     return (
         rejected > 0.05 * len(free.kept)
-        or tip.chi2 - free.chi2 > MAX_TIP_CHI2 * free.variance_inflation
+        or tip.chi2 - free.chi2 > LIMITS.max_tip_chi2 * free.variance_inflation
     )
 
 
@@ -150,7 +145,7 @@ def _spread(best: FrameFit, minima: list[FrameFit]) -> tuple[Floats, list[FrameF
         excess = (minimum.chi2 - best.chi2) / best.variance_inflation
         if (
             minimum.status == CONVERGED
-            and excess < CLOSE_CHI2
+            and excess < LIMITS.close_chi2
             and minimum.kept.sum() == best.kept.sum()
         ):
             likelihood = math.exp(-max(excess, 0.0) / 2)

@@ -11,23 +11,18 @@ The sensor measures in the axes of the clamp, which are assumed to be those of t
 """
 
 import math
-from typing import Final
 
 import numpy as np
 from scipy.stats import chi2 as distribution
 
 from solver.beam_models.exact import MOST_SINE
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
+from solver.fitting.thresholds import LIMITS
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
-
-# Probability that noise alone exceeds the threshold of a load: that of five sigmas.
-FALSE_ALARM: Final = 5.7e-7
-# Probability that a frictionless contact is rejected.
-FALSE_REJECTION: Final = 1e-4
 
 
 def force_sensor(measurement: Measurement) -> Estimate:
@@ -43,7 +38,7 @@ def force_sensor(measurement: Measurement) -> Estimate:
     sigma = np.repeat([sensors.base_force, sensors.base_moment], 3)
     load = _load_on_beam(measurement)
     significance = float(((load / sigma) ** 2).sum())
-    if significance < distribution.isf(FALSE_ALARM, 6):
+    if significance < distribution.isf(LIMITS.false_alarm, 6):
         return Estimate(
             Outcome.NO_CONTACT, f"a load of {math.sqrt(significance):.1f} sigmas at the clamp"
         )
@@ -105,7 +100,7 @@ def _estimate(measurement: Measurement, fit: Fit) -> Estimate:
 
     if fit.rank_deficient:
         return failure(Outcome.NOT_IDENTIFIABLE)
-    if fit.chi2 > distribution.isf(FALSE_REJECTION, dof):
+    if fit.chi2 > distribution.isf(LIMITS.false_rejection, dof):
         return failure(
             Outcome.INVALID,
             f"force and moment do not fit one contact without friction: chi^2 is "

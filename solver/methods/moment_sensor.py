@@ -25,7 +25,7 @@ import math
 
 import numpy as np
 
-from solver.fitting.first_contact import MIN_SIGNIFICANCE, nearest_linear_bend, no_contact
+from solver.fitting.first_contact import nearest_linear_bend, no_contact
 from solver.fitting.linear_estimate import (
     ERRORS,
     LOAD,
@@ -37,6 +37,7 @@ from solver.fitting.linear_estimate import (
     errors_of_planar_fit,
     estimate_from_linear_fit,
 )
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
@@ -66,7 +67,10 @@ def moment_sensor(measurement: Measurement) -> Estimate:
     moment_sigma = measurement.rig.sensors.moment_y / abs(axis)
     refusal = no_contact(nearest_linear_bend(measurement))
     if refusal is not None:
-        if refusal.outcome is Outcome.NO_CONTACT and abs(moment) > MIN_SIGNIFICANCE * moment_sigma:
+        if (
+            refusal.outcome is Outcome.NO_CONTACT
+            and abs(moment) > LIMITS.contact_sigmas * moment_sigma
+        ):
             return Estimate(
                 Outcome.EDGE_ON, "the sensor measures a force, but the image shows no bend"
             )

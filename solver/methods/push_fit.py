@@ -40,6 +40,7 @@ from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_joint import BASE, DRY, PUSH, Push
 from solver.fitting.residuals import LEVER
 from solver.fitting.sliding import grip_matrix
+from solver.fitting.thresholds import LIMITS
 from solver.fitting.unknown_grip import curved_by_grip, with_unknown_grip
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
@@ -48,16 +49,8 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 
-# Probability that a push with a single object is rejected.
-FALSE_REJECTION: Final = 1e-4
 # Friction is reported only if its sigma is below this, half of its prior sigma.
 MAX_FRICTION_SIGMA: Final = DRY / 2
-# With a compliance above this many sigmas an object is distinguished from a rigid one.
-SOFT_SIGMAS: Final = 2.0
-# A radius or a compliance below zero by this many sigmas is impossible.
-IMPOSSIBLE_SIGMAS: Final = 4.0
-# A motor turned by fewer sigmas of its encoder counts as not turned.
-MIN_TURN_SIGMAS: Final = 5.0
 
 
 def push_fit_friction(measurement: Measurement) -> Estimate:
@@ -84,7 +77,7 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     push = Push(tuple(frames), measurement.rig, measurement.base_covariance, no_grip)
     if len(frames) < 2:
         return _single_frame(single, "no earlier frame shows a bend")
-    if np.ptp(push.motor_angles) < MIN_TURN_SIGMAS * push.encoder_sigma:
+    if np.ptp(push.motor_angles) < LIMITS.min_turn_sigmas * push.encoder_sigma:
         return _single_frame(single, "the motor has not turned")
     start = _start(push, lever)
     if start is None or push.residuals(start) is None:
@@ -166,7 +159,7 @@ def _estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> Esti
     if fit.rank_deficient:
         return _single_frame(single, f"{count} frames do not determine the push")
     consistency, equations = push.consistency_chi2(fit.parameters)
-    if consistency > distribution.isf(FALSE_REJECTION, equations):
+    if consistency > distribution.isf(LIMITS.false_rejection, equations):
         return failure(
             Outcome.INVALID,
             f"the {count} frames of the push do not fit one object at one place on a linear "
@@ -176,7 +169,9 @@ def _estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> Esti
         return _single_frame(single, f"the fit of {count} frames did not converge")
     radius_index = push.size - 1
     excess_radius = fit.parameters[radius_index] - last.rig.beam.radius
-    if excess_radius < -IMPOSSIBLE_SIGMAS * math.sqrt(fit.covariance[radius_index, radius_index]):
+    if excess_radius < -LIMITS.impossible_sigmas * math.sqrt(
+        fit.covariance[radius_index, radius_index]
+    ):
         return failure(
             Outcome.INVALID,
             "the contact's motion along the beam fits no object at rest"
@@ -185,12 +180,12 @@ def _estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> Esti
     coefficient = fit.parameters[push.size] if push.friction else 0.0
     if (
         coefficient < 0
-        and coefficient**2 > IMPOSSIBLE_SIGMAS**2 * fit.covariance[push.size, push.size]
+        and coefficient**2 > LIMITS.impossible_sigmas**2 * fit.covariance[push.size, push.size]
     ):
         return failure(Outcome.INVALID, "the coefficient of friction would be negative")
     values, covariance = _quantities(push, last, fit)
     row = list(values).index("compliance_m_per_n")
-    if values["compliance_m_per_n"] < -IMPOSSIBLE_SIGMAS * math.sqrt(covariance[row, row]):
+    if values["compliance_m_per_n"] < -LIMITS.impossible_sigmas * math.sqrt(covariance[row, row]):
         return failure(
             Outcome.INVALID,
             "the compliance would be negative: the motor turns about another axis than the "
@@ -251,7 +246,7 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     input_covariance[:n, :n] = fit.covariance
     input_covariance[n, n] = (tolerances.flexural_rigidity / rigidity) ** 2
     input_covariance[n + 1, n + 1] = last.scale_sigma**2
-    if compliance > SOFT_SIGMAS * math.sqrt(
+    if compliance > LIMITS.soft_sigmas * math.sqrt(
         float(jacobian[rows] @ input_covariance @ jacobian[rows])
     ):
         values["stiffness_n_per_m"] = 1 / compliance

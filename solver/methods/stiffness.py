@@ -20,25 +20,18 @@ covariance does not include.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from solver.beam_models.linear import unit_deflection, unit_slope
-from solver.fitting.first_contact import MIN_SIGNIFICANCE, nearest_linear_bend
+from solver.fitting.first_contact import nearest_linear_bend
 from solver.fitting.gauss_newton import Linearised, gauss_newton
+from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.two_point import MeanOfPairs, mean_of_pairs, two_point
 from solver.planes.plane_d import known_plane
-
-# With a compliance above this many sigmas an object is distinguished from a rigid one.
-SOFT_SIGMAS: Final = 2.0
-# A motor turned by fewer sigmas of its encoder counts as not turned.
-MIN_TURN_SIGMAS: Final = 5.0
-# Minimum encoder sigma [rad], for an encoder stated as exact; smaller than any shape can resolve.
-MIN_ENCODER_SIGMA: Final = 1e-6
 
 
 @dataclass(frozen=True)
@@ -76,10 +69,10 @@ def stiffness(measurement: Measurement) -> Estimate:
     mean = mean_of_pairs(plane[0])
     assert not isinstance(mean, Estimate)
     loads = _loads(measurement, mean.x_c)
-    encoder = max(measurement.rig.tolerances.encoder, MIN_ENCODER_SIGMA)
+    encoder = max(measurement.rig.tolerances.encoder, LIMITS.min_encoder_sigma)
     if len(loads) < 2:
         return _single_frame(single, "no earlier frame shows a bend")
-    if np.ptp([load.motor_angle for load in loads]) < MIN_TURN_SIGMAS * encoder:
+    if np.ptp([load.motor_angle for load in loads]) < LIMITS.min_turn_sigmas * encoder:
         return _single_frame(single, "the motor has not turned")
     onset = _onset(loads, measurement.rig.deflects_towards, encoder)
     if onset is None:
@@ -102,7 +95,7 @@ def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
         if frame.motor_angle is None or isinstance(plane, Estimate):
             continue
         planar = plane[0]
-        if nearest_linear_bend(planar).significance < MIN_SIGNIFICANCE:
+        if nearest_linear_bend(planar).significance < LIMITS.contact_sigmas:
             continue
         x, y = planar.points.T
         unit = unit_deflection(x, x_c)
@@ -180,7 +173,7 @@ def _quantities(
         by_compliance,
         [0.0, 0.0, 0.0, 0.0, 1.0],
     ]
-    if compliance > SOFT_SIGMAS * math.sqrt(float(by_compliance @ errors @ by_compliance)):
+    if compliance > LIMITS.soft_sigmas * math.sqrt(float(by_compliance @ errors @ by_compliance)):
         values["stiffness_n_per_m"] = 1 / compliance
         rows.append([-part / compliance**2 for part in by_compliance])
     jacobian = np.array(rows)

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solver.fitting.sliding import HELD, grip_matrix
+from solver.fitting.sliding import grip_matrix
+from solver.fitting.thresholds import LIMITS
 from tests.solver.methods.pushes import dragged
 
 SIGMA = math.radians(0.01)
@@ -67,7 +68,8 @@ def test_the_world_slides_as_the_antenna_believes(
     friction: float, compliance: float, radius: float
 ) -> None:
     top = 12.0
-    way = (6.0, top, top * (1 - 0.9 * HELD), top * (1 - 1.1 * HELD), 6.0)
+    held = LIMITS.held_fraction
+    way = (6.0, top, top * (1 - 0.9 * held), top * (1 - 1.1 * held), 6.0)
     states = dragged(0.12, compliance, radius, friction, way)
     signs = []
     for state, _ in states:

@@ -1,0 +1,47 @@
+"""Thresholds of the camera's and the beam's calibration.
+
+Derived: computed from what is stated. Measured: on what is stated. Chosen: by judgement.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+
+class CalibrationThresholds(NamedTuple):
+    """Thresholds of the camera's and the beam's calibration."""
+
+    # Fewest points of a target that may be partly visible, in at least three rows and columns.
+    # Chosen.
+    min_target_points: int = 12
+    # Least fraction of the beam at rest that the camera shows; some of it must be in the image.
+    # Chosen: no method gives an estimate from less than half of a beam.
+    min_visible: float = 0.5
+    # Distance of a crossing from its expected pixel, over the distance to its neighbour. Chosen:
+    # half of the distance at which it would be confused with the next crossing's.
+    max_lattice_deviation: float = 0.25
+    # A crossing's response over the typical one; line ends and dirt respond less. Chosen.
+    min_response: float = 0.3
+    # A thick line's width over its neighbours'. Chosen: it is printed twice as wide.
+    min_thick_ratio: float = 1.5
+    # Distance of a crossing of the curves from its detection, over the lines' distance. Chosen.
+    max_crossing_deviation: float = 0.15
+    # Fewest views of a board that determine a lens.
+    min_views: int = 3
+    # A point's error over the median error, above which it is an outlier. Derived: noise alone
+    # exceeds it in one point of 100 000.
+    outlier_ratio: float = 4.0
+    # Fewest points of a beam under a hung weight. Chosen.
+    min_weight_points: int = 20
+    # Largest slope [rad] under a hung weight. Chosen: on a steeper beam, x no longer determines the
+    # place, and the weight slides.
+    max_slope: float = math.radians(60)
+    # Least load of a hung weight over its sigma. Chosen: it determines EI to 5 %.
+    min_load_sigmas: float = 20.0
+    # Deviation of the weight's place, and of the clamp's level, from those stated, in sigmas.
+    # Chosen.
+    max_weight_deviation: float = 4.0
+    # Scatter of the points about the fitted beam under a hung weight, in sigmas. Chosen.
+    max_weight_misfit: float = 3.0
+
+
+LIMITS: Final = CalibrationThresholds()
