@@ -10,8 +10,8 @@ from solver.antenna import Antenna
 from solver.at_rest.pose import Rest
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
+from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.measurement import Measurement, Tip, View
-from solver.instrument.observation import NO_READINGS, Readings
 from solver.instrument.rig import Rig
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag

@@ -11,9 +11,9 @@ from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.images import to_grey
 from solver.instrument.measurement import Measurement
-from solver.instrument.observation import NO_READINGS, Readings
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.methods import Method
 from solver.to_measurement import to_measurement

@@ -4,20 +4,11 @@ observations/
   rig.json                      nominal rig with tolerances
   calibration/view_00.png ...   board views; view 0 lies in plane C
   rest/rest_00.png ...          the beam before contact
-  shard_00000/metadata.csv      one row per frame; columns below
+  shard_00000/metadata.csv      one row per frame: see solver/instrument/metadata.py
   shard_00000/<frame_id>.png    one image per frame
   hashes.json, shard_00000/hashes.json   of generated trees: see solver/instrument/hashes.py
-
-Columns of metadata.csv: file_name, frame_id (by default the file's stem) and motor_angle_deg, which
-is empty if there is no encoder. Optional columns: push_id and step (frames of one push, in order),
-removed_from_mm and removed_to_mm (an interval of Sigma_a's x axis to be left out), moment_y_n_mm
-(the moment sensor), base_force_{x,y,z}_n and base_moment_{x,y,z}_n_mm (the force sensor: force and
-moment of the clamp on the beam, in Sigma_a).
 """
 
-import csv
-import io
-import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,55 +16,15 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError, quoted, truncated
-from solver.instrument.hashes import listed, read_bytes, read_hashes
+from solver.instrument.errors import InputError, quoted
+from solver.instrument.hashes import listed, read_hashes
+from solver.instrument.image_frame import ImageFrame, push_order
 from solver.instrument.images import png_head, read_grey
+from solver.instrument.metadata import read_frames
 from solver.instrument.rig import Rig, read_rig
-from solver.instrument.units import DEGREE, MILLIMETRE
 
-# Longest name in a table. Chosen: file names can have 255 characters, suffix included.
-MAX_NAME_LENGTH: Final = 250
 # Chosen: enough frames to detect a tree of mixed depths, and opening stays fast.
 CHECKED_FRAMES: Final = 8
-
-
-@dataclass(frozen=True)
-class Readings:
-    """Readings that belong to an image; each is None if it does not exist.
-
-    `motor_angle` [rad] is the encoder's reading. `removed` [m] is an interval of Sigma_a's x axis
-    to be left out. `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] are sensor
-    readings.
-    """
-
-    motor_angle: float | None = None
-    removed: tuple[float, float] | None = None
-    moment_y: float | None = None
-    base_force: tuple[float, float, float] | None = None
-    base_moment: tuple[float, float, float] | None = None
-
-
-NO_READINGS = Readings()
-
-
-@dataclass(frozen=True)
-class ImageFrame:
-    """One image of the pushing beam: its path and the readings taken with it.
-
-    Frames of one push share `push_id` and are ordered by `step`. `channel` is the channel read from
-    a colour image.
-    """
-
-    frame_id: str
-    path: Path
-    readings: Readings = NO_READINGS
-    push_id: str = ""
-    step: int = 0
-    channel: str = "gray"
-
-    def image(self) -> Grey:
-        """Read the gray image (height, width). Raises InputError."""
-        return read_grey(self.path, self.channel)
 
 
 @dataclass(frozen=True)
@@ -97,12 +48,6 @@ class Observations:
     def read_rest_images(self) -> Iterator[Grey]:
         """Read the rest images one by one, with the same channel as frames. Raises InputError."""
         return (read_grey(path, self.rig.channel) for path in self.rest_images)
-
-
-def push_order(frames: Sequence[ImageFrame]) -> list[int]:
-    """Sort the indices of frames by push, in the order of their first frames, then by step."""
-    first = {frame.push_id: i for i, frame in reversed(list(enumerate(frames)))}
-    return sorted(range(len(frames)), key=lambda i: (first[frames[i].push_id], frames[i].step))
 
 
 def open_observations(root: str | Path) -> Observations:
@@ -194,116 +139,3 @@ def open_rig(path: Path) -> Observations:
                 "allowed are rest images of one depth"
             )
     return Observations(root, rig, views, rests, ())
-
-
-def read_frames(table: Path) -> Iterator[ImageFrame]:
-    """Read the frames of a metadata.csv, which is in the folder of their images.
-
-    Columns are separated by commas or, as written by some versions of Excel, by semicolons.
-    Raises InputError.
-    """
-    try:
-        text = read_bytes(table).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{table}: cannot be read as UTF-8 text ({error})") from error
-    for line, row in _rows(table, text):
-        cells = _Cells(f"{table}:{line}", row)
-        path = cells.image(table.parent)
-        removed = cells.numbers("removed_from_mm", "removed_to_mm")
-        if removed is not None and removed[0] > removed[1]:
-            raise InputError(
-                f"{table}:{line}: removed_from_mm is {removed[0]:g} and removed_to_mm "
-                f"{removed[1]:g}, allowed is from low to high"
-            )
-        force = cells.numbers(*(f"base_force_{axis}_n" for axis in "xyz"))
-        moment = cells.numbers(*(f"base_moment_{axis}_n_mm" for axis in "xyz"))
-        angle = cells.numbers("motor_angle_deg")
-        moment_y = cells.numbers("moment_y_n_mm")
-        readings = Readings(
-            motor_angle=None if angle is None else angle[0] * DEGREE,
-            removed=None if removed is None else (removed[0] * MILLIMETRE, removed[1] * MILLIMETRE),
-            moment_y=None if moment_y is None else moment_y[0] * MILLIMETRE,
-            base_force=None if force is None else (force[0], force[1], force[2]),
-            base_moment=None
-            if moment is None
-            else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
-        )
-        yield ImageFrame(
-            frame_id=cells.name("frame_id") or path.stem,
-            path=path,
-            readings=readings,
-            push_id=cells.name("push_id"),
-            step=cells.count("step"),
-        )
-
-
-def _rows(table: Path, text: str) -> Iterator[tuple[int, dict[str, str | None]]]:
-    """Yield each row with its line number."""
-    head = text.partition("\n")[0]
-    separator = ";" if ";" in head and "," not in head else ","
-    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator)
-    try:
-        for row in reader:
-            yield reader.line_num, row
-    except csv.Error as error:
-        raise InputError(f"{table}:{reader.line_num + 1}: is not CSV ({error})") from error
-
-
-@dataclass(frozen=True)
-class _Cells:
-    """Row of metadata.csv, and its location for messages."""
-
-    where: str
-    row: dict[str, str | None]
-
-    def image(self, folder: Path) -> Path:
-        """Return the path of the row's image, which is in `folder` or a subfolder."""
-        value = self.row.get("file_name")
-        if not value:
-            raise InputError(f"{self.where}: file_name is missing")
-        path = Path(value)
-        if path.is_absolute() or ".." in path.parts:
-            raise InputError(
-                f"{self.where}: file_name is {quoted(value)}, allowed is a file beside the table"
-            )
-        try:
-            exists = (folder / path).is_file()
-        except OSError:  # an invalid file name
-            exists = False
-        if not exists:
-            raise InputError(f"{self.where}: the image {truncated(path.name)} is missing")
-        return folder / path
-
-    def name(self, column: str) -> str:
-        """Read a short text; return an empty one if there is none."""
-        value = self.row.get(column) or ""
-        if len(value) > MAX_NAME_LENGTH:
-            raise InputError(
-                f"{self.where}: {column} has {len(value)} characters, allowed are {MAX_NAME_LENGTH}"
-            )
-        return value
-
-    def count(self, name: str) -> int:
-        """Read a whole number from 0; an empty cell is 0."""
-        value = (self.numbers(name) or [0.0])[0]
-        if value < 0 or value != int(value):
-            raise InputError(f"{self.where}: {name} is {value:g}, allowed is a whole number >= 0")
-        return int(value)
-
-    def numbers(self, *names: str) -> list[float] | None:
-        """Read finite numbers from columns that belong together; return None if all are empty."""
-        texts = [self.row.get(name) or "" for name in names]
-        if not any(texts):
-            return None
-        values = []
-        for name, text in zip(names, texts, strict=True):
-            try:
-                value = float(text)
-            except ValueError:
-                value = math.nan
-            if not math.isfinite(value):
-                raise InputError(
-                    f"{self.where}: {name} is {quoted(text)}, allowed is a finite number"
-                )
-            values.append(value)
-        return values

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.observation import NO_READINGS, ImageFrame, Readings, push_order
+from solver.instrument.image_frame import NO_READINGS, ImageFrame, Readings, push_order
 
 
 @dataclass(frozen=True)

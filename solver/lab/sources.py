@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Final
 
 from solver.instrument.errors import InputError
-from solver.instrument.observation import ImageFrame, read_frames
+from solver.instrument.image_frame import ImageFrame
+from solver.instrument.metadata import read_frames
 from solver.lab.capture import CameraStream, Video, open_capture
 from solver.lab.controls import NO_CONTROLS, Controls, set_controls
 from solver.lab.shots import Files, Source

@@ -7,8 +7,9 @@ import polars as pl
 import pytest
 
 from solver.instrument.arrays import Floats
+from solver.instrument.image_frame import Readings
 from solver.instrument.images import png_head, read_grey
-from solver.instrument.observation import Readings, open_observations
+from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker

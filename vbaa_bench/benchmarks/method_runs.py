@@ -12,8 +12,8 @@ from solver.antenna import Antenna
 from solver.fitting.batch import exact_fit_batch
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.measurement import Measurement
-from solver.instrument.observation import ImageFrame
 from solver.lab.table import csv_text, row
 from solver.methods import Method
 from solver.tracker import PushTracker

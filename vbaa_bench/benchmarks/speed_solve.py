@@ -19,7 +19,8 @@ from typing import Final
 import numpy as np
 
 from solver.instrument.errors import InputError
-from solver.instrument.observation import ImageFrame, open_observations
+from solver.instrument.image_frame import ImageFrame
+from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker

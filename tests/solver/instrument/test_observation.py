@@ -12,8 +12,10 @@ import pytest
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.hashes import HASHES
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import png_bytes, read_grey
-from solver.instrument.observation import ImageFrame, open_observations, open_rig, read_frames
+from solver.instrument.metadata import read_frames
+from solver.instrument.observation import open_observations, open_rig
 from vbaa_bench.dataset.exr_channels import channels
 from vbaa_bench.geometry.mesh_file import read_mesh
 

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from solver.instrument.errors import InputError
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import png_bytes
-from solver.instrument.observation import ImageFrame, open_observations, open_rig, read_frames
+from solver.instrument.metadata import read_frames
+from solver.instrument.observation import open_observations, open_rig
 from solver.lab.capture import CameraStream, Video
 from solver.lab.controls import Controls
 from solver.lab.shots import Files

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.measurement import Measurement
-from solver.instrument.observation import ImageFrame
 from solver.methods import METHODS
 from vbaa_bench import cli
 from vbaa_bench.api import results as api

@@ -1,7 +1,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from solver.instrument.observation import ImageFrame, Observations
+from solver.instrument.image_frame import ImageFrame
+from solver.instrument.observation import Observations
 from solver.instrument.rig import Sensors
 from solver.methods import METHODS
 from tests.simulated import rig

@@ -1,0 +1,53 @@
+"""One image of a pushing beam, with the readings taken with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from solver.instrument.arrays import Grey
+from solver.instrument.images import read_grey
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Readings that belong to an image; each is None if it does not exist.
+
+    `motor_angle` [rad] is the encoder's reading. `removed` [m] is an interval of Sigma_a's x axis
+    to be left out. `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] are sensor
+    readings.
+    """
+
+    motor_angle: float | None = None
+    removed: tuple[float, float] | None = None
+    moment_y: float | None = None
+    base_force: tuple[float, float, float] | None = None
+    base_moment: tuple[float, float, float] | None = None
+
+
+NO_READINGS = Readings()
+
+
+@dataclass(frozen=True)
+class ImageFrame:
+    """One image of the pushing beam: its path and the readings taken with it.
+
+    Frames of one push share `push_id` and are ordered by `step`. `channel` is the channel read from
+    a colour image.
+    """
+
+    frame_id: str
+    path: Path
+    readings: Readings = NO_READINGS
+    push_id: str = ""
+    step: int = 0
+    channel: str = "gray"
+
+    def image(self) -> Grey:
+        """Read the gray image (height, width). Raises InputError."""
+        return read_grey(self.path, self.channel)
+
+
+def push_order(frames: Sequence[ImageFrame]) -> list[int]:
+    """Sort the indices of frames by push, in the order of their first frames, then by step."""
+    first = {frame.push_id: i for i, frame in reversed(list(enumerate(frames)))}
+    return sorted(range(len(frames)), key=lambda i: (first[frames[i].push_id], frames[i].step))
