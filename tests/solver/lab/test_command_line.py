@@ -389,6 +389,17 @@ def under_weight(
     return np.asarray((ground + bright * profile + noise).round().clip(0, 255), np.uint8)
 
 
+def test_a_start_in_advance_says_how_long_it_took(command: CommandLine, root: Path) -> None:
+    ended = command("warm", "--rig", root)
+    assert (ended.status, ended.out) == (0, "")
+    assert "ready after" in ended.err
+
+
+def test_rigidity_needs_a_weight(command: CommandLine, root: Path, images: list[Path]) -> None:
+    zero = ["--weight-g", "0", "--at-mm", "190"]
+    assert "must be above 0" in command.refused("rigidity", images[0], "--rig", root, *zero)
+
+
 def test_a_contact_is_no_hung_weight(command: CommandLine, root: Path, images: list[Path]) -> None:
     words = ["--weight-g", "4", "--at-mm", "190"]
     assert "sigma" in command.refused("rigidity", images[0], "--rig", root, *words)

@@ -1,12 +1,14 @@
 """What a person sees."""
 
 import io
+import time
 
 import pytest
 from rich.console import Console
 
 from solver.instrument.estimate import Estimate, Outcome
-from solver.lab.console import short_names, table
+from solver.lab import console
+from solver.lab.console import setting_up, short_names, table
 from solver.lab.table import row
 
 
@@ -34,3 +36,29 @@ def test_the_table_shows_short_names_as_they_are() -> None:
     assert "/home" not in text
     for part in ("[red]1.png", "2.png", "no contact", "mine[/x]:f"):
         assert part in text
+
+
+def test_a_first_start_shows_how_many_functions_are_compiled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out, compiled = io.StringIO(), set[str]()
+    monkeypatch.setattr(console, "console", Console(file=out, width=120, force_terminal=True))
+    monkeypatch.setattr(console, "compiled_functions", lambda: compiled)
+    with setting_up(quiet=False):
+        compiled |= {f"module.function_{i}" for i in range(30)}
+        time.sleep(1.2)  # more than two intervals at which they are counted
+    assert f"30/{console.FUNCTIONS}" in out.getvalue()
+    assert f"{console.FUNCTIONS}/{console.FUNCTIONS}" in out.getvalue()
+
+
+@pytest.mark.parametrize("compiled", [None, {str(i) for i in range(console.FUNCTIONS)}])
+def test_a_later_start_shows_no_count(
+    monkeypatch: pytest.MonkeyPatch, compiled: set[str] | None
+) -> None:
+    out = io.StringIO()
+    monkeypatch.setattr(console, "console", Console(file=out, width=120, force_terminal=True))
+    monkeypatch.setattr(console, "compiled_functions", lambda: compiled)
+    with setting_up(quiet=False):
+        pass
+    assert "calibrating" in out.getvalue()
+    assert "compiling" not in out.getvalue()

@@ -3,6 +3,7 @@
 import importlib.metadata
 import json
 import os
+import runpy
 import subprocess
 import sys
 
@@ -60,6 +61,16 @@ def test_names_in_help_texts_are_those_of_the_code() -> None:
 def test_the_version_is_that_of_the_package() -> None:
     done = CliRunner().invoke(cli.app, ["--version"])
     assert (done.exit_code, done.stdout) == (0, importlib.metadata.version("vbaa-bench") + "\n")
+
+
+def test_the_package_runs_as_a_module(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["vbaa-bench", "--version"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module("vbaa_bench", run_name="__main__")
+    assert not ended.value.code
+    assert capsys.readouterr().out == importlib.metadata.version("vbaa-bench") + "\n"
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ seed: -1
 beam:
   lenght_mm: 240
   diameter_mm: 0
-camera: {roll_deg: abc}
+camera: {roll_deg: abc, look_at_mm: [1, 2, 3, 4]}
 sensor:
   bits: 9
 pushes:
@@ -58,6 +58,7 @@ extra: 1
         "allowed is greater than or equal to 0.000001",
         "scene.yaml:5:3: beam.diameter_mm is 0, allowed is greater than or equal to 0.000001",
         "scene.yaml:4:3: beam.lenght_mm is an unknown key; did you mean length_mm?",
+        "scene.yaml:6:25: camera.look_at_mm is [1, 2, 3, 4], allowed is a list of at most 3",
         "scene.yaml:6:10: camera.roll_deg is 'abc', allowed is a number",
         "scene.yaml:8:3: sensor.bits is 9, allowed is one of 8, 10, 12, 14, 16",
         "scene.yaml:12:10: layers[0] is 'dept', allowed is one of radiance, variance, beam_mask, "
