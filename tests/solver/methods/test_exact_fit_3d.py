@@ -126,6 +126,17 @@ def test_a_telecentric_camera_cannot_tell_psi() -> None:
     assert answer.message
 
 
+@pytest.mark.parametrize("psi_deg", [2.0, 10.0])
+def test_a_mirrored_plane_is_part_of_the_uncertainty(psi_deg: float) -> None:
+    """Without perspective, psi and -psi are equally likely: the variance is half of (2 psi)^2."""
+    state = pushed(0.12, 0.2, math.radians(psi_deg))
+    above = np.array([0.0, 0.0, 1.0, 0.0])
+    estimate = exact_fit_3d(measured(view(state, above, sigma=1e-6, tip=True)))
+    psi = plane_of(state)
+    assert abs(estimate.values["psi_rad"]) == pytest.approx(psi, rel=1e-2)
+    assert estimate.sigma("psi_rad") == pytest.approx(math.sqrt(2) * psi, rel=2e-2)
+
+
 def test_edge_on_is_said_and_not_guessed() -> None:
     state = pushed(0.12, 0.1, math.radians(80))
     random = np.random.default_rng(0)

@@ -67,6 +67,23 @@ def test_its_covariance_is_honest(x_c: float, base_sigma: float) -> None:
     assert 0.6 < np.mean(squares) < 1.25
 
 
+def test_chi2_has_the_stated_degrees_of_freedom() -> None:
+    """The mean of chi2 over white noise is the number of degrees of freedom."""
+    random, base_sigma, trials = np.random.default_rng(4), 2e-5, 200
+    x = np.linspace(0.02, 0.23, 9)
+    load = 0.024 / float(unit_deflection(0.24, 0.12))
+    total, dof = 0.0, 0
+    for _ in range(trials):
+        dx, dy, tilt = base_sigma * random.standard_normal(3) * [1, 1, 10]
+        y = load * unit_deflection(x - dx, 0.12) + dy + tilt * x
+        y = y + SIGMA * random.standard_normal(len(x))
+        estimate = linear_fit(measurement(np.column_stack([x, y]), SIGMA, base_sigma))
+        assert estimate.chi2 is not None
+        assert estimate.dof is not None
+        total, dof = total + estimate.chi2, estimate.dof
+    assert total / trials == pytest.approx(dof, abs=0.5)  # 7 +- 0.26
+
+
 def test_the_rigs_tolerances_enter_the_covariance() -> None:
     y, load = linear_beam(0.12)
     plain = measurement(np.column_stack([X, y]), 1e-9, scale_sigma=1e-3)

@@ -390,6 +390,17 @@ def test_friction_is_told_by_a_push_there_and_back(compliance: float, side: int)
         assert answer.values[name] == pytest.approx(true, abs=most), name
 
 
+def test_friction_acts_backwards_in_the_first_frame_after_a_reversal() -> None:
+    measurement, state = measured_push(
+        still(0.12, 0.0), friction=0.3, angles_deg=(6.0, 12.0, 6.0), sigma=1e-5
+    )
+    estimate = push_fit_friction(measurement)
+    force_x, force_y, _ = state.contact.force
+    assert estimate.values["friction"] == pytest.approx(0.3, abs=1e-3)
+    assert estimate.values["force_x_n"] == pytest.approx(force_x, rel=2e-3)
+    assert estimate.values["force_y_n"] == pytest.approx(force_y, rel=2e-3)
+
+
 @pytest.mark.parametrize("friction", [0.001, 0.3])
 def test_its_sigmas_are_honest_whether_the_object_drags_or_not(friction: float) -> None:
     random = np.random.default_rng(17)

@@ -1,4 +1,5 @@
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +27,11 @@ SIGMA, BASE_SIGMA, ENCODER = 1e-7, (1e-7, 1e-7, 1e-6), 1e-6
 ANGLES_DEG = (3.0, 5.0, 7.0, 9.0)
 
 
-def linear_push(compliance: float, random: np.random.Generator | None = None) -> Measurement:
+def linear_push(
+    compliance: float,
+    random: np.random.Generator | None = None,
+    angles_deg: Sequence[float] = ANGLES_DEG,
+) -> Measurement:
     """A push of the linear beam, eqs. (9) and (10), which is the method's own."""
 
     def noise(*shape: int) -> Floats:
@@ -35,7 +40,7 @@ def linear_push(compliance: float, random: np.random.Generator | None = None) ->
     x = np.arange(3e-3, BEAM.length, 0.51e-3)
     dx, dy, tilt = np.array(BASE_SIGMA) * noise(3)
     frames: tuple[Measurement, ...] = ()
-    for degrees in ANGLES_DEG:
+    for degrees in angles_deg:
         angle = math.radians(degrees)
         y_c = DISTANCE * math.tan(angle) / (1 + compliance / OWN)
         near = (3 * DISTANCE - x) * x**2
@@ -65,6 +70,76 @@ def test_recovers_a_linear_beam(ratio: float) -> None:
     assert ("stiffness_n_per_m" in answer.values) == math.isfinite(ratio)
     if math.isfinite(ratio):
         assert answer.values["stiffness_n_per_m"] == pytest.approx(ratio / OWN, rel=1e-4)
+
+
+def test_recovers_a_linear_beam_up_to_large_angles() -> None:
+    """The load grows as the tangent of any angle below 90 degrees."""
+    estimate = stiffness(linear_push(OWN, angles_deg=(10.0, 30.0, 50.0, 65.0, 75.0)))
+    assert estimate.values["compliance_m_per_n"] == pytest.approx(OWN, rel=1e-9)
+    assert estimate.values["onset_angle_rad"] == pytest.approx(ONSET, abs=1e-9)
+
+
+def frames_of(
+    measurement: Measurement, change: Callable[[int, Measurement], Measurement]
+) -> Measurement:
+    """Apply a change to every frame of a push, by its number."""
+    frames = (*measurement.earlier, replace(measurement, earlier=()))
+    changed = tuple(change(i, frame) for i, frame in enumerate(frames))
+    return replace(changed[-1], earlier=changed[:-1])
+
+
+@pytest.mark.parametrize("rigidity_sigma", [1e-4, 0.1])
+def test_every_error_enters_the_covariance_by_its_derivative(rigidity_sigma: float) -> None:
+    """Compare with finite differences of the estimate by all measured and stated quantities."""
+    sigma, (dx, dy, tilt), encoder, scale_sigma = 1e-6, (1e-6, 1e-6, 1e-5), 1e-5, 1e-4
+    step = 1e-3  # of a sigma: the mean of pairs is not linear in larger errors
+
+    def prepared(_: int, frame: Measurement) -> Measurement:
+        points = frame.points[::8]
+        frame = replace(
+            frame,
+            view=View(points, sigma * np.tile([0.0, 1.0], (len(points), 1)), frame.view.viewpoint),
+            base_covariance=np.diag(np.square([dx, dy, tilt])),
+            scale_sigma=scale_sigma,
+        )
+        rigidity = rigidity_sigma * BEAM.flexural_rigidity
+        return with_tolerances(frame, encoder=encoder, flexural_rigidity=rigidity)
+
+    measurement = frames_of(linear_push(OWN, angles_deg=(5.0, 9.0)), prepared)
+    unchanged = stiffness(measurement)
+    changes = []
+
+    def add(change: Callable[[int, Measurement], Measurement]) -> None:
+        values = stiffness(frames_of(measurement, change)).values
+        changes.append((np.array(list(values.values())) - list(unchanged.values.values())) / step)
+
+    def add_errors(points: Floats, motor: Floats) -> None:
+        """Add the change by errors of the points (2, n, 2) [m] and of the motor (2,) [rad]."""
+
+        def with_errors(i: int, frame: Measurement) -> Measurement:
+            assert frame.motor_angle is not None
+            view = replace(frame.view, points=frame.points + step * points[i])
+            return replace(frame, view=view, motor_angle=frame.motor_angle + step * float(motor[i]))
+
+        add(with_errors)
+
+    points = np.stack([measurement.earlier[0].points, measurement.points])
+    for frame, column in np.ndindex(points.shape[:2]):
+        noise = np.zeros_like(points)
+        noise[frame, column, 1] = sigma
+        add_errors(noise, np.zeros(2))
+    for motor in encoder * np.eye(2):
+        add_errors(0 * points, motor)
+    for clamp in ([dx, 0.0], [0.0, dy], tilt * points[:, :, :1] * [0.0, 1.0]):
+        add_errors(0 * points + clamp, np.zeros(2))
+    add_errors(scale_sigma * points, np.zeros(2))
+    rigidity = (1 + step * rigidity_sigma) * BEAM.flexural_rigidity
+    stiffer = replace(BEAM, flexural_rigidity=rigidity)
+    add(lambda _, frame: replace(frame, rig=replace(frame.rig, beam=stiffer)))
+    expected, stated = np.transpose(changes) @ changes, unchanged.covariance
+    assert stated is not None
+    size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert stated / size == pytest.approx(expected / size, abs=1e-2)
 
 
 @pytest.mark.parametrize("ratio", [1.0, math.inf])
@@ -126,6 +201,16 @@ def test_without_a_push_it_answers_as_two_point() -> None:
         assert answer.message.startswith("from this frame alone: ")
         assert answer.values == two_point(lone).values
         assert "compliance_m_per_n" not in answer.values
+
+
+def test_a_motor_that_turned_within_its_error_gives_no_compliance() -> None:
+    measurement = linear_push(OWN, angles_deg=(5.0, 9.0))
+    turned = math.radians(4.0)
+    clear = stiffness(with_tolerances(measurement, encoder=turned / 6))
+    assert clear.values["compliance_m_per_n"] == pytest.approx(OWN, rel=1e-9)
+    unclear = stiffness(with_tolerances(measurement, encoder=turned / 3))
+    assert "compliance_m_per_n" not in unclear.values
+    assert "the motor has not turned" in unclear.message
 
 
 def test_outcomes() -> None:

@@ -3,7 +3,7 @@ import pytest
 
 from solver.beam_models.linear import unit_deflection
 from solver.instrument.arrays import Floats
-from solver.instrument.estimate import Outcome
+from solver.instrument.estimate import Estimate, Outcome
 from solver.methods.three_point import three_point
 from tests.inclined import VIEWPOINT, inclined, on_plane_c, pushed
 from tests.simulated import BEAM, columns
@@ -96,3 +96,29 @@ def test_what_it_cannot_answer_is_said() -> None:
     blind = three_point(inclined(linear(0.15, 0.3, above)[0], SIGMA, viewpoint=above))
     assert blind.outcome is Outcome.NOT_IDENTIFIABLE
     assert blind.message
+
+
+@pytest.mark.parametrize("psi", [0.0, 0.3])
+def test_errors_of_the_clamp_enter_the_covariance_by_their_derivatives(psi: float) -> None:
+    """Compare with finite differences of the estimate by the clamp's dx, dy and tilt."""
+    names, base_sigma, step = ["psi_rad", "x_c_m", "force_n"], 1e-7, 1e-7
+    points, _ = linear(0.15, psi)
+    x, zero, one = points[:, 0], np.zeros(len(points)), np.ones(len(points))
+
+    def estimate(shift: Floats) -> Estimate:
+        return three_point(inclined(points + shift, 1e-10, base_sigma=base_sigma))
+
+    def values(shift: Floats) -> Floats:
+        by_name = estimate(shift).values
+        return np.array([by_name[name] for name in names])
+
+    shifts = [step * np.column_stack(pair) for pair in ((one, zero), (zero, one), (zero, x))]
+    by_clamp = [(values(shift) - values(-shift)) / (2 * step) for shift in shifts]
+    scaled = np.column_stack(by_clamp) * base_sigma * [1, 1, 10]
+    expected = scaled @ scaled.T
+    unmoved = estimate(0 * points)
+    rows = [list(unmoved.values).index(name) for name in names]
+    assert unmoved.covariance is not None
+    stated = unmoved.covariance[np.ix_(rows, rows)]
+    size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert stated / size == pytest.approx(expected / size, abs=5e-3)

@@ -117,3 +117,25 @@ def test_the_judge_of_balance_can_fail() -> None:
     """`imbalance` sees a weight that is not there."""
     state = planar.push(BEAM, 0.12, deflection=0.1)
     assert imbalance(state, np.zeros(3)) < 1e-9 < imbalance(state, np.array([0.0, 0.0, -STEEL]))
+
+
+def test_its_contact_is_that_of_the_exact_beam_at_small_deflection() -> None:
+    paper = linear.push(BEAM, 0.12, deflection=1e-4).contact
+    exact = planar.push(BEAM, 0.12, deflection=1e-4).contact
+    assert paper.lever == pytest.approx(exact.lever, abs=1e-3 * BEAM.radius)
+    assert paper.normal == pytest.approx(exact.normal, abs=1e-3)
+    assert paper.tangent == pytest.approx(exact.tangent, abs=1e-6)
+
+
+def test_the_object_is_on_the_side_from_which_it_pushes() -> None:
+    contact = linear.push(BEAM, 0.12, deflection=0.1, normal_angle=0.4).contact
+    size = float(np.linalg.norm(contact.force))
+    assert contact.lever @ contact.force == pytest.approx(-BEAM.radius * size, rel=1e-12)
+
+
+def test_the_only_object_is_the_first_obstacle() -> None:
+    for state in (
+        linear.push(BEAM, 0.12, deflection=0.1),
+        planar.push(BEAM, 0.12, deflection=0.1),
+    ):
+        assert [contact.obstacle for contact in state.contacts] == [0]

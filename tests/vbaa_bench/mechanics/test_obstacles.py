@@ -52,6 +52,16 @@ def test_a_beam_lifts_off_a_wall() -> None:
     assert orders(errors) == pytest.approx([2.0, 2.0], abs=0.1)
 
 
+def test_a_wall_is_touched_up_to_the_tip() -> None:
+    """The contact x = 3 gap / dtheta is within the beam from the angle 3 gap / L on."""
+    angle = 0.02
+    wall = obstacle(THIN, 0.0, Flat(), clearance=0.95 * THIN.length * angle / 3)
+    state = push_one(WIRE, wall, 0.0, angle=angle)
+    assert state.contact.s == pytest.approx(0.95 * THIN.length, rel=1e-3)
+    with pytest.raises(EquilibriumError, match="lies along the wall"):
+        push_one(WIRE, wall, 0.0, angle=0.9 * angle)
+
+
 def test_a_soft_object_gives_way_like_its_spring() -> None:
     x_0, compliance, angle = 0.12, 0.1, 0.15
     spring = np.array([math.cos(1.2), math.sin(1.2), 0.0])

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.interpolate import CubicSpline
 
 from tests.oracle import EI
 from tests.vbaa_bench.mechanics.benches import (
@@ -19,7 +20,7 @@ from tests.vbaa_bench.mechanics.benches import (
     push_one,
 )
 from vbaa_bench.mechanics.pushing import rest
-from vbaa_bench.mechanics.rod import ORDER, POISSON, Rod, advance
+from vbaa_bench.mechanics.rod import ORDER, POISSON, Rod, advance, trace
 
 EVERYTHING = Rod(
     BEAM,
@@ -191,3 +192,49 @@ def test_strain_of_a_round_beam_is_curvature_times_radius() -> None:
     state = push_one(Rod(BEAM), obstacle(BEAM, 0.12), 0.12, deflection=0.1)
     expected = float(np.linalg.norm(state.base_moment)) / EI * BEAM.radius
     assert state.largest_strain == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("shape", "aspect_ratio"),
+    [("ellipse", 1.0), ("ellipse", 2.5), ("rectangle", 2.5), ("rectangle", 0.4)],
+)
+def test_strain_is_that_of_the_farthest_fibre(shape: Any, aspect_ratio: float) -> None:
+    """Differentiate the tangent of a tapered beam, and multiply by the distance of each fibre."""
+    rod = Rod(BEAM, shape=shape, aspect_ratio=aspect_ratio, section_angle=0.4, tip_ratio=0.6)
+    rows, forces = np.linspace(0.0, 1.0, 481), np.array([[-0.5, 2.0, 3.0]])
+    clamp = rod.clamp(np.array([0.05, -3.0, 2.5]))
+    properties = rod.properties(np.eye(3))
+    states = trace(clamp, np.array([1.0]), forces, np.zeros((1, 3)), rows, properties)
+    curvatures = CubicSpline(rows, states[:, 6:9])(rows, 1) / BEAM.length
+    around = np.linspace(0.0, math.tau, 2000)
+    circle = np.column_stack([np.cos(around), np.sin(around)])
+    outline = circle if shape == "ellipse" else np.array([[1.0, 1.0], [1.0, -1.0]])
+    for i in (48, 240, 384):
+        first, tangent = states[i, 3:6], states[i, 6:9]
+        bend = curvatures[i] @ np.column_stack([first, np.cross(tangent, first)])
+        fibres = rod.half_height(rows[i] * BEAM.length) * outline * [1.0, aspect_ratio]
+        strain = rod.largest_strain(rows[i : i + 1], states[i : i + 1])
+        assert strain == pytest.approx(np.abs(fibres @ bend).max(), rel=2e-5)
+
+
+@pytest.mark.parametrize("tip_ratio", [0.3, 1.4])
+def test_a_frictionless_force_is_perpendicular_to_the_surface_of_a_tapered_beam(
+    tip_ratio: float,
+) -> None:
+    """The surface is inclined to the centreline by the change of the radius per arc length."""
+    rod = Rod(BEAM, tip_ratio=tip_ratio)
+    contact = push_one(rod, obstacle(rod, 0.15), 0.15, angle=0.2).contact
+    inclination = (rod.half_height(BEAM.length) - rod.half_height(0.0)) / BEAM.length
+    size = float(np.linalg.norm(contact.force))
+    assert contact.force @ contact.tangent == pytest.approx(inclination * size, abs=1e-9 * size)
+    assert contact.force == pytest.approx(size * contact.normal, abs=1e-9 * size)
+
+
+def test_a_tapered_beam_is_followed_to_a_large_angle() -> None:
+    """The contact moves outwards steadily, and forces and moments balance."""
+    rod, distances = Rod(BEAM, tip_ratio=0.6), []
+    for angle in (0.3, 0.4, 0.5):
+        state = push_one(rod, obstacle(rod, 0.16), 0.16, angle=angle)
+        assert imbalance(state, np.zeros(3)) < 1e-8
+        distances.append(state.contact.s)
+    assert 0.16 < distances[0] < distances[1] < distances[2] < 0.17

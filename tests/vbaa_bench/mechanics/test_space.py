@@ -170,3 +170,15 @@ def test_a_step_says_one_thing() -> None:
         Step()
     with pytest.raises(ValueError, match="allowed is 0 and more"):
         Step(deflection=-0.1)
+
+
+def test_steps_interpolate_between_their_neighbours() -> None:
+    before = Step(pushing_angle=0.1, drift=(1e-3, 2e-3, -3e-3))
+    after = Step(pushing_angle=0.4, drift=(4e-3, -1e-3, 6e-3))
+    for share in (0.0, 0.25, 1.0):
+        between = after.since(before, share)
+        expected = [
+            (1 - share) * a + share * b for a, b in zip(before.drift, after.drift, strict=True)
+        ]
+        assert between.drift == pytest.approx(expected, abs=1e-15)
+        assert between.size == pytest.approx((1 - share) * 0.1 + share * 0.4, rel=1e-14)
