@@ -74,18 +74,25 @@ def nearest(found: Equilibrium, index: int, surface: Surface) -> float:
     return (float(best.x) if best.fun < distance_to(line[coarse]) else at_row) * length
 
 
+def check_on_beam(found: Equilibrium) -> None:
+    """Raise EquilibriumError if a contact is beyond the tip."""
+    length = found.problem.rod.beam.length
+    for guess in found.contacts.values():
+        if guess.s >= length:
+            raise EquilibriumError(
+                f"the beam slips off: contact arc length {guess.s:.6g} m, "
+                f"allowed is up to the tip at {length:.6g} m"
+            )
+
+
 def check(found: Equilibrium) -> None:
     """Raise EquilibriumError if the beam cannot remain in this state.
 
     It must not slip off at the tip, be pulled, cut into an object, or slip off a ball sideways.
     """
+    check_on_beam(found)
     beam = found.problem.rod.beam
     for index, guess in found.contacts.items():
-        if guess.s >= beam.length:
-            raise EquilibriumError(
-                f"the beam slips off: contact arc length {guess.s:.6g} m, "
-                f"allowed is up to the tip at {beam.length:.6g} m"
-            )
         pressing = float(guess.force @ guess.touch.normal)
         if pressing <= 0:
             raise EquilibriumError(

@@ -8,7 +8,14 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE
-from vbaa_bench.mechanics.contact_checks import MAX_DEPTH, SCAN, deepest, nearest, smooth
+from vbaa_bench.mechanics.contact_checks import (
+    MAX_DEPTH,
+    SCAN,
+    check_on_beam,
+    deepest,
+    nearest,
+    smooth,
+)
 from vbaa_bench.mechanics.rod_contact import Equilibrium, RodContactProblem, Step
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Flat, Surface
@@ -63,6 +70,7 @@ def _follow(
             if len(path) > 1 and _alike(path[-2], path[-1]):
                 start = 2 * start - path[-2].unknown
             solution = current.solve(part, dict.fromkeys(path[-1].contacts), start)
+        check_on_beam(solution)  # a solution beyond the tip may be of another branch
         solution = _rolled_on(problem, _with_new_contact(solution))
         current = solution.problem
         path.append(solution)

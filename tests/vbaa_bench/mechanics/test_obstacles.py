@@ -198,6 +198,14 @@ def test_a_box_is_its_edge(turn: float) -> None:
         same(edge, solid, 1e-10)
 
 
+@pytest.mark.parametrize("surface", [None, Solid(box(-0.2))], ids=["edge", "mesh"])
+def test_a_solution_beyond_the_tip_is_not_taken_for_a_slip(surface: Solid | None) -> None:
+    """Strides of the usual length lead to another branch here; finer ones stay on the beam."""
+    rod = Rod(BEAM, aspect_ratio=1.5, section_angle=0.4, tip_ratio=0.6)
+    state = push_one(rod, obstacle(rod, 0.22, surface), 0.22, angle=0.3)
+    assert state.contact.s == pytest.approx(0.22387, abs=1e-5)
+
+
 def many_sided(sides: int, radius: float) -> trimesh.Trimesh:
     """A prism about a cylinder's axis, one of its edges on the origin."""
     mesh: trimesh.Trimesh = trimesh.creation.cylinder(radius, 0.1, sections=sides)
