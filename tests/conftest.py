@@ -15,7 +15,11 @@ from vbaa_bench.scene.load import load_scene
 settings.register_profile("fixed", derandomize=True, deadline=None, max_examples=60)
 settings.load_profile("fixed")
 
-SMALL_SCENE = """
+ALL_LAYERS = """
+layers: [radiance, variance, beam_mask, coverage, arc_length, depth, normal, object_index,
+  occlusion]
+"""
+SMALL_SCENE = f"""
 title: Four pushes for the tests
 seed: 11
 camera:
@@ -23,13 +27,13 @@ camera:
   height_px: 176
   position_mm: [120.0, 22.0, 360.0]
   look_at_mm: [120.6, 22.0, 0.0]
-calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120.0, 22.0], views: 6}
-sensor: {rest_images: 2}
+calibration: {{columns: 20, rows: 5, square_mm: 10, center_mm: [120.0, 22.0], views: 6}}
+sensor: {{rest_images: 2}}
 pushes:
   contact_distance_mm: [100, 200]
   deflection_pct: [10, 20]
 frames_per_shard: 2
-"""
+{ALL_LAYERS}"""
 
 
 @pytest.fixture(scope="session")

@@ -28,7 +28,9 @@ from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.readers import copy_observations, open_truth
 from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.generation import generate as generating
+from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.generate import generate
+from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.report.report import report
 from vbaa_bench.scene.frames import frame_specs
 from vbaa_bench.scene.load import load_scene
@@ -66,8 +68,11 @@ class Restorer:
 
     def __exit__(self, *_: object) -> None: ...
 
-    def call(self, _method: str) -> float:
-        return float(json.loads(self.source.manifest.read_text())["exposure_per_radiance"])
+    def call(self, method: str, _specs: object) -> Metering:
+        assert method == "meter"
+        facts = json.loads(self.source.manifest.read_text())
+        table = SampleTable(np.array(facts["sample_table"]))
+        return Metering(facts["exposure_per_radiance"], table)
 
     def run(self, jobs: Sequence[tuple[str, tuple[Any, ...]]], _done: object) -> list[Any]:
         self.jobs.extend(jobs)

@@ -17,7 +17,7 @@ from solver.methods import METHODS
 from solver.planes.plane_c import on_plane
 from solver.set_up import set_up
 from solver.tracker import PushTracker
-from tests.conftest import SMALL_SCENE
+from tests.conftest import ALL_LAYERS, SMALL_SCENE
 from tests.mortal import Mortal
 from tests.one_process import OneProcess
 from vbaa_bench.dataset.exr import read_exr
@@ -193,7 +193,8 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     monkeypatch.setattr(generating, "Pool", OneProcess)
     path = tmp_path / "drawn.yaml"
     text = SMALL_SCENE.replace("[100, 200]", "[150]").replace("[10, 20]", "[20]")
-    text += "tolerances: {true_rig: drawn, base_mm: 0.2, flexural_rigidity_pct: 3}\nlayers: []\n"
+    text = text.replace(ALL_LAYERS, "layers: []\n")
+    text += "tolerances: {true_rig: drawn, base_mm: 0.2, flexural_rigidity_pct: 3}\n"
     text += "render: {noise_near_beam: 1, noise_elsewhere: 1, noise_static_layer: 0.3}\n"
     path.write_text(text, encoding="utf-8")
     layout = generate(load_scene(path), tmp_path / "drawn", variant, 1, quiet)

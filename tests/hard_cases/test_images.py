@@ -130,11 +130,15 @@ def test_what_is_no_image_of_the_camera_is_invalid(dataset: Path, antenna: Anten
 
 
 def same(one: Estimate, other: Estimate, within: float) -> bool:
-    """Whether outcomes are equal, and contact distance [m] and force but for `within` [m]."""
+    """Whether outcomes are equal, and contact distance [m] and force but for `within` [m].
+
+    Of a weak estimate, a millionth of a sigma may differ: the fit stops after a small step.
+    """
+    weak = 1e-3 * one.sigma("x_c_mm") / 1e6
     return (
         one.outcome is other.outcome
-        and abs(one.values["x_c_m"] - other.values["x_c_m"]) <= within
-        and abs(one.values["force_n"] / other.values["force_n"] - 1) <= within / 0.01
+        and abs(one.values["x_c_m"] - other.values["x_c_m"]) <= max(within, weak)
+        and abs(one.values["force_n"] / other.values["force_n"] - 1) <= max(within, weak) / 0.01
     )
 
 

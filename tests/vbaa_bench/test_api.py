@@ -5,7 +5,7 @@ import doctest
 import importlib
 import types
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from vbaa_bench.api import frame as frame_module
 from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.scene.rendering import Layer
 from vbaa_bench.scoring.child import MethodRun
 from vbaa_bench.scoring.layout import Results
 
@@ -109,6 +110,7 @@ def test_a_scene_in_python_is_that_of_the_file(small_scene: Path) -> None:
         sensor={"rest_images": 2},
         pushes={"contact_distance_mm": [100, 200], "deflection_pct": [10, 20]},
         frames_per_shard=2,
+        layers=get_args(Layer),
     )
     assert scene.scene == vb.load_scene(small_scene).scene
     assert vb.load_scene(str(small_scene), seed=12).scene.seed == 12

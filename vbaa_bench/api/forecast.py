@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 from vbaa_bench.api.data import usable_variant, worker_count
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import Pool, cores
 from vbaa_bench.scene.frames import FrameSpec, frame_specs, in_shards
@@ -137,16 +137,16 @@ class _ProbedFrameRenderer(FrameRenderer):
         tick: Callable[[], None],
         number: int,
         frames: tuple[FrameSpec, FrameSpec],
-        exposure: float,
+        metering: Metering,
     ) -> _ProbedFrame:
         """Render a shard of the second frame; once per worker, render the first frame before it."""
         first, spec = frames
         start = time.perf_counter()
         if self._first_s is None:
-            self.frame(first, exposure)
+            self.frame(first, metering)
             self._first_s = time.perf_counter() - start
         start = time.perf_counter()
-        self.shard(tick, number, [spec], exposure)
+        self.shard(tick, number, [spec], metering)
         return _ProbedFrame(time.perf_counter() - start, self._first_s, _peak_memory())
 
 
@@ -183,15 +183,15 @@ def _probe(
         threads = max(cores() // workers, 1)
         arguments = (file.scene, rig, file.path.parent.resolve(), layout, variant, threads)
         with Pool(workers, _ProbedFrameRenderer, arguments) as pool:
-            exposure = float(pool.call("measure_exposure"))
+            metering: Metering = pool.call("meter", [first])
             started = clock()
             frames: list[_ProbedFrame] = pool.run(
-                [("probe", (n, (first, spec), exposure)) for n, spec in enumerate(probes)],
+                [("probe", (n, (first, spec), metering)) for n, spec in enumerate(probes)],
                 lambda _done: None,
             )
-            pool.call("image", view, exposure)  # compiles
+            pool.call("image", view, metering.exposure)  # compiles
             compiled = clock()
-            pool.call("image", view, exposure)
+            pool.call("image", view, metering.exposure)
             image_s = clock() - compiled
         files = [path for path in layout.root.glob("*/shard_*/*") if path.is_file()]
         frame_bytes = sum(path.stat().st_size for path in files) / len(probes)

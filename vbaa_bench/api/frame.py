@@ -17,7 +17,7 @@ from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.generation.dataset_facts import dataset_facts
-from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.frame_renderer import FrameRenderer, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import frame_specs
@@ -32,7 +32,7 @@ class Frame:
     """One frame as written by `generate`, which a notebook displays as an image.
 
     `image` is gray, (height, width); `readings` holds its columns of metadata.csv, `truth` its row
-    of truth.parquet, and `layers` the truth images (height, width, ...) listed in the scene.
+    of truth.parquet, and `layers` all truth layers (height, width, ...) by name.
     """
 
     image: Grey
@@ -82,14 +82,14 @@ def render_frame(scene: AnyScene, number: int = 0, *, variant: str | None = None
     if not 0 <= number < len(specs):
         raise InputError(f"frame {number} does not exist, allowed is 0 to {len(specs) - 1}")
     spec = next(spec for spec in specs if spec.index == number)
-    rig = plan(file, of=[spec]).rig
+    rig = plan(file, of=[spec, *metered_frames(specs)]).rig
     chosen_variant = usable_variant(variant)
     renderer = FrameRenderer(
         file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen_variant, threads=0
     )
-    exposure = renderer.measure_exposure(lambda: None)
-    rendered = renderer.frame(spec, exposure)
+    metering = renderer.meter(lambda: None, metered_frames(specs))
+    rendered = renderer.frame(spec, metering)
     row = {"frame_id": spec.frame_id, **rendered.truth}
-    facts = dataset_facts(file.scene, rig, exposure, chosen_variant)
+    facts = dataset_facts(file.scene, rig, metering, chosen_variant)
     truth = Truth(Path(), facts, pl.DataFrame([row], infer_schema_length=None))
     return Frame(rendered.image, rendered.readings, row, rendered.layers, truth)

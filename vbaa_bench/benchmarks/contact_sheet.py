@@ -12,7 +12,7 @@ from solver.instrument.images import eight_bit
 from solver.instrument.transforms import apply
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import Plan, plan
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
@@ -62,7 +62,7 @@ def photograph(file: SceneFile, variant: str) -> tuple[Grey, FrameRenderer, Pose
     folder = file.path.parent.resolve()
     renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(Path()), variant, threads=0)
     spec = _representative_frame(scene_plan, renderer)
-    image, _ = renderer.photograph(spec, renderer.measure_exposure(lambda: None))
+    image, _ = renderer.photograph(spec, Metering(renderer.measure_exposure(lambda: None)))
     return eight_bit(image), renderer, renderer.pose(spec)
 
 

@@ -26,7 +26,7 @@ from vbaa_bench.benchmarks.image_error import Reference, beam_line, reference_of
 from vbaa_bench.benchmarks.speed_curves import TARGET, Record, at_equal_error, write
 from vbaa_bench.dataset.exr import write_exr
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.frame import (
@@ -65,14 +65,12 @@ class PoseBenchmark:
 
     renderer: FrameRenderer
     pose: Pose
-    exposure: float
+    metering: Metering
     folder: Path
 
     def wanted(self, scale: float) -> NoiseTarget:
         """Scale the scene's noise targets by `scale`, except that of the static layer."""
-        spec, noise = self.renderer.scene.render, self.renderer.sensor(self.exposure).noise_sigma
-        near, elsewhere = scale * spec.noise_near_beam, scale * spec.noise_elsewhere
-        return NoiseTarget(noise, spec.near_beam_px, near, elsewhere, spec.noise_static_layer)
+        return self.renderer.frame_target(self.metering, 1).scaled(scale)
 
     def frame(self, shoot: RenderOnce, seed: int) -> Floats:
         """Make one frame, end to end, and return its radiance."""
@@ -80,7 +78,9 @@ class PoseBenchmark:
         renderer.pushed_world(self.pose)
         rendered = shoot(seed)
         noise = random_generator(renderer.scene, "speed", seed)
-        image = renderer.sensor(self.exposure).expose(rendered.radiance, noise, rendered.variance)
+        image = renderer.sensor(self.metering.exposure).expose(
+            rendered.radiance, noise, rendered.variance
+        )
         write_bytes(self.folder / "frame.png", png_bytes(image))
         layers = rendered.by_name()
         write_exr(self.folder / "frame.exr", {str(k): layers[k] for k in renderer.scene.layers})
@@ -126,8 +126,8 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
     renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(out), variant, threads)
     spec = sorted(scene_plan.frame_specs, key=lambda spec: spec.index)[scene_plan.frames // 2]
     with tempfile.TemporaryDirectory() as temporary:
-        exposure = renderer.measure_exposure(lambda: None)
-        stand = PoseBenchmark(renderer, renderer.pose(spec), exposure, Path(temporary))
+        metering = renderer.meter(lambda: None, metered_frames(scene_plan.frame_specs))
+        stand = PoseBenchmark(renderer, renderer.pose(spec), metering, Path(temporary))
         record = _compare(stand, scene_plan.frames, deadline)
     record |= {"scene": file.path.stem, "threads": threads, "frame_id": spec.frame_id}
     write(record, out, ["ours", *SAMPLERS])

@@ -3,18 +3,20 @@
 from typing import Any
 
 from solver.instrument.units import MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
+from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
 
-def dataset_facts(scene: Scene, rig: TrueRig, exposure: float, variant: str) -> dict[str, Any]:
+def dataset_facts(scene: Scene, rig: TrueRig, metering: Metering, variant: str) -> dict[str, Any]:
     """Collect the truth of a whole dataset, for its manifest."""
     camera, mm = rig.camera, MILLIMETRE
     return {
         "scene": scene.model_dump(mode="json"),
         "seed": scene.seed,
         "variant": variant,
-        "exposure_per_radiance": exposure,
+        "exposure_per_radiance": metering.exposure,
+        "sample_table": metering.table.factors.tolist(),
         "true_rig": {
             "beam_length_mm": rig.beam.length / mm,
             "beam_diameter_mm": rig.beam.diameter / mm,

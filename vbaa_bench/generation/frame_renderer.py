@@ -1,7 +1,7 @@
 """Rendering of a dataset's images in one worker process: render, expose, write."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
@@ -30,6 +30,7 @@ from vbaa_bench.render.frame import (
     render_frame,
     render_static_layer,
 )
+from vbaa_bench.render.sample_table import Sampled, SampleTable
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.visibility import visibility
 from vbaa_bench.render.world import World
@@ -45,10 +46,30 @@ from vbaa_bench.sensor.sensor import Sensor
 METERING_NOISE = 0.05
 # Number of pushes whose states a worker caches.
 CACHED_PUSHES = 64
+# Frames from which the sample table is learned. Chosen: they have ten thousands of pixels.
+_METERED = 3
+# Rounds in which the sample table is learned. Chosen: the second one corrects the decay of the
+# variance that the first one assumes.
+_ROUNDS = 2
+
+
+class Metering(NamedTuple):
+    """Measured once per dataset before its frames: exposure, and the table of samples."""
+
+    exposure: float
+    table: SampleTable = SampleTable()
+
+
+def metered_frames(specs: Iterable[FrameSpec]) -> list[FrameSpec]:
+    """Choose the frames from which a dataset's sample table is learned: the first three.
+
+    They do not depend on the number of frames.
+    """
+    return sorted(specs, key=lambda spec: spec.index)[:_METERED]
 
 
 class RenderedFrame(NamedTuple):
-    """The data written for a frame: gray image, columns of metadata.csv, truth row and layers."""
+    """A frame's gray image, columns of metadata.csv and truth row, and all its truth layers."""
 
     image: Grey
     readings: dict[str, str | float | int]
@@ -113,6 +134,28 @@ class FrameRenderer:
         tick()
         return metered_exposure(self.scene.sensor, peak)
 
+    def meter(self, tick: Callable[[], None], specs: Sequence[FrameSpec]) -> Metering:
+        """Measure the exposure, and learn from some frames how many samples pixels need.
+
+        Of a moving beam, one pose per frame is rendered. The renders are not kept.
+        """
+        metering = Metering(self.measure_exposure(tick))
+        for number in range(0 if is_scalar() else _ROUNDS):
+            sampled = [self._sampled(spec, metering, number) for spec in specs]
+            together = Sampled(*map(np.concatenate, zip(*sampled, strict=True)))
+            metering = metering._replace(table=metering.table.refined(together))
+        return metering
+
+    def _sampled(self, spec: FrameSpec, metering: Metering, number: int) -> Sampled:
+        """Render one pose of a frame; return its sampled pixels."""
+        poses = exposure_poses(self.pose(spec), self.scene, self.rig)
+        target = self.frame_target(metering, len(poses))
+        world = self.pushed_world(poses[len(poses) // 2])
+        seed = render_seed(self.scene, f"sample table, round {number}", spec.index)
+        sampled = render_frame(world, self._static_layer(world, target), target, seed).sampled
+        assert sampled is not None
+        return sampled
+
     def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
         """Save one calibration or rest image, such as rest/rest_00.png; return its sha256."""
         kind, _, number = PurePath(name).stem.partition("_")
@@ -141,40 +184,42 @@ class FrameRenderer:
         tick: Callable[[], None],
         number: int,
         specs: Sequence[FrameSpec],
-        exposure: float,
+        metering: Metering,
     ) -> dict[str, str]:
         """Render and save the frames of one shard; return the sha256 of its hashes.json by tree."""
         with ShardWriter(self.layout, number) as writer:
             for spec in specs:
-                writer.add(spec.frame_id, *self.frame(spec, exposure))
+                frame = self.frame(spec, metering)
+                layers = {str(layer): frame.layers[layer] for layer in self.scene.layers}
+                writer.add(spec.frame_id, *frame._replace(layers=layers))
                 tick()
         return writer.digests
 
-    def frame(self, spec: FrameSpec, exposure: float) -> RenderedFrame:
+    def frame(self, spec: FrameSpec, metering: Metering) -> RenderedFrame:
         """Render one frame and collect its truth."""
         pose = self.pose(spec)
-        image, rendered = self.photograph(spec, exposure)
+        image, rendered = self.photograph(spec, metering)
         line = self.assembler.centreline(pose)
         visible = visibility(rendered.coverage, self.rig.camera, line, self.rig.beam.radius)
         truth = truth_row(pose.experiment, spec, pose.state, pose.hidden, visible)
         values = readings(self.scene, spec, pose.state, pose.hidden)
-        layers = rendered.by_name()
-        saved = {str(layer): layers[layer] for layer in self.scene.layers}
-        return RenderedFrame(image, values, truth, saved)
+        return RenderedFrame(image, values, truth, rendered.by_name())
 
-    def photograph(self, spec: FrameSpec, exposure: float) -> tuple[Grey, RenderedRadiance]:
+    def photograph(self, spec: FrameSpec, metering: Metering) -> tuple[Grey, RenderedRadiance]:
         """Render one frame: its gray image, and the radiance it was exposed to."""
-        target = self._noise_target(self.sensor(exposure).noise_sigma)
         poses = exposure_poses(self.pose(spec), self.scene, self.rig)
-        # The frame averages over its poses, so each may be noisier.
-        target = target.scaled(len(poses) ** 0.5)
-        rendered = []
+        target, rendered = self.frame_target(metering, len(poses)), []
         for number, pose in enumerate(poses):
             world = self.pushed_world(pose)
             seed = render_seed(self.scene, f"frame, pose {number}", spec.index)
             rendered.append(render_frame(world, self._static_layer(world, target), target, seed))
         blurred = average_poses(rendered)
-        return self._expose(blurred, exposure, "sensor", spec.index), blurred
+        return self._expose(blurred, metering.exposure, "sensor", spec.index), blurred
+
+    def frame_target(self, metering: Metering, poses: int) -> NoiseTarget:
+        """Noise target of each of a frame's poses: their average may have the scene's noise."""
+        target = self._noise_target(self.sensor(metering.exposure).noise_sigma)
+        return replace(target, table=metering.table).scaled(poses**0.5)
 
     def _static_layer(self, world: World, target: NoiseTarget) -> StaticLayer | None:
         """Return the static layer, rendered once.

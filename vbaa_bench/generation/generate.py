@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
+import numpy as np
+
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import HASHES, digest
@@ -15,9 +17,10 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
 from vbaa_bench.generation.dataset_facts import dataset_facts
-from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.scene.frames import FrameSpec, frame_specs, in_shards
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
@@ -105,11 +108,13 @@ def _complete(
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
     hashes["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
     if _is_complete(layout, contents, hashes):
-        exposure = float(read_json(layout.manifest)["exposure_per_radiance"])
+        facts = read_json(layout.manifest)
+        table = SampleTable(np.array(facts["sample_table"]))
+        metering = Metering(float(facts["exposure_per_radiance"]), table)
     else:
         arguments = (scene, rig, file.path.parent.resolve(), layout, machine[0])
-        exposure = _generate_missing(arguments, machine[1], shards, contents, hashes, progress)
-    seal(layout, dataset_facts(scene, rig, exposure, machine[0]), hashes)
+        metering = _generate_missing(arguments, machine[1], shards, contents, hashes, progress)
+    seal(layout, dataset_facts(scene, rig, metering, machine[0]), hashes)
 
 
 def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
@@ -147,25 +152,27 @@ def _generate_missing(
     contents: Contents,
     hashes: dict[str, dict[str, str]],
     progress: Progress,
-) -> float:
+) -> Metering:
     """Generate all images and shards that are not intact, and add their hashes to `hashes`.
 
-    `arguments` holds the arguments of FrameRenderer without its threads. Return the exposure.
+    `arguments` holds the arguments of FrameRenderer without its threads.
     """
     observations = hashes["observations"]
     threads = max(cores() // workers, 1)
     # One more than the number of images: the exposure is metered on an image that is not kept.
     total = sum(map(len, shards)) + len(contents.images) + 1
     with Pool(workers, FrameRenderer, (*arguments, threads)) as pool:
-        exposure = float(pool.call("measure_exposure"))
+        metering: Metering = pool.call("meter", metered_frames(sum(shards, ())))
         images = [name for name in contents.images if name not in observations]
         numbers = [n for n in range(len(shards)) if _shard_name(n) not in observations]
-        jobs: list[tuple[str, tuple[Any, ...]]] = [("image", (name, exposure)) for name in images]
-        jobs += [("shard", (number, shards[number], exposure)) for number in numbers]
+        jobs: list[tuple[str, tuple[Any, ...]]] = [
+            ("image", (name, metering.exposure)) for name in images
+        ]
+        jobs += [("shard", (number, shards[number], metering)) for number in numbers]
         remaining = len(images) + sum(len(shards[number]) for number in numbers) + 1
         digests = pool.run(jobs, lambda done: progress(total - remaining + done, total))
     observations.update(zip(images, digests, strict=False))
     for number, by_tree in zip(numbers, digests[len(images) :], strict=True):
         for tree, value in by_tree.items():
             hashes[tree][_shard_name(number)] = value
-    return exposure
+    return metering

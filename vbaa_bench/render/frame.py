@@ -1,11 +1,13 @@
 """Rendering of a whole image: a static layer rendered once, plus the pixels that motion affects.
 
 Samples per pixel are chosen to reach noise targets. Pilot samples estimate the variance of each
-pixel; they are discarded, because reusing them would bias the mean.
+pixel; they are discarded, because reusing them would bias the mean. A table that is learned once
+per dataset corrects the numbers of samples that follow from them.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +15,7 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from vbaa_bench.render.affected_pixels import shadows
 from vbaa_bench.render.layers import Layers, every_pixel, layers
+from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds
 from vbaa_bench.render.tracing import SETS, Quantity, trace
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
@@ -23,15 +26,11 @@ PILOT_SAMPLES, MAX_SAMPLES = 4, 512
 MIN_SAMPLES = 3
 # Samples per set of every pixel, for variants that only render whole images.
 UNIFORM_SAMPLES = 32
-# The variance of a stratified mean falls as N^-1.5 where a beam's edge crosses the pixel, as N^-1
-# in shadows, and as N^-0.85 in the narrow penumbra near the beam, where the beam occludes so small
-# a part of a lamp that additional points hit that part only by chance.
-DECAY, DECAY_IN_SHADOW, DECAY_NEAR = 1.5, 1.0, 0.85
 # Near the beam and at edges between surfaces, every pixel has a pilot of _PILOT_SETS sets; the
 # largest variance among its neighbours is used, but in shadows, which are smooth, the mean over
 # _SHADOW_WINDOW^2 pixels. Elsewhere one pixel in _PILOT_SPACING^2 has a pilot, averaged over
 # _PILOT_WINDOW^2 pixels.
-_PILOT_SETS = 8
+_PILOT_SETS = 4
 _SHADOW_WINDOW = 5
 _PILOT_SPACING, _PILOT_WINDOW = 4, 17
 
@@ -43,7 +42,8 @@ class NoiseTarget:
     """Noise targets: ratio of the render's standard deviation to the sensor's.
 
     `near` holds within `near_px` of the beam, `elsewhere` for other pixels, `static` for the static
-    layer. `noise` maps radiances to the sensor's standard deviations.
+    layer. `noise` maps radiances to the sensor's standard deviations. `table` corrects the numbers
+    of samples, except those of the static layer.
     """
 
     noise: Noise
@@ -51,6 +51,7 @@ class NoiseTarget:
     near: float = 1 / 3
     elsewhere: float = 1 / 2
     static: float = 1 / 10
+    table: SampleTable = field(default_factory=SampleTable)
 
     def scaled(self, factor: float) -> "NoiseTarget":
         """Scale the noise targets by a factor, except that of the static layer."""
@@ -62,7 +63,8 @@ class RenderedRadiance:
     """Radiance (height, width) and the variance of its part that is sampled anew in every frame.
 
     `coverage` (height, width) is the fraction of each pixel that the beam covers, `samples`
-    (height, width) the number of samples per pixel.
+    (height, width) the number of samples per pixel. `sampled` is None for
+    averages, and where every pixel has the same number of samples.
     """
 
     radiance: Floats
@@ -70,6 +72,7 @@ class RenderedRadiance:
     layers: Layers
     coverage: Floats
     samples: Floats
+    sampled: Sampled | None = None
 
     @property
     def core(self) -> Mask:
@@ -109,7 +112,8 @@ def render_static_layer(world: World, target: NoiseTarget, seed: int) -> StaticL
     shape = all_pixels.shape
     truth, canvas = every_pixel(world, still=True), _Canvas(*shape)
     edges = _dilated(_edges(truth.object_index), 1)
-    targets = _PixelTargets(target.noise, np.full(shape, target.static), np.zeros(shape), edges)
+    ratio = np.full(shape, target.static)
+    targets = _PixelTargets(target.noise, ratio, np.zeros(shape), edges, SampleTable())
     canvas.add(world, "still", all_pixels, targets, seed)
     return StaticLayer(canvas.radiance, truth)
 
@@ -126,24 +130,32 @@ def render_frame(
         truth, complete, change = every_pixel(world), zeros == 0, zeros > 0
     else:
         # All pixels that a surface touches: a thin beam can pass between pixel centres.
-        names = world.moving - world.sliding - {"beam"}
-        complete = beam | world.view.hulls(world.bodies(names), blur)
-        truth = every_pixel(world) if world.sliding else layers(world, complete, static.layers)
+        others = world.view.hulls(world.bodies(world.moving - world.sliding - {"beam"}), blur)
+        truth = every_pixel(world) if world.sliding else layers(world, beam | others, static.layers)
+        silhouette = world.silhouette
+        complete = others | (beam if silhouette is None else silhouette.touched)
         if world.sliding:
             complete |= _dilated(_changed_by_sliding(truth, static.layers), 1 + blur)
-        change = _shaded(world, static) & ~complete
+        change = (_shaded(world, static) | beam) & ~complete
     # `beam` extends up to one pixel beyond the pixels whose centres the beam covers.
     near = _dilated(beam, target.near_px - 1)
     ratio = np.where(near, target.near, target.elsewhere)
     dense = near | _dilated(_edges(truth.object_index), 1 + blur)
-    canvas.add(world, "whole", complete, _PixelTargets(target.noise, ratio, zeros, dense), seed)
+    targets = _PixelTargets(target.noise, ratio, zeros, dense, target.table)
+    canvas.add(world, "whole", complete, targets, seed)
     if static is not None:
-        targets = _PixelTargets(target.noise, ratio, static.radiance, near)
+        targets = replace(targets, base=static.radiance, dense=near)
         canvas.add(world, "change", change, targets, seed + (1 << 30))
         canvas.radiance += np.where(complete, 0, static.radiance)
     # A scalar variant measures no coverage: use the value at the pixel centre.
     coverage = truth.beam_mask.astype(float) if is_scalar() else canvas.coverage
-    return RenderedRadiance(canvas.radiance, canvas.variance, truth, coverage, canvas.samples)
+    sampled = canvas.samples > 0
+    sigma = ratio[sampled] * target.noise(canvas.radiance[sampled])
+    excess = canvas.variance[sampled] / np.maximum(sigma**2, 1e-30)
+    pixels = Sampled(canvas.kind[sampled], canvas.predicted[sampled], excess)
+    return RenderedRadiance(
+        canvas.radiance, canvas.variance, truth, coverage, canvas.samples, pixels
+    )
 
 
 def average_poses(images: Sequence[RenderedRadiance]) -> RenderedRadiance:
@@ -164,7 +176,9 @@ class _Canvas:
     """Images (height, width) that are filled part by part."""
 
     def __init__(self, height: int, width: int) -> None:
-        self.radiance, self.variance, self.coverage, self.samples = np.zeros((4, height, width))
+        images = np.zeros((5, height, width))
+        self.radiance, self.variance, self.coverage, self.samples, self.predicted = images
+        self.kind = np.zeros((height, width), np.uint8)
 
     def add(
         self, world: World, quantity: Quantity, where: Mask, targets: "_PixelTargets", seed: int
@@ -174,10 +188,12 @@ class _Canvas:
             return
         size = np.full(np.count_nonzero(where), UNIFORM_SAMPLES)
         if not is_scalar():
-            excess = _excess(world, quantity, where, targets, seed)
-            shadow_decay = np.where(targets.dense[where], DECAY_NEAR, DECAY_IN_SHADOW)
-            decay = shadow_decay if quantity == "change" else DECAY
-            size = np.clip(np.ceil(PILOT_SAMPLES * excess ** (1 / decay)), MIN_SAMPLES, MAX_SAMPLES)
+            pilot = _pilot(world, quantity, where, targets, seed)
+            kind = kinds(targets.dense[where], pilot.covered, quantity == "change")
+            predicted = targets.table.predicted(kind, PILOT_SAMPLES, pilot.excess)
+            corrected = targets.table.corrected(kind, predicted)
+            size = np.clip(np.ceil(corrected), MIN_SAMPLES, MAX_SAMPLES)
+            self.kind[where], self.predicted[where] = kind, predicted
         # Equal sizes side by side keep the processor's lanes busy.
         order = np.argsort(size, kind="stable")
         pixels = rows, columns = tuple(indices[order] for indices in np.nonzero(where))
@@ -193,19 +209,28 @@ class _PixelTargets:
     """The noise target of each pixel, as a standard deviation.
 
     It is `ratio` (height, width) times the sensor's `noise` at the sampled radiance plus `base`
-    (height, width). Each pixel of `dense` has its own pilot; the others share pilots.
+    (height, width). Each pixel of `dense` has its own pilot; the others share pilots. `table`
+    corrects the numbers of samples that the pilots predict.
     """
 
     noise: Noise
     ratio: Floats
     base: Floats
     dense: Mask
+    table: SampleTable
 
 
-def _excess(
+class _Pilot(NamedTuple):
+    """Ratio (n,) of the pilot's variance to the target, and which pixels (n,) show the beam."""
+
+    excess: Floats
+    covered: Mask
+
+
+def _pilot(
     world: World, quantity: Quantity, where: Mask, targets: _PixelTargets, seed: int
-) -> Floats:
-    """Estimate the ratio (n,) of the pilot variance to the target variance in pixels of `where`."""
+) -> _Pilot:
+    """Estimate what pixels of `where` need from a few samples of some of them."""
     pilots = where & targets.dense
     pilots[::_PILOT_SPACING, ::_PILOT_SPACING] |= where[::_PILOT_SPACING, ::_PILOT_SPACING]
     rows, columns = np.nonzero(pilots)
@@ -223,7 +248,9 @@ def _excess(
         for window in (fine_window, _PILOT_WINDOW)
     )
     local = fine if quantity == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
-    return np.maximum(np.where(targets.dense, local, coarse)[where], 0)
+    covered = np.zeros(where.shape, np.bool_)
+    covered[pilots] = traced.coverage > 0
+    return _Pilot(np.maximum(np.where(targets.dense, local, coarse)[where], 0), covered[where])
 
 
 def _shaded(world: World, static: StaticLayer) -> Mask:

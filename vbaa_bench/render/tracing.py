@@ -15,6 +15,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
 from vbaa_bench.render.shading import shaded, shadow
+from vbaa_bench.render.silhouette import Strata, stratum
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
@@ -95,8 +96,10 @@ def _wavefront(
     if quantity == "change":
         value, coverage = _change(world, column, row, sampler, count)
     else:
+        silhouette = world.silhouette if quantity == "whole" else None
+        strata = None if silhouette is None else silhouette.strata(column, row)
         scene = world.still if quantity == "still" else world.scene
-        value, coverage = _mean(world, scene, column, row, sampler, count)
+        value, coverage = _mean(world, scene, column, row, sampler, count, strata)
     dr.eval(value, coverage)
     estimates = np.array([np.asarray(values, np.float64) for values in (value, coverage)])
     return estimates.reshape(2, -1, sets)
@@ -104,16 +107,17 @@ def _wavefront(
 
 @dr.syntax
 def _mean(
-    world: World, scene: Any, column: Any, row: Any, sampler: Any, count: Any
+    world: World, scene: Any, column: Any, row: Any, sampler: Any, count: Any, strata: Strata | None
 ) -> tuple[Any, Any]:
-    """Average radiance over `count` samples, and the fraction of samples that meet the beam."""
+    """Average radiance over `count` samples, and the fraction of the pixel that the beam covers."""
     shifts = _shifts(world, scene, sampler)
     value, coverage, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
     while number < count:
         u = lattice.point(shifts, number, count)
+        u[0], weight = stratum(strata, u[0], count)
         radiance, beam = _sample(world, scene, column, row, sampler, u)
-        value += radiance
-        coverage += beam
+        value += weight * radiance
+        coverage += weight * beam
         number += 1
     return value / mi.Float(count), coverage / mi.Float(count)
 

@@ -7,6 +7,7 @@ that radius, with the origin at the beam's middle.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -22,6 +23,7 @@ from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.lights import Light, emitter
 from vbaa_bench.render.materials import Texture, bsdf
 from vbaa_bench.render.optics import Lens, Optics
+from vbaa_bench.render.silhouette import Silhouette
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.paint import Paint
 
@@ -104,6 +106,9 @@ class World:
         self.moving = frozenset(surfaces) - frozenset(still)
         self.sliding = frozenset(sliding or ())
         self.vertices = {name: np.asarray(s.mesh.vertices) for name, s in surfaces.items()}
+        arc_length = surfaces["beam"].arc_length if "beam" in surfaces else None
+        # The vertices of a ring, which come one after another, have one arc length.
+        self._facets = 0 if arc_length is None else int(np.argmax(arc_length != arc_length[0]))
         self._meshes = {name: _mesh(name, surface, unit) for name, surface in surfaces.items()}
         self.scene = self._scene(self._meshes)
         fixed = {name: s for name, s in surfaces.items() if name in still} | dict(sliding or {})
@@ -139,6 +144,14 @@ class World:
         nearest = max(min(d.min() for d in depths), _NEAR * self.lens.focus)
         farthest = min(max(d.max() for d in depths), _FAR * self.lens.focus)
         return self.lens.blur_px(self.camera, float(nearest), float(farthest))
+
+    @cached_property
+    def silhouette(self) -> Silhouette | None:
+        """The beam's silhouette; None without a beam or a sharp image of it."""
+        if not self._facets or self.lens.point_spread_px or self.lens.aperture:
+            return None
+        rings = self.vertices["beam"][:-2].reshape(-1, self._facets, 3)  # without the caps' middles
+        return Silhouette.of(rings, self.camera)
 
     @property
     def ground(self) -> float:
@@ -184,6 +197,7 @@ class World:
             if name in self.moving:
                 self.vertices[name] = new
                 self.parameters[f"{name}.vertex_positions"] = _flat(self.unit(new))
+        vars(self).pop("silhouette", None)  # of the beam before
         if arc_length is not None:
             self.parameters["beam.vertex_texcoords"] = _flat(_texcoords(arc_length))
         self.parameters.update()

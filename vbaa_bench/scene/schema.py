@@ -4,7 +4,7 @@ Units are in the names. Defaults describe the paper's rig (section VI).
 """
 
 import math
-from typing import Annotated, Final, Literal, get_args
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -162,7 +162,8 @@ class Scene(Part):
     moment_sensor: MomentSensorSpec | None = None
     force_sensor: ForceSensorSpec | None = None
     render: RenderSpec = RenderSpec()
-    layers: tuple[Layer, ...] = get_args(Layer)
+    # Truth layers to keep of every frame; all of them take far more disk space than the image.
+    layers: tuple[Layer, ...] = ("beam_mask",)
     frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
 
     @model_validator(mode="after")

@@ -98,7 +98,9 @@ def test_no_column_is_noisier_than_wanted_nor_biased(
         truth = np.mean([part.radiance.sum() for part in parts])
         light = radiance[:, near].sum(axis=1)
         biases.append(light.mean() / truth - 1)
-        chances.append(light.std(ddof=1) / np.sqrt(IMAGES) / truth)
+        # All images share the static layer and its noise.
+        static = TARGET.static * noise(ground.radiance[near])
+        chances.append(np.sqrt(light.var(ddof=1) / IMAGES + (static**2).sum()) / truth)
     # A third of the sensor's noise is the target; five images estimate a column's to about a fifth,
     # and the worst of 200 columns may be twice as noisy. An unsampled column has 10 to 50 times.
     assert max(worst) < 2.0
