@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -162,7 +163,7 @@ def _generate_missing(
     # One more than the number of images: the exposure is metered on an image that is not kept.
     total = sum(map(len, shards)) + len(contents.images) + 1
     with Pool(workers, FrameRenderer, (*arguments, threads)) as pool:
-        metering: Metering = pool.call("meter", metered_frames(sum(shards, ())))
+        metering: Metering = pool.call("meter", metered_frames(chain.from_iterable(shards)))
         images = [name for name in contents.images if name not in observations]
         numbers = [n for n in range(len(shards)) if _shard_name(n) not in observations]
         jobs: list[tuple[str, tuple[Any, ...]]] = [

@@ -239,18 +239,27 @@ def _pilot(
     sigma = targets.ratio[pilots] * targets.noise(targets.base[pilots] + traced.radiance)
     # Variance for SETS sets instead of the pilot's.
     excess = _PILOT_SETS / SETS * traced.variance / np.maximum(sigma**2, 1e-30)
-    image, count = np.zeros(where.shape, np.float32), pilots.astype(np.float32)
+    image = np.zeros(where.shape, np.float32)
     image[pilots] = excess
-    fine_window = _SHADOW_WINDOW if quantity == "change" else 3
-    fine, coarse = (
-        cv2.blur(image, (window, window))
-        / np.maximum(cv2.blur(count, (window, window)), window**-2)
-        for window in (fine_window, _PILOT_WINDOW)
+    fine = _mean(image, pilots, _SHADOW_WINDOW if quantity == "change" else 3)
+    # The variance at edges does not apply to the smooth parts beside them.
+    alone = pilots & ~targets.dense
+    coarse = np.where(
+        _dilated(alone, _PILOT_WINDOW // 2),
+        _mean(image, alone, _PILOT_WINDOW),
+        _mean(image, pilots, _PILOT_WINDOW),
     )
     local = fine if quantity == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
     covered = np.zeros(where.shape, np.bool_)
     covered[pilots] = traced.coverage > 0
     return _Pilot(np.maximum(np.where(targets.dense, local, coarse)[where], 0), covered[where])
+
+
+def _mean(image: np.ndarray, known: Mask, window: int) -> np.ndarray:
+    """Average the `known` pixels of an image in a window about each pixel; 0 without any."""
+    count = cv2.blur(known.astype(np.float32), (window, window))
+    total = cv2.blur(np.where(known, image, np.float32(0)), (window, window))
+    return np.asarray(total / np.maximum(count, window**-2))
 
 
 def _shaded(world: World, static: StaticLayer) -> Mask:
