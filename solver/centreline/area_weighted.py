@@ -1,10 +1,10 @@
 """Area-weighted average of the paper's Fig. 15: the beam's centre in every image column.
 
-In a column, the pixels brighter than a threshold belong to the beam, and their mean row,
-weighted by how much of each the beam covers, is its centre. Coverage follows from the gray
-value: (gray - background) / (beam - background). Discarding the faint flanks biases the centre
-with the period of one pixel (S-curve). That error is part of the method; its size is estimated
-from the flanks' contribution, and is included in each sigma.
+In a column, the pixels brighter than a threshold belong to the beam, and their mean row, weighted
+by pixel coverage, is its centre. Coverage follows from the gray value:
+(gray - background) / (beam - background). Discarding the faint flanks biases the centre with the
+period of one pixel (S-curve). That error is part of the method; its size is estimated from the
+flanks' contribution, and is included in each sigma.
 """
 
 import cv2

@@ -63,8 +63,8 @@ class RenderedRadiance:
     """Radiance (height, width) and the variance of its part that is sampled anew in every frame.
 
     `coverage` (height, width) is the fraction of each pixel that the beam covers, `samples`
-    (height, width) the number of samples per pixel. `sampled` is None for
-    averages, and where every pixel has the same number of samples.
+    (height, width) the number of samples per pixel. `sampled` holds the sampled pixels of an image
+    by `render_frame`; it is None for averages.
     """
 
     radiance: Floats

@@ -1,8 +1,8 @@
 """Correct the predicted numbers of samples per pixel, so that images have the target noise.
 
 Pilot samples predict how many samples a pixel needs. The prediction is too high where it takes the
-largest of its neighbours' variances, and too low where the variance falls more slowly than assumed;
-by how much depends on the scene. The correction is learned once per dataset, from renders that are
+largest of its neighbours' variances, and too low where the variance falls more slowly than assumed.
+The error depends on the scene, so the correction is learned once per dataset, from renders that are
 not kept: where the variance of pixels with the same prediction differs on average from the target,
 their numbers of samples are scaled. A pixel's number of samples still does not depend on the
 samples that are averaged, so the mean remains unbiased.

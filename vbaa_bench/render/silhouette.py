@@ -95,14 +95,18 @@ class Strata:
     upper_right: Any
     upright: bool
 
-    def overlap(self, along: Any) -> tuple[Any, Any]:
-        """Compute the lower edge in the pixel, and the length that is covered, at a place along it.
-
-        Lengths and places are from 0 to 1.
-        """
+    def overlap(self, along: Any) -> "Overlap":
+        """Compute the covered part of the pixel at a place along it, from 0 to 1."""
         lower = dr.clip(dr.lerp(self.lower_left, self.lower_right, along), 0, 1)
         upper = dr.clip(dr.lerp(self.upper_left, self.upper_right, along), 0, 1)
-        return lower, dr.maximum(upper - lower, 0)
+        return Overlap(lower, dr.maximum(upper - lower, 0))
+
+
+class Overlap(NamedTuple):
+    """The covered part of a line across a pixel (Dr.Jit): its lower edge and length, 0 to 1."""
+
+    lower: Any
+    length: Any
 
 
 class Place(NamedTuple):
@@ -117,17 +121,17 @@ def stratum(strata: Strata | None, u: Any, count: Any) -> Place:
     if strata is None:
         return Place(u, mi.Float(1))
     along, across = u.x, u.y
-    mean = sum((strata.overlap(mi.Float(t))[1] for t in (0.0, 0.5, 1.0)), mi.Float(0)) / 3
+    mean = sum((strata.overlap(mi.Float(t)).length for t in (0.0, 0.5, 1.0)), mi.Float(0)) / 3
     # The lattice has `count` evenly spaced values of y: a whole number of them is inside.
     number = mi.Float(count)
     inside = dr.clip(dr.round(dr.clip(mean, _MIN_INSIDE, _MAX_INSIDE) * number), 1, number - 1)
     inside /= number
-    lower, overlap = strata.overlap(along)
+    lower, covered = strata.overlap(along)
     is_inside = across < inside
-    outside = _folded((across - inside) / (1 - inside)) * (1 - overlap)
-    outside = dr.select(outside < lower, outside, outside + overlap)
-    place = dr.select(is_inside, lower + _folded(across / inside) * overlap, outside)
-    weight = dr.select(is_inside, overlap / inside, (1 - overlap) / (1 - inside))
+    outside = _folded((across - inside) / (1 - inside)) * (1 - covered)
+    outside = dr.select(outside < lower, outside, outside + covered)
+    place = dr.select(is_inside, lower + _folded(across / inside) * covered, outside)
+    weight = dr.select(is_inside, covered / inside, (1 - covered) / (1 - inside))
     is_partly = (mean > 0) & (mean < 1) & (count > 1)
     place = dr.select(is_partly, place, _folded(across))
     point = mi.Point2f(place, along) if strata.upright else mi.Point2f(along, place)
