@@ -35,9 +35,10 @@ class BeamMesher:
         if spec.section == "strip":
             assert directors is not None
             width = spec.aspect_ratio * beam.diameter
-            return strip(points, directors, beam.diameter, width), arc_length_of_vertices(s, 4)
+            mesh = strip(points, directors, beam.diameter, width, caps_apart=True)
+            return mesh, arc_length_of_vertices(s, 4)
         radius = beam.radius * (1 + (spec.tip_ratio - 1) * s / beam.length)
-        mesh = tube(points, radius, self._facets, directors, spec.aspect_ratio)
+        mesh = tube(points, radius, self._facets, directors, spec.aspect_ratio, caps_apart=True)
         return mesh, arc_length_of_vertices(s, self._facets)
 
     @cached_property

@@ -140,7 +140,8 @@ class SceneAssembler:
         scene, spec = self.scene, self.scene.beam
         frame_from_clamp = self._frame_from_clamp(experiment, motor_angle)
         mesh, s = self._beam_mesher.mesh(state)
-        yield "beam", replace(_painted(_placed(mesh, frame_from_clamp), spec), arc_length=s)
+        beam = _painted(_placed(mesh, frame_from_clamp), spec)
+        yield "beam", replace(beam, arc_length=s, smooth=spec.section != "strip")
         hub_spec, mm = scene.hub, MILLIMETRE
         bottom = experiment.ground if hub_spec.bottom_mm is None else hub_spec.bottom_mm * mm
         shaft = hub(hub_spec.radius_mm * mm, bottom, hub_spec.top_mm * mm)

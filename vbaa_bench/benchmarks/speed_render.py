@@ -214,7 +214,9 @@ def _shoot(world: World, sampler: Sampler, samples: int) -> RenderOnce:
 
     def shoot(seed: int) -> RenderedRadiance:
         radiance = plain.radiance(samples, seed)
-        return RenderedRadiance(radiance, zeros, every_pixel(world), zeros, zeros + samples)
+        return RenderedRadiance(
+            radiance, zeros, every_pixel(world), zeros, zeros + samples, zeros == 0
+        )
 
     return shoot
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from vbaa_bench.render.affected_pixels import shadows
+from vbaa_bench.render.interpolated import Interpolated
 from vbaa_bench.render.layers import Layers, every_pixel, layers
 from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds
 from vbaa_bench.render.tracing import SETS, Quantity, trace
@@ -23,14 +24,14 @@ from vbaa_bench.render.world import World
 # Samples per set: those of a pilot, and the maximum. Each pixel gets SETS sets.
 PILOT_SAMPLES, MAX_SAMPLES = 4, 512
 # Minimum samples per set. With fewer, one sample in a shadow gives a rare but large dark outlier.
-MIN_SAMPLES = 3
+MIN_SAMPLES = 4
 # Samples per set of every pixel, for variants that only render whole images.
 UNIFORM_SAMPLES = 32
 # Near the beam and at edges between surfaces, every pixel has a pilot of _PILOT_SETS sets; the
 # largest variance among its neighbours is used, but in shadows, which are smooth, the mean over
 # _SHADOW_WINDOW^2 pixels. Elsewhere one pixel in _PILOT_SPACING^2 has a pilot, averaged over
 # _PILOT_WINDOW^2 pixels.
-_PILOT_SETS = 4
+_PILOT_SETS, _SHADOW_PILOT_SETS = 4, 2
 _SHADOW_WINDOW = 5
 _PILOT_SPACING, _PILOT_WINDOW = 4, 17
 
@@ -63,8 +64,9 @@ class RenderedRadiance:
     """Radiance (height, width) and the variance of its part that is sampled anew in every frame.
 
     `coverage` (height, width) is the fraction of each pixel that the beam covers, `samples`
-    (height, width) the number of samples per pixel. `sampled` holds the sampled pixels of an image
-    by `render_frame`; it is None for averages.
+    (height, width) the number of samples per pixel, `affected` (height, width) marks the pixels
+    that moving surfaces can change: smooth shadows are not sampled in all of them. `sampled` holds
+    the sampled pixels of an image by `render_frame`; it is None for averages.
     """
 
     radiance: Floats
@@ -72,6 +74,7 @@ class RenderedRadiance:
     layers: Layers
     coverage: Floats
     samples: Floats
+    affected: Mask
     sampled: Sampled | None = None
 
     @property
@@ -149,12 +152,18 @@ def render_frame(
         canvas.radiance += np.where(complete, 0, static.radiance)
     # A scalar variant measures no coverage: use the value at the pixel centre.
     coverage = truth.beam_mask.astype(float) if is_scalar() else canvas.coverage
-    sampled = canvas.samples > 0
+    sampled = (canvas.samples > 0) & canvas.always
     sigma = ratio[sampled] * target.noise(canvas.radiance[sampled])
     excess = canvas.variance[sampled] / np.maximum(sigma**2, 1e-30)
     pixels = Sampled(canvas.kind[sampled], canvas.predicted[sampled], excess)
     return RenderedRadiance(
-        canvas.radiance, canvas.variance, truth, coverage, canvas.samples, pixels
+        canvas.radiance,
+        canvas.variance,
+        truth,
+        coverage,
+        canvas.samples,
+        complete | change,
+        pixels,
     )
 
 
@@ -169,6 +178,7 @@ def average_poses(images: Sequence[RenderedRadiance]) -> RenderedRadiance:
         middle.layers,
         np.mean([image.coverage for image in images], axis=0),
         np.sum([image.samples for image in images], axis=0),
+        np.any([image.affected for image in images], axis=0),
     )
 
 
@@ -179,6 +189,7 @@ class _Canvas:
         images = np.zeros((5, height, width))
         self.radiance, self.variance, self.coverage, self.samples, self.predicted = images
         self.kind = np.zeros((height, width), np.uint8)
+        self.always = np.zeros((height, width), np.bool_)
 
     def add(
         self, world: World, quantity: Quantity, where: Mask, targets: "_PixelTargets", seed: int
@@ -186,22 +197,28 @@ class _Canvas:
         """Sample the pixels of `where` until they reach the noise target."""
         if not where.any():
             return
-        size = np.full(np.count_nonzero(where), UNIFORM_SAMPLES)
+        count = int(np.count_nonzero(where))
+        size, smooth = np.full(count, UNIFORM_SAMPLES), Interpolated.nothing(count)
         if not is_scalar():
             pilot = _pilot(world, quantity, where, targets, seed)
             kind = kinds(targets.dense[where], pilot.covered, quantity == "change")
             predicted = targets.table.predicted(kind, PILOT_SAMPLES, pilot.excess)
             corrected = targets.table.corrected(kind, predicted)
             size = np.clip(np.ceil(corrected), MIN_SAMPLES, MAX_SAMPLES)
+            smooth = pilot.smooth.rendered_if(corrected > MIN_SAMPLES)
             self.kind[where], self.predicted[where] = kind, predicted
+        chosen = np.flatnonzero(smooth.chosen(where, seed))
         # Equal sizes side by side keep the processor's lanes busy.
-        order = np.argsort(size, kind="stable")
+        order = chosen[np.argsort(size[chosen], kind="stable")]
         pixels = rows, columns = tuple(indices[order] for indices in np.nonzero(where))
         traced = trace(world, np.column_stack([columns, rows]), size[order], seed + 1, quantity)
-        self.radiance[pixels] = traced.radiance
-        self.variance[pixels] = traced.variance
+        self.radiance[where] = smooth.value
+        self.radiance[pixels], self.variance[pixels] = smooth.corrected(
+            order, traced.radiance, traced.variance
+        )
         self.coverage[pixels] = traced.coverage
         self.samples[pixels] = SETS * size[order]
+        self.always[where] = smooth.probability == 1
 
 
 @dataclass(frozen=True)
@@ -221,10 +238,14 @@ class _PixelTargets:
 
 
 class _Pilot(NamedTuple):
-    """Ratio (n,) of the pilot's variance to the target, and which pixels (n,) show the beam."""
+    """Ratio (n,) of the pilot's variance to the target, and which pixels (n,) show the beam.
+
+    `smooth` are the values of those pixels that need not all be rendered.
+    """
 
     excess: Floats
     covered: Mask
+    smooth: Interpolated
 
 
 def _pilot(
@@ -235,10 +256,11 @@ def _pilot(
     pilots[::_PILOT_SPACING, ::_PILOT_SPACING] |= where[::_PILOT_SPACING, ::_PILOT_SPACING]
     rows, columns = np.nonzero(pilots)
     pixels, size = np.column_stack([columns, rows]), np.full(len(rows), PILOT_SAMPLES)
-    traced = trace(world, pixels, size, seed, quantity, _PILOT_SETS)
+    sets = _SHADOW_PILOT_SETS if quantity == "change" else _PILOT_SETS
+    traced = trace(world, pixels, size, seed, quantity, sets)
     sigma = targets.ratio[pilots] * targets.noise(targets.base[pilots] + traced.radiance)
     # Variance for SETS sets instead of the pilot's.
-    excess = _PILOT_SETS / SETS * traced.variance / np.maximum(sigma**2, 1e-30)
+    excess = sets / SETS * traced.variance / np.maximum(sigma**2, 1e-30)
     image = np.zeros(where.shape, np.float32)
     image[pilots] = excess
     fine = _mean(image, pilots, _SHADOW_WINDOW if quantity == "change" else 3)
@@ -252,7 +274,14 @@ def _pilot(
     local = fine if quantity == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
     covered = np.zeros(where.shape, np.bool_)
     covered[pilots] = traced.coverage > 0
-    return _Pilot(np.maximum(np.where(targets.dense, local, coarse)[where], 0), covered[where])
+    excess = np.maximum(np.where(targets.dense, local, coarse)[where], 0)
+    smooth = Interpolated.nothing(len(excess))
+    if quantity == "change":
+        values = np.zeros(where.shape)
+        values[pilots] = traced.radiance
+        allowed = (targets.ratio * targets.noise(targets.base + values)) ** 2
+        smooth = Interpolated.between(values, pilots, allowed, _PILOT_SPACING).of(where)
+    return _Pilot(excess, covered[where], smooth)
 
 
 def _mean(image: np.ndarray, known: Mask, window: int) -> np.ndarray:

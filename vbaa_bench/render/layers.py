@@ -1,6 +1,7 @@
 """Truth layers: the surface at the exact centre of every pixel."""
 
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any, Self
 
 import drjit as dr
@@ -76,10 +77,34 @@ def every_pixel(world: World, *, still: bool = False) -> Layers:
 def _trace_centres(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:
     if is_scalar():
         return _one_by_one(world, columns, rows, still)
-    scene = world.still if still else world.scene
-    column, row = (mi.Float(values.astype(np.float32)) for values in (columns, rows))
+    column, row = (mi.Float(mi.UInt32(values.astype(np.uint32))) for values in (columns, rows))
+    centres = partial(_centres, world, still=True) if still else world.replayed(_centres)
+    found = centres(column, row)
+    dr.eval(found)  # all in one kernel
+    index, p, uv, facing, beam, hidden = found
+    indices = np.asarray(index)
+    # One coordinate after the other: Dr.Jit would compile a kernel anew to interleave them.
+    points = np.stack([np.asarray(axis) for axis in p], axis=-1)
+    normals = np.stack([np.asarray(axis) for axis in facing], axis=-1)
+    depth = np.where(indices > 0, 1e3 * _depth(world, points), 0)
+    arc = np.where(np.broadcast_to(np.asarray(beam), indices.shape), np.asarray(uv.x), 0)
+    return Layers(
+        object_index=indices.astype(np.uint32),
+        depth_mm=depth.astype(np.float32),
+        normal=normals.astype(np.float32),
+        arc_length_mm=arc.astype(np.float32),
+        beam_mask=np.broadcast_to(np.asarray(beam), indices.shape),
+        occlusion=np.broadcast_to(np.asarray(hidden), indices.shape),
+    )
+
+
+def _centres(world: World, column: Any, row: Any, still: bool = False) -> tuple[Any, ...]:
+    """Trace the rays through pixel centres: index, place, texture coordinates and normal.
+
+    Also whether they meet the beam, and whether the beam is behind what they meet.
+    """
     ray = world.optics.centre_ray(column, row)
-    si = scene.ray_intersect(ray)
+    si = (world.still if still else world.scene).ray_intersect(ray)
     index = world.index_of(si, still=still)
     towards = dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n)
     facing = dr.select(si.is_valid(), towards, mi.Normal3f(0))
@@ -89,21 +114,7 @@ def _trace_centres(world: World, columns: np.ndarray, rows: np.ndarray, still: b
         number = world.names.index("beam") + 1
         beam = index == number
         hidden = _behind(world, ray, si, beam, number)
-    dr.eval(index, si.p, si.uv, facing, beam, hidden)  # all in one kernel
-    indices = np.asarray(index)
-    # One coordinate after the other: Dr.Jit would compile a kernel anew to interleave them.
-    points = np.stack([np.asarray(axis) for axis in si.p], axis=-1)
-    normals = np.stack([np.asarray(axis) for axis in facing], axis=-1)
-    depth = np.where(indices > 0, 1e3 * _depth(world, points), 0)
-    arc = np.where(np.broadcast_to(np.asarray(beam), indices.shape), np.asarray(si.uv.x), 0)
-    return Layers(
-        object_index=indices.astype(np.uint32),
-        depth_mm=depth.astype(np.float32),
-        normal=normals.astype(np.float32),
-        arc_length_mm=arc.astype(np.float32),
-        beam_mask=np.broadcast_to(np.asarray(beam), indices.shape),
-        occlusion=np.broadcast_to(np.asarray(hidden), indices.shape),
-    )
+    return index, si.p, si.uv, facing, beam, hidden
 
 
 def _one_by_one(world: World, columns: np.ndarray, rows: np.ndarray, still: bool) -> Layers:

@@ -89,14 +89,11 @@ def emitter(light: Light, render_from_antenna: Floats) -> Any:
 def _lamp(lamp: Lamp, render_from_antenna: Floats) -> Any:
     vertices, faces = np.asarray(lamp.mesh.vertices), lamp.mesh.faces
     glow = {"type": "area", "radiance": {"type": "rgb", "value": lamp.radiance}}
-    corners = apply(render_from_antenna, vertices)
-    if len(vertices) == 4:
+    pose = rectangle(lamp, render_from_antenna)
+    if pose is not None:
         # Mitsuba samples a rectangle as one shape, but two triangles separately.
-        return {
-            "type": "rectangle",
-            "to_world": _transform(_rectangle(corners, faces)),
-            "emitter": glow,
-        }
+        return {"type": "rectangle", "to_world": _transform(pose), "emitter": glow}
+    corners = apply(render_from_antenna, vertices)
     properties = mi.Properties()
     properties["mesh_emitter"] = mi.load_dict(glow)
     mesh = mi.Mesh("lamp", len(vertices), len(faces), props=properties)
@@ -107,9 +104,14 @@ def _lamp(lamp: Lamp, render_from_antenna: Floats) -> Any:
     return mesh
 
 
-def _rectangle(corners: Floats, faces: np.ndarray) -> Floats:
-    """Compute the pose of Mitsuba's rectangle, which spans -1..1 in x and y and faces +z."""
-    first, second, third = corners[faces[0]]
+def rectangle(lamp: Lamp, render_from_antenna: Floats) -> Floats | None:
+    """Compute the pose (4, 4) of a lamp as Mitsuba's rectangle; None if it has another shape.
+
+    The rectangle spans -1..1 in x and y and faces +z.
+    """
+    if len(lamp.mesh.vertices) != 4:
+        return None
+    first, second, third = apply(render_from_antenna, lamp.mesh.vertices[lamp.mesh.faces[0]])
     pose = np.eye(4)
     pose[:3, 0] = (second - first) / 2
     pose[:3, 1] = (third - second) / 2

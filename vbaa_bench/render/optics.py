@@ -15,6 +15,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
+from vbaa_bench.render.device_array import device_array
 
 # A Gaussian point spread is cut off at this number of sigmas.
 _SIGMAS = 5.0
@@ -56,6 +57,11 @@ class Optics:
     def dimensions(self) -> int:
         """Number of random pairs per ray: place in the pixel, point spread and pupil, if any."""
         return 1 + (self.lens.point_spread_px > 0) + (self.lens.aperture > 0)
+
+    @property
+    def state(self) -> Any:
+        """Dr.Jit's arrays on which rays depend, except those of the sensor."""
+        return self._shifts if self.camera.distortion else None
 
     def ray(self, column: Any, row: Any, u: Sequence[Any]) -> Any:
         """Generate rays through pixels, at places chosen by points `u` of the unit square.
@@ -131,7 +137,7 @@ class Optics:
         ]
         corners = np.column_stack([columns.ravel(), rows.ravel()]) - 0.5
         shifts = self.camera.undistorted_pixels(corners) - corners
-        return mi.Point2f(np.ascontiguousarray(shifts.T, dtype=np.float32))
+        return mi.Point2f(*map(device_array, shifts.T))
 
 
 def _disk(sample: Any) -> Any:

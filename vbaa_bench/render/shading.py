@@ -13,6 +13,8 @@ import drjit as dr
 import mitsuba as mi
 
 from vbaa_bench.render import lattice
+from vbaa_bench.render.strata import Strata, place
+from vbaa_bench.render.world import World
 
 # Lattice points per lamp for a surface that the camera sees.
 LAMP_POINTS = 8
@@ -25,7 +27,7 @@ def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[An
     hit = active & si.is_valid()
     material = si.bsdf()
     for emitter, shift in zip(scene.emitters(), shifts, strict=True):
-        points = mi.UInt32(1 if _is_point(emitter) else LAMP_POINTS)
+        points = dr.select(hit, mi.UInt32(1 if _is_point(emitter) else LAMP_POINTS), 1)
         unoccluded, first, lamp_point = _unoccluded(emitter, si, material, shift, points, hit)
         tested = hit & (first > 0)
         hidden = tested & scene.ray_test(si.spawn_ray_to(lamp_point), tested)
@@ -33,17 +35,19 @@ def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[An
     return radiance, si
 
 
-def shadow(scene: Any, still: Any, si: Any, shifts: Sequence[Any], points: Any, active: Any) -> Any:
-    """Compute the radiance that a surface loses to shadows in `scene` that are not in `still`.
+def shadow(world: World, si: Any, shifts: Sequence[Any], points: Any, active: Any) -> Any:
+    """Compute the radiance that a surface loses to shadows of moving surfaces.
 
     The radiance is that towards the camera. Every lamp that is not a point is sampled at `points`
     points.
     """
     lost = mi.Float(0)
     material = si.bsdf()
-    for emitter, shift in zip(scene.emitters(), shifts, strict=True):
+    for emitter, shift in zip(world.scene.emitters(), shifts, strict=True):
         count = mi.UInt32(1) if _is_point(emitter) else points
-        lost += _occluded(scene, still, emitter, si, material, shift, count, active)
+        strip = world.strip(emitter)
+        strata = None if strip is None else strip.strata(si.p, count)
+        lost += _occluded(world, emitter, si, material, shift, count, active, strata)
     return lost
 
 
@@ -51,11 +55,11 @@ def _is_point(emitter: Any) -> bool:
     return bool(mi.has_flag(emitter.flags(), mi.EmitterFlags.Delta))
 
 
-def _from_point(
-    emitter: Any, si: Any, material: Any, shift: Any, number: Any, points: Any, active: Any
-) -> tuple[Any, Any]:
-    """Compute the radiance towards the camera from one lattice point of a lamp, and its place."""
-    u = lattice.pair(shift, number, points)
+def _from_point(emitter: Any, si: Any, material: Any, u: Any, active: Any) -> tuple[Any, Any]:
+    """Compute the radiance towards the camera from one point of a lamp, and its place.
+
+    `u` is the point in the unit square.
+    """
     sample, weight = emitter.sample_direction(si, u, active)
     value = material.eval(mi.BSDFContext(), si, si.to_local(sample.d), active)
     return (value * weight)[0], sample.p
@@ -66,10 +70,12 @@ def _unoccluded(
     emitter: Any, si: Any, material: Any, shift: Any, points: Any, active: Any
 ) -> tuple[Any, Any, Any]:
     """Average an emitter's unoccluded light; return it, the first point's light and position."""
-    first, position = _from_point(emitter, si, material, shift, mi.UInt32(0), points, active)
+    u = lattice.pair(shift, mi.UInt32(0), points)
+    first, position = _from_point(emitter, si, material, u, active)
     total, number = mi.Float(first), mi.UInt32(1)
     while number < points:
-        light, _ = _from_point(emitter, si, material, shift, number, points, active)
+        u = lattice.pair(shift, number, points)
+        light, _ = _from_point(emitter, si, material, u, active)
         total += light
         number += 1
     return total / mi.Float(points), first, position
@@ -77,23 +83,24 @@ def _unoccluded(
 
 @dr.syntax
 def _occluded(
-    scene: Any,
-    still: Any,
+    world: World,
     emitter: Any,
     si: Any,
     material: Any,
     shift: Any,
     points: Any,
     active: Any,
+    strata: Strata | None,
 ) -> Any:
-    """Average the light of an emitter's points that are occluded in `scene` but not in `still`."""
+    """Average the light of an emitter's points that only moving surfaces occlude."""
     total, number = mi.Float(0), mi.UInt32(0)
     while number < points:
-        light, position = _from_point(emitter, si, material, shift, number, points, active)
+        u, weight = place(strata, lattice.pair(shift, number, points))
+        light, position = _from_point(emitter, si, material, u, active)
         ray = si.spawn_ray_to(position)
         hidden = active & (light > 0)
-        hidden &= scene.ray_test(ray, hidden)
-        hidden &= ~still.ray_test(ray, hidden)
-        total += dr.select(hidden, light, 0)
+        hidden &= world.scene.ray_test(ray, hidden)
+        hidden &= ~world.still.ray_test(ray, hidden)
+        total += dr.select(hidden, weight * light, 0)
         number += 1
     return total / mi.Float(points)

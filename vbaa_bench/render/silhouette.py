@@ -1,13 +1,8 @@
-"""The beam's silhouette in every pixel column, and samples that are stratified by it.
-
-A beam covers part of a pixel. With samples anywhere in the pixel, the number that meets the beam
-varies, and with it the pixel's value. Here a fixed number of the samples is inside the silhouette
-and the others are outside, each weighted by its part of the area. The mean is unbiased whatever the
-silhouette is; the variance is small if the silhouette is right.
-"""
+"""The beam's silhouette in every pixel column, and samples that are stratified by it."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from functools import cached_property
+from typing import Any, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -15,6 +10,8 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
+from vbaa_bench.render.device_array import device_array
+from vbaa_bench.render.strata import Overlap, Strata, whole_share
 
 # The mesh's edges are straight between rings, in space but not through a distorting lens, and are
 # rounded to single precision: they depart from the silhouette by less. Chosen; where they depart by
@@ -23,6 +20,8 @@ _MARGIN_PX = 0.02
 # Range of the fraction of a partly covered pixel's samples that are inside the silhouette. Chosen:
 # neither the beam nor the background is left to a few samples.
 _MIN_INSIDE, _MAX_INSIDE = 0.25, 0.75
+# Places along a pixel at which the covered length across it is computed.
+_KNOTS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 @dataclass(frozen=True)
@@ -74,73 +73,40 @@ class Silhouette:
         touched = (place + 1 > lower - _MARGIN_PX) & (place < upper + _MARGIN_PX) & (upper > lower)
         return np.asarray(touched.T if self.upright else touched)
 
-    def strata(self, column: Any, row: Any) -> "Strata":
-        """Look up the edges for pixels (Dr.Jit floats: column and row), relative to each pixel."""
+    @cached_property
+    def arrays(self) -> list[Any]:
+        """The edges where samples are stratified, as Dr.Jit arrays."""
+        return [device_array(edge) for edge in np.where(self.ends, 0.0, self.edges)]
+
+    @property
+    def state(self) -> Any:
+        """All that a frozen function depends on."""
+        return self.upright, self.arrays
+
+    def strata(self, column: Any, row: Any, count: Any) -> "PixelStrata":
+        """Stratify `count` samples of pixels (Dr.Jit: column, row and count)."""
         index, origin = (row, column) if self.upright else (column, row)
-        lines = (
-            dr.gather(mi.Float, mi.Float(edge.astype(np.float32)), mi.UInt32(index)) - origin
-            for edge in np.where(self.ends, 0.0, self.edges)
-        )
-        lower_left, upper_left, lower_right, upper_right = lines
-        return Strata(lower_left, upper_left, lower_right, upper_right, self.upright)
+        edges = [dr.gather(mi.Float, edge, mi.UInt32(index)) - origin for edge in self.arrays]
+        knots = [_overlap(edges, mi.Float(t)).length for t in _KNOTS]
+        mean = sum(knots, mi.Float(0)) / len(knots)
+        share = whole_share(dr.clip(mean, _MIN_INSIDE, _MAX_INSIDE), count)
+        is_partly = (mean > 0) & (mean < 1) & (count > 1)
+        return PixelStrata(share, is_partly, knots, self.upright, edges)
 
 
-@dataclass  # not frozen: the loops of Dr.Jit assign to the fields
-class Strata:
-    """Edges of the silhouette relative to each pixel (Dr.Jit): lower and upper, left and right."""
+@dataclass
+class PixelStrata(Strata):
+    """Strata of pixels: edges relative to each pixel, lower and upper, left, then right."""
 
-    lower_left: Any
-    upper_left: Any
-    lower_right: Any
-    upper_right: Any
-    upright: bool
+    edges: list[Any]
 
-    def overlap(self, along: Any) -> "Overlap":
+    def overlap(self, along: Any) -> Overlap:
         """Compute the covered part of the pixel at a place along it, from 0 to 1."""
-        lower = dr.clip(dr.lerp(self.lower_left, self.lower_right, along), 0, 1)
-        upper = dr.clip(dr.lerp(self.upper_left, self.upper_right, along), 0, 1)
-        return Overlap(lower, dr.maximum(upper - lower, 0))
+        return _overlap(self.edges, along)
 
 
-class Overlap(NamedTuple):
-    """The covered part of a line across a pixel (Dr.Jit): its lower edge and length, 0 to 1."""
-
-    lower: Any
-    length: Any
-
-
-class Place(NamedTuple):
-    """A place (x, y) in a pixel, from 0 to 1 (Dr.Jit), and the weight of its sample."""
-
-    point: Any
-    weight: Any
-
-
-def stratum(strata: Strata | None, u: Any, count: Any) -> Place:
-    """Map one of `count` lattice points `u` of the unit square to a place in the pixel."""
-    if strata is None:
-        return Place(u, mi.Float(1))
-    along, across = u.x, u.y
-    mean = sum((strata.overlap(mi.Float(t)).length for t in (0.0, 0.5, 1.0)), mi.Float(0)) / 3
-    # The lattice has `count` evenly spaced values of y: a whole number of them is inside.
-    number = mi.Float(count)
-    inside = dr.clip(dr.round(dr.clip(mean, _MIN_INSIDE, _MAX_INSIDE) * number), 1, number - 1)
-    inside /= number
-    lower, covered = strata.overlap(along)
-    is_inside = across < inside
-    outside = _folded((across - inside) / (1 - inside)) * (1 - covered)
-    outside = dr.select(outside < lower, outside, outside + covered)
-    place = dr.select(is_inside, lower + _folded(across / inside) * covered, outside)
-    weight = dr.select(is_inside, covered / inside, (1 - covered) / (1 - inside))
-    is_partly = (mean > 0) & (mean < 1) & (count > 1)
-    place = dr.select(is_partly, place, _folded(across))
-    point = mi.Point2f(place, along) if strata.upright else mi.Point2f(along, place)
-    return Place(point, dr.select(is_partly, weight, 1))
-
-
-def _folded(u: Any) -> Any:
-    """Fold the unit interval, so that a lattice integrates smooth functions better.
-
-    The values at both ends then meet, as if the function were periodic (Hickernell 2002).
-    """
-    return 1 - dr.abs(2 * u - 1)
+def _overlap(edges: list[Any], along: Any) -> Overlap:
+    lower_left, upper_left, lower_right, upper_right = edges
+    lower = dr.clip(dr.lerp(lower_left, lower_right, along), 0, 1)
+    upper = dr.clip(dr.lerp(upper_left, upper_right, along), 0, 1)
+    return Overlap(lower, dr.maximum(upper - lower, 0))

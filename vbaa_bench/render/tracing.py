@@ -15,7 +15,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
 from vbaa_bench.render.shading import shaded, shadow
-from vbaa_bench.render.silhouette import Strata, stratum
+from vbaa_bench.render.strata import Strata, place
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
@@ -93,16 +93,22 @@ def _wavefront(
         dr.gather(mi.Float, mi.Float(axis.astype(np.float32)), pixel) for axis in pixels.T
     )
     count = dr.gather(mi.UInt32, mi.UInt32(set_size.astype(np.uint32)), pixel)
-    if quantity == "change":
-        value, coverage = _change(world, column, row, sampler, count)
-    else:
-        silhouette = world.silhouette if quantity == "whole" else None
-        strata = None if silhouette is None else silhouette.strata(column, row)
-        scene = world.still if quantity == "still" else world.scene
-        value, coverage = _mean(world, scene, column, row, sampler, count, strata)
+    value, coverage = world.replayed(_ESTIMATES[quantity])(column, row, sampler, count)
     dr.eval(value, coverage)
     estimates = np.array([np.asarray(values, np.float64) for values in (value, coverage)])
     return estimates.reshape(2, -1, sets)
+
+
+def _whole(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
+    """Estimate the radiance of the complete scene; also the fraction that the beam covers."""
+    silhouette = world.silhouette
+    strata = None if silhouette is None else silhouette.strata(column, row, count)
+    return _mean(world, world.scene, column, row, sampler, count, strata)
+
+
+def _still(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
+    """Estimate the radiance of the still scene alone."""
+    return _mean(world, world.still, column, row, sampler, count, None)
 
 
 @dr.syntax
@@ -114,7 +120,7 @@ def _mean(
     value, coverage, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
     while number < count:
         u = lattice.point(shifts, number, count)
-        u[0], weight = stratum(strata, u[0], count)
+        u[0], weight = place(strata, u[0])
         radiance, beam = _sample(world, scene, column, row, sampler, u)
         value += weight * radiance
         coverage += weight * beam
@@ -150,7 +156,7 @@ def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tu
     si = world.scene.ray_intersect(ray)
     moving = world.moves(world.index_of(si))
     static = si.is_valid() & ~moving
-    lost = shadow(world.scene, world.still, si, lamps, count, static)
+    lost = shadow(world, si, lamps, count, static)
     full, _ = shaded(world.scene, ray, lamps, moving)
     still, _ = shaded(world.still, ray, lamps, moving)
     return dr.select(moving, full - still, -lost), _cover(world, si)
@@ -161,3 +167,6 @@ def _cover(world: World, si: Any) -> Any:
     if "beam" not in world.names:
         return dr.zeros(mi.Float, dr.width(si.t))
     return dr.select(world.index_of(si) == world.names.index("beam") + 1, mi.Float(1), 0)
+
+
+_ESTIMATES = {"whole": _whole, "still": _still, "change": _change}

@@ -5,9 +5,9 @@ In metres this would be a quarter of the beam's radius. The scene is therefore b
 that radius, with the origin at the beam's middle.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import drjit as dr
@@ -18,9 +18,12 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
+from vbaa_bench.geometry.tube import normals, sides
 from vbaa_bench.render.affected_pixels import View, pieces
 from vbaa_bench.render.camera import sensor_dict
-from vbaa_bench.render.lights import Light, emitter
+from vbaa_bench.render.device_array import device_array
+from vbaa_bench.render.hidden_strip import HiddenStrip
+from vbaa_bench.render.lights import Lamp, Light, emitter, rectangle
 from vbaa_bench.render.materials import Texture, bsdf
 from vbaa_bench.render.optics import Lens, Optics
 from vbaa_bench.render.silhouette import Silhouette
@@ -29,19 +32,23 @@ from vbaa_bench.scene.paint import Paint
 
 # Range of depths for which defocus is computed, as ratios to the depth of focus.
 _NEAR, _FAR = 0.3, 3.0
+# Number of recordings of a frozen function that are kept.
+_RECORDINGS = 8
 
 
 @dataclass(frozen=True)
 class Surface:
     """A mesh (in Sigma_a, metres) and its paint; see render/materials.py.
 
-    Only the beam has an `arc_length` (vertices,) [m]; it has no `texture`.
+    Only the beam has an `arc_length` (vertices,) [m]; it has no `texture`. A `smooth` beam is a
+    tube, shaded as the smooth surface through its vertices; faces of other surfaces are flat.
     """
 
     mesh: trimesh.Trimesh
     reflectance: float
     paint: Paint = "matt"
     arc_length: Floats | None = None
+    smooth: bool = False
     roughness: float = 0.3
     texture: Texture | None = None
 
@@ -51,6 +58,19 @@ class Surface:
         if self.arc_length is not None:
             return _texcoords(self.arc_length)
         return None if self.texture is None else self.texture.uv
+
+    @property
+    def facets(self) -> int:
+        """Number of vertices of a ring of the beam: they have one arc length, one after another."""
+        s = self.arc_length
+        return 0 if s is None else int(np.argmax(s != s[0]))
+
+    def shape(self, vertices: Floats, unit: "RenderUnit") -> dict[str, Any]:
+        """Return Mitsuba's parameters of this surface with new vertices (n, 3) [m]."""
+        parameters = {"vertex_positions": device_array(unit(vertices))}
+        if self.smooth:
+            parameters["vertex_normals"] = device_array(normals(vertices, self.facets))
+        return parameters
 
 
 @dataclass(frozen=True)
@@ -106,9 +126,7 @@ class World:
         self.moving = frozenset(surfaces) - frozenset(still)
         self.sliding = frozenset(sliding or ())
         self.vertices = {name: np.asarray(s.mesh.vertices) for name, s in surfaces.items()}
-        arc_length = surfaces["beam"].arc_length if "beam" in surfaces else None
-        # The vertices of a ring, which come one after another, have one arc length.
-        self._facets = 0 if arc_length is None else int(np.argmax(arc_length != arc_length[0]))
+        self._surfaces = dict(surfaces)
         self._meshes = {name: _mesh(name, surface, unit) for name, surface in surfaces.items()}
         self.scene = self._scene(self._meshes)
         fixed = {name: s for name, s in surfaces.items() if name in still} | dict(sliding or {})
@@ -121,6 +139,8 @@ class World:
         self.parameters = mi.traverse(self.scene)
         self.view = View(camera)
         self.pieces = {name: pieces(surfaces[name].mesh.faces) for name in self.moving}
+        self._frozen: dict[Callable[..., Any], Callable[..., Any]] = {}
+        self._has_moved = False
 
     def _scene(self, meshes: Mapping[str, Any]) -> Any:
         """Load the lights and some meshes as a Mitsuba scene."""
@@ -148,10 +168,53 @@ class World:
     @cached_property
     def silhouette(self) -> Silhouette | None:
         """The beam's silhouette; None without a beam or a sharp image of it."""
-        if not self._facets or self.lens.point_spread_px or self.lens.aperture:
+        beam = self._surfaces.get("beam")
+        if beam is None or not beam.facets or self.lens.point_spread_px or self.lens.aperture:
             return None
-        rings = self.vertices["beam"][:-2].reshape(-1, self._facets, 3)  # without the caps' middles
-        return Silhouette.of(rings, self.camera)
+        return Silhouette.of(sides(self.vertices["beam"], beam.facets), self.camera)
+
+    @cached_property
+    def hidden_strips(self) -> dict[str, HiddenStrip]:
+        """The strips of rectangular lamps that the beam hides, by the lamp's name in Mitsuba."""
+        beam, strips = self._surfaces.get("beam"), {}
+        if beam is None or not beam.facets:
+            return {}
+        rings = self.unit(sides(self.vertices["beam"], beam.facets))
+        for number, light in enumerate(self.lights):
+            pose = None
+            if isinstance(light, Lamp):
+                pose = rectangle(light, self.unit.render_from_antenna)
+            strip = None if pose is None else HiddenStrip.of(rings, pose)
+            if strip is not None:
+                strips[f"light_{number}"] = strip
+        return strips
+
+    def strip(self, emitter: Any) -> HiddenStrip | None:
+        """Return the strip of Mitsuba's emitter that the beam may hide; None if it is unknown."""
+        shape = emitter.get_shape()
+        return None if shape is None else self.hidden_strips.get(shape.id())
+
+    def replayed(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return function(world, *arrays) of Dr.Jit without its first argument.
+
+        Once surfaces have moved, it is traced in its first call; later calls repeat its kernels.
+        """
+        # Mitsuba's orthographic sensor does not tell Dr.Jit its transform, which cannot be frozen.
+        if not self._has_moved or self.camera.telecentric:
+            return partial(function, self)
+        if function not in self._frozen:
+            # The first argument tells Dr.Jit what else the function depends on.
+            self._frozen[function] = dr.freeze(
+                lambda _, *arrays: function(self, *arrays), limit=_RECORDINGS
+            )
+        return partial(self._frozen[function], self._state)
+
+    @property
+    def _state(self) -> Any:
+        """All arrays of Dr.Jit, and what else changes as surfaces move."""
+        edges = None if self.silhouette is None else self.silhouette.state
+        strips = {name: strip.state for name, strip in self.hidden_strips.items()}
+        return self.scene, self.still, self.optics.state, edges, strips
 
     @property
     def ground(self) -> float:
@@ -196,10 +259,13 @@ class World:
                 raise ValueError(f"{name} has {len(self.vertices[name])} vertices, got {len(new)}")
             if name in self.moving:
                 self.vertices[name] = new
-                self.parameters[f"{name}.vertex_positions"] = _flat(self.unit(new))
-        vars(self).pop("silhouette", None)  # of the beam before
+                for key, value in self._surfaces[name].shape(new, self.unit).items():
+                    self.parameters[f"{name}.{key}"] = value
+        self._has_moved = True
+        for name in ("silhouette", "hidden_strips"):  # of the beam before
+            vars(self).pop(name, None)
         if arc_length is not None:
-            self.parameters["beam.vertex_texcoords"] = _flat(_texcoords(arc_length))
+            self.parameters["beam.vertex_texcoords"] = device_array(_texcoords(arc_length))
         self.parameters.update()
 
 
@@ -207,16 +273,23 @@ def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
     paint = bsdf(surface.paint, surface.reflectance, surface.roughness, surface.texture)
     properties = mi.Properties()
     properties["mesh_bsdf"] = mi.load_dict(paint)
-    properties["face_normals"] = True
-    vertices, faces = surface.mesh.vertices, surface.mesh.faces
+    properties["face_normals"] = not surface.smooth
+    vertices, faces = np.asarray(surface.mesh.vertices), surface.mesh.faces
     texcoords = surface.texcoords
-    textured = texcoords is not None
-    mesh = mi.Mesh(name, len(vertices), len(faces), props=properties, has_vertex_texcoords=textured)
+    mesh = mi.Mesh(
+        name,
+        len(vertices),
+        len(faces),
+        props=properties,
+        has_vertex_normals=surface.smooth,
+        has_vertex_texcoords=texcoords is not None,
+    )
     parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = _flat(unit(np.asarray(vertices)))
+    for key, value in surface.shape(vertices, unit).items():
+        parameters[key] = value
     parameters["faces"] = np.ascontiguousarray(faces, dtype=np.uint32).ravel()
     if texcoords is not None:
-        parameters["vertex_texcoords"] = _flat(texcoords)
+        parameters["vertex_texcoords"] = device_array(texcoords)
     parameters.update()
     return mesh
 
@@ -224,7 +297,3 @@ def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
 def _texcoords(arc_length: Floats) -> Floats:
     """Convert arc length to texture coordinates: millimetres in the first, 0 in the second."""
     return np.column_stack([arc_length * 1e3, np.zeros_like(arc_length)])
-
-
-def _flat(values: Floats) -> Any:
-    return np.ascontiguousarray(values, dtype=np.float32).ravel()

@@ -63,7 +63,9 @@ def test_blur_has_no_memory(tmp_path: Path) -> None:
 def test_pictures_together_are_their_mean() -> None:
     def flat(value: float) -> RenderedRadiance:
         image = np.full((2, 3), value)
-        return RenderedRadiance(image, 0.1 * image, Layers.empty(2, 3), image / 10, image)
+        return RenderedRadiance(
+            image, 0.1 * image, Layers.empty(2, 3), image / 10, image, image > 0
+        )
 
     one, two, three = (flat(value) for value in (1.0, 2.0, 6.0))
     mean = average_poses([one, two, three])

@@ -5,7 +5,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.board import Chessboard
 from vbaa_bench.geometry.board import board, squares
 from vbaa_bench.geometry.objects import block, hub, sheet
-from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
+from vbaa_bench.geometry.tube import arc_length_of_vertices, normals, sides, tube
 
 
 def helix(n: int = 400) -> Floats:
@@ -30,11 +30,46 @@ def test_a_tube_is_closed_outward_and_of_the_right_volume(path: Floats) -> None:
     assert distance == pytest.approx(radius, rel=1e-9)
 
 
+def test_caps_apart_are_those_of_a_closed_tube() -> None:
+    closed, apart = tube(helix(), 1e-3, 12), tube(helix(), 1e-3, 12, caps_apart=True)
+    assert np.allclose(apart.triangles, closed.triangles, atol=0)
+    assert not apart.is_watertight
+    apart.merge_vertices()
+    assert apart.is_watertight
+
+
+@pytest.mark.parametrize("count", [100, 400])
+def test_normals_of_a_tube_point_from_its_centreline(count: int) -> None:
+    path, facets = helix(count), 24
+    mesh = tube(path, 0.4e-3, facets, caps_apart=True)
+    found = normals(np.asarray(mesh.vertices), facets)
+    radial = (sides(mesh.vertices, facets) - path[:, None]) / 0.4e-3
+    error = sides(found, facets) - radial
+    # Chords at the ends; elsewhere the error falls with the square of the spacing.
+    assert np.abs(error[1:-1]).max() < 30 / count**2
+    caps = found[len(path) * facets :]
+    tangent = np.gradient(path, axis=0)[[0, -1]]
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    assert (caps[:facets] @ -tangent[0] > 0.999).all()
+    assert (caps[facets : 2 * facets] @ tangent[1] > 0.999).all()
+    assert np.linalg.norm(found, axis=1) == pytest.approx(1)
+
+
+def test_normals_of_a_taper_lean_along_it() -> None:
+    path = np.column_stack([np.linspace(0, 0.24, 50), np.zeros(50), np.zeros(50)])
+    mesh = tube(path, np.linspace(2e-3, 1e-3, 50), 16, caps_apart=True)
+    found = sides(normals(np.asarray(mesh.vertices), 16), 16)
+    lean = 1e-3 / 0.24
+    # The sides of a polygon are nearer to the axis than its corners, and lean less.
+    assert found[..., 0] == pytest.approx(lean / np.hypot(1, lean), rel=1e-6)
+
+
 def test_every_vertex_knows_its_arc_length() -> None:
     s = np.linspace(0, 0.24, 30)
     path = np.column_stack([s, np.zeros(30), np.zeros(30)])
     found = arc_length_of_vertices(s, 12)
-    assert found == pytest.approx(tube(path, 1e-3, 12).vertices[:, 0], abs=1e-12)
+    apart = tube(path, 1e-3, 12, caps_apart=True)
+    assert found == pytest.approx(apart.vertices[:, 0], abs=1e-12)
 
 
 def test_solids_are_watertight_and_outward() -> None:

@@ -150,11 +150,14 @@ def test_the_noise_near_the_beam_reaches_its_target(world: World, ground: Static
     assert np.median(ratio) < 1 / 3
     assert np.quantile(ratio, 0.95) < 0.45
     # Where nothing that moves is seen or shades, all images equal the static layer.
-    samples = np.array([image.samples for image in images])
-    never = (samples == 0).all(axis=0)
-    assert 0.02 < never.mean() < 0.95
-    assert (radiance[:, never] == ground.radiance[never]).all()
-    assert samples[:, ~never].min() >= SETS
+    affected = images[0].affected
+    assert 0.05 < affected.mean() < 0.98
+    assert (radiance[:, ~affected] == ground.radiance[~affected]).all()
+    assert all((image.samples[~affected] == 0).all() for image in images)
+    # Elsewhere a pixel is left out by chance.
+    often = np.mean([image.samples >= SETS for image in images], axis=0)[affected]
+    assert often.min() > 0
+    assert often.mean() > 0.25
 
 
 def test_the_beam_is_white_on_a_dark_ground(

@@ -71,6 +71,7 @@ def roads_of(path: Path, variant: str, tolerance_px: float, folder: Path, pairs:
     text = folder / "curve.txt"
     np.savetxt(text, np.column_stack([world.unit(controls), np.ones(len(controls))]))
     smooth = copy.copy(world)
+    smooth._frozen = {}  # those of the other world render its scene
     smooth.scene = with_curve(world, text)
     rows = np.arange(world.camera.height)[:, None]
     near = np.abs(rows - line.rows) <= line.half + 1

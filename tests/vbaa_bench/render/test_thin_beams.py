@@ -48,15 +48,15 @@ def beam(width_px: float, angle_deg: float, shift_px: float) -> Floats:
     across = np.array([-along[1], along[0], 0.0])
     share = np.linspace(-HALF_LENGTH_PX, HALF_LENGTH_PX, RINGS)[:, None]
     line = MIDDLE + PIXEL * (share * along + shift_px * across)
-    return np.asarray(tube(line, width_px * PIXEL / 2, FACETS).vertices)
+    return np.asarray(tube(line, width_px * PIXEL / 2, FACETS, caps_apart=True).vertices)
 
 
 def world_before(camera: Camera) -> World:
     share = np.linspace(-HALF_LENGTH_PX, HALF_LENGTH_PX, RINGS)[:, None] * [PIXEL, 0, 0]
-    skin = tube(MIDDLE + share, PIXEL, FACETS)
+    skin = tube(MIDDLE + share, PIXEL, FACETS, caps_apart=True)
     arc_length = arc_length_of_vertices(np.linspace(0, 0.018, RINGS), FACETS)
     surfaces = {
-        "beam": Surface(skin, 0.85, "gloss", arc_length=arc_length),
+        "beam": Surface(skin, 0.85, "gloss", arc_length=arc_length, smooth=True),
         "background": Surface(sheet(MIDDLE - [0, 0, 0.03], 4.8, 1), 0.05),
     }
     lamp = Lamp(sheet(np.array([0.12, 0.0, 0.42]), 0.7, -1))
