@@ -1,4 +1,4 @@
-"""The commands `vbaa-bench speed`: mechanics, render, solve."""
+"""The commands `vbaa-bench speed`: mechanics, render, scenes, solve."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +10,7 @@ from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, Repeats, ScenePath, Variant
-from vbaa_bench.report.console import console, print_result, show_table
+from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed and error.")
 
@@ -62,6 +62,53 @@ def render(
     with console.status("rendering frames"):
         record = speed_render.measure(load_scene(scene), choose(variant), seconds, root)
     print_result(record, speed_curves.sentence(record, root), as_json)
+
+
+@speed_app.command()
+def scenes(
+    folder: Annotated[Path, typer.Argument(help="folder of scenes")] = Path("scenes"),
+    out: Annotated[
+        Path, typer.Option(help="folder to write; delete it to measure all scenes again")
+    ] = Path("runs/scene_speed"),
+    limit: Annotated[float, typer.Option(min=1, help="time limit of a scene, in seconds")] = 120,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure what every scene of a folder costs on one core, part by part.
+
+    Run it again to finish an interrupted table; scenes that have not changed are not measured
+    again.
+    """
+    with importing():
+        from solver.instrument.errors import InputError
+        from vbaa_bench.benchmarks import scene_table, speed_scenes
+        from vbaa_bench.render.variant import choose
+
+    paths = sorted(folder.rglob("*.yaml"))
+    if not paths:
+        raise InputError(f"{folder}: holds no scene (*.yaml)")
+    named = {path.relative_to(folder).with_suffix("").as_posix(): path for path in paths}
+    with progress_bars() as progress:
+        task = progress.add_task("scenes", total=None)
+        try:
+            speeds = speed_scenes.measure(
+                named,
+                out,
+                choose(variant),
+                limit,
+                lambda done, total: progress.update(task, completed=done, total=total),
+            )
+        except KeyboardInterrupt:
+            console.print("interrupted; run the same command again to continue")
+            raise
+    if as_json:
+        rows = [speed.record() for speed in speeds]
+        print_result({**scene_table.summary(speeds), "rows": rows}, "", True)
+        return
+    show_table("seconds on one core", *scene_table.cells(speeds))
+    reasons = [f"{speed.scene}: {speed.reason}" for speed in speeds if speed.reason is not None]
+    lines = [*reasons, f"{scene_table.sentence(speeds)}; {out / 'scene_speed.md'}"]
+    print_result({}, "\n".join(lines), False)
 
 
 QUICKSTART = Path("scenes/quickstart.yaml")
