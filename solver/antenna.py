@@ -87,9 +87,10 @@ class Antenna:
         middle = np.array([self.rig.beam.length / 2, 0.0, 0.0]) + self.rig.base_position
         return float(1 / self.calibration.camera.pixels_per_metre(middle[None])[0])
 
-    def tip_in_beam_frame(self, pixel: Floats, covariance: Floats) -> Tip:
+    def tip_in_beam_frame(self, pixel: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Locate a tip detected at `pixel` (2,), with `covariance` (2, 2) [px^2], on plane C.
 
+        Return its point (2,) [m] and its covariance (2, 2) [m^2].
         The visible part of a cylinder's end is the rim that is nearest to the camera: averaged over
         the beam's width, it is pi/4 of the radius above the axis.
         """
@@ -104,7 +105,7 @@ class Antenna:
         outward = (viewpoint[3] * point - viewpoint[:2]) / viewpoint[2]
         axes, clamp = self.antenna_from_beam[:2, :2], self.antenna_from_beam[:2, 3]
         jacobian = by_pixel @ axes
-        return Tip((point - lift * outward - clamp) @ axes, jacobian.T @ covariance @ jacobian)
+        return (point - lift * outward - clamp) @ axes, jacobian.T @ covariance @ jacobian
 
     @cached_property
     def tip_at_rest(self) -> Tip | None:
@@ -112,7 +113,7 @@ class Antenna:
         at_rest = self.at_rest
         if at_rest.tip is None or at_rest.tip_covariance is None or self.in_world:
             return None
-        return self.tip_in_beam_frame(at_rest.tip, at_rest.tip_covariance)
+        return Tip(*self.tip_in_beam_frame(at_rest.tip, at_rest.tip_covariance))
 
     @cached_property
     def tip_sigma(self) -> float | None:

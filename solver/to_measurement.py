@@ -77,14 +77,14 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
     """
     if line.tip is None or line.tip_covariance is None:
         return None
-    tip = antenna.tip_in_beam_frame(line.tip, line.tip_covariance)
+    tip, covariance = antenna.tip_in_beam_frame(line.tip, line.tip_covariance)
     at_rest = antenna.tip_at_rest
-    if at_rest is None or not len(points):
-        return tip
-    # Points come in order from the clamp to the tip.
-    along = tip.point - points[-TIP_POINTS:].mean(axis=0)
-    excess = at_rest.point[0] - antenna.rig.beam.length
-    return Tip(tip.point - excess / math.hypot(*along) * along, tip.covariance)
+    if at_rest is not None and len(points):
+        # Points come in order from the clamp to the tip.
+        along = tip - points[-TIP_POINTS:].mean(axis=0)
+        excess = at_rest.point[0] - antenna.rig.beam.length
+        tip = tip - excess / math.hypot(*along) * along
+    return Tip(tip, covariance)
 
 
 def _subtract_bow(points: Floats, sigmas: Floats, rest: Rest, rig: Rig) -> tuple[Floats, Floats]:

@@ -148,4 +148,6 @@ def run_method(method: Method, measurement: Measurement, remark: str = "") -> Es
         return Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
     if not isinstance(result, Estimate):  # an external method may return anything
         return Estimate(Outcome.CRASHED, f"returned {type(result).__name__}, not an Estimate")
+    if not remark:
+        return result
     return replace(result, message="; ".join(filter(None, (result.message, remark))))

@@ -20,6 +20,7 @@ from solver.at_rest.thresholds import LIMITS
 from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
+from solver.instrument.medians import median
 from solver.instrument.small_matrices import solve_definite, whitening
 
 # Number of landmarks kept, the strongest ones: a thousand pixels cost 0.05 ms per image.
@@ -236,7 +237,7 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
                 for k in range(4):
                     seen += down[j] * across[k] * image[r - 1 + j, c - 1 + k]
             residual[i] = (seen - gain * gray[i]) / sigma[i]
-        scatter = 1.4826 * np.median(np.abs(residual))
+        scatter = 1.4826 * median(np.abs(residual))
         cut = 4.685 * max(scatter, 1.0)
         normal[:] = 0.0
         right[:] = 0.0

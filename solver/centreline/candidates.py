@@ -16,7 +16,7 @@ SIDE, GAP = 2, 1
 
 def candidates(
     image: Grey,
-    lines: npt.NDArray[np.int64],
+    lines: npt.NDArray[np.uint64],
     upright: bool,
     core: int,
     polarity: int,
@@ -35,7 +35,7 @@ def candidates(
 @njit
 def _scan(
     image: Grey,
-    lines: npt.NDArray[np.int64],
+    lines: npt.NDArray[np.uint64],
     upright: bool,
     core: int,
     polarity: int,
@@ -77,7 +77,7 @@ def _scan(
 
 @njit
 def _summed(
-    image: Grey, lines: npt.NDArray[np.int64], upright: bool, polarity: int
+    image: Grey, lines: npt.NDArray[np.uint64], upright: bool, polarity: int
 ) -> npt.NDArray[np.int32]:
     """Compute cumulative sums (size + 1, lines) of the gray values along every line.
 
@@ -99,10 +99,10 @@ def _responses(
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """Compute each place's contrast times core x SIDE, and its surroundings times SIDE.
 
-    The third array is the largest contrast of each row.
+    The third array is the largest contrast of each row. Rows near the image's border are not set.
     """
-    response = np.zeros((len(summed) - 1, summed.shape[1]), np.int32)
-    level, largest = np.zeros_like(response), np.zeros(len(response), np.int32)
+    response = np.empty((len(summed) - 1, summed.shape[1]), np.int32)
+    level, largest = np.empty_like(response), np.zeros(len(response), np.int32)
     margin = core // 2 + GAP + SIDE
     inner, outer = np.int32(core), np.int32(SIDE)
     for v in range(margin, len(response) - margin):

@@ -6,8 +6,10 @@ beam's appearance is learned from the images of it at rest.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from solver.centreline import Centreline, down_columns
 from solver.centreline.appearance import Appearance, learn_appearance
@@ -18,8 +20,12 @@ from solver.centreline.profile_fit import fit_profiles
 from solver.centreline.stations import stations
 from solver.centreline.thresholds import LIMITS
 from solver.centreline.tip import find_tip
-from solver.instrument.arrays import Floats, Grey
+from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
+from solver.instrument.medians import median
+
+# A numpy scalar is compiled once, a literal anew.
+_NONE: Any = np.int64(0)
 
 
 @dataclass(frozen=True)
@@ -52,10 +58,11 @@ class BeamExtractor:
             appearance.half,
             appearance.full_scale,
         )
-        brightness = fits.amplitude / np.interp(
-            places.length, appearance.length, appearance.amplitude
-        )
-        misfit = fits.chi2 / np.maximum(fits.dof, 1) / appearance.misfit
+        at_rest = np.interp(places.length, appearance.length, appearance.amplitude)
+        brightness, misfit, noise, sigma = _compare_with_rest(
+            fits.amplitude, fits.chi2, fits.dof, fits.sigma,
+            at_rest, appearance.misfit, appearance.sigma_px,
+        )  # fmt: skip
         flags = flag_columns(
             brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
         )
@@ -66,33 +73,30 @@ class BeamExtractor:
             tip = None
         # The beam covers its last columns only in part.
         on_beam = places.length < (length_px if tip is None else tip.length - 1.5)
-        sigma = np.hypot(fits.sigma * np.sqrt(np.maximum(misfit, 1.0)), appearance.sigma_px)
         # Offsets from the path along its normal: a beam that is read by columns first and then
         # by rows remains one curve.
         off_path = places.sense * (fits.centre - places.start)
         smooth = fit_and_flag_outliers(places.length, off_path, sigma, brightness, on_beam, flags)
         if not len(smooth):
             return down_columns(np.empty((0, 2)), np.empty(0))
-        good = flags == 0
-        noise = fits.sigma * np.sqrt(np.maximum(misfit, 1.0))
         common_sigma, typical_brightness, background = _summary(
-            fits.centre[good], sigma[good], noise[good], brightness[good], fits.background[good]
+            fits.centre, sigma, noise, brightness, fits.background, flags
         )
-        smooth_px = places.start + places.sense * smooth
         height, width = image.shape
-        limit = np.where(places.upright, height - 0.5, width - 0.5)
-        in_image = (smooth_px > -0.5) & (smooth_px < limit)
-        rejected = ~good & on_beam & in_image
+        points, directions, good_sigma, rejected, reasons = _select(
+            places.along, places.upright, places.start, places.sense,
+            fits.centre, smooth, sigma, flags, on_beam, height, width,
+        )  # fmt: skip
         return Centreline(
-            points=places.pixels(fits.centre)[good],
-            directions=places.directions[good],
-            sigma=sigma[good],
-            rejected=places.pixels(smooth_px)[rejected],
-            flags=flags[rejected],
+            points=points,
+            directions=directions,
+            sigma=good_sigma,
+            rejected=rejected,
+            flags=reasons,
             tip=None if tip is None else tip.pixel,
             tip_covariance=None if tip is None else tip.covariance,
             common_sigma=common_sigma,
-            remark=self._remark(typical_brightness, background) if good.any() else "",
+            remark=self._remark(typical_brightness, background) if len(points) else "",
         )
 
     def _remark(self, beam: float, background: float) -> str:
@@ -114,8 +118,37 @@ class BeamExtractor:
 
 
 @njit
+def _compare_with_rest(
+    amplitude: Floats,
+    chi2: Floats,
+    dof: npt.NDArray[np.int64],
+    fit_sigma: Floats,
+    amplitude_at_rest: Floats,
+    misfit_at_rest: float,
+    sigma_at_rest: float,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Compute brightness and misfit (n,) over those at rest, and sigmas (n,) [px] of the centres.
+
+    The first sigma is that of the sensor's noise, the second includes the other errors at rest.
+    """
+    n = len(amplitude)
+    brightness, misfit, noise, sigma = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        brightness[i] = amplitude[i] / amplitude_at_rest[i]
+        misfit[i] = chi2[i] / max(dof[i], 1) / misfit_at_rest
+        noise[i] = fit_sigma[i] * np.sqrt(max(misfit[i], 1.0))
+        sigma[i] = np.sqrt(noise[i] ** 2 + sigma_at_rest**2)
+    return brightness, misfit, noise, sigma
+
+
+@njit
 def _summary(
-    centre: Floats, sigma: Floats, noise: Floats, brightness: Floats, background: Floats
+    centre: Floats,
+    sigma: Floats,
+    noise: Floats,
+    brightness: Floats,
+    background: Floats,
+    flags: npt.NDArray[np.uint8],
 ) -> tuple[float, float, float]:
     """Compute the sigma [px] of the points' mean error, and the median brightness and background.
 
@@ -123,11 +156,55 @@ def _summary(
     compression, follow the pixel grid: for a beam that crosses R pixel rows, only R + 1 of them
     are independent.
     """
-    if len(centre) == 0:
+    good = flags == 0
+    if not good.any():
         return 0.0, 0.0, 0.0
-    excess = np.median(np.maximum(sigma**2 - noise**2, 0.0))
-    rows = centre.max() - centre.min()
-    return np.sqrt(excess / (1.0 + rows)), np.median(brightness), np.median(background)
+    excess = median(np.maximum(sigma[good] ** 2 - noise[good] ** 2, 0.0))
+    rows = centre[good].max() - centre[good].min()
+    return np.sqrt(excess / (1.0 + rows)), median(brightness[good]), median(background[good])
+
+
+@njit
+def _select(
+    along: npt.NDArray[np.int64],
+    upright: Mask,
+    start: Floats,
+    sense: Floats,
+    centre: Floats,
+    smooth: Floats,
+    sigma: Floats,
+    flags: npt.NDArray[np.uint8],
+    on_beam: Mask,
+    height: int,
+    width: int,
+) -> Any:
+    """Select the measured and the rejected points; return five fields of `Centreline`.
+
+    A rejected column's point is the smooth course of the beam in it, if that is in the image.
+    """
+    n, n_good, n_rejected = len(along), _NONE, _NONE
+    points, directions, good_sigma = np.empty((n, 2)), np.zeros((n, 2)), np.empty(n)
+    rejected, reasons = np.empty((n, 2)), np.empty(n, np.uint8)
+    for i in range(n):
+        # The pixel's coordinates along the path and across it.
+        u, v = (0, 1) if upright[i] else (1, 0)
+        if flags[i] == 0:
+            points[n_good, u], points[n_good, v] = along[i], centre[i]
+            directions[n_good, v], good_sigma[n_good] = 1.0, sigma[i]
+            n_good += 1
+            continue
+        expected = start[i] + sense[i] * smooth[i]
+        if on_beam[i] and -0.5 < expected < (height if upright[i] else width) - 0.5:
+            rejected[n_rejected, u], rejected[n_rejected, v] = along[i], expected
+            reasons[n_rejected] = flags[i]
+            n_rejected += 1
+    return (
+        points[:n_good],
+        directions[:n_good],
+        good_sigma[:n_good],
+        rejected[:n_rejected],
+        reasons[:n_rejected],
+    )
 
 
 def learn_beam(images: Sequence[Grey], guide: Guide) -> BeamExtractor:

@@ -7,7 +7,8 @@ instead of random draws). Linear theory is off by a pixel where the beam bends f
 shape plus a smooth curve through the candidates beside it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,15 +21,17 @@ from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
+from solver.instrument.medians import median
 
-# Number of scan lines over the beam's length, and trial contact distances over that length.
-LINES, DISTANCES = 72, np.linspace(0.08, 1.0, 12)
-# Number of places of a path, and the last one over the beam's length.
-PLACES, PATH_END = 96, 1.06
+# Trial contact distances over the beam's length.
+DISTANCES = np.linspace(0.08, 1.0, 12)
+# Places of a path over the beam's length.
+PLACES = np.linspace(0.0, 1.06, 96)
 # Number of candidates tried as points of the beam.
 ANCHORS = 60
 # Degree of the smooth curve beside the shape. A numpy scalar is compiled once, a literal anew.
-_DEGREE = np.int64(3)
+_DEGREE: Any = np.int64(3)
+_NONE: Any = np.int64(0)
 # Contact distance [m] that represents a beam that does not bend.
 STRAIGHT = 1e9
 
@@ -52,70 +55,73 @@ def find_path(
 
     `max_tilt` [rad] is the largest turn of the beam about its clamp; `bends` also allows bending.
     """
-    lines = _scan_lines(guide, image.shape)
+    lines = guide.scan_lines
     core = max(2, round(2 * guide.radius_px))
     detections = candidates(image, lines, guide.scans_columns, core, polarity, noise)
     pixels = detections[:, :2] if guide.scans_columns else detections[:, 1::-1]
     places = guide.places(np.ascontiguousarray(pixels))
-    tolerance = max(LIMITS.near_px, LIMITS.near_radii * guide.radius_px) * guide.pixel
-    distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
-    path = _path(places, detections[:, 0], detections[:, 2], guide, distances, tolerance, max_tilt)
-    return path and replace(path, support=path.support / len(lines))
-
-
-def _scan_lines(guide: Guide, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
-    """Return the pixel columns (rows for an upright beam) that cross the beam's length."""
-    axis = 0 if guide.scans_columns else 1
-    near, far = guide.ends[:, axis]
-    low, high = min(near, far), max(near, far)
-    if guide.free_tilt:
-        low, high = near - (high - low), near + (high - low)
-    limit = shape[1] if guide.scans_columns else shape[0]
-    low, high = max(low, 0), min(high, limit - 1)
-    lines = np.linspace(low, high, LINES).astype(np.int64)
-    return np.asarray(lines[np.append(True, lines[1:] != lines[:-1])])
-
-
-def _path(
-    places: Floats,
-    line: Floats,
-    strength: Floats,
-    guide: Guide,
-    distances: Floats,
-    tolerance: float,
-    max_tilt: float,
-) -> Path | None:
-    """Find the path through candidates, whose `places` (m, 2) are in the order of the scan lines.
-
-    Its support is the number of agreeing scan lines.
-    """
-    length = guide.length
-    x, y = places.T
-    inside = (x > 0.02 * length) & (x < 1.02 * length) & (np.abs(y) < 0.8 * length)
-    if np.count_nonzero(inside) < LIMITS.min_lines:
+    x, y, line, strength = _within_reach(places, detections, guide.length)
+    if len(x) < LIMITS.min_lines:
         return None
-    x, y, line, strength = x[inside], y[inside], line[inside], strength[inside]
     # Anchors far from the clamp constrain the shape most; the strongest come first.
     anchors = np.argsort(-strength * x)[:ANCHORS]
-    # The weight of an object much brighter than most is limited.
-    weight = np.minimum(strength, np.median(strength))
-    load, tilt, x_c, score = _consensus(x, y, line, weight, anchors, distances, tolerance, max_tilt)
-    if score <= 0:
+    tolerance = max(LIMITS.near_px, LIMITS.near_radii * guide.radius_px) * guide.pixel
+    distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
+    load, tilt, x_c, score = _consensus(
+        x, y, line, strength, anchors, distances, tolerance, max_tilt
+    )
+    agreed, n_lines = _agreeing(x, y, line, strength, tolerance, load, tilt, x_c)
+    if score <= 0 or n_lines < LIMITS.min_lines:
         return None
-    offset = y - _shape(x, load, tilt, x_c)
-    agreed = np.abs(offset) < tolerance
-    lines = line[agreed]
-    n_agreeing = 1 + np.count_nonzero(lines[1:] != lines[:-1])
-    if not agreed.any() or n_agreeing < LIMITS.min_lines:
-        return None
-    half_px = np.full(len(lines), 0.5 * guide.pixel)
-    along = np.linspace(0.0, PATH_END * length, PLACES)
+    along = guide.length * PLACES
     across = _shape(along, load, tilt, x_c)
-    correction = curve(x[agreed], offset[agreed], half_px, along, _DEGREE, LIMITS.tukey_cut)
+    half_px = np.full(agreed.shape[1], 0.5 * guide.pixel)
+    correction = curve(agreed[0], agreed[1], half_px, along, _DEGREE, LIMITS.tukey_cut)
     if len(correction) > 0:
         across += correction
-    contrast = float(np.median(strength[agreed]))
-    return Path(np.column_stack([along, across]), contrast, float(n_agreeing))
+    return Path(np.column_stack([along, across]), median(agreed[2]), n_lines / len(lines))
+
+
+@njit
+def _within_reach(places: Floats, detections: Floats, length: float) -> Any:
+    """Select the candidates at `places` (m, 2) that the beam can reach.
+
+    Return x and y of their places, their scan lines and their contrasts.
+    """
+    selected, count = np.empty((4, len(places))), _NONE
+    for i in range(len(places)):
+        x, y = places[i]
+        if 0.02 * length < x < 1.02 * length and abs(y) < 0.8 * length:
+            selected[0, count], selected[1, count] = x, y
+            selected[2, count], selected[3, count] = detections[i, 0], detections[i, 2]
+            count += 1
+    return selected[0, :count], selected[1, :count], selected[2, :count], selected[3, :count]
+
+
+@njit
+def _agreeing(
+    x: Floats,
+    y: Floats,
+    line: Floats,
+    strength: Floats,
+    tolerance: float,
+    load: float,
+    tilt: float,
+    x_c: float,
+) -> tuple[Floats, int]:
+    """Select the candidates that agree on a shape, which are in the order of the scan lines.
+
+    Return x, distance from the shape and contrast of each (3, n), and their number of scan lines.
+    """
+    agreed, n, n_lines, last_line = np.empty((3, len(x))), 0, 0, -1.0
+    offset = y - _shape(x, load, tilt, x_c)
+    for k in range(len(x)):
+        if abs(offset[k]) < tolerance:
+            agreed[0, n], agreed[1, n], agreed[2, n] = x[k], offset[k], strength[k]
+            n += 1
+            n_lines += line[k] != last_line
+            last_line = line[k]
+    return agreed[:, :n].copy(), n_lines
 
 
 @njit
@@ -139,13 +145,15 @@ def _consensus(
     x: Floats,
     y: Floats,
     line: Floats,
-    weight: Floats,
+    strength: Floats,
     anchors: npt.NDArray[np.int64],
     distances: Floats,
     tolerance: float,
     max_tilt: float,
 ) -> tuple[float, float, float, float]:
     """Find the shape on which most lines agree; return (load, tilt, x_c, score)."""
+    # The weight of an object much brighter than most is limited.
+    weight = np.minimum(strength, median(strength))
     best_load = best_tilt = best_score = 0.0
     best_distance = distances[0]
     unit, gain = np.empty(len(x)), np.empty(len(x))

@@ -4,14 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from solver.centreline.smooth import DEGREE, curve, local_scatter, running_median
+from solver.centreline.smooth import DEGREE, curve, local_median, local_scatter, running_median
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.centreline import Flag
 from solver.instrument.compiled import njit
+from solver.instrument.medians import median
 
 HIDDEN, SATURATED, FOREIGN = (int(flag) for flag in (Flag.HIDDEN, Flag.SATURATED, Flag.FOREIGN))
-# Widths, in columns, of the running medians of misfit and brightness, and the degree of the
+# Widths, in columns, of the local medians of misfit and brightness, and the degree of the
 # brightness's smooth course. Numpy scalars are compiled once, literals anew.
 _MISFIT_WIDTH, _BRIGHTNESS_WIDTH, _BRIGHTNESS_DEGREE = np.int64(61), np.int64(21), np.int64(2)
 
@@ -30,12 +31,9 @@ def flag_columns(
     `brightness` is relative to that at rest, `misfit` is the chi^2 per degree of freedom over its
     typical value at rest; the other arguments are as in `Fits`.
     """
-    # A beam that comes nearer to the camera looks wider than at rest in all columns: a foreign
-    # object differs from the columns about it.
-    local_misfit = running_median(np.minimum(misfit, 30.0), _MISFIT_WIDTH)
     # A textured background raises the misfit of every column.
     plausible = misfit[(brightness > LIMITS.min_brightness) & (brightness < LIMITS.max_brightness)]
-    typical_misfit = max(np.median(plausible), 1.0) if len(plausible) > 0 else 1.0
+    typical_misfit = max(median(plausible), 1.0) if len(plausible) > 0 else 1.0
     flags = np.zeros(len(brightness), np.uint8)
     for i in range(len(brightness)):
         # On a textured background the amplitude must exceed a larger threshold.
@@ -46,10 +44,14 @@ def flag_columns(
         )
         if faint or not np.isfinite(sigma[i]):
             flags[i] = HIDDEN
-        elif brightness[i] > LIMITS.max_brightness or misfit[i] > LIMITS.max_misfit * max(
-            local_misfit[i], typical_misfit
-        ):
+        elif brightness[i] > LIMITS.max_brightness:
             flags[i] = FOREIGN
+        elif misfit[i] > LIMITS.max_misfit * typical_misfit:
+            # A beam that comes nearer to the camera looks wider than at rest in all columns: a
+            # foreign object differs from the columns about it.
+            local_misfit = min(local_median(misfit, i, _MISFIT_WIDTH), 30.0)
+            if misfit[i] > LIMITS.max_misfit * local_misfit:
+                flags[i] = FOREIGN
         if flags[i] > 0 and saturated[i] > 0:
             flags[i] = SATURATED
     return flags
@@ -134,7 +136,7 @@ def _disturbed_columns(length: Floats, brightness: Floats, flags: Any, on_beam: 
                 deviation[n_good] = abs(medians[k] / smooth[k] - 1)
                 n_good += 1
         # Under spotted light the threshold rises with the typical deviation.
-        threshold = max(LIMITS.max_brightness_deviation, 4.5 * np.median(deviation[:n_good]))
+        threshold = max(LIMITS.max_brightness_deviation, 4.5 * median(deviation[:n_good]))
         for k in range(count):
             disturbed[index[k]] = abs(medians[k] / smooth[k] - 1) > threshold
     return disturbed

@@ -4,11 +4,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
 from solver.planes.plane_c import apply_homography
+
+# Number of scan lines over the beam's length.
+LINES = 72
 
 
 @dataclass(frozen=True)
@@ -81,3 +85,16 @@ class Guide:
         """Whether the beam at rest runs mainly along the image rows, so that columns cross it."""
         along, down = np.abs(self.ends[1] - self.ends[0])
         return bool(along >= down)
+
+    @cached_property
+    def scan_lines(self) -> npt.NDArray[np.uint64]:
+        """Pixel columns (rows for an upright beam) that cross the beam's length."""
+        axis = 0 if self.scans_columns else 1
+        near, far = self.ends[:, axis]
+        low, high = min(near, far), max(near, far)
+        if self.free_tilt:
+            low, high = near - (high - low), near + (high - low)
+        limit = self.camera.width if self.scans_columns else self.camera.height
+        low, high = (min(max(end, 0), limit - 1) for end in (low, high))
+        lines = np.linspace(low, high, LINES).astype(np.uint64)
+        return np.asarray(lines[np.append(True, lines[1:] != lines[:-1])])

@@ -6,11 +6,12 @@ noise (maximum likelihood); the centre's variance is that of the linearised fit.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.columns import interpolate_profile, read_column
+from solver.centreline.columns import read_column, table_position, table_value
 from solver.centreline.noise import ROUNDING, Noise
 from solver.centreline.profile import Profile
 from solver.centreline.stations import Stations
@@ -76,11 +77,6 @@ def fit_profiles(
     )
 
 
-# Rows of a pixel column's linear model: the background (1, x), the profile, its derivative by the
-# centre, and the gray values themselves. Numpy scalars are compiled once, literals anew.
-GROUND, TILT, SHAPE, MOVE, GRAY = np.arange(5)
-
-
 @njit
 def _fit(
     image: Grey,
@@ -99,18 +95,18 @@ def _fit(
     """Fit all stations; return the fields of `Fits` (8, n)."""
     n, size = len(along), 2 * half + 1
     out, row = np.zeros((8, n)), np.empty(8)
-    rows, weight, gram = np.empty((5, size)), np.empty(size), np.empty((5, 5))
+    gray, weight, expected = np.empty(size), np.empty(size), np.empty(size)
     for i in range(n):
         row[:] = 0.0
         row[1] = row[3] = np.inf
         first = int(np.rint(start[i])) - half
-        if read_column(image, along[i], upright[i], first, rows[GRAY]):
-            used = _weigh(rows[GRAY], rows[GRAY], full_scale, dark, per_gray, weight)
+        if read_column(image, along[i], upright[i], first, gray):
+            used, sums = _weigh(gray, gray, full_scale, dark, per_gray, half, weight)
             row[7] = size - used
             if used >= LIMITS.min_pixels:
                 _fit_column(
                     start[i], first, half, min(climb[i], 1.0), sense[i], value, slope,
-                    dark, per_gray, full_scale, rows, weight, gram, row,
+                    dark, per_gray, full_scale, gray, weight, expected, sums, row,
                 )  # fmt: skip
                 row[6] = used - 4
         for field in range(len(row)):
@@ -130,92 +126,113 @@ def _fit_column(
     dark: float,
     per_gray: float,
     full_scale: int,
-    rows: Floats,
+    gray: Floats,
     weight: Floats,
-    gram: Floats,
+    expected: Floats,
+    sums: Any,
     fields: Floats,
 ) -> None:
     """Run Gauss-Newton from `start` and write into `fields`, which is unchanged on failure.
 
-    For a fixed centre, the model is linear in background and amplitude: eliminating rows of the
-    Gram matrix (`_eliminate`) one after another solves their least squares.
+    For a fixed centre, the model is linear in background and amplitude: eliminating the background
+    (1, x), then the profile from the weighted sums of products solves their least squares. `sums`
+    are those of `_weigh` with the gray values' own weights.
     """
     c = start
     for step in range(MAX_STEPS + 1):
-        interpolate_profile(value, climb, sense, first - c, rows[SHAPE])
-        interpolate_profile(slope, climb, sense, first - c, rows[MOVE])
-        _gram(weight, rows, half, gram)
-        w0, w1, w2 = gram[GROUND, GROUND], gram[TILT, GROUND], gram[TILT, TILT]
-        v0, v1 = gram[GRAY, GROUND], gram[GRAY, TILT]
-        p0, p1 = gram[SHAPE, GROUND], gram[SHAPE, TILT]
-        _eliminate(gram, GROUND)
-        _eliminate(gram, TILT)
-        pivot = gram[SHAPE, SHAPE]
-        if not pivot > 0:
+        w0, w1, w2, g0, g1, gg = sums
+        p0, p1, pp, d0, d1, dp, dd, gp, gd = _profile_sums(
+            value, slope, climb, sense, first - c, half, gray, weight, expected
+        )
+        # Make x orthogonal to 1, then subtract each product's part that lies in both.
+        mean, per_w0 = w1 / w0, 1 / w0
+        per_w2 = 1 / (w2 - mean * w1)
+        p1, d1, g1 = p1 - mean * p0, d1 - mean * d0, g1 - mean * g0
+        pp = pp - p0 * p0 * per_w0 - p1 * p1 * per_w2
+        if not pp > 0:
             return
-        a = gram[GRAY, SHAPE] / pivot
-        _eliminate(gram, SHAPE)
+        dp = dp - d0 * p0 * per_w0 - d1 * p1 * per_w2
+        dd = dd - d0 * d0 * per_w0 - d1 * d1 * per_w2
+        gp = gp - g0 * p0 * per_w0 - g1 * p1 * per_w2
+        gd = gd - g0 * d0 * per_w0 - g1 * d1 * per_w2
+        gg = gg - g0 * g0 * per_w0 - g1 * g1 * per_w2
+        a, d_in_p = gp / pp, dp / pp
         # d(gray)/d(centre) = -sense a d.
-        information = a * a * gram[MOVE, MOVE]
+        information = a * a * (dd - d_in_p * dp)
         if not information > 0:
             return
-        v0, v1, det = v0 - a * p0, v1 - a * p1, w0 * w2 - w1 * w1
-        b, s = (w2 * v0 - w1 * v1) / det, (w0 * v1 - w1 * v0) / det
+        s = (g1 - a * p1) * per_w2
+        b = (g0 - a * p0) * per_w0 - mean * s
         if step == MAX_STEPS:
             break
-        update = -sense * a * gram[GRAY, MOVE] / information
+        update = -sense * a * (gd - d_in_p * gp) / information
         c += min(max(update, -0.5), 0.5)
         if abs(c - start) > half - 2:
             return
         if step < 2:
             # Weights from the model's gray values, not from the noisy ones.
-            expected = rows[SHAPE]
             for k in range(len(expected)):
                 expected[k] = max(a * expected[k] + b + s * (k - half), 0.0)
-            _weigh(rows[GRAY], expected, full_scale, dark, per_gray, weight)
+            _, sums = _weigh(gray, expected, full_scale, dark, per_gray, half, weight)
         elif abs(update) < TOLERANCE_PX:
             break
     fields[0], fields[1], fields[2] = c, 1 / np.sqrt(information), a
-    fields[3], fields[4], fields[5] = 1 / np.sqrt(pivot), b, max(gram[GRAY, GRAY], 0.0)
+    fields[3], fields[4], fields[5] = 1 / np.sqrt(pp), b, max(gg - a * gp, 0.0)
 
 
 @njit(fastmath=FAST)
-def _gram(weight: Floats, rows: Floats, half: int, gram: Floats) -> None:
-    """Compute the weighted Gram matrix (5, 5) of (1, x, profile, derivative, gray)."""
-    p, d, g = rows[SHAPE], rows[MOVE], rows[GRAY]
-    w0 = w1 = w2 = p0 = p1 = pp = d0 = d1 = dp = dd = 0.0
-    g0 = g1 = gp = gd = gg = 0.0
-    for k in range(weight.size):
-        w, x = weight[k], float(k - half)
-        wx, wp, wd, wg = w * x, w * p[k], w * d[k], w * g[k]
-        w0, w1, w2 = w0 + w, w1 + wx, w2 + wx * x
-        p0, p1, pp = p0 + wp, p1 + wp * x, pp + wp * p[k]
-        d0, d1, dp, dd = d0 + wd, d1 + wd * x, dp + wd * p[k], dd + wd * d[k]
-        g0, g1, gp, gd, gg = g0 + wg, g1 + wg * x, gp + wg * p[k], gd + wg * d[k], gg + wg * g[k]
-    gram[GROUND, GROUND], gram[TILT, GROUND], gram[TILT, TILT] = w0, w1, w2
-    gram[SHAPE, GROUND], gram[SHAPE, TILT], gram[SHAPE, SHAPE] = p0, p1, pp
-    gram[MOVE, GROUND], gram[MOVE, TILT], gram[MOVE, SHAPE], gram[MOVE, MOVE] = d0, d1, dp, dd
-    gram[GRAY, GROUND], gram[GRAY, TILT], gram[GRAY, SHAPE] = g0, g1, gp
-    gram[GRAY, MOVE], gram[GRAY, GRAY] = gd, gg
+def _profile_sums(
+    value: Floats,
+    slope: Floats,
+    climb: float,
+    sense: float,
+    offset: float,
+    half: int,
+    gray: Floats,
+    weight: Floats,
+    profile: Floats,
+) -> Any:
+    """Write the profile (n,) and sum its weighted products, and those of its derivative.
+
+    The products of the profile are with 1, x and itself, those of its derivative with 1, x, the
+    profile and itself, and those of the gray values with both.
+    """
+    row, column, stride, row_fraction, fraction = table_position(value, climb, sense, offset)
+    p0 = p1 = pp = d0 = d1 = dp = dd = gp = gd = 0.0
+    for k in range(gray.size):
+        p = table_value(value, row, column, row_fraction, fraction)
+        d = table_value(slope, row, column, row_fraction, fraction)
+        column += stride
+        profile[k] = p
+        wp, wd, x = weight[k] * p, weight[k] * d, float(k - half)
+        p0, p1, pp = p0 + wp, p1 + wp * x, pp + wp * p
+        d0, d1, dp, dd = d0 + wd, d1 + wd * x, dp + wd * p, dd + wd * d
+        gp, gd = gp + wp * gray[k], gd + wd * gray[k]
+    return p0, p1, pp, d0, d1, dp, dd, gp, gd
 
 
-@njit
-def _eliminate(gram: Floats, row: np.int64) -> None:
-    """Eliminate the `row` from all later rows of the Gram matrix (lower triangle)."""
-    for a in range(row + 1, 5):
-        factor = gram[a, row] / gram[row, row]
-        for b in range(row + 1, a + 1):
-            gram[a, b] -= factor * gram[b, row]
-
-
-@njit
+@njit(fastmath=FAST)
 def _weigh(
-    gray: Floats, expected: Floats, full_scale: int, dark: float, per_gray: float, weight: Floats
-) -> int:
-    """Set weights by the noise of expected values, 0 at full scale; return how many are not 0."""
+    gray: Floats,
+    expected: Floats,
+    full_scale: int,
+    dark: float,
+    per_gray: float,
+    half: int,
+    weight: Floats,
+) -> Any:
+    """Set weights by the noise of expected values, 0 at full scale; return how many are not 0.
+
+    Also return the weighted sums of products of (1, x) with 1, x and the gray values, and of these.
+    """
     used = 0
-    for k in range(len(gray)):
+    w0 = w1 = w2 = g0 = g1 = gg = 0.0
+    for k in range(gray.size):
         saturated = gray[k] >= full_scale
         used += not saturated
-        weight[k] = 0.0 if saturated else 1.0 / max(dark + per_gray * expected[k], ROUNDING)
-    return used
+        w = 0.0 if saturated else 1.0 / max(dark + per_gray * expected[k], ROUNDING)
+        weight[k] = w
+        wg, x = w * gray[k], float(k - half)
+        w0, w1, w2 = w0 + w, w1 + w * x, w2 + w * x * x
+        g0, g1, gg = g0 + wg, g1 + wg * x, gg + wg * gray[k]
+    return used, (w0, w1, w2, g0, g1, gg)

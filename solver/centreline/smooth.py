@@ -8,6 +8,7 @@ from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
+from solver.instrument.medians import median
 from solver.instrument.small_matrices import solve_definite
 
 MAX_ITERATIONS = 12
@@ -59,7 +60,7 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
     """Fit coefficients of a basis (terms, n); NaN where the points do not determine them."""
     terms, n = basis.shape
     weight, weighted = np.ones(n), np.empty(n)
-    typical_sigma = np.median(sigma)
+    typical_sigma = median(sigma)
     normal, solution = np.empty((terms, terms)), np.empty(terms)
     coefficients = np.full(terms, np.nan)
     previous_scale = np.inf
@@ -82,7 +83,7 @@ def _reweighted(basis: Floats, y: Floats, sigma: Floats, cut: float) -> Floats:
         # To test by a count that the median is below `typical_sigma` is faster than to compute it.
         scale = typical_sigma
         if 2 * n_near <= n:
-            scale = max(1.4826 * np.median(residual), typical_sigma)
+            scale = max(1.4826 * median(residual), typical_sigma)
         n_used = 0
         for i in range(n):
             u = residual[i] / (cut * scale)
@@ -108,12 +109,12 @@ def _weighted(weight: Floats, row: Floats, y: Floats, weighted: Floats) -> float
 def _chebyshev(x: Floats, low: float, high: float, terms: int) -> Floats:
     """Evaluate Chebyshev polynomials (terms, n) of the places x (n,), clipped to low and high."""
     basis = np.ones((terms, len(x)))
-    for i in range(len(x)):
-        t = 2 * (min(max(x[i], low), high) - low) / (high - low) - 1
-        if terms > 1:
-            basis[1, i] = t
-        for j in range(2, terms):
-            basis[j, i] = 2 * t * basis[j - 1, i] - basis[j - 2, i]
+    if terms > 1:
+        for i in range(len(x)):
+            basis[1, i] = 2 * (min(max(x[i], low), high) - low) / (high - low) - 1
+    for j in range(2, terms):
+        for i in range(len(x)):
+            basis[j, i] = 2 * basis[1, i] * basis[j - 1, i] - basis[j - 2, i]
     return basis
 
 
@@ -139,12 +140,21 @@ def local_scatter(residual: Floats) -> float:
     if lag < 2:
         return 0.0
     difference = residual[lag : n - lag] - (residual[: n - 2 * lag] + residual[2 * lag :]) / 2
-    return float(1.4826 * np.median(np.abs(difference)) / np.sqrt(1.5))
+    return float(1.4826 * median(np.abs(difference)) / np.sqrt(1.5))
+
+
+@njit
+def local_median(values: Floats, i: int, width: Any) -> float:
+    """Compute the median of `width` (odd) values about the i-th; end values are repeated."""
+    window = np.empty(width)
+    for k in range(width):
+        window[k] = values[min(max(i + k - width // 2, 0), len(values) - 1)]
+    return float(median(window))
 
 
 @njit
 def running_median(values: Floats, width: Any) -> Floats:
-    """Compute the median (n,) of `width` (odd) values about each; end values are repeated."""
+    """Compute `local_median` (n,) about each value, from a sorted window that moves along."""
     n, half = len(values), width // 2
     medians = np.empty(n)
     window = np.empty(2 * half + 1)

@@ -30,16 +30,6 @@ class Stations:
     def __len__(self) -> int:
         return len(self.along)
 
-    def pixels(self, centre: Floats) -> Floats:
-        """Return the pixels (n, 2), as (u, v), of centres (n,) in their columns or rows."""
-        return _pixels(self.along, self.upright, centre)
-
-    @property
-    def directions(self) -> Floats:
-        """Unit vectors (n, 2) along which the centres are measured."""
-        n = len(self)
-        return _pixels(np.zeros(n, np.int64), self.upright, np.ones(n))
-
 
 # A numpy scalar is compiled once, a literal anew.
 _FIRST: Any = np.int64(0)
@@ -51,20 +41,11 @@ def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
 
 
 @njit
-def _pixels(along: npt.NDArray[np.int64], upright: Mask, centre: Floats) -> Floats:
-    pixels = np.empty((len(along), 2))
-    for i in range(len(along)):
-        column, row = (along[i], centre[i]) if upright[i] else (centre[i], along[i])
-        pixels[i, 0], pixels[i, 1] = column, row
-    return pixels
-
-
-@njit
 def _stations(path: Floats, height: int, width: int) -> Any:
     distance = np.zeros(len(path))
     for k in range(1, len(path)):
-        step = path[k] - path[k - 1]
-        distance[k] = distance[k - 1] + np.hypot(step[0], step[1])
+        step = np.hypot(path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1])
+        distance[k] = distance[k - 1] + step
     # Upper bound: a station for every pixel of the path, and one more for every corner.
     out = np.empty((6, int(distance[-1]) + 2 * len(path)))
     count, first = _FIRST, 0

@@ -13,6 +13,7 @@ from solver.centreline.stations import Stations
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
+from solver.instrument.medians import median
 
 # Number of stations before the end that measure the beam's brightness, and beyond it, to test it.
 N_BEFORE, N_BEYOND = 12, 4
@@ -71,16 +72,15 @@ def find_tip(
         look.half,
         look.full_scale,
     )
-    typical = float(np.mean(fits.amplitude[reference]))
     covered, covered_variance = _covered_columns(
-        amplitude / typical,
-        variance / typical**2,
+        amplitude,
+        variance,
         background,
         fits.chi2[window] / np.maximum(fits.dof[window], 1) / look.misfit,
         last + 1 - first,
         fade,
-        fits.amplitude[reference] / typical,
-        fits.amplitude_sigma[reference] / typical,
+        fits.amplitude[reference],
+        fits.amplitude_sigma[reference],
         fits.background[reference],
     )
     if covered_variance == np.inf:
@@ -91,11 +91,11 @@ def find_tip(
     upright = bool(places.upright[last])
     pixel = np.array([along, across]) if upright else np.array([across, along])
     # Measured along the beam; across it one pixel: the points beside it hold all information.
-    tangent = np.array([1.0, climb]) if upright else np.array([climb, 1.0])
-    normal = np.array([-tangent[1], tangent[0]]) / math.hypot(1.0, climb)
-    covariance = np.outer(tangent, tangent) * (covered_variance + 0.02**2)
-    covariance += np.outer(normal, normal)
-    length = float(places.length[first] + (covered - 0.5) * math.hypot(1.0, climb))
+    tangent = (1.0, climb) if upright else (climb, 1.0)
+    stretch = math.hypot(1.0, climb)
+    axes = np.array([tangent, (-tangent[1] / stretch, tangent[0] / stretch)])
+    covariance = axes.T * (covered_variance + 0.02**2, 1.0) @ axes
+    length = float(places.length[first] + (covered - 0.5) * stretch)
     return TipEstimate(pixel, covariance, length)
 
 
@@ -113,23 +113,26 @@ def _fit_line(x: npt.NDArray[np.int64], y: Floats) -> tuple[float, float]:
 
 @njit
 def _covered_columns(
-    brightness: Floats,
-    variance: Floats,
+    amplitude: Floats,
+    amplitude_variance: Floats,
     background: Floats,
     misfit: Floats,
     n_good: int,
     fade: int,
-    reference: Floats,
-    reference_sigma: Floats,
+    reference_amplitude: Floats,
+    reference_amplitude_sigma: Floats,
     reference_background: Floats,
 ) -> tuple[float, float]:
     """Estimate how many columns of a window (n,) the beam covers, and the variance.
 
-    The variance is infinite where the end is ambiguous. `brightness` of the columns is relative to
-    the beam's, `reference` is that of the columns before; the first `n_good` columns are those up
-    to the last good one.
+    The variance is infinite where the end is ambiguous. `reference` values are those of the columns
+    before, whose mean amplitude is the beam's; the first `n_good` columns are those up to the last
+    good one.
     """
     ambiguous = 0.0, np.inf
+    typical = reference_amplitude.mean()
+    brightness, variance = amplitude / typical, amplitude_variance / typical**2
+    reference, reference_sigma = reference_amplitude / typical, reference_amplitude_sigma / typical
     dark = n_good
     while dark < len(brightness) and not abs(brightness[dark]) < LIMITS.dark_fraction:
         dark += 1
@@ -139,7 +142,7 @@ def _covered_columns(
     beyond = brightness[end : end + N_BEYOND]
     if (np.abs(beyond) > LIMITS.dark_fraction).any():
         return ambiguous
-    step = abs(np.median(background[end : end + N_BEYOND]) - np.median(reference_background))
+    step = abs(median(background[end : end + N_BEYOND]) - median(reference_background))
     if step > LIMITS.max_step_sigmas * reference_background.std() + 0.5:
         return ambiguous
     covered, total_variance = brightness[:end].sum(), variance[:end].sum()

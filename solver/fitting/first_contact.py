@@ -81,6 +81,7 @@ def no_contact(bend: Bend) -> Estimate | None:
     return None
 
 
+@njit
 def _fit_bend(
     points: Floats, sigma_vectors: Floats, base_covariance: Floats, length: float
 ) -> tuple[float, float, float, float, float, float]:

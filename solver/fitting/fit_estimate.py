@@ -118,6 +118,8 @@ def estimate_from_fit(
 
 def _in_runs(outliers: Any) -> float:
     """Compute the fraction of points in the middle of five neighbours that are all rejected."""
+    if not outliers.any():
+        return 0.0
     middle = outliers[2:-2] & outliers[1:-3] & outliers[3:-1] & outliers[:-4] & outliers[4:]
     return int(np.count_nonzero(middle)) / max(len(outliers), 1)
 

@@ -69,6 +69,15 @@ def _minimise_both(
     return status, first_iterations + iterations
 
 
+@njit
+def _exceed(residual: Floats, limit: float) -> bool:
+    """Test whether a residual (n,) is larger than the limit; a loop without an exit is faster."""
+    count = 0
+    for r in residual:
+        count += abs(r) > limit
+    return count > 0
+
+
 @interpreted
 def settle(
     p: Floats,
@@ -95,7 +104,7 @@ def settle(
     dof = max(len(residual) - 2, 1)
     # Six sigmas of chi2 detect a run of outliers that has biased the least-squares fit.
     limit = dof * (1 + 6 * math.sqrt(2 / dof))
-    if chi2 > limit or status == STOPPED or np.abs(residual).max() > LIMITS.suspicious_sigmas:
+    if chi2 > limit or status == STOPPED or _exceed(residual, LIMITS.suspicious_sigmas):
         # Use the stated sigmas; larger ones only if most of the inliers' residuals require it.
         cut = LIMITS.tukey_cut
         second_start = p.copy()

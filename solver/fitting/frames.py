@@ -86,9 +86,8 @@ def in_all_frames(
         linear,
     )
     tolerances = rig.tolerances
-    variances = np.full(_POSE_ERRORS, tolerances.board_translation**2)
-    variances[2] += tolerances.base_position**2
-    variances[3:] = tolerances.board_rotation**2
+    shift, rotation = tolerances.board_translation**2, tolerances.board_rotation**2
+    variances = np.array((shift, shift, shift + tolerances.base_position**2, *[rotation] * 3))
     by_pose = by_pose[indices]
     return (
         dict(zip(names, values[indices].tolist(), strict=True)),

@@ -112,7 +112,8 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
 
 
 @njit
-def _copy(source: Floats, target: Floats) -> None:
+def copy_parameters(source: Floats, target: Floats) -> None:
+    """Copy parameters (8,) to `target`."""
     # Assignment to a slice would compile numba's message for arrays of unequal length: 2 s.
     for a in range(PARAMETERS):
         target[a] = source[a]
@@ -181,7 +182,7 @@ def minimise(
         if fraction == 1.0 and last:
             _take_step(p, step, fraction, views, trial)
             if is_feasible(trial, points, bounds, views):
-                _copy(trial, p)
+                copy_parameters(trial, p)
             return CONVERGED, chi2 - length2, iteration
         accepted = False
         for _ in range(10):
@@ -196,6 +197,6 @@ def minimise(
         if not accepted:
             chi2 = linearise(p, problem, free, cut, work, normal, gradient)
             return STOPPED, chi2, iteration
-        _copy(trial, p)
+        copy_parameters(trial, p)
         chi2 = trial_chi2
     return STOPPED, chi2, iteration

@@ -65,8 +65,9 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
     for view, (first, last) in zip(views, pairwise(bounds), strict=True):
         ranks = np.argsort(view.points[:, 0], kind="stable")
         order[first:last] = first + ranks
-        rows[:2, first:last] = view.points[ranks].T
-        rows[2:, first:last] = view.sigma_vectors[ranks].T
+        # Mode "clip" writes to `out` without a buffer.
+        np.take(view.points.T, ranks, axis=1, out=rows[:2, first:last], mode="clip")
+        np.take(view.sigma_vectors.T, ranks, axis=1, out=rows[2:, first:last], mode="clip")
     known = np.zeros(KNOWN)
     tip_views = [(i, view) for i, view in enumerate(views) if with_tips and view.tip is not None]
     tips = [_tip_row(view, i, length) for i, view in tip_views]

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.fitting.minimise import DEFICIENT, minimise
+from solver.fitting.minimise import DEFICIENT, copy_parameters, minimise
 from solver.fitting.residuals import (
     LEVER,
     PARAMETERS,
@@ -176,6 +176,5 @@ def consensus(
             cost += min(r * r, cut * cut)
         if cost < best:
             best = cost
-            for a in range(PARAMETERS):
-                p[a] = trial[a]
+            copy_parameters(trial, p)
     return best < np.inf

@@ -103,7 +103,7 @@ def values_of(
     unit = np.array([length**-2, length, 1.0, length, length, 1.0, 0.0, 1.0])
     shape, covariance = np.zeros(len(SHAPE)), np.zeros((len(SHAPE), len(SHAPE)))
     shape[:PARAMETERS] = fit.p * unit
-    covariance[:PARAMETERS, :PARAMETERS] = fit.covariance * np.outer(unit, unit)
+    covariance[:PARAMETERS, :PARAMETERS] = fit.covariance * (unit[:, None] * unit)
     if covariance[_EI, _EI] == 0:  # where the fit did not use EI
         tolerance = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
         covariance[_EI, _EI] = tolerance**2

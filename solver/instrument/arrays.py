@@ -19,9 +19,9 @@ def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floa
     Raises ValueError if the shape differs or a value is not finite.
     """
     array = np.array(values, dtype=np.float64)
-    if len(array.shape) != len(shape) or any(
-        expected is not None and actual != expected
-        for actual, expected in zip(array.shape, shape, strict=True)
+    if array.shape != shape and (
+        array.ndim != len(shape)
+        or any(n not in (None, actual) for n, actual in zip(shape, array.shape, strict=True))
     ):
         allowed = tuple("any" if n is None else n for n in shape)
         raise ValueError(f"{name} has shape {array.shape}, allowed is {allowed}")

@@ -100,9 +100,14 @@ class Measurement:
         object.__setattr__(self, "antenna_from_beam", pose)
         if not 0 <= self.scale_sigma < math.inf:
             raise ValueError(f"scale_sigma is {self.scale_sigma}, allowed is a finite number >= 0")
-        for name in ("motor_angle", "moment_y", "base_force", "base_moment"):
-            reading = getattr(self, name)
-            if reading is not None and not np.isfinite(reading).all():
+        readings = {
+            "motor_angle": (self.motor_angle,),
+            "moment_y": (self.moment_y,),
+            "base_force": self.base_force or (),
+            "base_moment": self.base_moment or (),
+        }
+        for name, values in readings.items():
+            if not all(value is None or math.isfinite(value) for value in values):
                 raise ValueError(f"{name} holds a value that is not finite")
 
     @cached_property
