@@ -20,10 +20,15 @@ from vbaa_bench.render.world import World
 LAMP_POINTS = 8
 
 
-def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[Any, Any]:
-    """Compute the radiance along a ray, and the surface interaction it meets."""
+def shaded(
+    scene: Any, ray: Any, shifts: Sequence[Any], active: Any, *, seen: bool = True
+) -> tuple[Any, Any]:
+    """Compute the radiance along a ray, and the surface interaction it meets.
+
+    Only if lamps are `seen`, their own radiance counts: to a surface they give it in any case.
+    """
     si = scene.ray_intersect(ray, active)
-    radiance = si.emitter(scene, active).eval(si, active)[0]
+    radiance = si.emitter(scene, active).eval(si, active)[0] if seen else mi.Float(0)
     hit = active & si.is_valid()
     material = si.bsdf()
     for emitter, shift in zip(scene.emitters(), shifts, strict=True):
@@ -33,6 +38,15 @@ def shaded(scene: Any, ray: Any, shifts: Sequence[Any], active: Any) -> tuple[An
         hidden = tested & scene.ray_test(si.spawn_ray_to(lamp_point), tested)
         radiance += unoccluded - dr.select(hidden, first, 0)
     return radiance, si
+
+
+def bounced(si: Any, direction: Any, lobe: Any, active: Any) -> tuple[Any, Any]:
+    """Choose a ray that a surface reflects to where `si` was seen from, and the ray's weight.
+
+    `direction` and `lobe` are points of the unit square.
+    """
+    sample, weight = si.bsdf().sample(mi.BSDFContext(), si, lobe.x, direction, active)
+    return si.spawn_ray(si.to_world(sample.wo)), dr.select(active, weight[0], 0)
 
 
 def shadow(world: World, si: Any, shifts: Sequence[Any], points: Any, active: Any) -> Any:

@@ -14,12 +14,14 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
-from vbaa_bench.render.shading import shaded, shadow
+from vbaa_bench.render.shading import bounced, shaded, shadow
 from vbaa_bench.render.strata import Strata, place
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
 SETS = 2
+# Number of random pairs of a bounce: the direction, and the lobe of the paint.
+_BOUNCE = 2
 # Maximum number of sets per call. Memory does not depend on samples per set: they are sequential.
 LARGEST_WAVEFRONT = 1 << 20
 
@@ -121,7 +123,7 @@ def _mean(
     while number < count:
         u = lattice.point(shifts, number, count)
         u[0], weight = place(strata, u[0])
-        radiance, beam = _sample(world, scene, column, row, sampler, u)
+        radiance, beam = _sample(world, scene, column, row, u)
         value += weight * radiance
         coverage += weight * beam
         number += 1
@@ -129,20 +131,29 @@ def _mean(
 
 
 def _shifts(world: World, scene: Any, sampler: Any) -> list[Any]:
-    """Draw random pairs for the ray, then one for each emitter."""
-    return [sampler.next_2d() for _ in range(world.optics.dimensions + len(scene.emitters()))]
+    """Draw random pairs for the ray, and for each bounce one for each emitter and _BOUNCE more."""
+    lights = len(scene.emitters())
+    count = world.optics.dimensions + lights + (world.bounces - 1) * (_BOUNCE + lights)
+    return [sampler.next_2d() for _ in range(count)]
 
 
-def _sample(
-    world: World, scene: Any, column: Any, row: Any, sampler: Any, u: list[Any]
-) -> tuple[Any, Any]:
+def _sample(world: World, scene: Any, column: Any, row: Any, u: list[Any]) -> tuple[Any, Any]:
     """Trace one sample per pixel: its radiance, and 1 where it meets the beam, else 0."""
-    ray, lamps = world.optics.ray(column, row, u), u[world.optics.dimensions :]
-    if world.bounces == 1:
-        radiance, si = shaded(scene, ray, lamps, mi.Bool(True))
-        return radiance, _cover(world, si)
-    value, _, _ = world.integrator.sample(scene, sampler, mi.RayDifferential3f(ray))
-    return value[0], _cover(world, scene.ray_intersect(ray))
+    ray, rest = world.optics.ray(column, row, u), u[world.optics.dimensions :]
+    lights = len(scene.emitters())
+    radiance, si = shaded(scene, ray, rest[:lights], mi.Bool(True))
+    cover, weight, active = _cover(world, si), mi.Float(1), si.is_valid()
+    for number in range(1, world.bounces):
+        direction, lobe, *lamps = rest[number * lights + (number - 1) * _BOUNCE :][
+            : _BOUNCE + lights
+        ]
+        ray, factor = bounced(si, direction, lobe, active)
+        weight = weight * factor
+        active = active & (weight > 0)
+        reflected, si = shaded(scene, ray, lamps, active, seen=False)
+        radiance += dr.select(active, weight * reflected, 0)
+        active = active & si.is_valid()
+    return radiance, cover
 
 
 def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
