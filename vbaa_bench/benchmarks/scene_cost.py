@@ -114,7 +114,7 @@ def _spread(specs: Sequence[FrameSpec]) -> list[FrameSpec]:
 def _static_layer(renderer: FrameRenderer, spec: FrameSpec, metering: Metering) -> float:
     """Measure the seconds of the static layer."""
     scene = renderer.scene
-    if scene.render.bounces > 1 or is_scalar():
+    if is_scalar():
         return 0.0
     world, target = renderer.pushed_world(renderer.pose(spec)), renderer.frame_target(metering, 1)
     _, seconds = _timed(lambda: render_static_layer(world, target, render_seed(scene, "plate")))

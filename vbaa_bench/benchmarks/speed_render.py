@@ -195,16 +195,14 @@ def _compare(stand: PoseBenchmark, frames: int, deadline: float) -> Record:
     }
 
 
-def _timed_static_layer(world: World, target: NoiseTarget) -> tuple[StaticLayer | None, float]:
-    """Render and time the static layer; None with interreflections, as in datasets."""
-    if world.bounces > 1:
-        return None, 0.0
+def _timed_static_layer(world: World, target: NoiseTarget) -> tuple[StaticLayer, float]:
+    """Render and time the static layer."""
     render_static_layer(world, target, 0)  # compiles kernels
     start = perf_counter()
     return render_static_layer(world, target, 0), perf_counter() - start
 
 
-def _ours(world: World, static_layer: StaticLayer | None, target: NoiseTarget) -> RenderOnce:
+def _ours(world: World, static_layer: StaticLayer, target: NoiseTarget) -> RenderOnce:
     return lambda seed: render_frame(world, static_layer, target, 1 + seed)
 
 

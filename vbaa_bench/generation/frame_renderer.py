@@ -226,12 +226,8 @@ class FrameRenderer:
         return replace(target, table=metering.table).scaled(poses**0.5)
 
     def _static_layer(self, world: World, target: NoiseTarget) -> StaticLayer | None:
-        """Return the static layer, rendered once.
-
-        Return None if light is reflected between surfaces, so that moving surfaces affect all
-        pixels, or if the renderer only renders whole images.
-        """
-        if self.scene.render.bounces > 1 or is_scalar():
+        """Return the static layer, rendered once; None if only whole images are rendered."""
+        if is_scalar():
             return None
         if self._still is None:
             self._still = render_static_layer(world, target, render_seed(self.scene, "plate"))

@@ -296,7 +296,8 @@ def _shaded(world: World, static: StaticLayer) -> Mask:
     index, bodies = static.layers.object_index, world.bodies(world.moving - world.sliding)
     blur, ground = world.blur_px, world.ground
     shadow_hulls = shadows(bodies, world.lights, ground)
-    if shadow_hulls is None or world.optics.lens.aperture > 0:
+    # Light that is reflected by moving surfaces reaches all pixels.
+    if shadow_hulls is None or world.optics.lens.aperture > 0 or world.bounces > 1:
         return np.ones(index.shape, np.bool_)
     ground_names = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
     ground_indices = [world.names.index(name) + 1 for name in ground_names]

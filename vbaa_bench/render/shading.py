@@ -18,6 +18,8 @@ from vbaa_bench.render.world import World
 
 # Lattice points per lamp for a surface that the camera sees.
 LAMP_POINTS = 8
+# And for one that it lights: the direction from there has more noise.
+_REFLECTED_LAMP_POINTS = 2
 
 
 def shaded(
@@ -32,7 +34,11 @@ def shaded(
     hit = active & si.is_valid()
     material = si.bsdf()
     for emitter, shift in zip(scene.emitters(), shifts, strict=True):
-        points = dr.select(hit, mi.UInt32(1 if _is_point(emitter) else LAMP_POINTS), 1)
+        points = dr.select(
+            hit,
+            mi.UInt32(1 if _is_point(emitter) else LAMP_POINTS if seen else _REFLECTED_LAMP_POINTS),
+            1,
+        )
         unoccluded, first, lamp_point = _unoccluded(emitter, si, material, shift, points, hit)
         tested = hit & (first > 0)
         hidden = tested & scene.ray_test(si.spawn_ray_to(lamp_point), tested)

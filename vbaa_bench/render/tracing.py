@@ -142,18 +142,22 @@ def _sample(world: World, scene: Any, column: Any, row: Any, u: list[Any]) -> tu
     ray, rest = world.optics.ray(column, row, u), u[world.optics.dimensions :]
     lights = len(scene.emitters())
     radiance, si = shaded(scene, ray, rest[:lights], mi.Bool(True))
-    cover, weight, active = _cover(world, si), mi.Float(1), si.is_valid()
-    for number in range(1, world.bounces):
-        direction, lobe, *lamps = rest[number * lights + (number - 1) * _BOUNCE :][
-            : _BOUNCE + lights
-        ]
+    return radiance + _reflected(world, scene, si, rest[lights:], mi.Bool(True)), _cover(world, si)
+
+
+def _reflected(world: World, scene: Any, si: Any, u: list[Any], active: Any) -> Any:
+    """Compute the radiance that other surfaces reflect to `si` and on to where it was seen from."""
+    radiance, weight, active = mi.Float(0), mi.Float(1), active & si.is_valid()
+    pairs = _BOUNCE + len(scene.emitters())
+    for number in range(world.bounces - 1):
+        direction, lobe, *lamps = u[number * pairs :][:pairs]
         ray, factor = bounced(si, direction, lobe, active)
         weight = weight * factor
         active = active & (weight > 0)
         reflected, si = shaded(scene, ray, lamps, active, seen=False)
         radiance += dr.select(active, weight * reflected, 0)
         active = active & si.is_valid()
-    return radiance, cover
+    return radiance
 
 
 def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
@@ -161,16 +165,35 @@ def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tu
 
     Shadows are smooth: a set samples one place in a pixel, but `count` points of each lamp.
     """
-    optics = world.optics
-    shifts = _shifts(world, world.scene, sampler)
-    ray, lamps = optics.ray(column, row, shifts), shifts[optics.dimensions :]
+    shifts, first = _shifts(world, world.scene, sampler), world.optics.dimensions
+    lights = len(world.scene.emitters())
+    ray, lamps = world.optics.ray(column, row, shifts), shifts[first : first + lights]
     si = world.scene.ray_intersect(ray)
     moving = world.moves(world.index_of(si))
     static = si.is_valid() & ~moving
     lost = shadow(world, si, lamps, count, static)
     full, _ = shaded(world.scene, ray, lamps, moving)
     still, _ = shaded(world.still, ray, lamps, moving)
-    return dr.select(moving, full - still, -lost), _cover(world, si)
+    change = dr.select(moving, full - still, -lost)
+    if world.bounces > 1:
+        behind = world.still.ray_intersect(ray)
+        change += _reflected_change(world, si, behind, shifts[first + lights :], count)
+    return change, _cover(world, si)
+
+
+@dr.syntax
+def _reflected_change(world: World, si: Any, behind: Any, shifts: list[Any], count: Any) -> Any:
+    """Average over `count` samples what surfaces reflect to `si`, minus that in the still scene.
+
+    `behind` is what is seen there. Both have the same random numbers: most light is the same.
+    """
+    total, number = mi.Float(0), mi.UInt32(0)
+    while number < count:
+        u = lattice.point(shifts, number, count)
+        total += _reflected(world, world.scene, si, u, mi.Bool(True))
+        total -= _reflected(world, world.still, behind, u, mi.Bool(True))
+        number += 1
+    return total / mi.Float(count)
 
 
 def _cover(world: World, si: Any) -> Any:

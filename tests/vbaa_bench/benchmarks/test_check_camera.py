@@ -21,9 +21,9 @@ calibration: {{{calibration}}}
 render: {{noise_elsewhere: {noise}}}
 pushes: {{contact_distance_mm: [100], deflection_pct: [10]}}
 """
-# Distortion, calibration target, and the noise target, of which board views have three times: more noise
-# than in a dataset, and fewer views, so that a target takes a few seconds. Errors are up to 0.9 of
-# their limits.
+# Distortion, calibration target, and the noise target, of which board views have three times: more
+# noise than in a dataset, and fewer views, so that a target takes a few seconds. Errors are up to
+# 0.9 of their limits.
 TARGETS = {
     "chessboard": ("[]", "views: 4, columns: 18, rows: 9, square_mm: 13", 0.67),
     "charuco": (
