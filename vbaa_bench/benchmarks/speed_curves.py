@@ -45,7 +45,8 @@ def sentence(record: Record, out: Path) -> str:
         f"{record['speedup_at_equal_rmse']:.3g} times as fast as plain Mitsuba"
         f"{', extrapolated' if extrapolated else ''}; scene's noise targets: "
         f"{record['frames_per_s']:.3g} frames/s, error "
-        f"{100 * record['rmse_over_peak']:.2g} %; {out / 'render_speed.png'}"
+        f"{100 * record['rmse_over_peak']:.2g} %, {record['seconds_over_rays']:.2g} times as long "
+        f"as its rays alone; {out / 'render_speed.png'}"
     )
 
 

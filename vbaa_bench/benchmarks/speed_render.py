@@ -37,7 +37,13 @@ from vbaa_bench.render.frame import (
     render_static_layer,
 )
 from vbaa_bench.render.layers import every_pixel
-from vbaa_bench.render.plain import SAMPLERS, Plain, Sampler, seconds_in_kernels
+from vbaa_bench.render.plain import (
+    SAMPLERS,
+    Plain,
+    Sampler,
+    seconds_in_kernels,
+    seconds_of_rays,
+)
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.frames import random_generator
@@ -177,6 +183,7 @@ def _compare(stand: PoseBenchmark, frames: int, deadline: float) -> Record:
         at_equal_error(curves[name], default["rmse_over_peak"])["seconds"] for name in SAMPLERS
     )
     busy = stand.kernel_share(_ours(world, static_layer, target))
+    limit = _seconds_of_rays(world, rendered)
     few_samples = _shoot(world, SAMPLERS[0], _SAMPLES[1])
     return {
         "speedup_at_equal_rmse": plain / at_target["ours"]["seconds"],
@@ -185,6 +192,8 @@ def _compare(stand: PoseBenchmark, frames: int, deadline: float) -> Record:
         "rmse_over_peak": default["rmse_over_peak"],
         "centreline_rmse_px": default["centreline_rmse_px"],
         "frames_per_s": 1 / default["seconds"],
+        "rays_seconds": limit,
+        "seconds_over_rays": default["seconds"] / limit,
         "target_rmse_over_peak": TARGET,
         "at_target": at_target,
         "plate_seconds": layer_seconds,
@@ -193,6 +202,18 @@ def _compare(stand: PoseBenchmark, frames: int, deadline: float) -> Record:
         "reference_noise_over_peak": reference.noise_over_peak,
         "curves": curves,
     }
+
+
+def _seconds_of_rays(world: World, rendered: RenderedRadiance) -> float:
+    """Measure the seconds of a frame's rays alone: each sample has one, and one to each light.
+
+    All are timed as those of the camera; nothing is shaded.
+    """
+    rows, columns = np.nonzero(rendered.samples)
+    pixels = np.column_stack([columns, rows])
+    pixels = np.repeat(pixels, rendered.samples[rows, columns].astype(int), axis=0)
+    once = min(seconds_of_rays(world, pixels, seed) for seed in range(_REPEATS))
+    return (1 + len(world.lights)) * once
 
 
 def _timed_static_layer(world: World, target: NoiseTarget) -> tuple[StaticLayer, float]:

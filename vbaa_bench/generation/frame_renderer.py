@@ -49,7 +49,7 @@ METERING_NOISE = 0.05
 CACHED_PUSHES = 64
 # Factor of the noise targets for board views. Chosen: up to the sensor's own noise the sensor model
 # adds what is missing, and a corner is measured by hundreds of pixels.
-_BOARD_NOISE = 3.0
+_BOARD_NOISE = 2.0
 # Frames from which the sample table is learned. Chosen: they have ten thousands of pixels.
 _METERED = 3
 # Rounds in which the sample table is learned. Chosen: the second one corrects the decay of the

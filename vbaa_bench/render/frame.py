@@ -29,11 +29,11 @@ MIN_SAMPLES = 4
 UNIFORM_SAMPLES = 32
 # Near the beam and at edges between surfaces, every pixel has a pilot of _PILOT_SETS sets; the
 # largest variance among its neighbours is used, but in shadows, which are smooth, the mean over
-# _SHADOW_WINDOW^2 pixels. Elsewhere one pixel in _PILOT_SPACING^2 has a pilot, averaged over
-# _PILOT_WINDOW^2 pixels.
+# _SHADOW_WINDOW^2 pixels. Elsewhere one pixel in _PILOT_SPACING^2 has a pilot; _PILOT_WINDOW^2 of
+# them are averaged.
 _PILOT_SETS, _SHADOW_PILOT_SETS = 4, 2
 _SHADOW_WINDOW = 5
-_PILOT_SPACING, _PILOT_WINDOW = 4, 17
+_PILOT_SPACING, _PILOT_WINDOW = 4, 5
 
 Noise = Callable[[Floats], Floats]
 
@@ -207,10 +207,11 @@ class _Canvas:
             size = np.clip(np.ceil(corrected), MIN_SAMPLES, MAX_SAMPLES)
             smooth = pilot.smooth.rendered_if(corrected > MIN_SAMPLES)
             self.kind[where], self.predicted[where] = kind, predicted
-        chosen = np.flatnonzero(smooth.chosen(where, seed))
+        rows, columns = np.nonzero(where)
+        chosen = np.flatnonzero(smooth.chosen(rows, columns, seed))
         # Equal sizes side by side keep the processor's lanes busy.
         order = chosen[np.argsort(size[chosen], kind="stable")]
-        pixels = rows, columns = tuple(indices[order] for indices in np.nonzero(where))
+        pixels = rows, columns = rows[order], columns[order]
         traced = trace(world, np.column_stack([columns, rows]), size[order], seed + 1, quantity)
         self.radiance[where] = smooth.value
         self.radiance[pixels], self.variance[pixels] = smooth.corrected(
@@ -265,22 +266,26 @@ def _pilot(
     image[pilots] = excess
     fine = _mean(image, pilots, _SHADOW_WINDOW if quantity == "change" else 3)
     # The variance at edges does not apply to the smooth parts beside them.
-    alone = pilots & ~targets.dense
+    every = slice(None, None, _PILOT_SPACING)
+    grid, known = image[every, every], pilots[every, every]
+    alone = known & ~targets.dense[every, every]
     coarse = np.where(
         _dilated(alone, _PILOT_WINDOW // 2),
-        _mean(image, alone, _PILOT_WINDOW),
-        _mean(image, pilots, _PILOT_WINDOW),
+        _mean(grid, alone, _PILOT_WINDOW),
+        _mean(grid, known, _PILOT_WINDOW),
     )
+    coarse = _enlarged(coarse, where.shape)
     local = fine if quantity == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
     covered = np.zeros(where.shape, np.bool_)
     covered[pilots] = traced.coverage > 0
     excess = np.maximum(np.where(targets.dense, local, coarse)[where], 0)
     smooth = Interpolated.nothing(len(excess))
     if quantity == "change":
-        values = np.zeros(where.shape)
-        values[pilots] = traced.radiance
-        allowed = (targets.ratio * targets.noise(targets.base + values)) ** 2
-        smooth = Interpolated.between(values, pilots, allowed, _PILOT_SPACING).of(where)
+        values, deviations = np.zeros((2, *where.shape), np.float32)
+        values[pilots], deviations[pilots] = traced.radiance, sigma
+        smooth = Interpolated.between(
+            values[every, every], known, deviations[every, every], _PILOT_SPACING, where
+        )
     return _Pilot(excess, covered[where], smooth)
 
 
@@ -289,6 +294,12 @@ def _mean(image: np.ndarray, known: Mask, window: int) -> np.ndarray:
     count = cv2.blur(known.astype(np.float32), (window, window))
     total = cv2.blur(np.where(known, image, np.float32(0)), (window, window))
     return np.asarray(total / np.maximum(count, window**-2))
+
+
+def _enlarged(grid: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Give each pixel of an image (height, width) of `shape` the value of its place in a grid."""
+    rows, columns = (np.arange(size) // _PILOT_SPACING for size in shape)
+    return np.asarray(grid[rows[:, None], columns])
 
 
 def _shaded(world: World, static: StaticLayer) -> Mask:

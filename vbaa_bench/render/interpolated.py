@@ -51,42 +51,33 @@ class Interpolated:
         return cls(np.zeros(count), np.ones(count))
 
     @classmethod
-    def between(cls, pilots: Floats, known: Mask, target: Floats, spacing: int) -> Self:
-        """Interpolate every pixel (height, width) between the pilots in every `spacing`-th row.
+    def between(cls, values: Floats, known: Mask, sigma: Floats, spacing: int, where: Mask) -> Self:
+        """Interpolate the pixels of `where` (height, width) between pilots `spacing` pixels apart.
 
-        `pilots` and `known` (height, width) hold their values and where they are; `target` (height,
-        width) is the target variance. Pixels whose pilots, or those next to them, are not all known
-        are rendered.
+        `values` of the pilots (rows, columns) are `known` in part; `sigma` (rows, columns) is the
+        target noise. Pixels whose pilots, or those next to them, are not all known are rendered.
         """
-        every = slice(None, None, spacing)
-        values, has = (
-            np.where(known, image, 0)[every, every].astype(np.float32) for image in (pilots, known)
-        )
+        values, has = np.where(known, values, np.float32(0)), known.astype(np.float32)
         around, complete = (
             cv2.filter2D(image, -1, _NEIGHBOURS, borderType=cv2.BORDER_REPLICATE)
             for image in (values, has)
         )
         complete = (has * complete > _ALL).astype(np.float32)
         # A pilot is predicted from others that are farther away than a pixel's: by more.
-        squared = complete * (values - around) ** 2
-        largest = cv2.dilate(squared, np.ones((_RARE, _RARE), np.uint8))
-        value, error, complete = (
-            _enlarged(image, spacing, known.shape) for image in (values, largest, complete)
+        error = complete * (values - around) ** 2 / np.where(known, sigma, 1) ** 2
+        largest = cv2.dilate(error, np.ones((_RARE, _RARE), np.uint8))
+        value, needed, complete = (
+            _enlarged(image, spacing, where.shape)[where] for image in (values, largest, complete)
         )
-        probability = np.clip(error / target, _SMALLEST, 1)
-        return cls(value, np.where(complete > _ALL, probability, 1))
-
-    def of(self, where: Mask) -> Self:
-        """Return those of the pixels in `where`."""
-        return type(self)(self.value[where], self.probability[where])
+        probability = np.where(complete > _ALL, np.clip(needed, _SMALLEST, 1), 1)
+        return cls(value.astype(np.float64), probability)
 
     def rendered_if(self, needed: Mask) -> Self:
         """Return the same with all pixels of `needed` (n,) rendered."""
         return replace(self, probability=np.where(needed, 1, self.probability))
 
-    def chosen(self, where: Mask, seed: int) -> Mask:
-        """Choose which pixels (n,) of `where` (height, width) are rendered."""
-        rows, columns = np.nonzero(where)
+    def chosen(self, rows: np.ndarray, columns: np.ndarray, seed: int) -> Mask:
+        """Choose which of the pixels (n,) are rendered."""
         shift = np.random.default_rng(seed).random()
         return (shift + _STEPS[0] * columns + _STEPS[1] * rows) % 1 < self.probability
 
@@ -98,11 +89,11 @@ class Interpolated:
         return Correction(value + difference / p, squared / p**2)
 
 
-def _enlarged(image: np.ndarray, factor: int, shape: tuple[int, ...]) -> Floats:
+def _enlarged(image: np.ndarray, factor: int, shape: tuple[int, ...]) -> np.ndarray:
     """Interpolate an image (height, width) of `shape` from every `factor`-th row and column."""
     transform = np.array([[1 / factor, 0, 0], [0, 1 / factor, 0]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     large = cv2.warpAffine(
         image, transform, shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE
     )
-    return np.asarray(large, np.float64)
+    return np.asarray(large)

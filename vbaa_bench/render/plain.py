@@ -1,4 +1,4 @@
-"""Rendering of a whole frame by Mitsuba alone, as a reference for this project's own sampling."""
+"""Mitsuba alone, as a reference for this project's own sampling: whole frames, and rays."""
 
 from collections.abc import Callable
 from typing import Final, Literal
@@ -50,3 +50,17 @@ def seconds_in_kernels(work: Callable[[], object]) -> float:
         work()
         kernels = dr.kernel_history([dr.KernelType.JIT])
     return 1e-3 * sum(float(kernel["execution_time"]) for kernel in kernels)
+
+
+def seconds_of_rays(world: World, pixels: np.ndarray, seed: int) -> float:
+    """Measure the seconds of the kernel that traces one ray through each of `pixels` (n, 2).
+
+    It finds the nearest surface and does nothing else.
+    """
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, len(pixels))
+    column, row = (mi.Float(mi.UInt32(axis.astype(np.uint32))) for axis in pixels.T)
+    shifts = [sampler.next_2d() for _ in range(world.optics.dimensions)]
+    ray = world.optics.ray(column, row, shifts)
+    dr.eval(ray)
+    return seconds_in_kernels(lambda: dr.eval(world.scene.ray_intersect_preliminary(ray).t))

@@ -63,8 +63,8 @@ def trace(
         _wavefront(world, pixels[i : i + batch], set_size[i : i + batch], seed + i, asked, sets)
         for i in range(0, len(pixels), batch)
     ]
-    value, coverage = np.concatenate(parts, axis=1) if parts else np.empty((2, 0, sets))
-    return Traced(value.mean(axis=1), value.var(axis=1, ddof=1) / sets, coverage.mean(axis=1))
+    value, coverage = np.concatenate(parts, axis=2) if parts else np.empty((2, sets, 0))
+    return Traced(value.mean(axis=0), value.var(axis=0, ddof=1) / sets, coverage.mean(axis=0))
 
 
 def _films(world: World, pixels: np.ndarray, samples: int, seed: int, quantity: Quantity) -> Traced:
@@ -86,7 +86,7 @@ def _films(world: World, pixels: np.ndarray, samples: int, seed: int, quantity: 
 def _wavefront(
     world: World, pixels: np.ndarray, set_size: np.ndarray, seed: int, quantity: Quantity, sets: int
 ) -> np.ndarray:
-    """Estimate radiance and coverage (2, n, sets) of each set."""
+    """Estimate radiance and coverage (2, sets, n) of each set."""
     lanes = len(pixels) * sets
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed % 2**32, lanes)
@@ -97,8 +97,8 @@ def _wavefront(
     count = dr.gather(mi.UInt32, mi.UInt32(set_size.astype(np.uint32)), pixel)
     value, coverage = world.replayed(_ESTIMATES[quantity])(column, row, sampler, count)
     dr.eval(value, coverage)
-    estimates = np.array([np.asarray(values, np.float64) for values in (value, coverage)])
-    return estimates.reshape(2, -1, sets)
+    # NumPy sums long rows faster than short ones.
+    return np.array([np.asarray(one).reshape(-1, sets).T for one in (value, coverage)], np.float64)
 
 
 def _whole(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:

@@ -96,6 +96,7 @@ def test_a_frame_of_both_says_its_seconds_and_its_error(variant: str, tmp_path: 
     assert record["reference_noise_over_peak"] < record["rmse_over_peak"] / 3
     # A little noise is in the reference too.
     assert record["rmse_over_peak"] < record["curves"]["multijitter"][0]["rmse_over_peak"]
+    assert record["seconds_over_rays"] > 1
     for key in ("speedup_at_equal_rmse", "frames_per_s"):
         assert 0 < record[key] < np.inf
     assert all(0 < share < 1 for share in record["kernel_share"].values())

@@ -19,17 +19,19 @@ def shadow() -> Floats:
 
 
 def pilots(image: Floats, where: Mask, random: np.random.Generator) -> Interpolated:
-    known = np.zeros(SHAPE, np.bool_)
-    known[::SPACING, ::SPACING] = where[::SPACING, ::SPACING]
-    seen = image + NOISE * random.standard_normal(SHAPE)
-    return Interpolated.between(seen, known, np.full(SHAPE, 0.25), SPACING).of(where)
+    every = slice(None, None, SPACING)
+    seen = (image + NOISE * random.standard_normal(SHAPE)).astype(np.float32)[every, every]
+    return Interpolated.between(
+        seen, where[every, every], np.full(seen.shape, 0.5, np.float32), SPACING, where
+    )
 
 
 def rendered(
     smooth: Interpolated, image: Floats, where: Mask, seed: int, random: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Radiance and stated variance (n,) of the pixels in `where`."""
-    chosen = np.flatnonzero(smooth.chosen(where, seed))
+    rows, columns = np.nonzero(where)
+    chosen = np.flatnonzero(smooth.chosen(rows, columns, seed))
     radiance, variance = smooth.value.copy(), np.zeros(where.sum())
     seen = image[where][chosen] + NOISE * random.standard_normal(len(chosen))
     radiance[chosen], variance[chosen] = smooth.corrected(
@@ -60,7 +62,8 @@ def test_it_renders_few_pixels_where_it_is_smooth_and_all_at_edges() -> None:
     edge = cv2.dilate((image < -2).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     assert (probability[edge] == 1).all()
     assert np.median(probability) == 0.25
-    share = smooth.chosen(where, 3)[smooth.probability == 0.25].mean()
+    rows, columns = np.nonzero(where)
+    share = smooth.chosen(rows, columns, 3)[smooth.probability == 0.25].mean()
     assert share == pytest.approx(0.25, abs=0.01)
 
 
