@@ -51,7 +51,9 @@ class Interpolated:
         return cls(np.zeros(count), np.ones(count))
 
     @classmethod
-    def between(cls, values: Floats, known: Mask, sigma: Floats, spacing: int, where: Mask) -> Self:
+    def between(
+        cls, values: np.ndarray, known: Mask, sigma: np.ndarray, spacing: int, where: Mask
+    ) -> Self:
         """Interpolate the pixels of `where` (height, width) between pilots `spacing` pixels apart.
 
         `values` of the pilots (rows, columns) are `known` in part; `sigma` (rows, columns) is the
