@@ -17,7 +17,7 @@ from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
-from vbaa_bench.geometry.board import board, squares
+from vbaa_bench.geometry.board import board, cells, squares
 from vbaa_bench.geometry.ground import chequered_side
 from vbaa_bench.geometry.objects import adaptor, hub, sheet
 from vbaa_bench.mechanics.state import State
@@ -25,6 +25,7 @@ from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
+from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.textures import gradient_texture, random_texture
 from vbaa_bench.render.world import RenderUnit, Surface, World
 from vbaa_bench.scene.frames import FrameSpec, random_generator
@@ -111,12 +112,12 @@ class SceneAssembler:
     def calibration_board(self, view: int) -> World:
         """Build the world of the calibration board: in plane C in view 0, tilted in the others."""
         antenna_from_board = self.rig.antenna_from_board @ self._tilt(view)
-        white, black = board(nominal_rig(self.scene).board)
-        for cells in (white, black):
-            cells.vertices = apply(antenna_from_board, np.asarray(cells.vertices))
+        target = nominal_rig(self.scene).board
+        white, black = (_placed(mesh, antenna_from_board) for mesh in board(target))
+        edges = PrintedEdges.of(*cells(target), antenna_from_board, self.rig.camera)
         surfaces = {"white": Surface(white, WHITE), "black": Surface(black, BLACK)}
         # A luminous panel would be at the board's position.
-        return self._world(surfaces, lights(self.scene, self.folder, panels=False))
+        return self._world(surfaces, lights(self.scene, self.folder, panels=False), edges)
 
     def _tilt(self, view: int) -> Floats:
         """Draw a view's board pose relative to view 0: tilted about its own x and y axes."""
@@ -221,12 +222,12 @@ class SceneAssembler:
             return
         side = chequered_side(self.scene, self.rig.camera)
         light, dark = squares(side, spec.square_mm * MILLIMETRE)
-        for name, cells, reflectance in (
+        for name, mesh, reflectance in (
             ("background", light, spec.reflectance),
             ("background_squares", dark, spec.square_reflectance),
         ):
-            cells.apply_translation(middle)
-            yield name, Surface(_placed(cells, frame_from_ground), reflectance)
+            mesh.apply_translation(middle)
+            yield name, Surface(_placed(mesh, frame_from_ground), reflectance)
 
     @cached_property
     def _beam_mesher(self) -> BeamMesher:
@@ -254,7 +255,12 @@ class SceneAssembler:
     def _lights(self) -> list[Light]:
         return lights(self.scene, self.folder)
 
-    def _world(self, surfaces: dict[str, Surface], lamps: list[Light] | None = None) -> World:
+    def _world(
+        self,
+        surfaces: dict[str, Surface],
+        lamps: list[Light] | None = None,
+        printed: PrintedEdges | None = None,
+    ) -> World:
         optics = self.scene.optics
         lens = Lens(
             optics.point_spread_px,
@@ -270,6 +276,7 @@ class SceneAssembler:
             sliding=dict(self._ground(np.eye(4))) if self._slides & set(surfaces) else None,
             bounces=self.scene.render.bounces,
             lens=lens,
+            printed=printed,
         )
 
     @property

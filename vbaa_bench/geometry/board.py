@@ -1,6 +1,7 @@
 """Meshes printed in cells edge to edge: the calibration targets, and a chequered ground."""
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,20 +14,35 @@ from solver.instrument.board import Board, Charuco, LineNetwork
 _BITS, _MARKER = 10, 6
 
 
-def board(target: Board) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """Mesh the (white, black) cells of a target in its own frame (z = 0, facing +z), edge to edge.
+class Cells(NamedTuple):
+    """Printed cells: increasing edges [m] in x and y, and which are black (rows, columns).
+
+    Rows are counted from the top, the largest y.
+    """
+
+    x: Floats
+    y: Floats
+    black: np.ndarray
+
+
+def cells(target: Board) -> Cells:
+    """Compute the cells of a target in its own frame.
 
     The card ends two squares beyond the outermost points; the outer square is a white margin.
     """
     if isinstance(target, LineNetwork):
-        x, y, black = _lines(target)
-    elif isinstance(target, Charuco):
-        x, y, black = _charuco(target)
-    else:
-        x, y = _edges(target.columns + 3, target.square), _edges(target.rows + 3, target.square)
-        black = np.pad(_chequered(target), 1)
+        return _lines(target)
+    if isinstance(target, Charuco):
+        return _charuco(target)
+    x, y = _edges(target.columns + 3, target.square), _edges(target.rows + 3, target.square)
+    return Cells(x, y, np.pad(_chequered(target), 1))
+
+
+def board(target: Board) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
+    """Mesh the (white, black) cells of a target in its own frame, facing +z, edge to edge."""
+    x, y, black = cells(target)
     vertices = _grid(x, y)
-    return _cells(vertices, ~black), _cells(vertices, black)
+    return _meshed(vertices, ~black), _meshed(vertices, black)
 
 
 def squares(side: float, square: float) -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
@@ -40,7 +56,7 @@ def squares(side: float, square: float) -> tuple[trimesh.Trimesh, trimesh.Trimes
     dark = (row + column) % 2 == 0
     edges = _edges(count, square)
     vertices = _grid(edges, edges)
-    return _cells(vertices, ~dark), _cells(vertices, dark)
+    return _meshed(vertices, ~dark), _meshed(vertices, dark)
 
 
 def _chequered(target: Board) -> np.ndarray:
@@ -49,8 +65,8 @@ def _chequered(target: Board) -> np.ndarray:
     return np.asarray((row + column) % 2 == 0)
 
 
-def _charuco(target: Charuco) -> tuple[Floats, Floats, np.ndarray]:
-    """Compute cells of one marker bit each: their edges in x and y, and which are black."""
+def _charuco(target: Charuco) -> Cells:
+    """Compute cells of one marker bit each."""
     chequered = _chequered(target)
     name = f"DICT_{target.dictionary.upper()}"
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
@@ -61,16 +77,16 @@ def _charuco(target: Charuco) -> tuple[Floats, Floats, np.ndarray]:
         black[row : row + _MARKER, column : column + _MARKER] = bits == 0
     bit = target.square / _BITS
     x, y = _edges((target.columns + 3) * _BITS, bit), _edges((target.rows + 3) * _BITS, bit)
-    return x, y, np.pad(black, _BITS)
+    return Cells(x, y, np.pad(black, _BITS))
 
 
-def _lines(target: LineNetwork) -> tuple[Floats, Floats, np.ndarray]:
-    """Compute cells bounded by the lines' rims and ends: edges in x and y, and which are black."""
+def _lines(target: LineNetwork) -> Cells:
+    """Compute cells bounded by the lines' rims and ends."""
     x, across, within_x = _strokes(target, target.columns, target.thick_column)
     # Rows are counted downward, so y starts at the top.
     y, along, within_y = _strokes(target, target.rows, target.thick_row)
     black = (along[:, None] & within_x) | (within_y[:, None] & across)
-    return x, -y[::-1], black
+    return Cells(x, -y[::-1], black)
 
 
 def _strokes(target: LineNetwork, count: int, thick: int) -> tuple[Floats, np.ndarray, np.ndarray]:
@@ -96,7 +112,7 @@ def _grid(x: Floats, y: Floats) -> Floats:
     return np.column_stack([right.ravel(), up.ravel(), np.zeros(right.size)])
 
 
-def _cells(vertices: Floats, mask: np.ndarray) -> trimesh.Trimesh:
+def _meshed(vertices: Floats, mask: np.ndarray) -> trimesh.Trimesh:
     row, column = np.nonzero(mask)
     stride = mask.shape[1] + 1
     a = row * stride + column

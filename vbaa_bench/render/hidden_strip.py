@@ -27,7 +27,7 @@ _MARGIN = 1.004
 _KNOTS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
-class Centreline(NamedTuple):
+class BeamAlongLamp(NamedTuple):
     """A beam along a lamp, in the lamp's own frame and in evenly spaced places x (Dr.Jit).
 
     `ends` holds x and z of the first end, then of the last; `height` is the mean z. `y`, `z`,
@@ -58,7 +58,7 @@ class HiddenStrip:  # not a dataclass: the loops of Dr.Jit would take its table 
         middle: Floats,
         half_sides: tuple[float, float],
         upright: bool,
-        beam: Centreline,
+        beam: BeamAlongLamp,
     ) -> None:
         self.axes, self.middle, self.half_sides = axes, middle, half_sides
         self.upright, self.beam = upright, beam
@@ -84,7 +84,7 @@ class HiddenStrip:  # not a dataclass: the loops of Dr.Jit would take its table 
         table = [np.interp(places, x, values) for values in (y, z, radius)]
         slopes = [np.append(np.diff(values), 0) / (places[1] - places[0]) for values in table[:2]]
         ends, height = np.array([x[0], z[0], x[-1], z[-1]]), z.mean(keepdims=True)
-        beam = Centreline(*map(device_array, (ends, height, *table[:2], *slopes, table[2])))
+        beam = BeamAlongLamp(*map(device_array, (ends, height, *table[:2], *slopes, table[2])))
         half_sides = float(lengths[order[0]]), float(lengths[order[1]])
         return cls(axes[order], middle, half_sides, order[0] == 1, beam)
 
@@ -103,7 +103,7 @@ class HiddenStrip:  # not a dataclass: the loops of Dr.Jit would take its table 
         mean = sum(knots, mi.Float(0)) / len(knots)
         share = dr.minimum(_INSIDE, count - 1) / mi.Float(count)
         is_partly = (mean > 0) & (mean < 1) & (count > 1)
-        return LampStrata(share, is_partly, knots, self.upright, seen_from, self)
+        return LampStrata(share, is_partly, knots, mi.Bool(self.upright), seen_from, self)
 
     def overlap(self, seen_from: Any, along: Any) -> Overlap:
         """Compute the hidden part of a line across the lamp, seen from a point in its frame."""

@@ -1,4 +1,4 @@
-"""Light that reaches the camera by one bounce: lamp, surface, camera.
+"""Light that reaches the camera by one bounce: lamp, surface, camera. Also by further ones.
 
 The unoccluded contribution of a lamp is smooth over the lamp. A randomly shifted lattice of points
 integrates it with little noise and without shadow rays. Visibility is tested for the first lattice

@@ -87,11 +87,16 @@ class Silhouette:
         """Stratify `count` samples of pixels (Dr.Jit: column, row and count)."""
         index, origin = (row, column) if self.upright else (column, row)
         edges = [dr.gather(mi.Float, edge, mi.UInt32(index)) - origin for edge in self.arrays]
-        knots = [_overlap(edges, mi.Float(t)).length for t in _KNOTS]
-        mean = sum(knots, mi.Float(0)) / len(knots)
-        share = whole_share(dr.clip(mean, _MIN_INSIDE, _MAX_INSIDE), count)
-        is_partly = (mean > 0) & (mean < 1) & (count > 1)
-        return PixelStrata(share, is_partly, knots, self.upright, edges)
+        return pixel_strata(edges, mi.Bool(self.upright), count)
+
+
+def pixel_strata(edges: list[Any], upright: Any, count: Any) -> "PixelStrata":
+    """Stratify `count` samples of pixels by edges relative to them, as in `PixelStrata`."""
+    knots = [_overlap(edges, mi.Float(t)).length for t in _KNOTS]
+    mean = sum(knots, mi.Float(0)) / len(knots)
+    share = whole_share(dr.clip(mean, _MIN_INSIDE, _MAX_INSIDE), count)
+    is_partly = (mean > 0) & (mean < 1) & (count > 1)
+    return PixelStrata(share, is_partly, knots, upright, edges)
 
 
 @dataclass

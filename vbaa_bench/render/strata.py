@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
-# Part of the density that is even along the square. Chosen: small, and at least the area between
-# two knots is not left to chance.
+# Part of the density that is even along the square. Chosen: small; without it, what the region has
+# between two knots outside of it would never be sampled.
 _EVEN = 0.05
 
 
@@ -39,13 +39,13 @@ class Strata:
 
     `share` is the fraction of the samples that are inside. `knots` are the lengths of the region in
     lines across the square, evenly spaced from its start to its end. Where `is_partly` is false,
-    samples are not stratified. Lines across the square are columns, or rows if `upright`.
+    samples are not stratified. Lines across the square are columns, or rows where `upright`.
     """
 
     share: Any
     is_partly: Any
     knots: list[Any]
-    upright: bool
+    upright: Any
 
     def overlap(self, along: Any) -> Overlap:
         """Compute the region's part of the line at a place along the square, from 0 to 1."""
@@ -77,7 +77,7 @@ def place(strata: Strata | None, u: Any) -> Place:
     weight = dr.select(is_inside, covered / share, (1 - covered) / (1 - share)) / density
     across = dr.select(is_inside, inside, outside)
     across = dr.select(strata.is_partly, across, _folded(u.y))
-    point = mi.Point2f(across, along) if strata.upright else mi.Point2f(along, across)
+    point = dr.select(strata.upright, mi.Point2f(across, along), mi.Point2f(along, across))
     return Place(point, dr.select(strata.is_partly, weight, 1))
 
 

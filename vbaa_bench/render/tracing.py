@@ -103,8 +103,8 @@ def _wavefront(
 
 def _whole(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
     """Estimate the radiance of the complete scene; also the fraction that the beam covers."""
-    silhouette = world.silhouette
-    strata = None if silhouette is None else silhouette.strata(column, row, count)
+    edges = world.silhouette or world.printed
+    strata = None if edges is None else edges.strata(column, row, count)
     return _mean(world, world.scene, column, row, sampler, count, strata)
 
 

@@ -26,6 +26,7 @@ from vbaa_bench.render.hidden_strip import HiddenStrip
 from vbaa_bench.render.lights import Lamp, Light, emitter, rectangle
 from vbaa_bench.render.materials import Texture, bsdf
 from vbaa_bench.render.optics import Lens, Optics
+from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.silhouette import Silhouette
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.paint import Paint
@@ -100,6 +101,7 @@ class World:
     `still` do not move against the camera. Those in `sliding` move only within the common plane of
     these surfaces, such as a patterned ground that turns under the camera; `sliding` holds them as
     they are in the still scene. `bounces` is the number of bounces of light. `lens` is in metres.
+    `printed` are the edges in an image of a calibration board.
     """
 
     def __init__(
@@ -113,9 +115,11 @@ class World:
         sliding: Mapping[str, Surface] | None = None,
         bounces: int = 1,
         lens: Lens | None = None,
+        printed: PrintedEdges | None = None,
     ) -> None:
         self.camera, self.unit, self.bounces = camera, unit, bounces
         self.lens = lens or Lens()
+        self.printed = None if self._is_blurred else printed
         if is_scalar() and (camera.distortion or self.lens.point_spread_px or self.lens.aperture):
             raise InputError(
                 "this Mitsuba variant cannot distort, spread or defocus light: choose another than "
@@ -165,11 +169,15 @@ class World:
         farthest = min(max(d.max() for d in depths), _FAR * self.lens.focus)
         return self.lens.blur_px(self.camera, float(nearest), float(farthest))
 
+    @property
+    def _is_blurred(self) -> bool:
+        return self.lens.point_spread_px > 0 or self.lens.aperture > 0
+
     @cached_property
     def silhouette(self) -> Silhouette | None:
         """The beam's silhouette; None without a beam or a sharp image of it."""
         beam = self._surfaces.get("beam")
-        if beam is None or not beam.facets or self.lens.point_spread_px or self.lens.aperture:
+        if beam is None or not beam.facets or self._is_blurred:
             return None
         return Silhouette.of(sides(self.vertices["beam"], beam.facets), self.camera)
 
