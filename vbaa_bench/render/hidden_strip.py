@@ -13,13 +13,13 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.device_array import device_array
-from vbaa_bench.render.strata import Overlap, Strata
+from vbaa_bench.render.strata import Overlap, Strata, whole_share
 
 # Rows of the table of the beam's centreline, which is taken as straight within a row.
 _ROWS = 512
-# Number of samples in the strip. Measured: one suffices for the beam's shadow; the others serve the
-# shadows of other surfaces.
-_INSIDE = 1
+# Fraction of the samples in the strip, at least one. Measured: one of four suffices for the shadow
+# of a thin beam; the others serve the shadows of other surfaces.
+_INSIDE = 0.125
 # Factor of the beam's radius. Chosen: a sample that the beam hides although it is outside the strip
 # is rare and has a large weight.
 _MARGIN = 1.004
@@ -101,7 +101,7 @@ class HiddenStrip:  # not a dataclass: the loops of Dr.Jit would take its table 
         )
         knots = [self.overlap(seen_from, mi.Float(t)).length for t in _KNOTS]
         mean = sum(knots, mi.Float(0)) / len(knots)
-        share = dr.minimum(_INSIDE, count - 1) / mi.Float(count)
+        share = whole_share(mi.Float(_INSIDE), count)
         is_partly = (mean > 0) & (mean < 1) & (count > 1)
         return LampStrata(share, is_partly, knots, mi.Bool(self.upright), seen_from, self)
 
