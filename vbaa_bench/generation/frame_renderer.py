@@ -23,7 +23,6 @@ from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.frame import (
-    Noise,
     NoiseTarget,
     RenderedRadiance,
     StaticLayer,
@@ -31,6 +30,7 @@ from vbaa_bench.render.frame import (
     render_frame,
     render_static_layer,
 )
+from vbaa_bench.render.pilots import Noise
 from vbaa_bench.render.sample_table import Sampled, SampleTable
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.visibility import visibility

@@ -5,9 +5,8 @@ pixel; they are discarded, because reusing them would bias the mean. A table tha
 per dataset corrects the numbers of samples that follow from them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,26 +15,18 @@ from solver.instrument.arrays import Floats, Mask
 from vbaa_bench.render.affected_pixels import shadows
 from vbaa_bench.render.interpolated import Interpolated
 from vbaa_bench.render.layers import Layers, every_pixel, layers
+from vbaa_bench.render.pilots import PILOT_SAMPLES, Noise, PixelTargets, dilated, pilots
 from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds
 from vbaa_bench.render.tracing import SETS, Quantity, trace
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.render.world import World
 
-# Samples per set: those of a pilot, and the maximum. Each pixel gets SETS sets.
-PILOT_SAMPLES, MAX_SAMPLES = 4, 512
+# Maximum samples per set. Each pixel gets SETS sets.
+MAX_SAMPLES = 512
 # Minimum samples per set. With fewer, one sample in a shadow gives a rare but large dark outlier.
 MIN_SAMPLES = 4
 # Samples per set of every pixel, for variants that only render whole images.
 UNIFORM_SAMPLES = 32
-# Near the beam and at edges between surfaces, every pixel has a pilot of _PILOT_SETS sets; the
-# largest variance among its neighbours is used, but in shadows, which are smooth, the mean over
-# _SHADOW_WINDOW^2 pixels. Elsewhere one pixel in _PILOT_SPACING^2 has a pilot; _PILOT_WINDOW^2 of
-# them are averaged.
-_PILOT_SETS, _SHADOW_PILOT_SETS = 4, 2
-_SHADOW_WINDOW = 5
-_PILOT_SPACING, _PILOT_WINDOW = 4, 5
-
-Noise = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -114,9 +105,9 @@ def render_static_layer(world: World, target: NoiseTarget, seed: int) -> StaticL
     all_pixels = np.ones((world.camera.height, world.camera.width), np.bool_)
     shape = all_pixels.shape
     truth, canvas = every_pixel(world, still=True), _Canvas(*shape)
-    edges = _dilated(_edges(truth.object_index), 1)
+    edges = dilated(_edges(truth.object_index), 1)
     ratio = np.full(shape, target.static)
-    targets = _PixelTargets(target.noise, ratio, np.zeros(shape), edges, SampleTable())
+    targets = PixelTargets(target.noise, ratio, np.zeros(shape), edges, SampleTable())
     canvas.add(world, "still", all_pixels, targets, seed)
     return StaticLayer(canvas.radiance, truth)
 
@@ -138,13 +129,13 @@ def render_frame(
         silhouette = world.silhouette
         complete = others | (beam if silhouette is None else silhouette.touched)
         if world.sliding:
-            complete |= _dilated(_changed_by_sliding(truth, static.layers), 1 + blur)
+            complete |= dilated(_changed_by_sliding(truth, static.layers), 1 + blur)
         change = (_shaded(world, static) | beam) & ~complete
     # `beam` extends up to one pixel beyond the pixels whose centres the beam covers.
-    near = _dilated(beam, target.near_px - 1)
+    near = dilated(beam, target.near_px - 1)
     ratio = np.where(near, target.near, target.elsewhere)
-    dense = near | _dilated(_edges(truth.object_index), 1 + blur)
-    targets = _PixelTargets(target.noise, ratio, zeros, dense, target.table)
+    dense = near | dilated(_edges(truth.object_index), 1 + blur)
+    targets = PixelTargets(target.noise, ratio, zeros, dense, target.table)
     canvas.add(world, "whole", complete, targets, seed)
     if static is not None:
         targets = replace(targets, base=static.radiance, dense=near)
@@ -192,7 +183,7 @@ class _Canvas:
         self.always = np.zeros((height, width), np.bool_)
 
     def add(
-        self, world: World, quantity: Quantity, where: Mask, targets: "_PixelTargets", seed: int
+        self, world: World, quantity: Quantity, where: Mask, targets: PixelTargets, seed: int
     ) -> None:
         """Sample the pixels of `where` until they reach the noise target."""
         if not where.any():
@@ -200,7 +191,7 @@ class _Canvas:
         count = int(np.count_nonzero(where))
         size, smooth = np.full(count, UNIFORM_SAMPLES), Interpolated.nothing(count)
         if not is_scalar():
-            pilot = _pilot(world, quantity, where, targets, seed)
+            pilot = pilots(world, quantity, where, targets, seed)
             kind = kinds(targets.dense[where], pilot.covered, quantity == "change")
             predicted = targets.table.predicted(kind, PILOT_SAMPLES, pilot.excess)
             corrected = targets.table.corrected(kind, predicted)
@@ -222,86 +213,6 @@ class _Canvas:
         self.always[where] = smooth.probability == 1
 
 
-@dataclass(frozen=True)
-class _PixelTargets:
-    """The noise target of each pixel, as a standard deviation.
-
-    It is `ratio` (height, width) times the sensor's `noise` at the sampled radiance plus `base`
-    (height, width). Each pixel of `dense` has its own pilot; the others share pilots. `table`
-    corrects the numbers of samples that the pilots predict.
-    """
-
-    noise: Noise
-    ratio: Floats
-    base: Floats
-    dense: Mask
-    table: SampleTable
-
-
-class _Pilot(NamedTuple):
-    """Ratio (n,) of the pilot's variance to the target, and which pixels (n,) show the beam.
-
-    `smooth` are the values of those pixels that need not all be rendered.
-    """
-
-    excess: Floats
-    covered: Mask
-    smooth: Interpolated
-
-
-def _pilot(
-    world: World, quantity: Quantity, where: Mask, targets: _PixelTargets, seed: int
-) -> _Pilot:
-    """Estimate what pixels of `where` need from a few samples of some of them."""
-    pilots = where & targets.dense
-    pilots[::_PILOT_SPACING, ::_PILOT_SPACING] |= where[::_PILOT_SPACING, ::_PILOT_SPACING]
-    rows, columns = np.nonzero(pilots)
-    pixels, size = np.column_stack([columns, rows]), np.full(len(rows), PILOT_SAMPLES)
-    sets = _SHADOW_PILOT_SETS if quantity == "change" else _PILOT_SETS
-    traced = trace(world, pixels, size, seed, quantity, sets)
-    sigma = targets.ratio[pilots] * targets.noise(targets.base[pilots] + traced.radiance)
-    # Variance for SETS sets instead of the pilot's.
-    excess = sets / SETS * traced.variance / np.maximum(sigma**2, 1e-30)
-    image = np.zeros(where.shape, np.float32)
-    image[pilots] = excess
-    fine = _mean(image, pilots, _SHADOW_WINDOW if quantity == "change" else 3)
-    # The variance at edges does not apply to the smooth parts beside them.
-    every = slice(None, None, _PILOT_SPACING)
-    grid, known = image[every, every], pilots[every, every]
-    alone = known & ~targets.dense[every, every]
-    coarse = np.where(
-        _dilated(alone, _PILOT_WINDOW // 2),
-        _mean(grid, alone, _PILOT_WINDOW),
-        _mean(grid, known, _PILOT_WINDOW),
-    )
-    coarse = _enlarged(coarse, where.shape)
-    local = fine if quantity == "change" else cv2.dilate(fine, np.ones((3, 3), np.uint8))
-    covered = np.zeros(where.shape, np.bool_)
-    covered[pilots] = traced.coverage > 0
-    excess = np.maximum(np.where(targets.dense, local, coarse)[where], 0)
-    smooth = Interpolated.nothing(len(excess))
-    if quantity == "change":
-        values, deviations = np.zeros((2, *where.shape), np.float32)
-        values[pilots], deviations[pilots] = traced.radiance, sigma
-        smooth = Interpolated.between(
-            values[every, every], known, deviations[every, every], _PILOT_SPACING, where
-        )
-    return _Pilot(excess, covered[where], smooth)
-
-
-def _mean(image: np.ndarray, known: Mask, window: int) -> np.ndarray:
-    """Average the `known` pixels of an image in a window about each pixel; 0 without any."""
-    count = cv2.blur(known.astype(np.float32), (window, window))
-    total = cv2.blur(np.where(known, image, np.float32(0)), (window, window))
-    return np.asarray(total / np.maximum(count, window**-2))
-
-
-def _enlarged(grid: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Give each pixel of an image (height, width) of `shape` the value of its place in a grid."""
-    rows, columns = (np.arange(size) // _PILOT_SPACING for size in shape)
-    return np.asarray(grid[rows[:, None], columns])
-
-
 def _shaded(world: World, static: StaticLayer) -> Mask:
     """Mark the pixels of static surfaces on which moving surfaces may cast a shadow."""
     index, bodies = static.layers.object_index, world.bodies(world.moving - world.sliding)
@@ -313,7 +224,7 @@ def _shaded(world: World, static: StaticLayer) -> Mask:
     ground_names = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
     ground_indices = [world.names.index(name) + 1 for name in ground_names]
     raised = (index > 0) & ~np.isin(index, ground_indices)
-    return world.view.hulls(shadow_hulls, blur) | _dilated(raised, 2 + blur)
+    return world.view.hulls(shadow_hulls, blur) | dilated(raised, 2 + blur)
 
 
 def _changed_by_sliding(current: Layers, still: Layers) -> Mask:
@@ -327,8 +238,3 @@ def _edges(index: np.ndarray) -> Mask:
     labels = index.astype(np.uint8)
     kernel = np.ones((3, 3), np.uint8)
     return np.asarray(cv2.dilate(labels, kernel) != cv2.erode(labels, kernel))
-
-
-def _dilated(mask: Mask, pixels: int) -> Mask:
-    kernel = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
-    return cv2.dilate(mask.astype(np.uint8), kernel) > 0

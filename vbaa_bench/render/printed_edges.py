@@ -13,7 +13,7 @@ from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
 from vbaa_bench.render.device_array import device_array
-from vbaa_bench.render.silhouette import PixelStrata, pixel_strata
+from vbaa_bench.render.pixel_strata import PixelStrata, pixel_strata
 
 # Points of an edge that are projected; the image of the edge is straight between them.
 _POINTS = 200

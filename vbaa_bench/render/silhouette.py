@@ -1,4 +1,4 @@
-"""The beam's silhouette in every pixel column, and samples that are stratified by it."""
+"""The beam's silhouette in every pixel column, by which samples are stratified."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,17 +11,12 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from vbaa_bench.render.device_array import device_array
-from vbaa_bench.render.strata import Overlap, Strata, whole_share
+from vbaa_bench.render.pixel_strata import PixelStrata, pixel_strata
 
 # The mesh's edges are straight between rings, in space but not through a distorting lens, and are
 # rounded to single precision: they depart from the silhouette by less. Chosen; where they depart by
 # more, a pixel beside the beam has more noise.
 _MARGIN_PX = 0.02
-# Range of the fraction of a partly covered pixel's samples that are inside the silhouette. Chosen:
-# neither the beam nor the background is left to a few samples.
-_MIN_INSIDE, _MAX_INSIDE = 0.25, 0.75
-# Places along a pixel at which the covered length across it is computed.
-_KNOTS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 @dataclass(frozen=True)
@@ -83,35 +78,8 @@ class Silhouette:
         """All that a frozen function depends on."""
         return self.upright, self.arrays
 
-    def strata(self, column: Any, row: Any, count: Any) -> "PixelStrata":
+    def strata(self, column: Any, row: Any, count: Any) -> PixelStrata:
         """Stratify `count` samples of pixels (Dr.Jit: column, row and count)."""
         index, origin = (row, column) if self.upright else (column, row)
         edges = [dr.gather(mi.Float, edge, mi.UInt32(index)) - origin for edge in self.arrays]
         return pixel_strata(edges, mi.Bool(self.upright), count)
-
-
-def pixel_strata(edges: list[Any], upright: Any, count: Any) -> "PixelStrata":
-    """Stratify `count` samples of pixels by edges relative to them, as in `PixelStrata`."""
-    knots = [_overlap(edges, mi.Float(t)).length for t in _KNOTS]
-    mean = sum(knots, mi.Float(0)) / len(knots)
-    share = whole_share(dr.clip(mean, _MIN_INSIDE, _MAX_INSIDE), count)
-    is_partly = (mean > 0) & (mean < 1) & (count > 1)
-    return PixelStrata(share, is_partly, knots, upright, edges)
-
-
-@dataclass
-class PixelStrata(Strata):
-    """Strata of pixels: edges relative to each pixel, lower and upper, left, then right."""
-
-    edges: list[Any]
-
-    def overlap(self, along: Any) -> Overlap:
-        """Compute the covered part of the pixel at a place along it, from 0 to 1."""
-        return _overlap(self.edges, along)
-
-
-def _overlap(edges: list[Any], along: Any) -> Overlap:
-    lower_left, upper_left, lower_right, upper_right = edges
-    lower = dr.clip(dr.lerp(lower_left, lower_right, along), 0, 1)
-    upper = dr.clip(dr.lerp(upper_left, upper_right, along), 0, 1)
-    return Overlap(lower, dr.maximum(upper - lower, 0))

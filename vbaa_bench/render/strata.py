@@ -6,6 +6,7 @@ they have the density of the area, as far as it is known, and weights for the re
 unbiased whatever the region is; the variance is small if the region is right.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -34,7 +35,7 @@ class Place(NamedTuple):
 
 
 @dataclass  # not frozen: the loops of Dr.Jit assign to the fields
-class Strata:
+class Strata(ABC):
     """A region in every lane's square, and how many of its samples are inside (Dr.Jit).
 
     `share` is the fraction of the samples that are inside. `knots` are the lengths of the region in
@@ -47,9 +48,9 @@ class Strata:
     knots: list[Any]
     upright: Any
 
+    @abstractmethod
     def overlap(self, along: Any) -> Overlap:
         """Compute the region's part of the line at a place along the square, from 0 to 1."""
-        raise NotImplementedError
 
 
 def whole_share(share: Any, count: Any) -> Any:

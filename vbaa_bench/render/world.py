@@ -207,11 +207,11 @@ class World:
 
         Once surfaces have moved, it is traced in its first call; later calls repeat its kernels.
         """
-        # Mitsuba's orthographic sensor does not tell Dr.Jit its transform, which cannot be frozen.
+        # The transform of Mitsuba's orthographic sensor is hidden from Dr.Jit: it cannot be frozen.
         if not self._has_moved or self.camera.telecentric:
             return partial(function, self)
         if function not in self._frozen:
-            # The first argument tells Dr.Jit what else the function depends on.
+            # The first argument holds the arrays on which the function depends as well.
             self._frozen[function] = dr.freeze(
                 lambda _, *arrays: function(self, *arrays), limit=_RECORDINGS
             )
