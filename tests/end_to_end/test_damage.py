@@ -32,8 +32,7 @@ from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.report.report import report
-from vbaa_bench.scene.frames import frame_specs
-from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
 
@@ -352,22 +351,40 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
     assert digests(copied.root) == digests(dataset)
 
 
-def test_a_grown_count_is_refused_by_name(
-    tmp_path: Path, variant: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def grown_scene(folder: Path, count: int, method: str = "sobol") -> SceneFile:
     head = SMALL_SCENE[: SMALL_SCENE.index("pushes:")]
-    text = "sampling: {count: 3, contact_distance_mm: [90, 200], deflection_pct: [5, 9]}\n"
-    (tmp_path / "three.yaml").write_text(head + text, encoding="utf-8")
-    (tmp_path / "four.yaml").write_text(head + text.replace("3,", "4,"), encoding="utf-8")
-    three, four = (load_scene(tmp_path / f"{name}.yaml") for name in ("three", "four"))
+    ranges = "contact_distance_mm: [90, 200], deflection_pct: [5, 9]"
+    path = folder / f"{method}_{count}.yaml"
+    sampling = f"sampling: {{method: {method}, count: {count}, {ranges}}}"
+    path.write_text(f"{head}{sampling}\nframes_per_shard: 2\n", encoding="utf-8")
+    return load_scene(path)
+
+
+def test_a_set_grows_and_equals_one_that_was_generated_at_once(
+    tmp_path: Path, variant: str
+) -> None:
+    three, five = (grown_scene(tmp_path, count) for count in (3, 5))
+    grown, whole = (Layout(tmp_path / name) for name in ("grown", "whole"))
+    generate(three, grown.root, variant, 1, quiet)
+    full_shard = grown.shard(grown.observations, 0) / HASHES
+    written = full_shard.stat().st_mtime_ns
+    remarks: list[str] = []
+    generate(five, grown.root, variant, 1, quiet, remark=remarks.append)
+    generate(five, whole.root, variant, 1, quiet)
+    assert digests(grown.root) == digests(whole.root)
+    assert full_shard.stat().st_mtime_ns == written
+    assert remarks == []
+    with pytest.raises(InputError, match=r"sampling\.count is 5 there and 3 here"):
+        generate(three, grown.root, variant, 1, quiet)
+
+
+def test_a_grid_does_not_grow(tmp_path: Path, variant: str) -> None:
+    four, nine = (grown_scene(tmp_path, count, "grid") for count in (4, 9))
     layout = Layout(tmp_path / "data")
     layout.truth.mkdir(parents=True)
-    identity.write_identity(layout, identity.dataset_identity(three, variant))
-    monkeypatch.setattr(generating, "plan", lambda *_: pytest.fail("not refused"))
-    with pytest.raises(InputError, match=r"sampling\.count is 3 there and 4 here"):
-        generate(four, layout.root, variant, 1, quiet)
-    first, second = ({t.index: t.frame_id for t in frame_specs(f.scene)} for f in (three, four))
-    assert first.items() <= second.items()  # a frame keeps its name when more are drawn
+    identity.write_identity(layout, identity.dataset_identity(four, variant))
+    with pytest.raises(InputError, match="a grid cannot grow, method sobol can"):
+        generate(nine, layout.root, variant, 1, quiet)
 
 
 def test_no_link_leads_a_method_out_of_the_observations(copied: Layout, tmp_path: Path) -> None:

@@ -1,21 +1,26 @@
 """Datasets: generate them, and open their contents."""
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
+from solver.instrument.errors import InputError
 from solver.instrument.observation import Observations, open_observations
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset import exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.generation.collection import CollectionLayout, failed, generate_collection
 from vbaa_bench.generation.generate import generate as generate_dataset
 from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
 from vbaa_bench.report.console import console, progress_bars
+from vbaa_bench.scene.load import SceneFile, load_scene
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,24 @@ class Dataset:
     def truth(self) -> Truth:
         """The manifest, the true camera, and `frames`: a polars DataFrame, one row per frame."""
         return open_truth(self._layout.truth)
+
+
+@dataclass(frozen=True)
+class Collection:
+    """Random rigs in the folder `root`: `rigs` are their datasets by number."""
+
+    root: Path | str
+
+    @cached_property
+    def rigs(self) -> dict[int, Dataset]:
+        """The complete datasets."""
+        layouts = CollectionLayout(Path(self.root)).rigs()
+        return {number: Dataset(layout.root) for number, layout in layouts.items()}
+
+    @cached_property
+    def table(self) -> pl.DataFrame:
+        """The drawn values of every rig, one row per rig."""
+        return pl.read_csv(CollectionLayout(Path(self.root)).table, infer_schema_length=None)
 
 
 AnyDataset = Dataset | Path | str
@@ -71,7 +94,7 @@ def generate(
 
     `workers` is the number of processes, by default one per core. `variant` is Mitsuba's, by
     default the fastest one that works. `progress` shows progress bars and messages on stderr. The
-    files do not depend on the number of workers.
+    files do not depend on the number of workers. Of random rigs, the first is rendered.
 
     Raises InputError for an impossible scene, and for a folder that cannot be written or contains
     other files.
@@ -97,6 +120,41 @@ def generate(
             remark,
         )
     return Dataset(Path(out))
+
+
+def generate_rigs(
+    scene: AnyScene,
+    out: Path | str,
+    *,
+    rigs: Sequence[int] | None = None,
+    workers: int | None = None,
+    variant: str | None = None,
+    progress: bool = False,
+) -> Collection:
+    """Render the rigs of a scene, whose key `rigs` is their number, each as a dataset in `out`.
+
+    `rigs` are the numbers of those to render, by default all. Further arguments are those of
+    `generate`. A rig that is impossible is a row of `table` with the reason.
+
+    Raises InputError for a folder that cannot be written or contains other files.
+    """
+    file = scene if isinstance(scene, SceneFile) else load_scene(scene)
+    if file.rigs is None:
+        raise InputError(f"{file.path}: rigs is missing, so it describes one dataset only")
+    chosen_variant = usable_variant(variant)
+    with progress_bars(shown=progress) as bars:
+        task = bars.add_task("rendering", total=None)
+        results = generate_collection(
+            file,
+            Path(out),
+            chosen_variant,
+            worker_count(workers, chosen_variant),
+            lambda done, total: bars.update(task, completed=done, total=total),
+            rigs,
+        )
+    for sentence in failed(results) if progress else ():
+        console.print(sentence, markup=False)
+    return Collection(Path(out))
 
 
 def read_exr(path: Path | str) -> dict[str, np.ndarray]:

@@ -15,7 +15,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import Pool, cores
-from vbaa_bench.scene.frames import FrameSpec, frame_specs, in_shards
+from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile
 
 # Frames that each worker renders after a first one, in which kernels are compiled. Chosen: takes
@@ -75,29 +75,28 @@ def forecast(
     """
     file, chosen_variant = scene_file(scene), usable_variant(variant)
     count = worker_count(workers, chosen_variant)
-    specs = frame_specs(file.scene)
-    shards = len(in_shards(file.scene, specs))
-    pushes = len({spec.push for spec in specs})
-    first, *probes = _spread(specs, 1 + PROBES * count)
+    frames = Frames(file.scene)
+    shards = math.ceil(frames.count / file.scene.frames_per_shard)
+    first, *probes = _spread(frames.count, 1 + PROBES * count)
     probe = _probe(file, first, probes or [first], chosen_variant, count)
     images = file.scene.calibration.views + file.scene.sensor.rest_images
 
     def hours(frame_s: float) -> float:
         # No worker renders less than one shard.
-        frames = math.ceil(shards / count) / shards * len(specs)
-        rendering = frames * frame_s + images * probe.image_s / count
-        return (probe.start_s + pushes * probe.push_s + rendering) / 3600
+        rendered = math.ceil(shards / count) / shards * frames.count
+        rendering = rendered * frame_s + images * probe.image_s / count
+        return (probe.start_s + frames.pushes * probe.push_s + rendering) / 3600
 
     mean = sum(probe.frames_s) / len(probe.frames_s)
     return Forecast(
-        frames=len(specs),
-        pushes=pushes,
+        frames=frames.count,
+        pushes=frames.pushes,
         images=images,
         workers=count,
         hours=hours(mean),
         hours_low=hours(min(probe.frames_s)) / _FACTOR,
         hours_high=hours(max(probe.frames_s)) * _FACTOR,
-        gigabytes=(len(specs) * probe.frame_bytes + images * probe.image_bytes) / 1e9,
+        gigabytes=(frames.count * probe.frame_bytes + images * probe.image_bytes) / 1e9,
         memory_gb=None if probe.memory_bytes is None else count * probe.memory_bytes / 1e9,
     )
 
@@ -160,22 +159,24 @@ def _peak_memory() -> int | None:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def _spread(specs: Sequence[FrameSpec], max_count: int) -> list[FrameSpec]:
-    """Choose frames evenly spread over a scene's pushes."""
-    by_index = sorted(specs, key=lambda spec: spec.index)
-    count = min(max_count, len(specs))
-    return [by_index[(2 * i + 1) * len(specs) // (2 * count)] for i in range(count)]
+def _spread(frames: int, max_count: int) -> list[int]:
+    """Choose indices of frames evenly spread over a scene."""
+    count = min(max_count, frames)
+    return [(2 * i + 1) * frames // (2 * count) for i in range(count)]
 
 
 def _probe(
-    file: SceneFile, first: FrameSpec, probes: Sequence[FrameSpec], variant: str, workers: int
+    file: SceneFile, first_index: int, indices: Sequence[int], variant: str, workers: int
 ) -> _Probe:
-    clock = time.perf_counter
+    clock, push_of = time.perf_counter, Frames(file.scene).push_of
     start = clock()
-    rig = plan(file, of=[first]).rig  # compiles the mechanics
+    planned = plan(file, pushes=[push_of(first_index)])  # compiles the mechanics
+    rig, first = planned.rig, next(planned.frame_specs)
     compiled = clock()
-    plan(file, of=probes)
-    push_s = (clock() - compiled) / len({spec.push for spec in probes})
+    pushes = {push_of(index) for index in indices}
+    specs = {spec.index: spec for spec in plan(file, pushes=pushes).frame_specs}
+    probes = [specs[index] for index in indices]
+    push_s = (clock() - compiled) / len(pushes)
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
         layout, view = Layout(Path(folder)), "calibration/view_00.png"
         (layout.observations / view).parent.mkdir(parents=True)

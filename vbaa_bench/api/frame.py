@@ -17,10 +17,10 @@ from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.generation.dataset_facts import dataset_facts
-from vbaa_bench.generation.frame_renderer import FrameRenderer, metered_frames
+from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.report.gallery import whole
-from vbaa_bench.scene.frames import frame_specs
+from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scoring.overlay import Overlay, overlay_of
 
 # Narrower images are enlarged by 2 for display. Chosen: they still fit a screen.
@@ -78,11 +78,13 @@ def render_frame(scene: AnyScene, number: int = 0, *, variant: str | None = None
     ((88, 256), 120.1, ['arc_length', 'beam_mask'])
     """
     file = scene_file(scene)
-    specs = frame_specs(file.scene)
-    if not 0 <= number < len(specs):
-        raise InputError(f"frame {number} does not exist, allowed is 0 to {len(specs) - 1}")
+    frames = Frames(file.scene)
+    if not 0 <= number < frames.count:
+        raise InputError(f"frame {number} does not exist, allowed is 0 to {frames.count - 1}")
+    indices = {number, *METERED} & set(range(frames.count))
+    planned = plan(file, pushes={frames.push_of(index) for index in indices})
+    specs, rig = list(planned.frame_specs), planned.rig
     spec = next(spec for spec in specs if spec.index == number)
-    rig = plan(file, of=[spec, *metered_frames(specs)]).rig
     chosen_variant = usable_variant(variant)
     renderer = FrameRenderer(
         file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen_variant, threads=0

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from vbaa_bench.generation.plan import accepted_rig
 from vbaa_bench.scene.load import SceneFile, check_scene, load_scene
 
 AnyScene = SceneFile | Path | str
@@ -34,5 +35,5 @@ length_mm?
 
 
 def scene_file(scene: AnyScene) -> SceneFile:
-    """Read the scene if a path is given. Raises InputError."""
-    return scene if isinstance(scene, SceneFile) else load_scene(scene)
+    """Read the scene if a path is given; of random rigs, draw the first. Raises InputError."""
+    return accepted_rig(scene if isinstance(scene, SceneFile) else load_scene(scene))

@@ -72,11 +72,16 @@ class Pose:
 
 @dataclass(frozen=True)
 class SceneAssembler:
-    """Assembler of worlds of one scene's true rig, in the frame in which the camera is fixed."""
+    """Assembler of worlds of one scene's true rig, in the frame in which the camera is fixed.
+
+    `look` numbers the random patterns of surfaces that do not move; it is 0 for all frames if they
+    have the same ones.
+    """
 
     scene: Scene
     rig: TrueRig
     folder: Path
+    look: int = 0
 
     def rest(self, experiment: Experiment) -> World:
         """Build the world of the beam at rest, without an object."""
@@ -245,7 +250,8 @@ class SceneAssembler:
                     corners, spec.reflectance, spec.far_reflectance, azimuth, extent
                 )
             case "textured":
-                grain, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
+                grain = spec.correlation_mm * mm
+                random = random_generator(self.scene, "ground", self.look)
                 lengths = (grain * spec.correlation_ratio, grain)
                 mean, contrast = spec.reflectance, spec.contrast
                 return random_texture(corners, mean, contrast, lengths, 2 * length, random)

@@ -18,7 +18,7 @@ leaves the parts before. All seconds are of one worker with one renderer thread:
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -31,6 +31,7 @@ from vbaa_bench.assembly.motion import exposure_poses
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.generation.frame_renderer import (
+    METERED,
     FrameRenderer,
     Metering,
     RenderedFrame,
@@ -39,7 +40,7 @@ from vbaa_bench.generation.frame_renderer import (
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import render_static_layer
 from vbaa_bench.render.variant import is_scalar
-from vbaa_bench.scene.frames import FrameSpec, frame_specs, random_generator, render_seed
+from vbaa_bench.scene.frames import Frames, FrameSpec, frame_specs, random_generator, render_seed
 from vbaa_bench.scene.load import SceneFile, load_scene
 
 # Frames and calibration views that are measured. Chosen: an odd number of frames has a median, and
@@ -67,10 +68,13 @@ def parts(file: SceneFile, variant: str, folder: Path) -> Iterator[Record]:
     A few images are written to `folder`.
     """
     scene = file.scene
-    specs = sorted(frame_specs(scene), key=lambda spec: spec.index)
-    chosen, metered = _spread(specs), metered_frames(specs)
-    plan(file, of=specs[:1])  # compiles the mechanics
-    planned, seconds = _timed(lambda: plan(file, of=[*chosen, *metered]))
+    frames = Frames(scene)
+    indices = _spread(frames.count)
+    plan(file, pushes=[0])  # compiles the mechanics
+    needed = {frames.push_of(i) for i in (*indices, *METERED) if i < frames.count}
+    planned, seconds = _timed(lambda: plan(file, pushes=needed))
+    specs = {spec.index: spec for spec in planned.frame_specs}
+    chosen, metered = [specs[i] for i in indices], metered_frames(specs.values())
     push_s = seconds / len({spec.push for spec in planned.frame_specs})
     camera = planned.rig.camera
     yield {"width_px": camera.width, "height_px": camera.height, "plan_s": push_s}
@@ -89,7 +93,9 @@ def parts(file: SceneFile, variant: str, folder: Path) -> Iterator[Record]:
     yield {"samples": int(rendered.samples.sum())}
     for tree in layout.trees:
         tree.mkdir()
-    push_share_s = push_s * len({spec.push for spec in specs}) / len(specs)
+    # Repetitions of a push are solved once.
+    distinct = len({spec.push for spec in frame_specs(scene)})
+    push_share_s = push_s * distinct / frames.count
     costs, noise = list[FrameCost](), list[float]()
     with ShardWriter(layout, 0) as writer:
         for spec in chosen:
@@ -105,10 +111,10 @@ def parts(file: SceneFile, variant: str, folder: Path) -> Iterator[Record]:
     yield {"boards_s": _boards(renderer, metering)}
 
 
-def _spread(specs: Sequence[FrameSpec]) -> list[FrameSpec]:
-    """Choose frames evenly spread over a dataset."""
-    count = min(_FRAMES, len(specs))
-    return [specs[(2 * i + 1) * len(specs) // (2 * count)] for i in range(count)]
+def _spread(frames: int) -> list[int]:
+    """Choose indices of frames evenly spread over a dataset."""
+    count = min(_FRAMES, frames)
+    return [(2 * i + 1) * frames // (2 * count) for i in range(count)]
 
 
 def _static_layer(renderer: FrameRenderer, spec: FrameSpec, metering: Metering) -> float:

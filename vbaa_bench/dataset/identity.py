@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_bytes
@@ -37,36 +37,52 @@ def _sha256(path: Path) -> str | None:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def check_identity(layout: Layout, here: Identity) -> bool:
-    """Check that the folder holds a dataset of identity `here`; return False if it is empty.
+def check_identity(layout: Layout, here: Identity) -> Literal["empty", "same", "smaller"]:
+    """Check that the folder is empty or holds a dataset of identity `here`.
 
-    A damaged identity.json is rewritten if the hashes show that it had this content. Raises
-    InputError for a folder that holds other files, and for a dataset of another scene, seed,
-    program or machine; the message names the first difference.
+    A smaller dataset, with fewer random pushes than `here`, can grow. A damaged identity.json is
+    rewritten if the hashes show that it had this content. Raises InputError for a folder that holds
+    other files, and for a dataset of another scene, seed, program or machine; the message names the
+    first difference.
     """
     path, data = layout.identity, _encoded(here)
     if path.is_file() and path.read_bytes() == data:
-        return True
+        return "same"
     recorded = layout.truth / layout.hashes.name
     table = (parse_hashes(recorded.read_bytes()) if recorded.is_file() else None) or {}
     if table.get(path.name) == digest(data):
         write_bytes(path, data)
-        return True
+        return "same"
     if not path.is_file():
         foreign_file = next(_contents(layout), None)
         if foreign_file is not None:
             raise InputError(
                 f"{layout.root}: holds other files ({foreign_file}); choose an empty folder"
             )
-        return False
-    raise InputError(_refusal(layout, read_json(path), here))
+        return "empty"
+    recorded_identity = read_json(path)
+    if _grows(recorded_identity, here):
+        return "smaller"
+    raise InputError(_refusal(layout, recorded_identity, here))
+
+
+def _grows(recorded: Identity, here: Identity) -> bool:
+    """Test whether a dataset becomes one with identity `here` by adding frames."""
+    sizes = {"scene.sampling.count", "scene.pushes.repeats"}
+    current = json.loads(json.dumps(here))  # as in the file: tuples become lists
+    sampling = current["scene"]["sampling"] or {}
+    differences = list(_differences(recorded, current))
+    only_size = all(
+        key in sizes and isinstance(old, int) and old < new for key, old, new in differences
+    )
+    return bool(differences) and only_size and sampling.get("method") != "grid"
 
 
 def write_identity(layout: Layout, identity: Identity) -> str:
     """Write identity.json unless it exists; return its sha256. Raises OSError."""
     data = _encoded(identity)
     layout.truth.mkdir(parents=True, exist_ok=True)
-    if not layout.identity.is_file():
+    if not (layout.identity.is_file() and layout.identity.read_bytes() == data):
         write_bytes(layout.identity, data)
     return digest(data)
 
@@ -91,6 +107,8 @@ def _refusal(layout: Layout, recorded: Identity, current: Identity) -> str:
     for part in ("scene", "files"):
         if recorded.get(part) != current[part]:
             key, old, new = next(_differences(recorded.get(part), current[part]))
+            if key == "sampling.count" and current["scene"]["sampling"]["method"] == "grid":
+                remedy = f"a grid cannot grow, method sobol can; {remedy}"
             return (
                 f"{layout.root}: holds the dataset of another scene, seed or mesh "
                 f"({key or part} is {_short(old)} there and {_short(new)} here); {remedy}"

@@ -1,6 +1,7 @@
 """Inventory of a dataset: find the intact, damaged and surplus files."""
 
 import os
+import shutil
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,6 +79,17 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
         for tree_name, value in digests.items():
             inventory.whole[tree_name][name] = value
     return inventory
+
+
+def open_for_growth(layout: Layout, contents: Contents) -> None:
+    """Remove what a larger dataset replaces: the trees' hashes and a shard that was not full."""
+    for tree in (layout.observations, layout.truth):
+        (tree / HASHES).unlink(missing_ok=True)
+    for number in range(len(contents.shards)):
+        for tree in layout.trees:
+            folder = layout.shard(tree, number)
+            if (table := _recorded(folder)) and table.keys() != contents.names(tree.name, number):
+                shutil.rmtree(folder)
 
 
 def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:

@@ -83,9 +83,9 @@ def open_truth(root: Path | str) -> Truth:
     if not tables:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
     try:
-        # Relaxed, because a column that is null in a whole shard has no type there.
+        # A column that is null in a whole shard has no type there, and random sections differ.
         shards = [pl.read_parquet(io.BytesIO(read_bytes(table))) for table in tables]
-        frames = pl.concat(shards, how="vertical_relaxed").sort("frame_id")
+        frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
     return Truth(root, manifest, frames)

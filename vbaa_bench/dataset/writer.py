@@ -82,6 +82,9 @@ class ShardWriter:
         write_bytes(self._aside / tree / name, data)
 
     def _close(self) -> None:
+        # Frames may be added in any order; the files reveal none.
+        self._metadata.sort(key=lambda row: row["frame_id"])
+        self._rows.sort(key=lambda row: row["frame_id"])
         stream = io.StringIO()
         table = csv.writer(stream, lineterminator="\n")
         table.writerow(self._metadata[0])

@@ -1,8 +1,7 @@
 """Rendering of a dataset's images in one worker process: render, expose, write."""
 
-import heapq
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ from vbaa_bench.assembly.motion import exposure_poses
 from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.generation.look import Look, look_of, rest_look
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.mechanics.state import State
@@ -36,6 +36,7 @@ from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.visibility import visibility
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.frames import FrameSpec, Push, random_generator, render_seed
+from vbaa_bench.scene.random_scene import drawn_values, rest_scene
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
@@ -50,8 +51,9 @@ CACHED_PUSHES = 64
 # Factor of the noise targets for board views. Chosen: up to the sensor's own noise the sensor model
 # adds what is missing, and a corner is measured by hundreds of pixels.
 _BOARD_NOISE = 2.0
-# Frames from which the sample table is learned. Chosen: they have ten thousands of pixels.
-_METERED = 3
+# Indices of the frames from which the sample table is learned. Chosen: they have ten thousands of
+# pixels. They do not depend on the number of frames.
+METERED = range(3)
 # Rounds in which the sample table is learned. Chosen: the second one corrects the decay of the
 # variance that the first one assumes.
 _ROUNDS = 2
@@ -65,11 +67,17 @@ class Metering(NamedTuple):
 
 
 def metered_frames(specs: Iterable[FrameSpec]) -> list[FrameSpec]:
-    """Choose the frames from which a dataset's sample table is learned: the first three.
+    """Choose the frames from which a dataset's sample table is learned."""
+    return sorted((spec for spec in specs if spec.index in METERED), key=lambda spec: spec.index)
 
-    They do not depend on the number of frames.
-    """
-    return heapq.nsmallest(_METERED, specs, key=lambda spec: spec.index)
+
+@dataclass(frozen=True)
+class _DrawnPush:
+    """A push, its number if values are drawn for it, else 0, and the scene with these values."""
+
+    push: Push
+    number: int
+    scene: Scene = field(compare=False)
 
 
 class RenderedFrame(NamedTuple):
@@ -91,37 +99,50 @@ class FrameRenderer:
     layout: Layout
     variant: str
     threads: int
-    _pushed: World | None = None
-    _still: StaticLayer | None = None
 
     def __post_init__(self) -> None:
         activate(self.variant, self.threads)
         self.assembler = SceneAssembler(self.scene, self.rig, self.folder)
-        # Frames are rendered in the order of their names: those of one push are not consecutive.
-        self.states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
+        self._look: Look | None = None
+        # Frames of one push are not consecutive.
+        self._cached_states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
 
-    def _states(self, push: Push) -> tuple[Experiment, list[State]]:
-        experiment = Experiment(self.scene, self.rig, push, self.folder)
+    def states(self, spec: FrameSpec) -> tuple[Experiment, list[State]]:
+        """Solve the push of a frame; return the states of its steps."""
+        # Repetitions of a push are equal, unless values are drawn for each.
+        number = spec.push_number if self.scene.random_keys else 0
+        return self._cached_states(_DrawnPush(spec.push, number, spec.scene))
+
+    def _states(self, drawn: "_DrawnPush") -> tuple[Experiment, list[State]]:
+        experiment = Experiment(drawn.scene, self.rig, drawn.push, self.folder)
         return experiment, experiment.states()
 
+    def rest_world(self, number: int) -> World:
+        """World of the beam before contact, with the motor at angle zero, in one rest image."""
+        if not self.scene.random_keys:
+            return self._rest_world
+        scene = rest_scene(self.scene, number)
+        look = rest_look(self.scene, number)
+        return self._at_rest(SceneAssembler(scene, self.rig, self.folder, look))
+
     @cached_property
-    def rest_world(self) -> World:
-        """World of the beam before contact, with the motor at angle zero."""
-        gravity = self.scene.gravity_m_s2
-        no_push = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), gravity)
-        return self.assembler.rest(Experiment(self.scene, self.rig, no_push, self.folder))
+    def _rest_world(self) -> World:
+        return self._at_rest(self.assembler)
+
+    def _at_rest(self, assembler: SceneAssembler) -> World:
+        scene = assembler.scene
+        no_push = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), scene.gravity_m_s2)
+        return assembler.rest(Experiment(scene, self.rig, no_push, self.folder))
 
     def pose(self, spec: FrameSpec) -> Pose:
         """Compute the pose of a frame."""
-        experiment, states = self.states(spec.push)
+        experiment, states = self.states(spec)
         return Pose(experiment, spec, states[spec.step])
 
     def pushed_world(self, pose: Pose) -> World:
-        """Return the world in a pose; it is built once, then only its vertices are moved."""
-        if self._pushed is None:
-            self._pushed = self.assembler.pushed_world(pose)
-        self.assembler.repose(self._pushed, pose)
-        return self._pushed
+        """Return the world in a pose; while the looks are the same, only its vertices are moved."""
+        self._look = look_of(self.scene, self.rig, self.folder, pose.spec, self._look)
+        return self._look.posed_world(pose)
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
         """Meter the exposure on the brightest hundredth of the resting beam.
@@ -131,7 +152,7 @@ class FrameRenderer:
         """
         seed = render_seed(self.scene, "exposure")
         target = self._noise_target(lambda radiance: METERING_NOISE * radiance)
-        rendered = render_frame(self.rest_world, None, target, seed)
+        rendered = render_frame(self.rest_world(0), None, target, seed)
         light = self._vignetting * rendered.radiance
         beam = float(np.quantile(light[rendered.core], 0.99))
         peak = max(beam, float(np.quantile(light, 0.9)))
@@ -180,7 +201,7 @@ class FrameRenderer:
         """Render one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
         target = self._noise_target(self.sensor(exposure).noise_sigma)
-        rendered = render_frame(self.rest_world, None, target, seed)
+        rendered = render_frame(self.rest_world(number), None, target, seed)
         return self._expose(rendered, exposure, "rest sensor", number)
 
     def shard(
@@ -192,7 +213,8 @@ class FrameRenderer:
     ) -> dict[str, str]:
         """Render and save the frames of one shard; return the sha256 of its hashes.json by tree."""
         with ShardWriter(self.layout, number) as writer:
-            for spec in specs:
+            # Frames of a push, which may have looks of its own, one after another.
+            for spec in sorted(specs, key=lambda spec: spec.index):
                 frame = self.frame(spec, metering)
                 layers = {str(layer): frame.layers[layer] for layer in self.scene.layers}
                 writer.add(spec.frame_id, *frame._replace(layers=layers))
@@ -206,6 +228,8 @@ class FrameRenderer:
         line = self.assembler.centreline(pose)
         visible = visibility(rendered.coverage, self.rig.camera, line, self.rig.beam.radius)
         truth = truth_row(pose.experiment, spec, pose.state, pose.hidden, visible)
+        drawn = drawn_values(self.scene.random_keys, spec.scene)
+        truth |= {f"drawn.{key}": value for key, value in drawn.items()}
         values = readings(self.scene, spec, pose.state, pose.hidden)
         return RenderedFrame(image, values, truth, rendered.by_name())
 
@@ -226,12 +250,15 @@ class FrameRenderer:
         return replace(target, table=metering.table).scaled(poses**0.5)
 
     def _static_layer(self, world: World, target: NoiseTarget) -> StaticLayer | None:
-        """Return the static layer, rendered once; None if only whole images are rendered."""
-        if is_scalar():
+        """Return the static layer; None if only whole images are rendered."""
+        look = self._look
+        assert look is not None
+        if is_scalar() or not look.shared:
             return None
-        if self._still is None:
-            self._still = render_static_layer(world, target, render_seed(self.scene, "plate"))
-        return self._still
+        if look.static_layer is None:
+            seed = render_seed(self.scene, "plate", look.number)
+            look.static_layer = render_static_layer(world, target, seed)
+        return look.static_layer
 
     def _noise_target(self, noise: Noise) -> NoiseTarget:
         spec = self.scene.render

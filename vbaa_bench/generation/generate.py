@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,21 +12,37 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import HASHES, digest
 from solver.instrument.rig import rig_to_json
-from vbaa_bench.dataset.identity import Identity, check_identity, dataset_identity, write_identity
-from vbaa_bench.dataset.inventory import Contents, surplus, take_inventory
+from vbaa_bench.dataset.identity import (
+    Identity,
+    check_identity,
+    dataset_identity,
+    write_identity,
+)
+from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
 from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering, metered_frames
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.generation.workers import Pool, SameProcess, cores
 from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.scene.frames import FrameSpec, frame_specs, in_shards
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
+from vbaa_bench.scene.schema import Scene
 
 Progress = Callable[[int, int], None]
+
+
+class Machine(NamedTuple):
+    """Mitsuba's variant, the number of worker processes, 0 for none, and of their threads."""
+
+    variant: str
+    workers: int
+    threads: int | None
+
+
 Shards = tuple[tuple[FrameSpec, ...], ...]
 
 
@@ -42,25 +58,34 @@ def generate(
     progress: Progress,
     planning: Progress = _ignore,
     remark: Callable[[str], None] = _ignore,
+    *,
+    threads: int | None = None,
 ) -> Layout:
     """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
 
     Every existing file is compared with its hash. Only missing or damaged files are generated, and
     files that do not belong to observations/ and truth/ are removed. `planning(done, total)` is
     called as pushes are solved, `progress(done, total)` as images are rendered, `remark(sentence)`
-    for every damaged or removed file. Raises InputError if the scene is impossible, and if `root`
-    is not writable, is being written by another process, or holds something else, such as data of
-    another scene or from another version of the code.
+    for every damaged or removed file. With 0 workers, everything is rendered in this process.
+    `threads` is the number of threads of each process, by default all cores together. Raises
+    InputError if the scene is impossible, and if `root` is not writable, is being written by
+    another process, or holds something else, such as data of another scene or from another version
+    of the code.
     """
-    layout = Layout(root)
+    layout, machine = Layout(root), Machine(variant, workers, threads)
     try:
         identity = dataset_identity(file, variant)
         check_identity(layout, identity)
         with _locked_folder(layout):
             # Check again: another process may have started here before we held the lock.
-            if not check_identity(layout, identity):
-                plan(file, planning)
-            _complete(file, layout, identity, (variant, workers), progress, remark)
+            state = check_identity(layout, identity)
+            if state == "same" and not file.scene.random_keys:
+                shards = in_shards(file.scene, frame_specs(file.scene))
+            else:
+                shards = plan(file, planning).shards
+            if state == "smaller":
+                open_for_growth(layout, _contents(file.scene, shards))
+            _complete(file, shards, layout, identity, machine, progress, remark)
     except OSError as error:
         raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
     return layout
@@ -82,23 +107,16 @@ def _locked_folder(layout: Layout) -> Iterator[None]:
 
 def _complete(
     file: SceneFile,
+    shards: Shards,
     layout: Layout,
     identity: Identity,
-    machine: tuple[str, int],
+    machine: Machine,
     progress: Progress,
     remark: Callable[[str], None],
 ) -> None:
     """Generate missing or damaged files in a locked folder, and seal the dataset."""
-    scene = file.scene
-    shards, rig = in_shards(scene, frame_specs(scene)), true_rig(scene)
-    contents = Contents(
-        images=(
-            *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
-            *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
-        ),
-        shards=tuple(tuple(spec.frame_id for spec in shard) for shard in shards),
-        layers=bool(scene.layers),
-    )
+    scene, rig = file.scene, true_rig(file.scene)
+    contents = _contents(scene, shards)
     _remove_surplus(layout, contents, remark)
     inventory = take_inventory(layout, contents)
     for sentence in inventory.damage:
@@ -113,9 +131,20 @@ def _complete(
         table = SampleTable(np.array(facts["sample_table"]))
         metering = Metering(float(facts["exposure_per_radiance"]), table)
     else:
-        arguments = (scene, rig, file.path.parent.resolve(), layout, machine[0])
-        metering = _generate_missing(arguments, machine[1], shards, contents, hashes, progress)
-    seal(layout, dataset_facts(scene, rig, metering, machine[0]), hashes)
+        arguments = (scene, rig, file.path.parent.resolve(), layout)
+        metering = _generate_missing(arguments, machine, shards, contents, hashes, progress)
+    seal(layout, dataset_facts(scene, rig, metering, machine.variant), hashes)
+
+
+def _contents(scene: Scene, shards: Shards) -> Contents:
+    return Contents(
+        images=(
+            *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
+            *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
+        ),
+        shards=tuple(tuple(spec.frame_id for spec in shard) for shard in shards),
+        layers=bool(scene.layers),
+    )
 
 
 def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
@@ -148,7 +177,7 @@ def _is_complete(
 
 def _generate_missing(
     arguments: tuple[Any, ...],
-    workers: int,
+    machine: Machine,
     shards: Shards,
     contents: Contents,
     hashes: dict[str, dict[str, str]],
@@ -156,13 +185,15 @@ def _generate_missing(
 ) -> Metering:
     """Generate all images and shards that are not intact, and add their hashes to `hashes`.
 
-    `arguments` holds the arguments of FrameRenderer without its threads.
+    `arguments` holds the arguments of FrameRenderer without variant and threads.
     """
     observations = hashes["observations"]
-    threads = max(cores() // workers, 1)
+    threads = machine.threads or max(cores() // max(machine.workers, 1), 1)
     # One more than the number of images: the exposure is metered on an image that is not kept.
     total = sum(map(len, shards)) + len(contents.images) + 1
-    with Pool(workers, FrameRenderer, (*arguments, threads)) as pool:
+    pool_type = Pool if machine.workers else SameProcess
+    renderer = (FrameRenderer, (*arguments, machine.variant, threads))
+    with pool_type(machine.workers, *renderer) as pool:
         metering: Metering = pool.call("meter", metered_frames(chain.from_iterable(shards)))
         images = [name for name in contents.images if name not in observations]
         numbers = [n for n in range(len(shards)) if _shard_name(n) not in observations]

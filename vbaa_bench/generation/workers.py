@@ -130,6 +130,36 @@ class Pool:
         return count
 
 
+class SameProcess:
+    """The interface of Pool for one object in this process."""
+
+    def __init__(self, _count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        self._object = build(*arguments)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def call(self, method: str, *arguments: Any) -> Any:
+        """Run one job and return its result."""
+        return getattr(self._object, method)(lambda: None, *arguments)
+
+    def run(
+        self, jobs: Sequence[tuple[str, tuple[Any, ...]]], done: Callable[[int], None]
+    ) -> list[Any]:
+        """Run all jobs and return their results. `done` gets the number of finished pieces."""
+        pieces = 0
+
+        def piece_done() -> None:
+            nonlocal pieces
+            pieces += 1
+            done(pieces)
+
+        return [getattr(self._object, method)(piece_done, *arguments) for method, arguments in jobs]
+
+
 @contextlib.contextmanager
 def _interrupt_blocked() -> Iterator[None]:
     """Block Ctrl-C, and deliver it afterwards to this process only.

@@ -3,14 +3,17 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.scene.sampling import SamplingSpec
+from vbaa_bench.scene.random_scene import accepted, drawn_scene
 from vbaa_bench.scene.schema import PushSpec, Scene
+from vbaa_bench.scene.unit_values import Draw
 
 
 @dataclass(frozen=True)
@@ -60,18 +63,23 @@ class Cover:
 class FrameSpec:
     """One frame to make: `step` of a push, in its repetition `repeat`, behind a `cover` or none.
 
-    `index` counts the frames in the scene's grid. `frame_id` and `push_id` are opaque. Frames of
-    one repetition of a push share `push_id` and `onset`, the motor's angle [rad] at first contact.
+    `index` counts the frames in the scene's grid, `push_number` the pushes. `frame_id` and
+    `push_id` are opaque. Frames of one repetition of a push share `push_id` and `onset`, the
+    motor's angle [rad] at first contact. `scene` has the values that were drawn for this frame.
     """
 
     index: int
     frame_id: str
+    push_number: int
     push_id: str
+    # Larger sets have more rounds; all frames of a round are in files before those of the next.
+    round: int
     repeat: int
     push: Push
     step: int
     cover: Cover | None
     onset: float
+    scene: Scene = field(compare=False, repr=False)
 
     @property
     def target(self) -> StepTarget:
@@ -86,33 +94,105 @@ class FrameSpec:
         return self.onset - pushing_angle
 
 
-def frame_specs(scene: Scene) -> list[FrameSpec]:
-    """List all frames of a scene in the order of their opaque names, which is that of the files."""
-    # Names do not depend on the title, nor on the number of random pushes.
-    identity = scene.model_dump_json(exclude={"title": True, "sampling": {"count"}})
-    # The scene is long and there are many frames, so it is hashed once.
-    push_names, frame_names = (
-        hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
-    )
-    pushes = list(_grid(scene.pushes) if scene.pushes else _samples(scene, scene.sampling))
-    repeats = range(scene.pushes.repeats if scene.pushes else 1)
-    covers = list(_covers(scene))
-    specs: list[FrameSpec] = []
-    # A push behind another cover counts as another push, so that no method can pair their frames.
-    combinations = itertools.product(pushes, repeats, covers)
-    # This is a separate random stream, so that no other draw depends on it.
-    onsets, draw = _onsets(scene), random_generator(scene, "onset")
-    for number, (push, repeat, cover) in enumerate(combinations):
-        push_id = _name(push_names, number)
-        onset = float(draw.uniform(*onsets)) * DEGREE
-        rotated_push = replace(push, gravity=_in_antenna_frame(scene.gravity_m_s2, onset))
-        for step in range(len(push.targets)):
-            index = len(specs)
-            frame_id = _name(frame_names, index)
-            specs.append(
-                FrameSpec(index, frame_id, push_id, repeat, rotated_push, step, cover, onset)
+class Frames:
+    """All frames of a scene, push by push.
+
+    Pushes are numbered so that those of a larger set come after those of a smaller one: repetition
+    by repetition of the grid. A push behind another cover counts as another push, so that no method
+    can pair their frames.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        # Names depend on what the scene states, except its title and the size of the set.
+        identity = scene.model_dump_json(
+            exclude={
+                "title": True,
+                "rigs": True,
+                "sampling": {"count"},
+                "pushes": {"repeats"},
+            },
+            exclude_defaults=True,
+        )
+        # The scene is long and there are many frames, so it is hashed once.
+        self._push_names, self._frame_names = (
+            hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
+        )
+        self._samples = [] if scene.sampling is None else scene.sampling.draw(scene.seed)
+        self._grid = _grid_size(scene.pushes) if scene.pushes else len(self._samples)
+        self._covers = len(list(_covers(scene)))
+        repeats = scene.pushes.repeats if scene.pushes else 1
+        self.pushes = repeats * self._grid * self._covers
+        # This is a separate random stream, so that no other draw depends on it.
+        self._onsets = random_generator(scene, "onset").random(self.pushes)
+        targets = _targets(scene.pushes) if scene.pushes else (None,)
+        self._per_push = len(targets)
+
+    @property
+    def count(self) -> int:
+        """Number of all frames."""
+        return self.pushes * self._per_push
+
+    def push_of(self, index: int) -> int:
+        """Return the number of the push of a frame."""
+        return index // self._per_push
+
+    def of_push(self, number: int, attempt: int = 0) -> tuple[FrameSpec, ...]:
+        """List the frames of a push, in the order of its steps, with the values of one attempt.
+
+        Raises RejectedDrawError.
+        """
+        repeat, place = divmod(number, self._grid * self._covers)
+        row, cover = divmod(place, self._covers)
+        first = number * self._per_push
+        scenes = [
+            drawn_scene(
+                self._scene,
+                {"push": Draw("push", number, attempt), "frame": Draw("frame", index, attempt)},
             )
-    return sorted(specs, key=lambda spec: spec.frame_id)
+            for index in range(first, first + self._per_push)
+        ]
+        pushes = scenes[0].pushes
+        push = _sample(self._samples[row]) if pushes is None else _grid_push(pushes, row)
+        low, high = scenes[0].motor_angle_at_contact_deg
+        onset = float(low + (high - low) * self._onsets[number]) * DEGREE
+        push = replace(push, gravity=_in_antenna_frame(self._scene.gravity_m_s2, onset))
+        grows = self._scene.sampling is not None and self._scene.sampling.method != "grid"
+        return tuple(
+            FrameSpec(
+                first + step,
+                _name(self._frame_names, first + step),
+                number,
+                _name(self._push_names, number),
+                row if grows else repeat,
+                repeat,
+                push,
+                step,
+                list(_covers(scene))[cover],
+                onset,
+                scene,
+            )
+            for step, scene in enumerate(scenes)
+        )
+
+
+def frame_specs(scene: Scene) -> list[FrameSpec]:
+    """List all frames of a scene in the order of the files, which reveals nothing about them.
+
+    Within a round this is the order of the opaque names. Of random keys, the first allowed draw
+    is taken. Raises InputError if there is none.
+    """
+    frames = Frames(scene)
+    return in_order(
+        spec
+        for number in range(frames.pushes)
+        for spec in accepted(partial(frames.of_push, number), f"push {number}")
+    )
+
+
+def in_order(specs: Iterable[FrameSpec]) -> list[FrameSpec]:
+    """Sort frames in the order of the files: round by round, by name."""
+    return sorted(specs, key=lambda spec: (spec.round, spec.frame_id))
 
 
 def in_shards(scene: Scene, made: Sequence[FrameSpec]) -> tuple[tuple[FrameSpec, ...], ...]:
@@ -121,37 +201,44 @@ def in_shards(scene: Scene, made: Sequence[FrameSpec]) -> tuple[tuple[FrameSpec,
     return tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
 
 
-def _grid(spec: PushSpec) -> Iterator[Push]:
-    targets = [StepTarget(percent * PERCENT, None) for percent in spec.deflection_pct or ()]
-    targets += [StepTarget(None, degrees * DEGREE) for degrees in spec.pushing_angle_deg or ()]
-    distances = spec.contact_distance_mm or (None,)
-    for distance, normal, stiffness in itertools.product(
-        distances, spec.normal_deg, spec.stiffness_n_m
-    ):
-        yield Push(
-            None if distance is None else distance * MILLIMETRE,
-            normal * DEGREE,
-            0.0 if stiffness == "rigid" else 1 / stiffness,
-            tuple(targets),
-        )
+def _targets(spec: PushSpec) -> tuple[StepTarget, ...]:
+    return (
+        *(StepTarget(percent * PERCENT, None) for percent in spec.deflection_pct or ()),
+        *(StepTarget(None, degrees * DEGREE) for degrees in spec.pushing_angle_deg or ()),
+    )
 
 
-def _samples(scene: Scene, spec: SamplingSpec | None) -> Iterator[Push]:
-    assert spec is not None
-    for sample in spec.draw(random_generator(scene, "sampling")):
-        yield Push(
-            sample["contact_distance_mm"] * MILLIMETRE,
-            sample["normal_deg"] * DEGREE,
-            1 / sample["stiffness_n_m"] if "stiffness_n_m" in sample else 0.0,
-            (StepTarget(sample["deflection_pct"] * PERCENT, None),),
-        )
+def _axes(spec: PushSpec) -> tuple[Sequence[Any], ...]:
+    """Return the axes of the grid: contact distances, normals and stiffnesses."""
+    return spec.contact_distance_mm or (None,), spec.normal_deg, spec.stiffness_n_m
 
 
-def _onsets(scene: Scene) -> tuple[float, float]:
-    """Return the range of the motor's angle [deg] at first contact."""
-    pushes = scene.pushes or scene.sampling
-    assert pushes is not None
-    return pushes.motor_angle_at_contact_deg
+def _grid_size(spec: PushSpec) -> int:
+    return math.prod(map(len, _axes(spec)))
+
+
+def _grid_push(spec: PushSpec, row: int) -> Push:
+    """Return the push in one row of the grid, whose last axis changes fastest."""
+    values = []
+    for axis in reversed(_axes(spec)):
+        row, i = divmod(row, len(axis))
+        values.append(axis[i])
+    stiffness, normal, distance = values
+    return Push(
+        None if distance is None else distance * MILLIMETRE,
+        normal * DEGREE,
+        0.0 if stiffness == "rigid" else 1 / stiffness,
+        _targets(spec),
+    )
+
+
+def _sample(sample: Mapping[str, float]) -> Push:
+    return Push(
+        sample["contact_distance_mm"] * MILLIMETRE,
+        sample["normal_deg"] * DEGREE,
+        1 / sample["stiffness_n_m"] if "stiffness_n_m" in sample else 0.0,
+        (StepTarget(sample["deflection_pct"] * PERCENT, None),),
+    )
 
 
 def _in_antenna_frame(

@@ -1,44 +1,85 @@
 """Load a scene from YAML 1.2. All mistakes in the file are listed, with line and column."""
 
-import difflib
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
+from pydantic_core import to_jsonable_python
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
 from solver.instrument.errors import InputError, quoted, truncated
-from vbaa_bench.scene.renamed import new_key
+from vbaa_bench.scene.mistakes import (
+    Key,
+    distribution_mistakes,
+    listed_mistakes,
+    located_message,
+)
+from vbaa_bench.scene.random_checks import random_mistakes
+from vbaa_bench.scene.random_keys import DistributionError, Tree, nodes, parse, random_keys
+from vbaa_bench.scene.random_scene import (
+    RejectedDrawError,
+    accepted,
+    check_draws,
+    drawn_values,
+    rig_scene,
+)
 from vbaa_bench.scene.schema import Scene
-
-Key = str | int
 
 # Chosen: shipped scenes are up to 3 kB and four levels deep and have 100 values. A file of the
 # largest size takes two seconds to parse.
 MAX_FILE_BYTES: Final = 100_000
 MAX_DEPTH: Final = 20
 MAX_VALUES: Final = 10_000
-# Chosen: the length of a list of mistakes that a terminal shows.
-MAX_MISTAKES: Final = 20
 
 
 @dataclass(frozen=True)
 class SceneFile:
-    """Scene with its source file, so that later messages can name a line."""
+    """Scene with its source file, so that later messages can name a line.
+
+    If keys are random per rig, `scene` is that of the first rig.
+    """
 
     path: Path
     scene: Scene
     _document: Any = field(repr=False)
+    # Values with distributions; None if no key is random.
+    _tree: Tree = field(default=None, repr=False)
+
+    @property
+    def is_random(self) -> bool:
+        """Whether `rig` draws values."""
+        return self._tree is not None
+
+    @property
+    def rigs(self) -> int | None:
+        """Number of rigs of a collection, None for a single dataset."""
+        return None if self._tree is None else self._tree.get("rigs")
+
+    @property
+    def template(self) -> dict[str, Any]:
+        """The values of the file with their distributions, for JSON."""
+        values = self.scene.model_dump(mode="json") if self._tree is None else self._tree
+        return dict(to_jsonable_python(values, by_alias=True))
+
+    def rig_values(self, rig: Scene) -> dict[str, Any]:
+        """Collect the values that were drawn for a rig, by key."""
+        return drawn_values((key for key in random_keys(self._tree) if key.per == "rig"), rig)
+
+    def rig(self, number: int, attempt: int = 0) -> "SceneFile":
+        """Return the scene of one rig. Raises RejectedDrawError."""
+        if self._tree is None:
+            return self
+        return replace(self, scene=rig_scene(self._tree, number, attempt), _tree=None)
 
     def message_at(self, key: Sequence[Key], sentence: str) -> str:
         """Return `file:line:column: key: sentence` for `key`, or for the nearest key above it."""
-        return _located_message(self.path, self._document, key, sentence)
+        return located_message(self.path, self._document, key, sentence)
 
 
 def load_scene(path: Path | str, seed: int | None = None) -> SceneFile:
@@ -71,11 +112,30 @@ def _as_document(value: Any) -> Any:
 
 def _checked(path: Path, document: CommentedMap, overrides: Mapping[str, Any]) -> SceneFile:
     values = _Plain(path).of(document) | overrides
+    if "random_keys" in values:
+        message = "is an unknown key; distributions are stated in the places of values"
+        raise InputError(located_message(path, document, ("random_keys",), message))
     try:
-        scene = Scene.model_validate(values)
+        tree = parse(values)
+    except DistributionError as error:
+        raise InputError("\n".join(distribution_mistakes(path, document, error))) from error
+    if values.get("rigs") is None and not any(True for _ in nodes(tree)):
+        return SceneFile(path, _checked_scene(path, document, values), document)
+    if mistakes := random_mistakes(path, document, tree):
+        raise InputError("\n".join(mistakes))
+    try:
+        check_draws(tree)
+    except RejectedDrawError as error:
+        raise InputError(located_message(path, document, error.path, str(error))) from error
+    scene = accepted(lambda attempt: rig_scene(tree, 0, attempt), str(path))
+    return SceneFile(path, scene, document, tree)
+
+
+def _checked_scene(path: Path, document: CommentedMap, values: Mapping[str, Any]) -> Scene:
+    try:
+        return Scene.model_validate(values)
     except ValidationError as error:
-        raise InputError("\n".join(_mistakes(path, document, error))) from error
-    return SceneFile(path, scene, document)
+        raise InputError("\n".join(listed_mistakes(path, document, error.errors()))) from error
 
 
 def _text(path: Path) -> str:
@@ -121,128 +181,6 @@ def _document(path: Path, text: str) -> Any:
 
 def _too_deep(path: Path, line: int = 0) -> InputError:
     return InputError(f"{path}:{line + 1}:1: is nested too deeply, allowed are {MAX_DEPTH} levels")
-
-
-def _mistakes(path: Path, document: Any, error: ValidationError) -> list[str]:
-    sentences_by_key: dict[tuple[Key, ...], list[str]] = {}
-    for mistake in error.errors():
-        key, sentence = _mistake(document, mistake)
-        sentences = sentences_by_key.setdefault(key, [])
-        # A value with two allowed types has an error for each.
-        alternative = sentences and sentence.rpartition(", allowed is ")
-        sentences.append(alternative[2] if alternative else sentence)
-    # A list whose values have errors is not reported itself.
-    keys = [
-        key
-        for key in sentences_by_key
-        if not any(key == longer_key[: len(key)] != longer_key for longer_key in sentences_by_key)
-    ]
-    lines = [
-        _located_message(path, document, key, " or ".join(sentences_by_key[key])) for key in keys
-    ]
-    if len(lines) > MAX_MISTAKES:
-        rest = f"{path}: and {len(lines) - MAX_MISTAKES} more mistakes"
-        return [*lines[:MAX_MISTAKES], rest]
-    return lines
-
-
-def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
-    """Return the key of one of pydantic's errors, as in the file, and a sentence."""
-    kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
-    key = _key_in_file(document, mistake["loc"], missing=kind == "missing")
-    match kind:
-        case "missing":
-            return key, "is missing"
-        case "extra_forbidden":
-            return key, f"is an unknown key; {_hint(key, mistake['loc'])}"
-        case "union_tag_invalid" | "union_tag_not_found":
-            state = "missing" if kind == "union_tag_not_found" else quoted(value["kind"])
-            allowed = ", ".join(map(_kind, _models(mistake["loc"])))
-            return (*key, "kind"), f"is {state}, allowed is one of {allowed}"
-        case "value_error":
-            return key, str(context["error"])
-        case "literal_error":
-            allowed = f"one of {context['expected']}".replace("'", "").replace(" or ", ", ")
-        case "too_short":
-            allowed = f"a list of at least {context['min_length']}"
-        case "string_too_short":
-            allowed = f"a text of at least {context['min_length']} character"
-        case "too_long":
-            allowed = f"a list of at most {context['max_length']}"
-        case _:
-            allowed = mistake["msg"].removeprefix("Input should be ").replace("a valid ", "a ")
-            allowed = allowed.replace("integer", "whole number")
-    plain_value = list(value) if isinstance(value, tuple) else value
-    return key, f"is {quoted(plain_value)}, allowed is {allowed}"
-
-
-def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
-    """Suggest the key that is meant by an unknown one, or list those of its section."""
-    name = str(key[-1])
-    section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
-    if renamed := new_key(section, name):
-        return f"it is now called {renamed}"
-    known = list(_models(location[:-1])[0].model_fields)
-    similar = difflib.get_close_matches(truncated(name), known, n=1, cutoff=0.7)
-    return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
-
-
-def _key_in_file(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
-    """Return the key as in the file, without the model's own intermediate steps."""
-    key: list[Key] = []
-    node = document
-    for number, part in enumerate(location):
-        is_key = isinstance(node, CommentedMap) and part in node
-        is_index = isinstance(node, CommentedSeq) and isinstance(part, int) and part < len(node)
-        if is_key or is_index:
-            key.append(part)
-            node = node[part]
-        elif missing and number == len(location) - 1:
-            key.append(part)
-    return tuple(key)
-
-
-def _models(location: Sequence[Key]) -> list[type[BaseModel]]:
-    """List the sections that are allowed at a location of pydantic's, which names their `kind`."""
-    models: list[type[BaseModel]] = [Scene]
-    for part in location:
-        if isinstance(part, int):
-            continue
-        matching = [m for m in models if len(models) > 1 and _kind(m) == part]
-        models = matching or _sections(models[0].model_fields[part].annotation)
-    return models
-
-
-def _kind(model: type[BaseModel]) -> str:
-    return str(get_args(model.model_fields["kind"].annotation)[0])
-
-
-def _sections(annotation: Any) -> list[type[BaseModel]]:
-    """List the sections that an annotation allows."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for option in get_args(annotation) for model in _sections(option)]
-
-
-def _located_message(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:
-    line, column = 0, 0
-    node = document
-    for part in key:
-        try:
-            if isinstance(node, CommentedMap) and part in node:
-                line, column = node.lc.key(part)
-            elif isinstance(node, CommentedSeq) and isinstance(part, int) and part < len(node):
-                line, column = node.lc.item(part)
-            else:
-                break
-            node = node[part]
-        except (KeyError, TypeError):  # the parser recorded no place
-            break
-    name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
-    label = f"{truncated(name.lstrip('.'))} " if name else ""
-    # A scene that is built in Python has no lines.
-    place = f":{line + 1}:{column + 1}" if document.lc.line is not None else ""
-    return f"{path}{place}: {label}{sentence}"
 
 
 class _Plain:

@@ -1,9 +1,9 @@
 """Random pushes for training sets."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.stats import qmc
 
 from solver.instrument.arrays import Floats
@@ -15,12 +15,13 @@ Percent = Annotated[float, Field(gt=0, lt=60)]
 class SamplingSpec(Part):
     """`count` pushes, each of one step, drawn from the ranges below, whose ends may be equal.
 
-    Uniform draws are independent; the grid has the same number of values on each axis, as near
-    to `count` as that allows; a Latin hypercube (McKay 1979) has one sample in each of `count`
-    layers of every axis. Log-uniform draws are spread over the logarithms of all positive axes.
+    A larger count keeps the pushes of a smaller one, except on a grid. Scrambled Sobol points fill
+    all axes together evenly; uniform draws are independent; the grid has the same number of values
+    on each axis, as near to `count` as that allows. Log-uniform draws are independent, and spread
+    over the logarithms of all positive axes.
     """
 
-    method: Literal["uniform", "log_uniform", "grid", "latin_hypercube"] = "latin_hypercube"
+    method: Literal["sobol", "uniform", "log_uniform", "grid"] = "sobol"
     count: Annotated[int, Field(ge=1, le=1_000_000)]
     contact_distance_mm: tuple[Positive, Positive]
     deflection_pct: tuple[Percent, Percent]
@@ -29,6 +30,16 @@ class SamplingSpec(Part):
     stiffness_n_m: tuple[Positive, Positive] | None = None
     # Drawn uniformly from a separate random stream, whatever the method.
     motor_angle_at_contact_deg: Onset = ONSET
+
+    @field_validator("method", mode="before")
+    @classmethod
+    def _check_method(cls, method: Any) -> Any:
+        if method == "latin_hypercube":
+            raise ValueError(
+                "is latin_hypercube, allowed is sobol: its points fill the axes as evenly, and do "
+                "not change when count grows"
+            )
+        return method
 
     @model_validator(mode="after")
     def _check_ranges(self) -> "SamplingSpec":
@@ -42,34 +53,38 @@ class SamplingSpec(Part):
             )
         return self
 
-    def draw(self, random: np.random.Generator) -> list[dict[str, float]]:
+    def draw(self, seed: int) -> list[dict[str, float]]:
         """Draw the pushes, each with a value for every axis that has a range."""
         axes = {name: getattr(self, name) for name in AXES if getattr(self, name) is not None}
         free = [name for name, (low, high) in axes.items() if low < high]
-        unit_values = dict(zip(free, self._unit_points(len(free), random).T, strict=True))
-        count = len(next(iter(unit_values.values()))) if unit_values else self.count
+        fractions = self._fractions(free, seed)
+        count = len(next(iter(fractions.values()), range(self.count)))
+        at_low = np.zeros(count)
         return [
             {
-                name: self._value(
-                    name, limits, float(unit_values[name][i]) if name in unit_values else 0.0
-                )
+                name: self._value(name, limits, float(fractions.get(name, at_low)[i]))
                 for name, limits in axes.items()
             }
             for i in range(count)
         ]
 
-    def _unit_points(self, axes: int, random: np.random.Generator) -> Floats:
-        """Draw points (n, axes) of the unit cube."""
-        if axes == 0:
-            return np.empty((self.count, 0))
-        if self.method == "grid":
-            values_per_axis = max(round(self.count ** (1 / axes)), 1)
-            centres = (np.arange(values_per_axis) + 0.5) / values_per_axis
-            mesh = np.meshgrid(*[centres] * axes, indexing="ij")
-            return np.column_stack([values.ravel() for values in mesh])
-        if self.method == "latin_hypercube":
-            return np.asarray(qmc.LatinHypercube(axes, rng=random).random(self.count))
-        return random.random((self.count, axes))
+    def _fractions(self, axes: list[str], seed: int) -> dict[str, Floats]:
+        """Draw numbers from 0 to 1, an array for each axis, independent of the other axes."""
+        match self.method:
+            case "grid":
+                values_per_axis = max(round(self.count ** (1 / max(len(axes), 1))), 1)
+                centres = (np.arange(values_per_axis) + 0.5) / values_per_axis
+                mesh = np.meshgrid(*[centres] * len(axes), indexing="ij")
+                return {name: values.ravel() for name, values in zip(axes, mesh, strict=True)}
+            case "sobol":
+                # An axis has the same dimension whichever others are random.
+                points = qmc.Sobol(len(AXES), rng=np.random.default_rng([seed, _STREAM]))
+                columns = points.random_base2((self.count - 1).bit_length())[: self.count].T
+                return {name: columns[AXES.index(name)] for name in axes}
+        return {
+            name: np.random.default_rng([seed, _STREAM, AXES.index(name)]).random(self.count)
+            for name in axes
+        }
 
     def _value(self, name: str, limits: tuple[float, float], fraction: float) -> float:
         low, high = limits
@@ -79,4 +94,6 @@ class SamplingSpec(Part):
         return float(low + (high - low) * fraction)
 
 
-AXES = ("contact_distance_mm", "deflection_pct", "normal_deg", "stiffness_n_m")
+# Number of the random stream, chosen.
+_STREAM: Final = 1
+AXES: Final = ("contact_distance_mm", "deflection_pct", "normal_deg", "stiffness_n_m")

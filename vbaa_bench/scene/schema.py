@@ -25,8 +25,10 @@ from vbaa_bench.scene.part import (
     Tolerance,
     Triple,
 )
+from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec
+from vbaa_bench.scene.unit_values import Method
 
 
 class BeamSpec(PaintedPart):
@@ -86,6 +88,8 @@ class ToleranceSpec(Part):
 
 # As many as sampling.count allows. Chosen: two days of rendering, a terabyte with all layers.
 MAX_FRAMES: Final = 1_000_000
+# Chosen: each takes seconds and a megabyte.
+MAX_RIGS: Final = 1_000_000
 
 Angle = Annotated[float, Field(gt=-60, lt=60)]
 
@@ -134,6 +138,12 @@ class Scene(Part):
 
     title: Annotated[str, Field(min_length=1)]
     seed: Annotated[int, Field(ge=0, lt=2**63)]
+    # Number of rigs of a collection; each is a dataset whose keys with `per: rig` are drawn anew.
+    rigs: Annotated[int, Field(ge=1, le=MAX_RIGS)] | None = None
+    # How random keys are drawn: independently, or each evenly over its range.
+    random_method: Method = "uniform"
+    # Keys that are drawn for every push or frame; set by the scene's loader.
+    random_keys: tuple[RandomKey, ...] = ()
     # A grid of pushes, or random ones.
     pushes: PushSpec | None = None
     sampling: SamplingSpec | None = None
@@ -165,6 +175,13 @@ class Scene(Part):
     # Truth layers to keep of every frame; all of them take far more disk space than the image.
     layers: tuple[Layer, ...] = ("beam_mask",)
     frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
+
+    @property
+    def motor_angle_at_contact_deg(self) -> Onset:
+        """Range of the motor's angle at first contact."""
+        pushes = self.pushes or self.sampling
+        assert pushes is not None
+        return pushes.motor_angle_at_contact_deg
 
     @model_validator(mode="after")
     def _check_lamp_height(self) -> "Scene":

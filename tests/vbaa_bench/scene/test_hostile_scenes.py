@@ -8,7 +8,8 @@ import pytest
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from tests.conftest import SMALL_SCENE
-from vbaa_bench.scene.load import MAX_FILE_BYTES, MAX_MISTAKES, load_scene
+from vbaa_bench.scene.load import MAX_FILE_BYTES, load_scene
+from vbaa_bench.scene.mistakes import MAX_MISTAKES
 
 ODD = (
     *("!!float b", "!!set x", "? key: [1]", "%FOO x", "!!omap [1]", "!!int x", "!!binary x"),

@@ -103,14 +103,14 @@ def _mounted(camera: CameraSpec, random: np.random.Generator) -> CameraSpec:
 def _pushes(file: SceneFile, frames: int) -> SamplingSpec:
     scene = file.scene
     if scene.sampling is not None:
-        return scene.sampling.model_copy(update={"count": frames, "method": "latin_hypercube"})
+        return scene.sampling.model_copy(update={"count": frames, "method": "sobol"})
     pushes = scene.pushes
     assert pushes is not None
     if pushes.contact_distance_mm is None or pushes.deflection_pct is None:
         message = "has no contact_distance_mm or no deflection_pct; stress needs ranges of both"
         raise InputError(file.message_at(("pushes",), message))
     return SamplingSpec(
-        method="latin_hypercube",
+        method="sobol",
         count=frames,
         contact_distance_mm=_range(pushes.contact_distance_mm),
         deflection_pct=_range(pushes.deflection_pct),

@@ -1,0 +1,73 @@
+"""Worlds that frames share: how often a scene with random keys needs new ones."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.render.frame import StaticLayer
+from vbaa_bench.render.world import World
+from vbaa_bench.scene.distributions import LEVELS, Level
+from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.rigs import TrueRig
+from vbaa_bench.scene.schema import Scene
+
+# Sections that only move the beam, and those that only change surfaces that move.
+_POSE: Final = {"pushes"}
+_MOVING: Final = {*_POSE, "object", "second_peg", "occlusion"}
+
+
+@dataclass
+class Look:
+    """Everything that frames with the same drawn values share, built when it is first used.
+
+    Frames whose `world_number` is the same share a world, whose vertices are moved. Those whose
+    `number` is the same share the light and all surfaces that do not move. `shared` says whether
+    several frames do.
+    """
+
+    assembler: SceneAssembler
+    number: int
+    world_number: int
+    shared: bool
+    world: World | None = None
+    static_layer: StaticLayer | None = None
+
+    def posed_world(self, pose: Pose) -> World:
+        """Build the world in a pose, or move its vertices to it."""
+        new = self.world is None
+        if self.world is None:
+            self.world = self.assembler.pushed_world(pose)
+        if self.shared or not new:
+            self.assembler.repose(self.world, pose)
+        return self.world
+
+
+def look_of(scene: Scene, rig: TrueRig, folder: Path, spec: FrameSpec, last: Look | None) -> Look:
+    """Return the look of a frame: the `last` one, if it is the same, or a new one.
+
+    A new world keeps the static layer if only moving surfaces differ.
+    """
+    numbers: dict[Level, int] = {"rig": 0, "push": 1 + spec.push_number, "frame": 1 + spec.index}
+    level = _level(scene, _MOVING)
+    number, world_number = numbers[level], numbers[_level(scene, _POSE)]
+    if last is not None and (last.number, last.world_number) == (number, world_number):
+        return last
+    steps = len(spec.push.targets)
+    shared = level == "rig" or (level == "push" and steps > 1)
+    assembler = SceneAssembler(spec.scene, rig, folder, number)
+    keeps = last is not None and last.number == number
+    static_layer = last.static_layer if last is not None and keeps else None
+    return Look(assembler, number, world_number, shared, static_layer=static_layer)
+
+
+def _level(scene: Scene, without: set[str]) -> Level:
+    """Return the finest level of the random keys outside of some sections."""
+    levels = (key.per for key in scene.random_keys if key.key.split(".")[0] not in without)
+    return max(levels, key=LEVELS.index, default="rig")
+
+
+def rest_look(scene: Scene, number: int) -> int:
+    """Return the number of the look of a rest image; 0 if all images have the same."""
+    # Beyond the numbers of all frames.
+    return 0 if _level(scene, _MOVING) == "rig" else 2**40 + number

@@ -1,0 +1,160 @@
+"""Sentences for the mistakes in a scene, each with file, line, column and key."""
+
+import difflib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel, ValidationError
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+from solver.instrument.errors import quoted, truncated
+from vbaa_bench.scene.random_keys import DistributionError
+from vbaa_bench.scene.renamed import new_key
+from vbaa_bench.scene.schema import Scene
+
+Key = str | int
+
+# Chosen: the length of a list of mistakes that a terminal shows.
+MAX_MISTAKES: Final = 20
+
+
+def listed_mistakes(path: Path, document: Any, errors: Iterable[Any]) -> list[str]:
+    """List pydantic's errors in a scene as `file:line:column: key: sentence`."""
+    sentences_by_key: dict[tuple[Key, ...], list[str]] = {}
+    for mistake in errors:
+        key, sentence = _mistake(document, mistake)
+        sentences = sentences_by_key.setdefault(key, [])
+        # A value with two allowed types has an error for each.
+        alternative = sentences and sentence.rpartition(", allowed is ")
+        sentences.append(alternative[2] if alternative else sentence)
+    # A list whose values have errors is not reported itself.
+    keys = [
+        key
+        for key in sentences_by_key
+        if not any(key == longer_key[: len(key)] != longer_key for longer_key in sentences_by_key)
+    ]
+    lines = [
+        located_message(path, document, key, " or ".join(sentences_by_key[key])) for key in keys
+    ]
+    if len(lines) > MAX_MISTAKES:
+        rest = f"{path}: and {len(lines) - MAX_MISTAKES} more mistakes"
+        return [*lines[:MAX_MISTAKES], rest]
+    return lines
+
+
+def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
+    """Return the key of one of pydantic's errors, as in the file, and a sentence."""
+    kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
+    key = _key_in_file(document, mistake["loc"], missing=kind == "missing")
+    match kind:
+        case "missing":
+            return key, "is missing"
+        case "extra_forbidden":
+            return key, f"is an unknown key; {_hint(key, mistake['loc'])}"
+        case "union_tag_invalid" | "union_tag_not_found":
+            state = "missing" if kind == "union_tag_not_found" else quoted(value["kind"])
+            allowed = ", ".join(map(_kind, _models(mistake["loc"])))
+            return (*key, "kind"), f"is {state}, allowed is one of {allowed}"
+        case "value_error":
+            return key, str(context["error"])
+        case "literal_error":
+            allowed = f"one of {context['expected']}".replace("'", "").replace(" or ", ", ")
+        case "too_short":
+            allowed = f"a list of at least {context['min_length']}"
+        case "string_too_short":
+            allowed = f"a text of at least {context['min_length']} character"
+        case "too_long":
+            allowed = f"a list of at most {context['max_length']}"
+        case _:
+            allowed = mistake["msg"].removeprefix("Input should be ").replace("a valid ", "a ")
+            allowed = allowed.replace("integer", "whole number")
+    plain_value = list(value) if isinstance(value, tuple) else value
+    return key, f"is {quoted(plain_value)}, allowed is {allowed}"
+
+
+def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
+    """Suggest the key that is meant by an unknown one, or list those of its section."""
+    name = str(key[-1])
+    section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
+    if renamed := new_key(section, name):
+        return f"it is now called {renamed}"
+    # Random keys are stated in the places of their values, not in a list.
+    known = [name for name in _models(location[:-1])[0].model_fields if name != "random_keys"]
+    similar = difflib.get_close_matches(truncated(name), known, n=1, cutoff=0.7)
+    return f"did you mean {similar[0]}?" if similar else f"known are {', '.join(known)}"
+
+
+def _key_in_file(document: Any, location: Sequence[Key], *, missing: bool) -> tuple[Key, ...]:
+    """Return the key as in the file, without the model's own intermediate steps."""
+    key: list[Key] = []
+    node = document
+    for number, part in enumerate(location):
+        is_key = isinstance(node, CommentedMap) and part in node
+        is_index = isinstance(node, CommentedSeq) and isinstance(part, int) and part < len(node)
+        if is_key or is_index:
+            key.append(part)
+            node = node[part]
+        elif missing and number == len(location) - 1:
+            key.append(part)
+    return tuple(key)
+
+
+def _models(location: Sequence[Key]) -> list[type[BaseModel]]:
+    """List the sections that are allowed at a location of pydantic's, which names their `kind`."""
+    models: list[type[BaseModel]] = [Scene]
+    for part in location:
+        if isinstance(part, int):
+            continue
+        matching = [m for m in models if len(models) > 1 and _kind(m) == part]
+        models = matching or _sections(models[0].model_fields[part].annotation)
+    return models
+
+
+def _kind(model: type[BaseModel]) -> str:
+    return str(get_args(model.model_fields["kind"].annotation)[0])
+
+
+def _sections(annotation: Any) -> list[type[BaseModel]]:
+    """List the sections that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for option in get_args(annotation) for model in _sections(option)]
+
+
+def located_message(path: Path, document: Any, key: Sequence[Key], sentence: str) -> str:
+    """Return `file:line:column: key: sentence` for a key, or for the nearest key above it."""
+    line, column = 0, 0
+    node = document
+    for part in key:
+        try:
+            if isinstance(node, CommentedMap) and part in node:
+                line, column = node.lc.key(part)
+            elif isinstance(node, CommentedSeq) and isinstance(part, int) and part < len(node):
+                line, column = node.lc.item(part)
+            else:
+                break
+            node = node[part]
+        except (KeyError, TypeError):  # the parser recorded no place
+            break
+    name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key)
+    label = f"{truncated(name.lstrip('.'))} " if name else ""
+    # A scene that is built in Python has no lines.
+    place = f":{line + 1}:{column + 1}" if document.lc.line is not None else ""
+    return f"{path}{place}: {label}{sentence}"
+
+
+def distribution_mistakes(path: Path, document: Any, error: DistributionError) -> list[str]:
+    """List the mistakes in one distribution."""
+    if not isinstance(error.reason, ValidationError):
+        return [located_message(path, document, error.path, str(error.reason))]
+    lines = []
+    for mistake in error.reason.errors():
+        # The first step of the location is the distribution's own name.
+        key = (*error.path, *mistake["loc"][1:])
+        if mistake["type"] == "extra_forbidden":
+            sentence = f"is an unknown key of the distribution {mistake['loc'][0]}"
+        else:
+            sentence = _mistake(document, {**mistake, "loc": key})[1]
+        lines.append(located_message(path, document, key, sentence))
+    return lines[:MAX_MISTAKES]
