@@ -7,11 +7,11 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, NamedTuple
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
@@ -41,12 +41,23 @@ _MAX_REST_S: Final = 2.0
 
 @dataclass(frozen=True)
 class MethodRun:
-    """Result of running a method: its table, number of frames, of crashed ones, first traceback."""
+    """Result of running a method: its table, number of frames, of crashed ones, first traceback.
+
+    `refusal` says why no frame could be solved, if the rig cannot be used.
+    """
 
     table: Path
     frames: int
     crashed: int
     traceback: str
+    refusal: str = ""
+
+
+class _Pipes(NamedTuple):
+    """Standard input and output of a supervisor."""
+
+    requests: IO[bytes]
+    reports: IO[bytes]
 
 
 def solve(
@@ -73,41 +84,81 @@ def solve(
     in the rest images, if the observations are not what was generated, or if `out` or a temporary
     folder cannot be written.
     """
+    limits = (repeats, memory_gb, frame_s)
+    (run,) = solve_each([(layout, out)], method, centreline, limits, hear)
+    if run.refusal:
+        raise InputError(run.refusal)
+    return run
+
+
+def solve_each(
+    datasets: Sequence[tuple[Layout, Path]],
+    method: str,
+    centreline: str,
+    limits: tuple[int, float, float],
+    hear: Callable[[str], None] = lambda _line: None,
+) -> Iterator[MethodRun]:
+    """Run a method on several datasets, as `solve` does, each with the path of its table.
+
+    One process runs them all, one after another; `limits` are the repeats, the memory [GB] and the
+    time for a frame [s]. The table of a dataset that is refused holds the reason in every row.
+    """
+    remaining = list(datasets)
+    while remaining:
+        with _temporary_folder() as folder:
+
+            def restored_paths(text: str, folder: Path = folder) -> str:
+                """Replace paths of copies by the user's own paths."""
+                sources = f"{folder / _SOURCES}{os.sep}"
+                return text.replace(sources, "").replace(f"{folder}{os.sep}", "")
+
+            task = (str(folder), method, centreline, *map(str, limits))
+            with _supervisor(task, folder, lambda line: hear(restored_paths(line))) as pipes:
+                alive = True
+                while alive and remaining:
+                    layout, out = remaining.pop(0)
+                    run, alive = _solve(layout, out, folder / "observations", pipes, restored_paths)
+                    yield run
+
+
+def _solve(
+    layout: Layout,
+    out: Path,
+    copy: Path,
+    pipes: "_Pipes",
+    restored_paths: Callable[[str], str],
+) -> tuple[MethodRun, bool]:
+    """Solve one dataset; return the run, and whether the process can solve another."""
     prepare_output_path(out)
     check_complete(layout)
     observations = open_observations(layout.observations)
+    _copy(layout, copy)
     solved: dict[int, Row] = {}
-    traceback = ""
-    with _temporary_folder() as folder:
-        copy = folder / "observations"
-        task = (str(copy), method, centreline, str(repeats), str(memory_gb), str(frame_s))
-
-        def restored_paths(text: str) -> str:
-            """Replace paths of copies by the user's own paths."""
-            return text.replace(f"{folder / _SOURCES}{os.sep}", "").replace(f"{folder}{os.sep}", "")
-
-        with _supervisor(task, folder, lambda line: hear(restored_paths(line))) as (
-            start_pipe,
-            reports,
-        ):
-            _copy(layout, copy)
-            with suppress(BrokenPipeError):  # its own output contains the reason
-                start_pipe.write(b"\n")
-                start_pipe.flush()
-            for line in reports:
-                report: dict[str, Any] = json.loads(line)
-                if "refused" in report:
-                    raise InputError(restored_paths(report["refused"]))
-                solved[report["index"]] = report["row"]
-                traceback = traceback or restored_paths(report.get("traceback", ""))
-    crash = Estimate(Outcome.CRASHED, "the process that runs the method died")
+    traceback, refusal, alive = "", "", False
+    with suppress(BrokenPipeError):  # its own output contains the reason
+        pipes.requests.write(f"{copy}\n".encode())
+        pipes.requests.flush()
+    for line in pipes.reports:
+        report: dict[str, Any] = json.loads(line)
+        if "end" in report:
+            alive = True
+            break
+        if "refused" in report:
+            refusal = restored_paths(report["refused"])
+            continue
+        solved[report["index"]] = report["row"]
+        traceback = traceback or restored_paths(report.get("traceback", ""))
+    shutil.rmtree(copy, ignore_errors=True)
+    lost = Estimate(Outcome.CRASHED, "the process that runs the method died")
+    if refusal:
+        lost = Estimate(Outcome.INVALID, refusal)
     rows = [
-        solved.get(index) or row(frame.frame_id, crash, None)
+        solved.get(index) or row(frame.frame_id, lost, None)
         for index, frame in enumerate(observations.frames)
     ]
     write(out, csv_text(rows).encode())
     crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
-    return MethodRun(out, len(rows), crashed, traceback)
+    return MethodRun(out, len(rows), crashed, traceback, refusal), alive
 
 
 @contextmanager
@@ -137,7 +188,7 @@ def _copy(layout: Layout, target: Path) -> None:
 @contextmanager
 def _supervisor(
     task: tuple[str, ...], folder: Path, hear: Callable[[str], None]
-) -> Iterator[tuple[IO[bytes], IO[bytes]]]:
+) -> Iterator[_Pipes]:
     """Start the process that runs the method; yield its standard input and output.
 
     When its standard input ends, also because this process has ended, it ends with the method.
@@ -161,7 +212,7 @@ def _supervisor(
         assert process.stdin is not None
         assert process.stdout is not None
         try:
-            yield process.stdin, process.stdout
+            yield _Pipes(process.stdin, process.stdout)
         finally:
             with suppress(BrokenPipeError):
                 process.stdin.close()

@@ -1,11 +1,11 @@
-"""Run a method on all frames in worker processes, and continue after the loss of a worker.
+"""Run a method on datasets in worker processes, and continue after the loss of a worker.
 
-`python -m vbaa_bench.scoring.supervisor OBSERVATIONS METHOD CENTRELINE REPEATS MEMORY_GB FRAME_S`
+`python -m vbaa_bench.scoring.supervisor FOLDER METHOD CENTRELINE REPEATS MEMORY_GB FRAME_S`
 
-Waits for a line on standard input, then prints one line of JSON for each frame on standard output:
-its `index`, its `row` and, if the method raised an error, the `traceback`; or one line `refused`.
-When standard input ends, the parent process has ended: the workers are killed and the folder above
-OBSERVATIONS is removed.
+Each line on standard input names a folder of observations. For each of its frames, one line of JSON
+is printed on standard output: its `index`, its `row` and, if the method raised an error, the
+`traceback`; or one line `refused`. A line `end` follows. When standard input ends, the parent
+process has ended or needs no more: the workers are killed and FOLDER is removed.
 """
 
 import json
@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing.context import ForkContext, SpawnContext
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, Final
 
 from solver.instrument.errors import InputError
@@ -103,10 +104,17 @@ class _Workers:
         finally:
             self._worker.kill()
 
-    def exit_with_parent(self) -> None:
-        """Wait until standard input ends; then kill the worker, remove the folder and exit."""
-        while os.read(0, 64):
-            pass
+    def exit_with_parent(self, requests: "SimpleQueue[str]") -> None:
+        """Pass on the lines of standard input; when it ends, kill the worker and exit.
+
+        The folder is removed.
+        """
+        text = b""
+        # Not sys.stdin: a forked worker closes it, and would wait for its lock forever.
+        while received := os.read(0, 4096):
+            *lines, text = (text + received).split(b"\n")
+            for line in lines:
+                requests.put(line.decode())
         with self._lock:  # never released, so that no other worker is started
             if self._worker is not None:
                 self._worker.kill()
@@ -174,23 +182,22 @@ def _end(status: int | None) -> str:
 
 
 def main() -> None:
-    """Run the task given on the command line."""
-    observations, method, centreline, repeats, memory_gb, frame_s = sys.argv[1:]
-    task = Task(
-        Path(observations), method, centreline, int(repeats), float(memory_gb), float(frame_s)
-    )
-    workers = _Workers(task.observations.parent)
-    if not os.read(0, 1):  # the observations are not there yet
-        shutil.rmtree(task.observations.parent, ignore_errors=True)
-        return
-    threading.Thread(target=workers.exit_with_parent, daemon=True).start()
-    try:
-        opened_observations, _ = opened(task.observations, task.centreline)
-        for message in supervise(task, opened_observations, workers):
-            print(json.dumps(message), flush=True)
-    except InputError as error:
-        print(json.dumps({"refused": str(error)}), flush=True)
-    sys.stdout.flush()
+    """Run the method given on the command line on every folder that standard input names."""
+    folder, method, centreline, repeats, memory_gb, frame_s = sys.argv[1:]
+    workers, requests = _Workers(Path(folder)), SimpleQueue[str]()
+    threading.Thread(target=workers.exit_with_parent, args=(requests,), daemon=True).start()
+    while True:
+        observations = Path(requests.get())
+        task = Task(
+            observations, method, centreline, int(repeats), float(memory_gb), float(frame_s)
+        )
+        try:
+            opened_observations, _ = opened(observations, centreline)
+            for message in supervise(task, opened_observations, workers):
+                print(json.dumps(message), flush=True)
+        except InputError as error:
+            print(json.dumps({"refused": str(error)}), flush=True)
+        print(json.dumps({"end": str(observations)}), flush=True)
 
 
 if __name__ == "__main__":

@@ -48,7 +48,8 @@ class Task:
     frame_s: float
 
 
-@functools.cache
+# Of one dataset at a time: the images of a collection would fill the memory.
+@functools.lru_cache(maxsize=1)
 def opened(observations: Path, centreline: str) -> tuple[Observations, Antenna]:
     """Open the observations and calibrate. A forked worker inherits the result."""
     opened_observations = open_observations(observations)
