@@ -83,7 +83,7 @@ def test_only_so_much_motion_fits_a_readout(tmp_path: Path) -> None:
     text = SMALL_SCENE.replace("rest_images: 2", "exposure_s: 0.001, line_time_us: 1000")
     with pytest.raises(
         InputError,
-        match="sensor.exposure_s is 0.001 and sensor.line_time_us is 1000: the motor turns by 17.6",
+        match=r"exposure_s is 0\.001 and sensor.line_time_us is 1000: the motor turns by 17\.6",
     ):
         scene_file(tmp_path, text + "motor_speed_deg_s: 100\n")
 

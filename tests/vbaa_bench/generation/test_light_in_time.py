@@ -106,7 +106,7 @@ def test_a_level_scales_frames_but_not_the_beam_at_rest(laboratory: Laboratory) 
     bright, dark = rendered(plain, 0).radiance, rendered(darker, 0).radiance
     # Samples differ: the noise target is that of less light.
     assert dark.mean() == pytest.approx(0.25 * bright.mean(), rel=2e-3)
-    assert np.corrcoef(dark.ravel(), bright.ravel())[0, 1] > 0.999
+    assert np.corrcoef(dark.ravel(), bright.ravel())[0, 1] > 0.995
     one, other = (each.rest_image(0, EXPOSURE) for each in (plain, darker))
     assert (one == other).all()
 
@@ -124,7 +124,9 @@ def test_a_rolling_shutter_shows_the_beam_where_it_is_when_its_row_is_exposed(
     times, rows = turns / np.radians(60), np.arange(ROWS)
     columns = np.arange(190, 225)
     # Row (poses, columns) of the centreline, and the time at which that row is exposed.
-    lines = [renderer.rig.camera.project(renderer.assembler.centreline(each)) for each in poses]
+    lines = [
+        renderer.rig.camera.project(renderer.assembler.centreline(each)[:, 1:]) for each in poses
+    ]
     v = np.array([np.interp(columns, line[:, 0], line[:, 1]) for line in lines])
     early = times[:, None] - 200e-6 * (v - (ROWS - 1) / 2)
     expected = np.array([np.interp(0, early[:, i], v[:, i]) for i in range(columns.size)])

@@ -8,6 +8,7 @@ import pytest
 from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure
 from vbaa_bench.sensor.mosaic import Mosaic, Pattern
+from vbaa_bench.sensor.quantise import quantise
 from vbaa_bench.sensor.sensor import Sensor
 
 PATTERNS = get_args(Pattern)
@@ -32,7 +33,7 @@ def test_gray_light_is_gray_in_every_pattern(
     assert [transmission[place // 2, place % 2] for place in range(4)] == pytest.approx(
         [SIGNALS[channel] for channel in pattern]
     )
-    raw = np.rint(black + 200 * transmission).astype(np.uint8 if bits == 8 else np.uint16)
+    raw = quantise((black + 200 * transmission) / (2**bits - 1), bits)
     assert filters.colours(raw, black) == pytest.approx(black + 200, abs=1e-3)
     tinted = mosaic(pattern, edge_aware=edge_aware, white_balance=False).colours(raw, black)
     blue_green_red = np.array([SIGNALS[c] for c in "bgr"])

@@ -19,7 +19,7 @@ lights = st.builds(
 
 
 def row_times(shutter: Shutter) -> Floats:
-    return shutter.line_time * (np.arange(shutter.rows) - (shutter.rows - 1) / 2)
+    return np.asarray(shutter.line_time * (np.arange(shutter.rows) - (shutter.rows - 1) / 2))
 
 
 @given(shutters, lights, st.integers(1, 30))
