@@ -14,7 +14,7 @@ from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
 from solver.instrument.units import PERCENT
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.motion import exposure_poses
+from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
 from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import ShardWriter
@@ -40,7 +40,7 @@ from vbaa_bench.scene.random_scene import drawn_values, rest_scene
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
-from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
+from vbaa_bench.sensor.from_spec import fixed_pattern, flicker, image_sensor, metered_exposure
 from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.sensor.sensor import Sensor
 
@@ -162,10 +162,12 @@ class FrameRenderer:
     def meter(self, tick: Callable[[], None], specs: Sequence[FrameSpec]) -> Metering:
         """Measure the exposure, and learn from some frames how many samples pixels need.
 
-        Of a moving beam, one pose per frame is rendered. The renders are not kept.
+        Nothing is learned if the scene says so. Of a moving beam, one pose per frame is rendered.
+        The renders are not kept.
         """
         metering = Metering(self.measure_exposure(tick))
-        for number in range(0 if is_scalar() else _ROUNDS):
+        learns = self.scene.render.sample_table and not is_scalar()
+        for number in range(_ROUNDS if learns else 0):
             sampled = [self._sampled(spec, metering, number) for spec in specs]
             together = Sampled(*map(np.concatenate, zip(*sampled, strict=True)))
             metering = metering._replace(table=metering.table.refined(together))
@@ -174,10 +176,10 @@ class FrameRenderer:
     def _sampled(self, spec: FrameSpec, metering: Metering, number: int) -> Sampled:
         """Render one pose of a frame; return its sampled pixels."""
         poses = exposure_poses(self.pose(spec), self.scene, self.rig)
-        target = self.frame_target(metering, len(poses))
+        target = self.frame_target(metering, averaged_poses(self.scene, len(poses)))
         world = self.pushed_world(poses[len(poses) // 2])
         seed = render_seed(self.scene, f"sample table, round {number}", spec.index)
-        sampled = render_frame(world, self._static_layer(world, target), target, seed).sampled
+        sampled = render_frame(world, self._static_layer(world, metering), target, seed).sampled
         assert sampled is not None
         return sampled
 
@@ -195,14 +197,16 @@ class FrameRenderer:
         seed = render_seed(self.scene, "board render", view)
         target = self._noise_target(self.sensor(exposure).noise_sigma).scaled(_BOARD_NOISE)
         rendered = render_frame(self.assembler.calibration_board(view), None, target, seed)
-        return self._expose(rendered, exposure, "board sensor", view)
+        lit = self._exposed([rendered], "board sensor", view)
+        return self._expose(lit, exposure, "board sensor", view)
 
     def rest_image(self, number: int, exposure: float) -> Grey:
         """Render one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
         target = self._noise_target(self.sensor(exposure).noise_sigma)
         rendered = render_frame(self.rest_world(number), None, target, seed)
-        return self._expose(rendered, exposure, "rest sensor", number)
+        lit = self._exposed([rendered], "rest sensor", number)
+        return self._expose(lit, exposure, "rest sensor", number)
 
     def shard(
         self,
@@ -236,26 +240,34 @@ class FrameRenderer:
     def photograph(self, spec: FrameSpec, metering: Metering) -> tuple[Grey, RenderedRadiance]:
         """Render one frame: its gray image, and the radiance it was exposed to."""
         poses = exposure_poses(self.pose(spec), self.scene, self.rig)
-        target, rendered = self.frame_target(metering, len(poses)), []
+        level, averaged = spec.scene.light_level, averaged_poses(self.scene, len(poses))
+        target, rendered = self.frame_target(metering, averaged, level), []
         for number, pose in enumerate(poses):
             world = self.pushed_world(pose)
             seed = render_seed(self.scene, f"frame, pose {number}", spec.index)
-            rendered.append(render_frame(world, self._static_layer(world, target), target, seed))
-        blurred = average_poses(rendered)
+            rendered.append(render_frame(world, self._static_layer(world, metering), target, seed))
+        blurred = self._exposed(rendered, "sensor", spec.index).at_level(level)
         return self._expose(blurred, metering.exposure, "sensor", spec.index), blurred
 
-    def frame_target(self, metering: Metering, poses: int) -> NoiseTarget:
-        """Noise target of each of a frame's poses: their average may have the scene's noise."""
-        target = self._noise_target(self.sensor(metering.exposure).noise_sigma)
+    def frame_target(self, metering: Metering, poses: float, level: float = 1.0) -> NoiseTarget:
+        """Noise target of each of a frame's poses: their average may have the scene's noise.
+
+        `level` is that of the light. The sensor's noise is relative to the radiance at level 1.
+        """
+        target = self._noise_target(self.sensor(metering.exposure * level).noise_sigma)
         return replace(target, table=metering.table).scaled(poses**0.5)
 
-    def _static_layer(self, world: World, target: NoiseTarget) -> StaticLayer | None:
-        """Return the static layer; None if only whole images are rendered."""
+    def _static_layer(self, world: World, metering: Metering) -> StaticLayer | None:
+        """Return the static layer; None if only whole images are rendered.
+
+        It has the noise for light level 1, whatever the level of the first frame.
+        """
         look = self._look
         assert look is not None
-        if is_scalar() or not look.shared:
+        if is_scalar() or not (look.shared and self.scene.render.static_layer):
             return None
         if look.static_layer is None:
+            target = self.frame_target(metering, 1)
             seed = render_seed(self.scene, "plate", look.number)
             look.static_layer = render_static_layer(world, target, seed)
         return look.static_layer
@@ -273,6 +285,14 @@ class FrameRenderer:
     def _fixed_pattern(self) -> FixedPattern | None:
         camera, random = self.rig.camera, random_generator(self.scene, "fixed pattern")
         return fixed_pattern(self.scene.sensor, (camera.height, camera.width), random)
+
+    def _exposed(
+        self, images: Sequence[RenderedRadiance], stream: str, number: int
+    ) -> RenderedRadiance:
+        """Integrate the poses of one image over its exposure; the phase of flicker is random."""
+        random = random_generator(self.scene, f"{stream} flicker", number)
+        light = flicker(self.scene.flicker, random)
+        return average_poses(images, pose_weights(self.scene, len(images), light))
 
     def _expose(
         self, rendered: RenderedRadiance, exposure: float, stream: str, number: int

@@ -12,8 +12,8 @@ from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
-# Sections that only move the beam, and those that only change surfaces that move.
-_POSE: Final = {"pushes"}
+# Keys that change no surface, and sections that only change surfaces that move.
+_POSE: Final = {"pushes", "light_level"}
 _MOVING: Final = {*_POSE, "object", "second_peg", "occlusion"}
 
 

@@ -76,6 +76,12 @@ class RenderedRadiance:
         """
         return np.asarray((self.coverage > 0) & (self.coverage >= 0.5 * self.coverage.max()))
 
+    def at_level(self, level: float) -> "RenderedRadiance":
+        """Scale the light by a factor."""
+        if level == 1:
+            return self
+        return replace(self, radiance=level * self.radiance, variance=level**2 * self.variance)
+
     def by_name(self) -> dict[str, np.ndarray]:
         """Return all layers that can be saved for a frame, keyed as in a scene's `layers`."""
         truth = self.layers
@@ -158,9 +164,17 @@ def render_frame(
     )
 
 
-def average_poses(images: Sequence[RenderedRadiance]) -> RenderedRadiance:
-    """Average successive images; the layers are those of the middle one."""
+def average_poses(
+    images: Sequence[RenderedRadiance], weights: Floats | None = None
+) -> RenderedRadiance:
+    """Average successive images; the layers are those of the middle one.
+
+    Without `weights` (height, images) all have equal weight. Weights include the relative power of
+    the light; the coverage is averaged without it.
+    """
     middle = images[len(images) // 2]
+    if weights is not None:
+        return _weighted(images, weights)
     if len(images) == 1:
         return middle
     return RenderedRadiance(
@@ -170,6 +184,26 @@ def average_poses(images: Sequence[RenderedRadiance]) -> RenderedRadiance:
         np.mean([image.coverage for image in images], axis=0),
         np.sum([image.samples for image in images], axis=0),
         np.any([image.affected for image in images], axis=0),
+    )
+
+
+def _weighted(images: Sequence[RenderedRadiance], weights: Floats) -> RenderedRadiance:
+    """Add images, each row with its own weights."""
+    # A row may be exposed while lamps that flicker emit almost nothing.
+    shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+
+    def added(layer: str, factors: Floats) -> Floats:
+        layers = [getattr(image, layer) for image in images]
+        return np.asarray(np.einsum("rk,krc->rc", factors, np.stack(layers)))
+
+    return replace(
+        images[len(images) // 2],
+        radiance=added("radiance", weights),
+        variance=added("variance", weights**2),
+        coverage=added("coverage", shares),
+        samples=np.sum([image.samples for image in images], axis=0),
+        affected=np.any([image.affected for image in images], axis=0),
+        sampled=None,
     )
 
 

@@ -4,11 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from solver.instrument.units import PERCENT
+from solver.instrument.units import MICRO, PERCENT
+from vbaa_bench.scene.mosaic import BayerSpec
 from vbaa_bench.scene.part import NonNegative, Part
 
 # Fields that an ideal sensor may set; all others keep their defaults.
-_IDEAL = ("bits", "beam_peak_pct", "rest_images", "exposure_s")
+_IDEAL = ("bits", "beam_peak_pct", "rest_images", "exposure_s", "line_time_us")
+
+_PartsPerMillion = Annotated[float, Field(ge=0, le=1e5)]
 
 
 class SensorSpec(Part):
@@ -31,15 +34,33 @@ class SensorSpec(Part):
     dark_current_e_s: NonNegative = 0.0
     # Integration time.
     exposure_s: Annotated[float, Field(gt=0, le=3600)] = 0.005
+    # Rolling shutter: delay from the exposure of one row to that of the row below. With 0 all rows
+    # are exposed at once; the middle row is exposed at the frame's nominal time.
+    line_time_us: NonNegative = 0.0
     # Photo-response and dark-signal non-uniformity: standard deviations over the pixels.
     prnu_pct: Annotated[float, Field(ge=0, le=20)] = 0.0
     dsnu_e: NonNegative = 0.0
+    # Pixels with additional dark current, exponentially distributed with this mean, and pixels
+    # without response to light. Which ones is drawn once per dataset.
+    hot_pixels_ppm: _PartsPerMillion = 0.0
+    hot_dark_current_e_s: Annotated[float, Field(ge=0, le=1e9)] = 200_000
+    dead_pixels_ppm: _PartsPerMillion = 0.0
     # By default, the full well is at full scale.
     gain_e_per_gray: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
     # Gray value of a dark pixel.
     black_level_gray: Annotated[float, Field(ge=0, lt=65535)] = 0.0
     # Gray over full scale is its linear value to the power of 1 / gamma.
     gamma: Annotated[float, Field(ge=1, le=4)] = 1.0
+    # A colour sensor; without it, the sensor is monochrome.
+    bayer: BayerSpec | None = None
+    # Every image is compressed as JPEG, which is also one frame of Motion JPEG, and decoded. Files
+    # are PNG of the decoded gray values. Of a colour image, only the gray one is compressed.
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] | None = None
+
+    @property
+    def line_time_s(self) -> float:
+        """Delay from the exposure of one row to that of the row below."""
+        return self.line_time_us * MICRO
 
     @property
     def full_scale(self) -> int:
@@ -77,6 +98,15 @@ class SensorSpec(Part):
             raise ValueError(
                 f"kind is ideal and {', '.join(forbidden)} given, allowed with it are "
                 f"{', '.join(_IDEAL)}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_compression(self) -> "SensorSpec":
+        if self.jpeg_quality is not None and self.bits != 8:
+            raise ValueError(
+                f"jpeg_quality is {self.jpeg_quality} and bits is {self.bits}, allowed with "
+                "jpeg_quality is 8: JPEG images have 8 bits"
             )
         return self
 

@@ -41,6 +41,7 @@ FINEST: Final[dict[Path, Level]] = {
     ("second_peg",): "push",
     ("occlusion",): "frame",
     ("light",): "frame",
+    ("light_level",): "frame",
     ("lights",): "frame",
     ("background",): "frame",
     ("background", "distance_mm"): "push",

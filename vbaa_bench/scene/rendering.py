@@ -34,5 +34,10 @@ class RenderSpec(Part):
     near_beam_px: Annotated[int, Field(ge=1, le=64)] = 4
     # Largest distance of the beam's mesh from the smooth beam.
     mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = 0.006
+    # Whether surfaces that do not move are rendered once, with the low noise above, and whether the
+    # numbers of samples are corrected by a few frames that are not kept. Both cost as much as ten
+    # frames, and pay in larger datasets.
+    static_layer: bool = True
+    sample_table: bool = True
     # 1: light goes from lamp to surface to camera. More: surfaces light each other.
     bounces: Annotated[int, Field(ge=1, le=16)] = 1

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.scene.laboratory import ForceSensorSpec, HubSpec, MomentSensorSpec
-from vbaa_bench.scene.lighting import BackgroundSpec, LampSpec, LightSpec
+from vbaa_bench.scene.lighting import BackgroundSpec, FlickerSpec, LampSpec, LightSpec
 from vbaa_bench.scene.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
 from vbaa_bench.scene.optics import OpticsSpec
 from vbaa_bench.scene.paint import Paint, PaintedPart
@@ -157,12 +157,17 @@ class Scene(Part):
     tolerances: ToleranceSpec = ToleranceSpec()
     camera: CameraSpec = CameraSpec()
     optics: OpticsSpec = OpticsSpec()
-    # Motor speed while the shutter is open (sensor.exposure_s, all pixels at once).
+    # Motor speed while the shutter is open (sensor.exposure_s, and with a rolling shutter
+    # sensor.line_time_us for each row).
     motor_speed_deg_s: Annotated[float, Field(ge=0, le=1e4)] = 0.0
     calibration: CalibrationSpec = CalibrationSpec()
     light: LightSpec = LightSpec()
     # In place of `light`.
     lights: tuple[LampSpec, ...] = ()
+    # Light in the frames, relative to the light for which the exposure was metered and in which the
+    # board and the beam at rest were photographed.
+    light_level: Annotated[float, Field(ge=0.01, le=100)] = 1.0
+    flicker: FlickerSpec | None = None
     background: BackgroundSpec = BackgroundSpec()
     object: ObjectSpec = BlockSpec()
     second_peg: SecondPegSpec | None = None
@@ -285,12 +290,15 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _check_motion(self) -> "Scene":
-        rotation = self.motor_speed_deg_s * self.sensor.exposure_s
+        sensor = self.sensor
+        readout_s = sensor.line_time_s * (self.camera.height_px - 1)
+        rotation = self.motor_speed_deg_s * (sensor.exposure_s + readout_s)
         if rotation > 5:
+            rolling = f" and sensor.line_time_us is {sensor.line_time_us:g}" if readout_s else ""
             raise ValueError(
                 f"motor_speed_deg_s is {self.motor_speed_deg_s:g} and sensor.exposure_s is "
-                f"{self.sensor.exposure_s:g}: the motor turns by {rotation:g} degrees while the "
-                "shutter is open, allowed is up to 5"
+                f"{sensor.exposure_s:g}{rolling}: the motor turns by {rotation:g} degrees while "
+                "the shutter is open, allowed is up to 5"
             )
         if rotation and self.object.kind == "none":
             raise ValueError("motor_speed_deg_s is given, but object.kind is none")

@@ -3,11 +3,14 @@
 import numpy as np
 
 from solver.instrument.errors import InputError
-from solver.instrument.units import PERCENT
+from solver.instrument.units import MICRO, PERCENT
 from vbaa_bench.scene.image_sensor import SensorSpec
+from vbaa_bench.scene.lighting import FlickerSpec
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
 from vbaa_bench.sensor.ideal import Ideal
+from vbaa_bench.sensor.mosaic import Mosaic
 from vbaa_bench.sensor.sensor import Sensor
+from vbaa_bench.sensor.shutter import STEADY, Flicker
 
 
 def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
@@ -29,9 +32,21 @@ def fixed_pattern(
     spec: SensorSpec, shape: tuple[int, int], random: np.random.Generator
 ) -> FixedPattern | None:
     """Draw the pattern (h, w) of one sensor, used for all its frames; None if it has none."""
-    if spec.prnu_pct == spec.dsnu_e == 0:
+    hot, dead = spec.hot_pixels_ppm * MICRO, spec.dead_pixels_ppm * MICRO
+    if spec.prnu_pct == spec.dsnu_e == hot == dead == 0:
         return None
-    return FixedPattern.draw(shape, spec.prnu_pct * PERCENT, spec.dsnu_e, random)
+    pattern = FixedPattern.draw(shape, spec.prnu_pct * PERCENT, spec.dsnu_e, random)
+    if hot == dead == 0:
+        return pattern
+    return pattern.with_defects(hot, spec.hot_dark_current_e_s * spec.exposure_s, dead, random)
+
+
+def flicker(spec: FlickerSpec | None, random: np.random.Generator) -> Flicker:
+    """Draw the phase of the light in one image; light without flicker is steady."""
+    if spec is None:
+        return STEADY
+    frequency = 2 * np.pi * 2 * spec.mains_hz
+    return Flicker(spec.depth_pct * PERCENT, frequency, random.uniform(0, 2 * np.pi))
 
 
 def image_sensor(
@@ -51,4 +66,22 @@ def image_sensor(
         black_level=spec.black_level_gray,
         gamma=spec.gamma,
         pattern=pattern,
+        mosaic=_mosaic(spec),
+        jpeg_quality=spec.jpeg_quality,
+    )
+
+
+def _mosaic(spec: SensorSpec) -> Mosaic | None:
+    """Build the mosaic of a colour sensor, its most sensitive channel with the signal 1."""
+    bayer = spec.bayer
+    if bayer is None:
+        return None
+    largest = max(bayer.red, bayer.green, bayer.blue)
+    return Mosaic(
+        red=bayer.red / largest,
+        green=bayer.green / largest,
+        blue=bayer.blue / largest,
+        pattern=bayer.pattern,
+        white_balance=bayer.white_balance,
+        edge_aware=bayer.demosaicing == "edge_aware",
     )

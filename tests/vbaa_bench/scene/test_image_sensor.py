@@ -18,7 +18,7 @@ from vbaa_bench.scene.image_sensor import SensorSpec
         (
             {"kind": "ideal", "read_noise_e": 5.0, "gamma": 2.2},
             "kind is ideal and read_noise_e, gamma given, allowed with it are bits, "
-            "beam_peak_pct, rest_images, exposure_s",
+            "beam_peak_pct, rest_images, exposure_s, line_time_us",
         ),
         (
             {"gain_e_per_gray": 100.0},
@@ -34,6 +34,15 @@ from vbaa_bench.scene.image_sensor import SensorSpec
             "dark_current_e_s times exposure_s is 8000 electrons, allowed is below the 7000 at "
             "which the beam peaks",
         ),
+        (
+            {"jpeg_quality": 90, "bits": 12},
+            "jpeg_quality is 90 and bits is 12, allowed with jpeg_quality is 8: JPEG images have "
+            "8 bits",
+        ),
+        ({"jpeg_quality": 0}, "greater than or equal to 1"),
+        ({"hot_pixels_ppm": 2e5}, "less than or equal to 100000"),
+        ({"bayer": {"red": 0.0}}, "greater than or equal to 0.01"),
+        ({"bayer": {"pattern": "rgbg"}}, "'rggb', 'bggr', 'grbg' or 'gbrg'"),
         ({"read_noise_e": 2e4}, "read_noise_e is 20000, allowed is below the full well of 10000"),
         ({"dsnu_e": 2e4}, "dsnu_e is 20000, allowed is below the full well of 10000"),
     ],

@@ -36,3 +36,31 @@ def test_the_same_generator_draws_the_same_pattern(pattern: FixedPattern) -> Non
 def test_no_pixel_answers_light_with_less_than_nothing() -> None:
     wild = FixedPattern.draw((200, 200), 0.5, 0.0, np.random.default_rng(0))
     assert wild.response.min() == 0
+
+
+def test_hot_pixels_have_the_stated_number_and_dark_signal() -> None:
+    plain = FixedPattern.draw((1000, 1000), 0.0, 0.0, np.random.default_rng(0))
+    pattern = plain.with_defects(0.01, 400.0, 0.002, np.random.default_rng(1))
+    assert isinstance(pattern.hot_signal, np.ndarray)
+    signal = pattern.hot_signal[pattern.hot_signal > 0]
+    # Counts are Poisson; an exponential distribution has the standard deviation of its mean.
+    assert signal.size == pytest.approx(10_000, abs=4 * 100)
+    assert signal.mean() == pytest.approx(400, abs=4 * 400 / 100)
+    assert signal.std() == pytest.approx(400, rel=0.06)
+    assert np.count_nonzero(pattern.response == 0) == pytest.approx(2000, abs=4 * 45)
+    assert set(np.unique(pattern.response)) == {0, 1}
+
+
+def test_hot_pixels_have_the_shot_noise_of_their_dark_current_and_dead_ones_no_light() -> None:
+    hot_signal = np.zeros((200, 200), np.float32)
+    hot_signal[:, 50:] = 3000
+    response = np.ones((200, 200), np.float32)
+    response[:, 100:] = 0
+    pattern = FixedPattern(response, np.zeros_like(response), hot_signal)
+    sensor = Sensor(1.0, 65_535, 5.0, bits=16, dark_signal=200.0, pattern=pattern)
+    frame = sensor.expose(np.full((200, 200), 1000.0), np.random.default_rng(0)).astype(float)
+    plain, hot, dead = frame[:, :50], frame[:, 50:100], frame[:, 100:]
+    assert plain.mean() == pytest.approx(1200, abs=4 * 35 / 100)
+    assert hot.mean() == pytest.approx(4200, abs=4 * 65 / 100)
+    assert hot.var() == pytest.approx(4200 + 25 + 1 / 12, rel=0.06)
+    assert dead.mean() == pytest.approx(3200, abs=0.5)

@@ -9,6 +9,7 @@ import numpy as np
 
 from solver.instrument.arrays import Grey
 from vbaa_bench.benchmarks.stress.recording import Perturbation, Recording, requantised
+from vbaa_bench.sensor.compression import jpeg
 
 # Strength of a phone's processing, chosen by eye. Stronger processing removes the beam's own
 # texture; weaker processing is not visible.
@@ -80,12 +81,6 @@ def copied_rest_image(recording: Recording, _random: np.random.Generator) -> Rec
 def unchanged(recording: Recording, _random: np.random.Generator) -> Recording:
     """Return the recording unchanged."""
     return recording
-
-
-def jpeg(image: Grey, quality: int) -> Grey:
-    """Compress a gray image as JPEG and decode it."""
-    _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
 
 
 def _processed(image: Grey) -> Grey:
