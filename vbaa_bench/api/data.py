@@ -13,9 +13,10 @@ from solver.instrument.errors import InputError
 from solver.instrument.observation import Observations, open_observations
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset import exr
+from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
-from vbaa_bench.generation.collection import CollectionLayout, failed, generate_collection
+from vbaa_bench.generation.collection import failed, generate_collection
 from vbaa_bench.generation.generate import generate as generate_dataset
 from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose

@@ -8,13 +8,17 @@ from typing import Any, Final
 
 import polars as pl
 
+from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from vbaa_bench.api.data import AnyDataset, dataset_folder
+from vbaa_bench.dataset.collection import CollectionLayout, is_collection
+from vbaa_bench.generation.workers import cores
 from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.applicable import applicable
-from vbaa_bench.scoring.child import MEMORY_GB, MethodRun
+from vbaa_bench.scoring.child import MAX_FRAME_S, MEMORY_GB, MethodRun
 from vbaa_bench.scoring.child import solve as run_method
+from vbaa_bench.scoring.collection import score_rigs, solve_rigs
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results, run_name
 from vbaa_bench.scoring.score import read_scores, with_own
 from vbaa_bench.scoring.score import score as write_scores
@@ -66,8 +70,11 @@ def solve(
     memory_gb: float = MEMORY_GB,
     on_start: Callable[[str], None] = lambda _name: None,
     on_output: Callable[[str], None] = lambda _line: None,
+    on_rig: Callable[[], None] = lambda: None,
 ) -> dict[str, MethodRun]:
     """Run methods on the observations of a dataset, each in a process that never sees the truth.
+
+    Of a collection, all rigs are solved, and `on_rig` is called after each.
 
     `methods` are names, "all", or "package.module:function", one or several; by default those that
     the dataset has readings for. Their estimates are written to the folder `predictions/`. Each
@@ -78,8 +85,12 @@ def solve(
     one. Raises InputError.
     """
     results = Results(dataset_folder(data))
+    rigs = CollectionLayout(results.root).rigs() if is_collection(results.root) else {}
+    if is_collection(results.root) and not rigs:
+        raise InputError(f"{results.root}: holds no complete rig; generate the collection first")
     requested = [methods] if isinstance(methods, str) else methods
-    requested = requested or applicable(open_observations(results.dataset.observations))
+    first = next(iter(rigs.values()), results.dataset)
+    requested = requested or applicable(open_observations(first.observations))
     chosen = dict.fromkeys(
         name for entry in requested for name in (METHODS if entry == _ALL_METHODS else [entry])
     )
@@ -87,6 +98,12 @@ def solve(
     for method, centreline in product(chosen, dict.fromkeys(centrelines)):
         name = run_name(method, centreline)
         on_start(name)
+        if rigs:
+            limits = (repeats, memory_gb, MAX_FRAME_S)
+            runs[name] = solve_rigs(
+                rigs, method, name, centreline, limits, cores(), on_rig, on_output
+            )
+            continue
         target = results.predictions / f"{name}.csv"
         runs[name] = run_method(
             results.dataset,
@@ -122,6 +139,10 @@ def score(
     root = dataset_folder(data)
     if methods is not None:
         runs = {**(runs or {}), **solve(data, methods)}
+    if is_collection(root):
+        if predictions:
+            raise InputError(f"{root}: is a collection; predictions files are scored rig by rig")
+        return Scores(root, score_rigs(root, None if runs is None else list(runs)), runs or {})
     user_files = [Path(path) for path in predictions]
     tables = with_own(Results(root), user_files)
     if runs is not None:

@@ -1,14 +1,26 @@
 """Commands that render: preview, plan, generate, check-camera, contact-sheet."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, Out, Picture, ScenePath, Seed, Variant, Workers
+from vbaa_bench.cli.options import (
+    AsJson,
+    FrameCount,
+    Out,
+    Picture,
+    Rigs,
+    ScenePath,
+    Seed,
+    Settings,
+    Variant,
+    Workers,
+    rig_numbers,
+)
 from vbaa_bench.report.console import console, print_result, progress_bars
 
 
@@ -66,27 +78,51 @@ def generate(
     scene: ScenePath,
     out: Out = None,
     seed: Seed = None,
+    settings: Settings = None,
+    frames: FrameCount = None,
+    rigs: Rigs = None,
     workers: Workers = None,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
     """Render a scene into a dataset. Run it again to finish an interrupted dataset."""
-    root = generate_dataset(scene, out, seed, workers, variant)
-    frames = len(list(root.glob("observations/shard_*/*.png")))
-    print_result({"dataset": str(root), "frames": frames}, f"{frames} frames in {root}", as_json)
+    choice = SceneChoice(scene, seed, settings, frames, rigs)
+    root = generate_dataset(choice, out, workers, variant)
+    count = len(list(root.glob("**/observations/shard_*/*.png")))
+    print_result({"dataset": str(root), "frames": count}, f"{count} frames in {root}", as_json)
+
+
+class SceneChoice(NamedTuple):
+    """A scene file, and what options change in it or select of it."""
+
+    path: Path
+    seed: int | None = None
+    settings: list[str] | None = None
+    frames: int | None = None
+    rigs: str | None = None
 
 
 def generate_dataset(
-    scene: Path, out: Path | None, seed: int | None, workers: int | None, variant: str | None
+    choice: SceneChoice, out: Path | None, workers: int | None, variant: str | None
 ) -> Path:
-    """Render a scene with progress bars, and return the dataset's folder."""
+    """Render a scene with progress bars, and return the folder of the dataset or collection."""
     with importing():
+        from solver.instrument.errors import InputError
         from vbaa_bench.api import data
         from vbaa_bench.scene.load import load_scene
 
-    file, root = load_scene(scene, seed), out or Path("runs") / scene.stem
+    file = load_scene(choice.path, choice.seed, choice.settings or (), choice.frames)
+    root = out or Path("runs") / choice.path.stem
+    if choice.rigs is not None and file.rigs is None:
+        raise InputError(f"--rigs is {choice.rigs}, but {choice.path} states no rigs")
     try:
-        data.generate(file, root, workers=workers, variant=variant, progress=True)
+        if file.rigs is None:
+            data.generate(file, root, workers=workers, variant=variant, progress=True)
+        else:
+            numbers = rig_numbers(choice.rigs, file.rigs)
+            data.generate_rigs(
+                file, root, rigs=numbers, workers=workers, variant=variant, progress=True
+            )
     except KeyboardInterrupt:
         console.print("interrupted; run the same command again to continue")
         raise

@@ -47,6 +47,21 @@ def _checked_path(path: Path | None) -> Path | None:
     return path
 
 
+def rig_numbers(text: str | None, count: int) -> range:
+    """Parse the numbers of rigs, such as 7 or 3:7, of a scene with `count`. Raises InputError."""
+    if text is None:
+        return range(count)
+    first, colon, last = text.partition(":")
+    try:
+        start = int(first) if first else 0
+        end = (int(last) if last else count) if colon else start + 1
+    except ValueError:
+        start, end = 0, -1
+    if not 0 <= start < end <= count:
+        raise InputError(f"--rigs is {text}, allowed is a number or a range within 0:{count}")
+    return range(start, end)
+
+
 ScenePath = Annotated[Path, typer.Argument(help="scene file, such as scenes/quickstart.yaml")]
 DatasetPath = Annotated[
     Path, typer.Argument(callback=_checked_path, help="dataset folder, from generate or run")
@@ -60,6 +75,20 @@ Picture = Annotated[
     typer.Option(callback=_checked_path, help="PNG file to write", show_default="in results/"),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="seed in place of the scene's own")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="value in place of the scene's: beam.length_mm=200; repeatable"),
+]
+FrameCount = Annotated[
+    int | None,
+    typer.Option(
+        "--frames", min=1, help="frames per rig: sets sampling.count or pushes.repeats, rounded up"
+    ),
+]
+Rigs = Annotated[
+    str | None,
+    typer.Option(help="rigs to make, as 7 or 3:7 (3 to 6)", show_default="all of the scene"),
+]
 Workers = Annotated[
     int | None,
     typer.Option(min=1, max=256, help="number of processes", show_default="one per core"),

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from vbaa_bench.cli.data import generate_dataset
+from vbaa_bench.cli.data import SceneChoice, generate_dataset
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import (
     MEMORY_GB,
@@ -16,13 +16,16 @@ from vbaa_bench.cli.options import (
     By,
     Centreline,
     DatasetPath,
+    FrameCount,
     Memory,
     Method,
     Out,
     Predictions,
     Repeats,
+    Rigs,
     ScenePath,
     Seed,
+    Settings,
     Variant,
     Workers,
 )
@@ -39,6 +42,9 @@ def run(
     method: Method = None,
     centreline: Centreline = None,
     seed: Seed = None,
+    settings: Settings = None,
+    frames: FrameCount = None,
+    rigs: Rigs = None,
     workers: Workers = None,
     variant: Variant = None,
     repeats: Repeats = 3,
@@ -46,7 +52,8 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Generate, solve, score and report a scene."""
-    root = generate_dataset(scene, out, seed, workers, variant)
+    choice = SceneChoice(scene, seed, settings, frames, rigs)
+    root = generate_dataset(choice, out, workers, variant)
     runs = _solve(root, method, centreline, repeats, memory)
     with importing():
         from vbaa_bench.api import results
@@ -124,14 +131,27 @@ def _solve(
         from vbaa_bench.api import results
 
     with console.status("solving") as status:
+        name, rigs = "", 0
+
+        def on_start(started: str) -> None:
+            nonlocal name, rigs
+            name, rigs = started, 0
+            status.update(escape(f"solving with {name}"))
+
+        def on_rig() -> None:
+            nonlocal rigs
+            rigs += 1
+            status.update(escape(f"solving with {name}, {rigs} rigs"))
+
         return results.solve(
             root,
             methods,
             centrelines=centrelines or [USUAL_CENTRELINE],
             repeats=repeats,
             memory_gb=memory,
-            on_start=lambda name: status.update(escape(f"solving with {name}")),
+            on_start=on_start,
             on_output=print_line,
+            on_rig=on_rig,
         )
 
 

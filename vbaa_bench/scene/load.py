@@ -1,6 +1,7 @@
 """Load a scene from YAML 1.2. All mistakes in the file are listed, with line and column."""
 
 import io
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import CollectionEndEvent, CollectionStartEvent
 
 from solver.instrument.errors import InputError, quoted, truncated
+from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.mistakes import (
     Key,
     distribution_mistakes,
@@ -82,15 +84,57 @@ class SceneFile:
         return located_message(self.path, self._document, key, sentence)
 
 
-def load_scene(path: Path | str, seed: int | None = None) -> SceneFile:
-    """Read and check a scene; `seed` replaces the file's. Raises InputError with all mistakes."""
+def load_scene(
+    path: Path | str,
+    seed: int | None = None,
+    settings: Sequence[str] = (),
+    frames: int | None = None,
+) -> SceneFile:
+    """Read and check a scene. Raises InputError with all mistakes.
+
+    `seed` replaces the file's, and `settings`, such as "beam.length_mm=200", replace values.
+    `frames` changes the number of random pushes, so that there are at least so many frames.
+    """
     path = Path(path)
     document = _document(path, _text(path))
     if not isinstance(document, CommentedMap):
         raise InputError(
             f"{path}:1:1: is {quoted(document)}, allowed is a mapping of keys to values"
         )
+    for setting in settings:
+        _set(document, setting)
+    file = _checked(path, document, {} if seed is None else {"seed": seed})
+    if frames is None:
+        return file
+    pushes, sampling = file.scene.pushes, file.scene.sampling
+    key, size = ("sampling.count", sampling.count) if sampling else ("pushes.repeats", 1)
+    size = pushes.repeats if pushes else size
+    per_repetition = Frames(file.scene).count // size
+    _set(document, f"{key}={math.ceil(frames / per_repetition)}")
     return _checked(path, document, {} if seed is None else {"seed": seed})
+
+
+def _set(document: CommentedMap, setting: str) -> None:
+    """Replace a value of a document: `beam.length_mm=200`. Raises InputError."""
+    key, equals, text = setting.partition("=")
+    *sections, last = key.split(".")
+    if not equals or not last:
+        raise InputError(f"--set is {quoted(setting)}, allowed is KEY=VALUE")
+    node: Any = document
+    for part in sections:
+        if isinstance(node, CommentedSeq) and part.isdigit() and int(part) < len(node):
+            node = node[int(part)]
+        elif isinstance(node, CommentedMap):
+            node = node.setdefault(part, CommentedMap())
+        else:
+            raise InputError(f"--set is {quoted(setting)}, but {part} is in no section")
+    value = _document(Path("--set"), text)
+    if isinstance(node, CommentedSeq) and last.isdigit() and int(last) < len(node):
+        node[int(last)] = value
+    elif isinstance(node, CommentedMap):
+        node[last] = value
+    else:
+        raise InputError(f"--set is {quoted(setting)}, but {last} is in no section")
 
 
 def check_scene(keys: Mapping[str, Any]) -> SceneFile:

@@ -4,7 +4,7 @@ import os
 import platform
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
@@ -28,14 +28,19 @@ _TWO_SIDED_95 = 1.96
 _FAILURE_ERROR_PCT_L = 50.0
 
 
-def summarise(scores: pl.DataFrame) -> dict[str, Any]:
+# Columns that identify a push: same object, same place, same pushing distance.
+_PUSH: Final = ("push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
+
+
+def summarise(scores: pl.DataFrame, over: Sequence[str] = _PUSH) -> dict[str, Any]:
     """Summarise errors, failure rate and time as `methods.<name>`; add machine and versions.
 
     Failures count in `failure_rate` and `n`; errors are computed from frames with an estimate, null
-    if there is none. Intervals are 95 % bootstrap intervals of the medians over pushes.
+    if there is none. Intervals are 95 % bootstrap intervals of the medians over pushes, or over
+    groups of the columns `over`.
     """
     methods = {
-        str(name): summarise_method(rows) | _intervals(rows)
+        str(name): summarise_method(rows) | _intervals(rows, over)
         for (name,), rows in scores.group_by("method", maintain_order=True)
     }
     return {"methods": methods, "machine": machine(), "versions": versions()}
@@ -152,10 +157,10 @@ def _fraction(rows: pl.DataFrame, condition: str | pl.Expr) -> float | None:
     return None if rows.is_empty() else rows.filter(condition).height / rows.height
 
 
-def _intervals(rows: pl.DataFrame) -> dict[str, Any]:
+def _intervals(rows: pl.DataFrame, over: Sequence[str]) -> dict[str, Any]:
     return {
-        "x_c_median_abs_pct_L_95": median_interval(_grouped(rows, "x_c_error_pct_L")),
-        "ms_per_frame_median_95": median_interval(_grouped(rows, "image_ms")),
+        "x_c_median_abs_pct_L_95": median_interval(_grouped(rows, "x_c_error_pct_L", over)),
+        "ms_per_frame_median_95": median_interval(_grouped(rows, "image_ms", over)),
     }
 
 
@@ -186,11 +191,10 @@ def median_interval(groups: Sequence[Floats]) -> list[float] | None:
     return [float(interval.low), float(interval.high)]
 
 
-def _grouped(rows: pl.DataFrame, column: str) -> list[Floats]:
-    """Group the values of a column by push: same object, same place, same pushing distance."""
-    keys = ("push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
-    pushes = rows.drop_nulls(column).group_by(*keys, maintain_order=True)
-    return [_values(group, column) for _, group in pushes]
+def _grouped(rows: pl.DataFrame, column: str, over: Sequence[str]) -> list[Floats]:
+    """Group the values of a column by the values of other columns."""
+    groups = rows.drop_nulls(column).group_by(*over, maintain_order=True)
+    return [_values(group, column) for _, group in groups]
 
 
 def machine() -> dict[str, Any]:
