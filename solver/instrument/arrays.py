@@ -8,6 +8,7 @@ import numpy.typing as npt
 from solver.instrument.compiled import njit
 
 Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
 Mask = npt.NDArray[np.bool_]
 # Gray images of 8 bits, or of up to 16 bits.
 Grey = npt.NDArray[np.uint8 | np.uint16]

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Bools, Floats
 from solver.instrument.compiled import njit
 
 COUNTS: Final = (0, 5, 8)
@@ -74,25 +74,27 @@ def _one_to_one_field(coefficients: tuple[float, ...]) -> tuple[float, float]:
     the potential is convex there, and no two points have the same gradient.
     """
     radii = np.linspace(0.0, _MAX_RADIUS, _RINGS)
-    positive = [_positive(radius, coefficients) for radius in radii]
+    positive = _positive(radii, coefficients)
     low = _MAX_RADIUS
-    if not all(positive):
-        first = positive.index(False)
+    if not positive.all():
+        first = int(np.argmin(positive))
         low, high = radii[max(first - 1, 0)], radii[first]
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2
-            low, high = (middle, high) if _positive(middle, coefficients) else (low, middle)
+            inside = _positive(np.array([middle]), coefficients)[0]
+            low, high = (middle, high) if inside else (low, middle)
     rim, _ = distort(low * _DIRECTIONS, coefficients)
     return float(low), float(np.hypot(*rim.T).max())
 
 
-def _positive(radius: float, coefficients: tuple[float, ...]) -> bool:
-    """Return whether the Jacobian is positive definite everywhere on a circle about the axis."""
-    _, jacobian = distort(radius * _DIRECTIONS, coefficients)
+def _positive(radii: Floats, coefficients: tuple[float, ...]) -> Bools:
+    """Return whether the Jacobian is positive definite on circles of radii (n,) about the axis."""
+    _, jacobian = distort((radii[:, None, None] * _DIRECTIONS).reshape(-1, 2), coefficients)
     trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
     with np.errstate(all="ignore"):  # infinite at a pole of the rational part
         determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] ** 2
-    return bool(((trace > 0) & (determinant > 0)).all())
+    positive = (trace > 0) & (determinant > 0)
+    return np.asarray(positive.reshape(len(radii), -1).all(axis=1))
 
 
 # A contiguous copy: the functions below are compiled for one array layout only.

@@ -17,10 +17,11 @@ from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.generation.dataset_facts import dataset_facts
-from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, metered_frames
+from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.report.gallery import whole
 from vbaa_bench.scene.frames import Frames
+from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scoring.overlay import Overlay, overlay_of
 
 # Narrower images are enlarged by 2 for display. Chosen: they still fit a screen.
@@ -42,17 +43,23 @@ class Frame:
     _truth: Truth
 
     @cached_property
-    def _overlay(self) -> Overlay:
+    def overlay(self) -> Overlay:
+        """The image with its truth, to be drawn."""
         return overlay_of(self._truth, self.truth, self.image, {})
+
+    @property
+    def title(self) -> str:
+        """Contact distance, deflection and force in words."""
+        return self.overlay.title
 
     def __repr__(self) -> str:
         height, width = self.image.shape
-        return f"Frame({width} x {height} px, {self._overlay.title})"
+        return f"Frame({width} x {height} px, {self.overlay.title})"
 
     def png(self) -> bytes:
         """Encode the image with the true centreline and a cross at the contact, for display."""
         scale = 2 if self.image.shape[1] < _NARROW_PX else 1
-        _, data = cv2.imencode(".png", whole(self._overlay, scale))
+        _, data = cv2.imencode(".png", whole(self.overlay, scale))
         return bytes(data)
 
     def _repr_png_(self) -> bytes:
@@ -77,21 +84,33 @@ def render_frame(scene: AnyScene, number: int = 0, *, variant: str | None = None
     >>> frame.image.shape, round(frame.truth["s_c_mm"], 1), sorted(frame.layers)[:2]
     ((88, 256), 120.1, ['arc_length', 'beam_mask'])
     """
-    file = scene_file(scene)
+    return rendered_frame(scene_file(scene), number, usable_variant(variant))
+
+
+def rendered_frame(
+    file: SceneFile, number: int, variant: str, *, exact: bool = True, threads: int = 0
+) -> Frame:
+    """Render one frame of a scene, as `render_frame` does.
+
+    With `exact` false it is not the same as in the dataset to the last digit of its noise: the
+    numbers of samples are not corrected, which takes longer than the frame itself.
+    """
     frames = Frames(file.scene)
     if not 0 <= number < frames.count:
         raise InputError(f"frame {number} does not exist, allowed is 0 to {frames.count - 1}")
-    indices = {number, *METERED} & set(range(frames.count))
+    indices = {number, *(METERED if exact else ())} & set(range(frames.count))
     planned = plan(file, pushes={frames.push_of(index) for index in indices})
     specs, rig = list(planned.frame_specs), planned.rig
     spec = next(spec for spec in specs if spec.index == number)
-    chosen_variant = usable_variant(variant)
     renderer = FrameRenderer(
-        file.scene, rig, file.path.parent.resolve(), Layout(Path()), chosen_variant, threads=0
+        file.scene, rig, file.path.parent.resolve(), Layout(Path()), variant, threads
     )
-    metering = renderer.meter(lambda: None, metered_frames(specs))
+    if exact:
+        metering = renderer.meter(lambda: None, metered_frames(specs))
+    else:
+        metering = Metering(renderer.measure_exposure(lambda: None))
     rendered = renderer.frame(spec, metering)
     row = {"frame_id": spec.frame_id, **rendered.truth}
-    facts = dataset_facts(file.scene, rig, metering, chosen_variant)
+    facts = dataset_facts(file.scene, rig, metering, variant)
     truth = Truth(Path(), facts, pl.DataFrame([row], infer_schema_length=None))
     return Frame(rendered.image, rendered.readings, row, rendered.layers, truth)

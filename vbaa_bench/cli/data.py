@@ -32,19 +32,36 @@ def preview(
     out: Annotated[
         Path | None, typer.Option(help="PNG file to write", show_default="<scene>_<frame>.png")
     ] = None,
+    draws: Annotated[
+        int | None, typer.Option("--random", min=1, max=1000, help="number of draws to render")
+    ] = None,
     seed: Seed = None,
+    settings: Settings = None,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Render one frame of a scene as a PNG, with the true centreline and contact drawn on it."""
+    """Render one frame of a scene as a PNG, with the true centreline and contact drawn on it.
+
+    With --random, render many draws of a scene with random keys as one contact sheet.
+    """
     with importing():
         from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.api.frame import render_frame
+        from vbaa_bench.api.random_sheet import random_sheet
         from vbaa_bench.scene.load import load_scene
 
-    target = out or Path(f"{scene.stem}_{frame}.png")
-    file = load_scene(scene, seed)
+    target = out or Path(f"{scene.stem}_{'random' if draws else frame}.png")
+    file = load_scene(scene, seed, settings or ())
     prepare_output_path(target)
+    if draws:
+        with progress_bars() as bars:
+            task = bars.add_task("draws", total=draws)
+            png = random_sheet(
+                file, draws, variant=variant, progress=lambda n, _: bars.update(task, completed=n)
+            )
+        write(target, png)
+        print_result({"picture": str(target), "draws": draws}, str(target), as_json)
+        return
     with console.status("rendering a frame"):
         rendered = render_frame(file, frame, variant=variant)
     write(target, rendered.png())

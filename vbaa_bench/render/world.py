@@ -5,6 +5,7 @@ In metres this would be a quarter of the beam's radius. The scene is therefore b
 that radius, with the origin at the beam's middle.
 """
 
+import gc
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -91,6 +92,24 @@ class RenderUnit:
     def __call__(self, vertices: Floats) -> Floats:
         """Vertices (n, 3) [m] in render coordinates."""
         return np.asarray((vertices - self.origin) / self.unit)
+
+
+def _without_garbage_collection(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function during which Python's cyclic garbage collector does not run.
+
+    A scene that is freed while Dr.Jit records a function ends the process.
+    """
+
+    def call(*arguments: Any) -> Any:
+        was_enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return function(*arguments)
+        finally:
+            if was_enabled:
+                gc.enable()
+
+    return call
 
 
 class World:
@@ -212,8 +231,8 @@ class World:
             return partial(function, self)
         if function not in self._frozen:
             # The first argument holds the arrays on which the function depends as well.
-            self._frozen[function] = dr.freeze(
-                lambda _, *arrays: function(self, *arrays), limit=_RECORDINGS
+            self._frozen[function] = _without_garbage_collection(
+                dr.freeze(lambda _, *arrays: function(self, *arrays), limit=_RECORDINGS)
             )
         return partial(self._frozen[function], self._state)
 
