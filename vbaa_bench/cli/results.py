@@ -157,9 +157,11 @@ def _solve(
 
 def _report(root: Path) -> Path:
     with importing():
+        from vbaa_bench.dataset.collection import is_collection
+        from vbaa_bench.report.collection import collection_report
         from vbaa_bench.report.report import report as write_report
 
-    return write_report(Results(root))
+    return collection_report(root) if is_collection(root) else write_report(Results(root))
 
 
 def _warn(summary: Mapping[str, Any]) -> None:

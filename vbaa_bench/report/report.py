@@ -3,18 +3,16 @@
 from pathlib import Path
 from typing import Any
 
-import altair as alt
 import cv2
-import jinja2
 import numpy as np
 import polars as pl
-import vl_convert as vlc
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report import calibration, figures, gallery
+from vbaa_bench.report.charts import png, svg, template
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
 from vbaa_bench.scoring.score import read_scores
@@ -38,7 +36,7 @@ def report(results: Results) -> Path:
     overlays = [overlay(results, truth, scores, name, antenna) for name in _chosen_frames(truth)]
     css = {name: gallery.colour_name(colour) for name, colour in colours.items()}
     speed = figures.speed_against_error(summary, css)
-    page = _template().render(
+    page = template("page.html.jinja").render(
         title=truth.manifest["scene"]["title"],
         most_dots=figures.MAX_DOTS,
         frames=truth.frames.height,
@@ -48,17 +46,17 @@ def report(results: Results) -> Path:
         diameter_mm=f"{rig['beam_diameter_mm']:g}",
         rigidity=rigidity,
         methods=summary["methods"],
-        speed=_svg(speed),
+        speed=svg(speed),
         fig8=[
             (
-                _svg(figures.fig8_contact_distance(scores, name)),
-                _svg(figures.fig8_force(scores, name, length, rigidity)),
+                svg(figures.fig8_contact_distance(scores, name)),
+                svg(figures.fig8_force(scores, name, length, rigidity)),
             )
             for name in (methods if figures.is_fig8(scores) else [])
         ],
-        further_errors=[_svg(chart) for chart in calibration.further_errors(scores, css)],
-        calibrations=[_svg(chart) for chart in calibration.calibrations(scores, css)],
-        errors=[_svg(figures.error_against_distance(scores, name)) for name in methods],
+        further_errors=[svg(chart) for chart in calibration.further_errors(scores, css)],
+        calibrations=[svg(chart) for chart in calibration.calibrations(scores, css)],
+        errors=[svg(figures.error_against_distance(scores, name)) for name in methods],
         truth_colour=gallery.colour_name(gallery.TRUTH),
         points_colour=gallery.colour_name(gallery.POINTS),
         tip_colour=gallery.colour_name(gallery.TIP),
@@ -84,9 +82,9 @@ def report(results: Results) -> Path:
     try:
         results.report.mkdir(parents=True, exist_ok=True)
         write_text(target, page)
-        write_bytes(results.report / "speed_against_error.png", _png(speed))
-        _, png = cv2.imencode(".png", _readme_image(overlays[-1], colours))
-        write_bytes(results.report / "overlay.png", bytes(png))
+        write_bytes(results.report / "speed_against_error.png", png(speed))
+        _, picture = cv2.imencode(".png", _readme_image(overlays[-1], colours))
+        write_bytes(results.report / "overlay.png", bytes(picture))
     except OSError as error:
         raise InputError(f"{results.report}: cannot be written ({error.strerror})") from error
     return target
@@ -116,39 +114,3 @@ def _readme_image(frame: Overlay, colours: gallery.Colours) -> np.ndarray:
         padded[: len(canvas)] = canvas
         canvases.append(padded)
     return np.hstack([canvases[0], np.full((height, 8, 3), 255, np.uint8), canvases[1]])
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("vbaa_bench.report", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters["g"] = lambda value: "–" if value is None else f"{value:.3g}"
-    environment.filters["percent"] = lambda fraction: (
-        "–" if fraction is None else f"{100 * fraction:.3g}"
-    )
-    environment.filters["has"] = lambda methods, key: any(
-        values.get(key) is not None for values in methods.values()
-    )
-    environment.filters["span"] = lambda pair: (
-        "–" if pair is None else f"{pair[0]:.3g} … {pair[1]:.3g}"
-    )
-    return environment.get_template("page.html.jinja")
-
-
-def _svg(chart: figures.Chart) -> str:
-    return str(vlc.vegalite_to_svg(_json(chart)))
-
-
-def _png(chart: figures.Chart) -> bytes:
-    return bytes(vlc.vegalite_to_png(_json(chart), scale=2))
-
-
-def _json(chart: figures.Chart) -> str:
-    """Convert a chart and its data to JSON, also with more rows than Altair's limit.
-
-    Dots are limited elsewhere; the curves of many methods may have many rows.
-    """
-    with alt.data_transformers.disable_max_rows():
-        return chart.to_json()

@@ -11,7 +11,8 @@ from solver.instrument.errors import InputError
 from tests.sealing import reseal
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.report import calibration, figures
-from vbaa_bench.report.report import _svg, report
+from vbaa_bench.report.charts import svg
+from vbaa_bench.report.report import report
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
 
@@ -78,7 +79,7 @@ def test_charts_of_many_frames_stay_small() -> None:
     ]
     assert len(charts) == 5
     for chart in charts:
-        assert 1e5 < len(_svg(chart)) < 5e5
+        assert 1e5 < len(svg(chart)) < 5e5
     shown = figures.sample_dots(scores)
     assert shown.height == figures.MAX_DOTS
     assert shown.equals(figures.sample_dots(scores))
