@@ -117,7 +117,9 @@ def solve_each(
                 alive = True
                 while alive and remaining:
                     layout, out = remaining.pop(0)
-                    run, alive = _solve(layout, out, folder / "observations", pipes, restored_paths)
+                    # Never the same name twice: the process remembers what it has read.
+                    copy = folder / f"observations_{len(remaining)}"
+                    run, alive = _solve(layout, out, copy, pipes, restored_paths)
                     yield run
 
 

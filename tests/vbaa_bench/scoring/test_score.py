@@ -208,7 +208,7 @@ from solver.methods import METHODS
 good = METHODS["exact_fit"]
 
 def truth_in_reach():
-    here = pathlib.Path(sys.argv[1]) / "observations"
+    here = pathlib.Path(sys.argv[1]) / "observations_0"
     names = sorted(p.name for p in here.parent.rglob("*") if "truth" in p.name or "scene" in p.name)
     places = [here.parent, *map(pathlib.Path, sys.path)]
     places += [pathlib.Path(p) for v in os.environ.values() for p in v.split(os.pathsep)]
