@@ -14,6 +14,7 @@ from solver.instrument.transforms import apply, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.beam_mesher import BeamMesher
 from vbaa_bench.assembly.bodies import Body
+from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
@@ -147,6 +148,11 @@ class SceneAssembler:
         bottom = experiment.ground if hub_spec.bottom_mm is None else hub_spec.bottom_mm * mm
         shaft = hub(hub_spec.radius_mm * mm, bottom, hub_spec.top_mm * mm)
         offset = np.array(scene.clamp_offset_mm) * mm
+        if scene.clamp is not None:
+            if not offset.any():
+                shaft = hub(hub_spec.radius_mm * mm, bottom, -scene.clamp.jaw_mm[2] / 2 * mm)
+            for name, surface in clamp_surfaces(scene, experiment.ground):
+                yield name, replace(surface, mesh=_placed(surface.mesh, frame_from_clamp))
         if offset.any():
             shaft.apply_translation(-offset)
             arm = adaptor(offset, hub_spec.radius_mm * mm / 2)
@@ -288,7 +294,7 @@ class SceneAssembler:
     @property
     def _still(self) -> set[str]:
         """Names of surfaces that do not move against the camera; a plain ground always counts."""
-        still = {"hub", "adaptor"} if self.scene.camera.mount == "antenna" else set()
+        still = {"hub", "adaptor", *CLAMP} if self.scene.camera.mount == "antenna" else set()
         background = self.scene.background
         if background.fixed_to == self.scene.camera.mount or background.pattern == "plain":
             still |= _GROUND

@@ -120,6 +120,16 @@ LampSpec = Annotated[
 ]
 
 
+class AmbientSpec(Part):
+    """Even light from all directions, in addition to `light` or `lights`.
+
+    `irradiance` is that of plane C where the camera looks: over that by the soft lamp of `light`,
+    or in the unit of the irradiances in `lights`, of which each has 1 by default.
+    """
+
+    irradiance: Annotated[float, Field(ge=1e-6, le=100)] = 0.3
+
+
 class BackgroundSpec(Part):
     """Matt sheet below plane C, wider than the camera's view.
 

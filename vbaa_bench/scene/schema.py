@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
-from vbaa_bench.scene.laboratory import ForceSensorSpec, HubSpec, MomentSensorSpec
-from vbaa_bench.scene.lighting import BackgroundSpec, LampSpec, LightSpec
+from vbaa_bench.scene.laboratory import ClampSpec, ForceSensorSpec, HubSpec, MomentSensorSpec
+from vbaa_bench.scene.lighting import AmbientSpec, BackgroundSpec, LampSpec, LightSpec
 from vbaa_bench.scene.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
 from vbaa_bench.scene.optics import OpticsSpec
 from vbaa_bench.scene.paint import Paint, PaintedPart
@@ -153,11 +153,13 @@ class Scene(Part):
     light: LightSpec = LightSpec()
     # In place of `light`.
     lights: tuple[LampSpec, ...] = ()
+    ambient: AmbientSpec | None = None
     background: BackgroundSpec = BackgroundSpec()
     object: ObjectSpec = BlockSpec()
     second_peg: SecondPegSpec | None = None
     occlusion: OcclusionSpec | None = None
     hub: HubSpec = HubSpec()
+    clamp: ClampSpec | None = None
     sensor: SensorSpec = SensorSpec()
     moment_sensor: MomentSensorSpec | None = None
     force_sensor: ForceSensorSpec | None = None
@@ -197,6 +199,17 @@ class Scene(Part):
                     f"{lamp.height_above_background_mm:g}, allowed is less than "
                     f"background.distance_mm, {ground:g}, or it would be above plane C"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _check_clamp(self) -> "Scene":
+        clamp, ground = self.clamp, self.background.distance_mm
+        if clamp is not None and clamp.jaw_mm[2] / 2 + clamp.flange_thickness_mm >= ground:
+            raise ValueError(
+                f"clamp: half the jaw's height and the flange are "
+                f"{clamp.jaw_mm[2] / 2 + clamp.flange_thickness_mm:g} mm high, allowed is less "
+                f"than background.distance_mm, {ground:g}"
+            )
         return self
 
     @model_validator(mode="after")

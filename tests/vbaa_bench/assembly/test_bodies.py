@@ -49,6 +49,14 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
         ("object: {kind: cylinder}", at(5), "is 1.539 mm from the motor's axis"),
         ("object: {kind: wall, gap_mm: 2}", "  pushing_angle_deg: [5]\n", "from the motor's axis"),
         (
+            "clamp: {flange_radius_mm: 3, jaw_mm: [14, 20, 7]}",
+            at(6),
+            "the object overlaps the clamp's jaw, allowed is a narrower jaw",
+        ),
+        ("clamp: {flange_radius_mm: 20}", at(15), "allowed is beyond the flange's radius of 20 mm"),
+        ("clamp: {screw_radius_mm: 5}", at(90), "allowed is up to 0.45 of the jaw's length"),
+        ("clamp: {flange_thickness_mm: 27}", at(90), "allowed is less than background.distance"),
+        (
             "object: {kind: wall, gap_mm: 5}",
             "  pushing_angle_deg: [2]\n",
             "it must turn by more than 3.581 degrees",
