@@ -11,7 +11,7 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, rigid
-from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.beam_mesher import BeamMesher
 from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
@@ -27,7 +27,7 @@ from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
-from vbaa_bench.render.textures import gradient_texture, random_texture
+from vbaa_bench.render.textures import Grime, gradient_texture, grime_texture, random_texture
 from vbaa_bench.render.world import RenderUnit, Surface, World
 from vbaa_bench.scene.frames import FrameSpec, random_generator
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
@@ -143,7 +143,16 @@ class SceneAssembler:
         frame_from_clamp = self._frame_from_clamp(experiment, motor_angle)
         mesh, s = self._beam_mesher.mesh(state)
         beam = _painted(_placed(mesh, frame_from_clamp), spec)
-        yield "beam", replace(beam, arc_length=s, smooth=spec.section != "strip")
+        beam = replace(
+            beam,
+            arc_length=s,
+            smooth=spec.section != "strip",
+            oblique_tip=spec.tip == "cut",
+        )
+        if spec.grime is not None:
+            around = self._beam_mesher.around(s)
+            beam = replace(beam, texture=self._grime, around=around)
+        yield "beam", beam
         hub_spec, mm = scene.hub, MILLIMETRE
         bottom = experiment.ground if hub_spec.bottom_mm is None else hub_spec.bottom_mm * mm
         shaft = hub(hub_spec.radius_mm * mm, bottom, hub_spec.top_mm * mm)
@@ -238,6 +247,23 @@ class SceneAssembler:
     @cached_property
     def _beam_mesher(self) -> BeamMesher:
         return BeamMesher(self.scene, self.rig)
+
+    @cached_property
+    def _grime(self) -> Texture | None:
+        """Texture of the beam."""
+        spec, mm, beam = self.scene.beam.grime, MILLIMETRE, self.rig.beam
+        if spec is None:
+            return None
+        grime = Grime(
+            smudge_contrast=spec.smudge_contrast,
+            smudge=spec.smudge_mm * mm,
+            dust_cover=spec.dust_pct * PERCENT,
+            dust=spec.dust_mm * mm,
+            dust_reflectance=spec.dust_reflectance,
+            uneven_gloss=spec.uneven_gloss,
+        )
+        girth, random = 2 * np.pi * beam.radius, random_generator(self.scene, "grime")
+        return grime_texture(grime, self.scene.beam.reflectance, beam.length, girth, random)
 
     @cached_property
     def _texture(self) -> Texture | None:

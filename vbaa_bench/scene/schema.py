@@ -14,7 +14,7 @@ from vbaa_bench.scene.laboratory import ClampSpec, ForceSensorSpec, HubSpec, Mom
 from vbaa_bench.scene.lighting import AmbientSpec, BackgroundSpec, LampSpec, LightSpec
 from vbaa_bench.scene.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
 from vbaa_bench.scene.optics import OpticsSpec
-from vbaa_bench.scene.paint import Paint, PaintedPart
+from vbaa_bench.scene.paint import GrimeSpec, Paint, PaintedPart
 from vbaa_bench.scene.part import (
     ONSET,
     Fraction,
@@ -52,6 +52,10 @@ class BeamSpec(PaintedPart):
     density_kg_m3: Positive = 7930
     # Whether it stretches under its axial force.
     extensible: bool = False
+    # Shape of a round beam's tip. Its length and its mechanics stay those of a flat tip: the shape
+    # differs over the last diameter only, a share diameter / length of the beam.
+    tip: Literal["flat", "round", "cut", "burr"] = "flat"
+    grime: GrimeSpec | None = None
     # Number of segments of the centreline.
     centreline_segments: Annotated[int, Field(ge=16, le=10_000)] = 480
 
@@ -62,6 +66,8 @@ class BeamSpec(PaintedPart):
                 f"section {self.section} with aspect_ratio {self.aspect_ratio:g}: allowed is 1 for "
                 "a circular section, any other for an elliptic one or a strip"
             )
+        if self.section == "strip" and self.tip != "flat":
+            raise ValueError(f"tip is {self.tip}, allowed is flat for a strip")
         if self.section == "strip" and self.aspect_ratio < 2:
             raise ValueError(f"aspect_ratio is {self.aspect_ratio:g}, allowed is >= 2 for a strip")
         return self
