@@ -15,11 +15,12 @@ from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.beam_mesher import BeamMesher
 from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
+from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
 from vbaa_bench.geometry.board import board, cells, squares
-from vbaa_bench.geometry.ground import chequered_side
+from vbaa_bench.geometry.ground import chequered_side, edge_side, edged_sheet
 from vbaa_bench.geometry.objects import adaptor, hub, sheet
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
@@ -35,7 +36,7 @@ from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
 
-_GROUND = {"background", "background_squares"}
+_GROUND = {"background", "background_squares", "table_side", "floor"}
 # Reflectance of the board's card and of the ink on it.
 WHITE, BLACK = 0.7, 0.04
 
@@ -219,18 +220,46 @@ class SceneAssembler:
     ) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces of the ground at a motor angle [rad]."""
         spec, mount = self.scene.background, self.scene.camera.mount
-        if spec.pattern == "plain" or spec.fixed_to == mount:
-            # A plain ground looks the same at every angle.
-            yield from self._ground(np.eye(4))
-        elif mount == "antenna":
-            yield from self._ground(experiment.clamp_from_world(motor_angle))
-        else:
-            yield from self._ground(self._frame_from_clamp(experiment, motor_angle))
+        frame_from_ground = np.eye(4)
+        if spec.fixed_to != mount:
+            frame_from_ground = (
+                experiment.clamp_from_world(motor_angle)
+                if mount == "antenna"
+                else self._frame_from_clamp(experiment, motor_angle)
+            )
+        yield from self._ground(np.eye(4) if self._is_endless else frame_from_ground)
+        for name, surface in self._clutter:
+            mesh = _placed(surface.mesh.copy(), frame_from_ground)
+            yield name, replace(surface, mesh=mesh)
+
+    @property
+    def _is_endless(self) -> bool:
+        """Whether the ground is plain without an edge: it looks the same at every angle."""
+        return self.scene.background.pattern == "plain" and self.scene.background.edge is None
+
+    @cached_property
+    def _clutter(self) -> list[tuple[str, Surface]]:
+        """Surfaces of the clutter in the frame of the ground."""
+        if self.scene.clutter is None:
+            return []
+        return list(clutter_surfaces(self.scene, self.rig, self.folder))
 
     def _ground(self, frame_from_ground: Floats) -> Iterator[tuple[str, Surface]]:
         """Yield the surfaces of a ground so large that the camera never sees its border."""
         spec, length = self.scene.background, self.rig.beam.length
         middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
+        edge = spec.edge
+        if edge is not None:
+            azimuth, distance = edge.azimuth_deg * DEGREE, edge.distance_mm * MILLIMETRE
+            thickness = min(edge.thickness_mm, edge.drop_mm) * MILLIMETRE
+            rim = edge_side(middle, 20 * length, azimuth, distance, thickness)
+            yield "table_side", Surface(_placed(rim, frame_from_ground), edge.side_reflectance)
+            below = middle - [0.0, 0.0, edge.drop_mm * MILLIMETRE]
+            floor = _placed(sheet(below, 20 * length, 1), frame_from_ground)
+            yield "floor", Surface(floor, edge.floor_reflectance)
+            mesh = _placed(edged_sheet(middle, 20 * length, azimuth, distance), frame_from_ground)
+            yield "background", Surface(mesh, spec.reflectance, texture=self._texture)
+            return
         if spec.pattern != "squares":
             mesh = _placed(sheet(middle, 20 * length, 1), frame_from_ground)
             yield "background", Surface(mesh, spec.reflectance, texture=self._texture)
@@ -270,6 +299,10 @@ class SceneAssembler:
         """Texture of the background, centred on the beam's middle."""
         spec, length, mm = self.scene.background, self.rig.beam.length, MILLIMETRE
         corners = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
+        if spec.edge is not None:
+            azimuth, distance = spec.edge.azimuth_deg * DEGREE, spec.edge.distance_mm * mm
+            edged = edged_sheet(np.zeros(3), 20 * length, azimuth, distance)
+            corners = np.asarray(edged.vertices)[:, :2]
         match spec.pattern:
             case "graded":
                 azimuth, extent = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
@@ -322,8 +355,11 @@ class SceneAssembler:
         """Names of surfaces that do not move against the camera; a plain ground always counts."""
         still = {"hub", "adaptor", *CLAMP} if self.scene.camera.mount == "antenna" else set()
         background = self.scene.background
-        if background.fixed_to == self.scene.camera.mount or background.pattern == "plain":
+        fixed = background.fixed_to == self.scene.camera.mount
+        if fixed or self._is_endless:
             still |= _GROUND
+        if fixed:
+            still |= set(CLUTTER)
         return still
 
     @property

@@ -136,8 +136,11 @@ class _Extremes:
         )
 
     def _below_ground(self) -> list[str]:
-        ground = self._file.scene.background.distance_mm
-        depth = (self._rig.beam.radius - self._lowest) / MILLIMETRE
+        scene, depth = self._file.scene, (self._rig.beam.radius - self._lowest) / MILLIMETRE
+        ground, clutter = scene.background.distance_mm, scene.clutter
+        if clutter is not None and clutter.under_beam and depth > -clutter.highest_mm(-ground):
+            message = f"reach the beam, {depth:.4g} mm below plane C; allowed is a lower top_mm"
+            return [self._file.message_at(("clutter",), message)]
         if depth <= ground:
             return []
         message = f"is {ground:g}, but the beam reaches {depth:.4g} mm below plane C"

@@ -235,10 +235,12 @@ class World:
         return self.scene, self.still, self.optics.state, edges, strips
 
     @property
-    def ground(self) -> float:
-        """Height [m] of the lowest point of the still scene."""
-        lowest = [self.vertices[name][:, 2].min() for name in self._still_meshes]
-        return float(min(lowest, default=0.0))
+    def grounds(self) -> list[float]:
+        """Heights [m] of the lowest point of the still scene, and of its level sheets."""
+        points = [self.vertices[name][:, 2] for name in self._still_meshes]
+        levels = [float(z.min()) for z in points if np.ptp(z) < 1e-9]
+        lowest = min((float(z.min()) for z in points), default=0.0)
+        return [lowest, *(z for z in sorted(set(levels)) if z > lowest + 1e-9)]
 
     def index_of(self, si: Any, *, still: bool = False) -> Any:
         """Find the index (Dr.Jit, UInt32) of the surface met, in the full or the still scene."""

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from vbaa_bench.scene.clutter import EdgeSpec
 from vbaa_bench.scene.part import Fraction, Part, Positive, Triple
 
 Sides = tuple[Positive, Positive]
@@ -151,5 +152,13 @@ class BackgroundSpec(Part):
     # Distance at which the correlation is 1/e, along y; along x, `correlation_ratio` times that.
     correlation_mm: Positive = 2.0
     correlation_ratio: Annotated[float, Field(ge=1, le=100)] = 1.0
+    # Edge of the ground, if the camera is to see one; not with squares.
+    edge: EdgeSpec | None = None
     # Fixed to the antenna's base plate, or to the world, where it turns past the camera.
     fixed_to: Literal["antenna", "world"] = "antenna"
+
+    @model_validator(mode="after")
+    def _check_edge(self) -> "BackgroundSpec":
+        if self.edge is not None and self.pattern == "squares":
+            raise ValueError("edge is given and pattern is squares, allowed is any other pattern")
+        return self

@@ -9,6 +9,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
+from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.scene.laboratory import ClampSpec, ForceSensorSpec, HubSpec, MomentSensorSpec
 from vbaa_bench.scene.lighting import AmbientSpec, BackgroundSpec, LampSpec, LightSpec
@@ -161,6 +162,7 @@ class Scene(Part):
     lights: tuple[LampSpec, ...] = ()
     ambient: AmbientSpec | None = None
     background: BackgroundSpec = BackgroundSpec()
+    clutter: ClutterSpec | None = None
     object: ObjectSpec = BlockSpec()
     second_peg: SecondPegSpec | None = None
     occlusion: OcclusionSpec | None = None
@@ -215,6 +217,16 @@ class Scene(Part):
                 f"clamp: half the jaw's height and the flange are "
                 f"{clamp.jaw_mm[2] / 2 + clamp.flange_thickness_mm:g} mm high, allowed is less "
                 f"than background.distance_mm, {ground:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_clutter(self) -> "Scene":
+        ground = self.background.distance_mm
+        if self.clutter is not None and self.clutter.highest_mm(-ground) <= -ground:
+            raise ValueError(
+                f"clutter.top_mm is {self.clutter.top_mm:g}, allowed is above the background, "
+                f"{-ground:g}"
             )
         return self
 

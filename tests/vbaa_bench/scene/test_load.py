@@ -66,8 +66,8 @@ extra: 1
         "scene.yaml:13:1: extra is an unknown key; known are title, seed, pushes, sampling, "
         "mechanics, beam, gravity_m_s2, clamp_offset_mm, tolerances, camera, optics, "
         "motor_speed_deg_s, calibration, light, lights, "
-        "ambient, background, object, second_peg, occlusion, hub, clamp, sensor, moment_sensor, "
-        "force_sensor, render, layers, frames_per_shard",
+        "ambient, background, clutter, object, second_peg, occlusion, hub, clamp, sensor, "
+        "moment_sensor, force_sensor, render, layers, frames_per_shard",
     ]
 
 
