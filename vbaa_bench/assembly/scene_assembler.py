@@ -19,16 +19,25 @@ from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
+from vbaa_bench.assembly.part_texture import part_texture
 from vbaa_bench.geometry.board import board, cells, squares
+from vbaa_bench.geometry.box_mapping import box_mapped, unshared
 from vbaa_bench.geometry.ground import chequered_side, edge_side, edged_sheet
 from vbaa_bench.geometry.objects import adaptor, hub, sheet
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
-from vbaa_bench.render.textures import Grime, gradient_texture, grime_texture, random_texture
+from vbaa_bench.render.textures import (
+    Grime,
+    gradient_texture,
+    grime_texture,
+    image_texture,
+    random_texture,
+)
 from vbaa_bench.render.world import RenderUnit, Surface, World
 from vbaa_bench.scene.frames import FrameSpec, random_generator
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
@@ -177,7 +186,10 @@ class SceneAssembler:
         if not isinstance(scene.object, NothingSpec):
             object_mesh = experiment.touched_mesh(state, pose.spec.step)
             top = float(object_mesh.vertices[:, 2].max())
-            yield "object", _painted(_placed(object_mesh, frame_from_clamp), scene.object)
+            if scene.object.texture is not None:
+                object_mesh = unshared(object_mesh)
+            surface = _painted(_placed(object_mesh, frame_from_clamp), scene.object)
+            yield "object", replace(surface, texture=self._object_texture)
         second_peg = scene.second_peg
         if second_peg is not None:
             spec = PegSpec(
@@ -278,6 +290,17 @@ class SceneAssembler:
         return BeamMesher(self.scene, self.rig)
 
     @cached_property
+    def _object_texture(self) -> Texture | None:
+        """Texture of the object, that of its shape before it is touched."""
+        spec, radius = self.scene.object, self.rig.beam.radius
+        if isinstance(spec, NothingSpec) or spec.texture is None:
+            return None
+        ground = -self.scene.background.distance_mm * MILLIMETRE
+        places = box_mapped(Body(spec, radius, ground, self.folder).mesh(0.0))
+        random = random_generator(self.scene, "object texture")
+        return part_texture(spec, spec.texture, places, self.folder, random)
+
+    @cached_property
     def _grime(self) -> Texture | None:
         """Texture of the beam."""
         spec, mm, beam = self.scene.beam.grime, MILLIMETRE, self.rig.beam
@@ -314,6 +337,10 @@ class SceneAssembler:
                 lengths = (grain * spec.correlation_ratio, grain)
                 mean, contrast = spec.reflectance, spec.contrast
                 return random_texture(corners, mean, contrast, lengths, 2 * length, random)
+            case "image":
+                assert spec.image_file is not None
+                image = read_surface_image(self.folder, spec.image_file)
+                return image_texture(corners, image, spec.reflectance, spec.image_width_mm * mm)
         return None
 
     @cached_property

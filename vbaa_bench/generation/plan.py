@@ -17,6 +17,7 @@ from vbaa_bench.geometry.lamps import between
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.scene.frames import FrameSpec, Push, frame_specs, in_shards
 from vbaa_bench.scene.load import Key, SceneFile
@@ -69,6 +70,7 @@ def plan(
     except ValueError as error:
         raise InputError(file.message_at(("camera", "look_at_mm"), str(error))) from error
     _environment_is_readable(file)
+    _images_are_readable(file)
     specs = frame_specs(scene) if of is None else of
     extremes = _Extremes(file, rig)
     mistakes = _too_far_or_near(file, rig) + _board_out_of_view(file, rig) + _too_fine(file, rig)
@@ -99,6 +101,21 @@ def _environment_is_readable(file: SceneFile) -> None:
             except InputError as error:
                 message = file.message_at(("lights", number, "file"), str(error))
                 raise InputError(message) from error
+
+
+def _images_are_readable(file: SceneFile) -> None:
+    """Raise InputError if an image of a surface cannot be used."""
+    texture, ground = getattr(file.scene.object, "texture", None), file.scene.background
+    names: dict[tuple[Key, ...], str | None] = {
+        ("object", "texture", "file"): getattr(texture, "file", None),
+        ("background", "image_file"): ground.image_file,
+    }
+    for key, name in names.items():
+        if name is not None:
+            try:
+                read_surface_image(file.path.parent, name)
+            except InputError as error:
+                raise InputError(file.message_at(key, str(error))) from error
 
 
 class _Extremes:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
@@ -50,6 +51,38 @@ def random_texture(
     spread = np.sqrt(np.log1p(contrast**2))
     image = mean * np.exp(spread * field - spread**2 / 2)
     return Texture(np.minimum(image, 1.0), places / (texels * [columns, rows]), repeated=True)
+
+
+def image_texture(places: Floats, image: Floats, mean: float, width: float) -> Texture:
+    """Repeat an image (height, width), `width` wide, over `places` (n, 2), upright along +y.
+
+    Its relative reflectances are scaled to the given `mean`, and clipped at 1.
+    """
+    size = np.array([width, width * image.shape[0] / image.shape[1]])
+    # The first row of a texture is at v = 0.
+    return Texture(np.minimum(mean * image[::-1], 1.0), places / size + 0.5, repeated=True)
+
+
+def speckle_texture(
+    places: Floats,
+    reflectances: tuple[float, float],
+    size: float,
+    cover: float,
+    extent: float,
+    random: np.random.Generator,
+) -> Texture:
+    """Create printed speckles at `places` (n, 2) that repeat after `extent`.
+
+    Speckles of about the given `size` with the second of two `reflectances` cover the fraction
+    `cover`.
+    """
+    texel = size * TEXEL
+    side = int(min(np.ceil(extent / texel), MAX_TEXELS))
+    noise = random.standard_normal((side, side))
+    # With this sigma, where the field is below its lowest 30 to 40 %, is about `size` wide.
+    field = gaussian_filter(noise, size / (3 * texel), mode="wrap")
+    image = np.where(field < np.quantile(field, cover), reflectances[1], reflectances[0])
+    return Texture(image, places / (texel * side), repeated=True)
 
 
 def gaussian_field(
