@@ -4,7 +4,8 @@ Units are in the names. Defaults describe the paper's rig (section VI).
 """
 
 import math
-from typing import Annotated, Final, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -26,6 +27,7 @@ from vbaa_bench.scene.part import (
     Tolerance,
     Triple,
 )
+from vbaa_bench.scene.presets import Look, with_preset
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec
 
@@ -141,6 +143,9 @@ class Scene(Part):
 
     title: Annotated[str, Field(min_length=1)]
     seed: Annotated[int, Field(ge=0, lt=2**63)]
+    # A preset of other keys, which the scene's own keys replace: laboratory is a table with things
+    # on it, a clamp, dust on the beam, ambient light, two bounces, point spread and vignetting.
+    look: Look | None = None
     # A grid of pushes, or random ones.
     pushes: PushSpec | None = None
     sampling: SamplingSpec | None = None
@@ -175,6 +180,11 @@ class Scene(Part):
     # Truth layers to keep of every frame; all of them take far more disk space than the image.
     layers: tuple[Layer, ...] = ("beam_mask",)
     frames_per_shard: Annotated[int, Field(ge=1, le=10_000)] = 16
+
+    @model_validator(mode="before")
+    @classmethod
+    def _add_preset(cls, keys: Any) -> Any:
+        return with_preset(keys) if isinstance(keys, Mapping) else keys
 
     @model_validator(mode="after")
     def _check_lamp_height(self) -> "Scene":
