@@ -95,18 +95,19 @@ class SceneAssembler:
 
     def pushed_world(self, pose: Pose) -> World:
         """Build the world of the beam pushed against its object."""
-        surfaces = self._surfaces(pose)
+        surfaces = self.surfaces(pose)
         # The beam comes first: its index in the truth layers is 1.
         surfaces = {"beam": surfaces.pop("beam"), **surfaces}
         return self._world(surfaces)
 
-    def _surfaces(self, pose: Pose) -> dict[str, Surface]:
+    def surfaces(self, pose: Pose) -> dict[str, Surface]:
+        """Build all surfaces of a frame."""
         antenna = self._antenna_and_ground(pose.experiment, pose.state, pose.motor_angle)
         return {**dict(self.object_surfaces(pose)), **dict(antenna)}
 
     def repose(self, world: World, pose: Pose) -> None:
         """Move the vertices of a world, made by `pushed_world`, to another pose."""
-        surfaces = self._surfaces(pose)
+        surfaces = self.surfaces(pose)
         vertices = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(vertices, surfaces["beam"].arc_length)
 
@@ -363,7 +364,7 @@ class SceneAssembler:
             self.rig.camera,
             self._lights if lamps is None else lamps,
             surfaces,
-            self._unit(),
+            self.unit,
             still=self._still & set(surfaces),
             sliding=dict(self._ground(np.eye(4))) if self._slides & set(surfaces) else None,
             bounces=self.scene.render.bounces,
@@ -394,7 +395,9 @@ class SceneAssembler:
         """Names of the surfaces of a chequered ground that turns under the camera."""
         return _GROUND - self._still if self.scene.background.pattern == "squares" else set()
 
-    def _unit(self) -> RenderUnit:
+    @property
+    def unit(self) -> RenderUnit:
+        """Unit and origin of render coordinates."""
         beam = self.rig.beam
         return RenderUnit(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
 

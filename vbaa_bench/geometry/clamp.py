@@ -62,15 +62,15 @@ def cable(
 ) -> trimesh.Trimesh:
     """Mesh a cable that leaves `start` (3,) along -x, sinks to the `ground` and leads away.
 
-    It is `reach` away where it sinks, and ends `length` away, on the ground.
+    It sinks about `reach` away, and ends `length` away, on the ground.
     """
     lying = ground + radius
     control = np.array(
         [
             start,
-            start - [reach, 0.0, 0.0],
+            start - [0.8 * reach, 0.0, 0.0],
             [start[0] - reach, 0.0, lying],
-            [start[0] - 2 * reach, 0.05 * length, lying],
+            [start[0] - 2.4 * reach, 0.02 * length, lying],
         ]
     )
     end = np.array([start[0] - length, 0.3 * length, lying])
@@ -78,7 +78,7 @@ def cable(
     bernstein = [(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3]
     sinking = sum(weight * point for weight, point in zip(bernstein, control, strict=True))
     # The lying part starts along the end of the sinking part, and then turns aside.
-    ahead = control[3] + 0.3 * (length - 2 * reach) * _unit(control[3] - control[2])
+    ahead = control[3] + 0.3 * (length - 2.4 * reach) * _unit(control[3] - control[2])
     along = (1 - t) ** 2 * control[3] + 2 * t * (1 - t) * ahead + t**2 * end
     return tube(np.vstack([sinking, along[1:]]), radius, _CABLE_SIDES)
 

@@ -292,6 +292,11 @@ class World:
 
 def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
     paint = bsdf(surface.paint, surface.reflectance, surface.roughness, surface.texture)
+    return mitsuba_mesh(name, surface, unit, paint)
+
+
+def mitsuba_mesh(name: str, surface: Surface, unit: RenderUnit, paint: dict[str, Any]) -> Any:
+    """Build Mitsuba's mesh of a surface with a paint that replaces its own."""
     properties = mi.Properties()
     properties["mesh_bsdf"] = mi.load_dict(paint)
     properties["face_normals"] = not surface.smooth
