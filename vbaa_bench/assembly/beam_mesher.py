@@ -32,7 +32,7 @@ class BeamMesher:
         spec, beam = self.scene.beam, self.rig.beam
         line, director = state.centreline, state.director
         s = rings(line[:, 0], line[:, 1:], self._rings)
-        end = tip_rings(spec.tip, beam.radius * spec.tip_ratio)
+        end = tip_rings(spec.tip, beam.radius * spec.tip_ratio * max(spec.aspect_ratio, 1.0))
         if spec.tip != "flat":
             # The number of rings must not depend on the beam's bend.
             s = np.append(s[:-1] * (1 - end.before_end[0] / s[-1]), s[-1] - end.before_end)

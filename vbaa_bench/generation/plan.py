@@ -155,13 +155,15 @@ class _Extremes:
     def _below_ground(self) -> list[str]:
         scene, depth = self._file.scene, (self._rig.beam.radius - self._lowest) / MILLIMETRE
         ground, clutter = scene.background.distance_mm, scene.clutter
-        if clutter is not None and clutter.under_beam and depth > -clutter.highest_mm(-ground):
-            message = f"reach the beam, {depth:.4g} mm below plane C; allowed is a lower top_mm"
-            return [self._file.message_at(("clutter",), message)]
-        if depth <= ground:
-            return []
-        message = f"is {ground:g}, but the beam reaches {depth:.4g} mm below plane C"
-        return [self._file.message_at(("background", "distance_mm"), message)]
+        reaches = f"but the beam reaches {depth:.4g} mm below plane C"
+        if depth > ground:
+            return [
+                self._file.message_at(("background", "distance_mm"), f"is {ground:g}, {reaches}")
+            ]
+        top = 0.0 if clutter is None else clutter.highest_mm(-ground)
+        if clutter is not None and clutter.under_beam and depth > -top:
+            return [self._file.message_at(("clutter", "top_mm"), f"is {top:g}, {reaches}")]
+        return []
 
     def _overstressed(self) -> list[str]:
         beam = self._file.scene.beam

@@ -67,6 +67,12 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
             at(90),
             "object.texture.file ../x.png: is outside of the scene's folder",
         ),
+        (
+            "clutter: {under_beam: true, top_mm: -3}\ngravity_m_s2: [0, 0, -9.81]",
+            at(140),
+            "clutter.top_mm is -3, but the beam reaches",
+        ),
+        ("clutter: {top_mm: -40}", at(140), "allowed is above the background, -30"),
         ("background: {pattern: image}", at(90), "image_file must be given for the pattern image"),
         (
             "object: {kind: wall, gap_mm: 5}",
