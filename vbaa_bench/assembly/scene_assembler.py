@@ -11,33 +11,25 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, rigid
-from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
+from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.beam_mesher import BeamMesher
 from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.ground import GROUND, Ground
 from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
-from vbaa_bench.assembly.part_texture import part_texture
-from vbaa_bench.geometry.board import board, cells, squares
-from vbaa_bench.geometry.box_mapping import box_mapped, unshared
-from vbaa_bench.geometry.ground import chequered_side, edge_side, edged_sheet
-from vbaa_bench.geometry.objects import adaptor, hub, sheet
+from vbaa_bench.assembly.part_textures import beam_texture, object_texture
+from vbaa_bench.geometry.board import board, cells
+from vbaa_bench.geometry.box_mapping import unshared
+from vbaa_bench.geometry.objects import adaptor, hub
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
-from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
-from vbaa_bench.render.textures import (
-    Grime,
-    gradient_texture,
-    grime_texture,
-    image_texture,
-    random_texture,
-)
 from vbaa_bench.render.world import RenderUnit, Surface, World
 from vbaa_bench.scene.frames import FrameSpec, random_generator
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
@@ -45,7 +37,6 @@ from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
 
-_GROUND = {"background", "background_squares", "table_side", "floor"}
 # Reflectance of the board's card and of the ink on it.
 WHITE, BLACK = 0.7, 0.04
 
@@ -231,7 +222,7 @@ class SceneAssembler:
     def _background(
         self, experiment: Experiment, motor_angle: float
     ) -> Iterator[tuple[str, Surface]]:
-        """Yield the surfaces of the ground at a motor angle [rad]."""
+        """Yield the surfaces of the ground at a motor angle [rad], and what lies on it."""
         spec, mount = self.scene.background, self.scene.camera.mount
         frame_from_ground = np.eye(4)
         if spec.fixed_to != mount:
@@ -240,15 +231,17 @@ class SceneAssembler:
                 if mount == "antenna"
                 else self._frame_from_clamp(experiment, motor_angle)
             )
-        yield from self._ground(np.eye(4) if self._is_endless else frame_from_ground)
+        endless = self._ground.is_endless
+        for name, surface in self._ground.surfaces():
+            mesh = _placed(surface.mesh, np.eye(4) if endless else frame_from_ground)
+            yield name, replace(surface, mesh=mesh)
         for name, surface in self._clutter:
             mesh = _placed(surface.mesh.copy(), frame_from_ground)
             yield name, replace(surface, mesh=mesh)
 
-    @property
-    def _is_endless(self) -> bool:
-        """Whether the ground is plain without an edge: it looks the same at every angle."""
-        return self.scene.background.pattern == "plain" and self.scene.background.edge is None
+    @cached_property
+    def _ground(self) -> Ground:
+        return Ground(self.scene, self.rig, self.folder)
 
     @cached_property
     def _clutter(self) -> list[tuple[str, Surface]]:
@@ -257,92 +250,17 @@ class SceneAssembler:
             return []
         return list(clutter_surfaces(self.scene, self.rig, self.folder))
 
-    def _ground(self, frame_from_ground: Floats) -> Iterator[tuple[str, Surface]]:
-        """Yield the surfaces of a ground so large that the camera never sees its border."""
-        spec, length = self.scene.background, self.rig.beam.length
-        middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
-        edge = spec.edge
-        if edge is not None:
-            azimuth, distance = edge.azimuth_deg * DEGREE, edge.distance_mm * MILLIMETRE
-            thickness = min(edge.thickness_mm, edge.drop_mm) * MILLIMETRE
-            rim = edge_side(middle, 20 * length, azimuth, distance, thickness)
-            yield "table_side", Surface(_placed(rim, frame_from_ground), edge.side_reflectance)
-            below = middle - [0.0, 0.0, edge.drop_mm * MILLIMETRE]
-            floor = _placed(sheet(below, 20 * length, 1), frame_from_ground)
-            yield "floor", Surface(floor, edge.floor_reflectance)
-            mesh = _placed(edged_sheet(middle, 20 * length, azimuth, distance), frame_from_ground)
-            yield "background", Surface(mesh, spec.reflectance, texture=self._texture)
-            return
-        if spec.pattern != "squares":
-            mesh = _placed(sheet(middle, 20 * length, 1), frame_from_ground)
-            yield "background", Surface(mesh, spec.reflectance, texture=self._texture)
-            return
-        side = chequered_side(self.scene, self.rig.camera)
-        light, dark = squares(side, spec.square_mm * MILLIMETRE)
-        for name, mesh, reflectance in (
-            ("background", light, spec.reflectance),
-            ("background_squares", dark, spec.square_reflectance),
-        ):
-            mesh.apply_translation(middle)
-            yield name, Surface(_placed(mesh, frame_from_ground), reflectance)
-
     @cached_property
     def _beam_mesher(self) -> BeamMesher:
         return BeamMesher(self.scene, self.rig)
 
     @cached_property
     def _object_texture(self) -> Texture | None:
-        """Texture of the object, that of its shape before it is touched."""
-        spec, radius = self.scene.object, self.rig.beam.radius
-        if isinstance(spec, NothingSpec) or spec.texture is None:
-            return None
-        ground = -self.scene.background.distance_mm * MILLIMETRE
-        places = box_mapped(Body(spec, radius, ground, self.folder).mesh(0.0))
-        random = random_generator(self.scene, "object texture")
-        return part_texture(spec, spec.texture, places, self.folder, random)
+        return object_texture(self.scene, self.rig, self.folder)
 
     @cached_property
     def _grime(self) -> Texture | None:
-        """Texture of the beam."""
-        spec, mm, beam = self.scene.beam.grime, MILLIMETRE, self.rig.beam
-        if spec is None:
-            return None
-        grime = Grime(
-            smudge_contrast=spec.smudge_contrast,
-            smudge=spec.smudge_mm * mm,
-            dust_cover=spec.dust_pct * PERCENT,
-            dust=spec.dust_mm * mm,
-            dust_reflectance=spec.dust_reflectance,
-            uneven_gloss=spec.uneven_gloss,
-        )
-        girth, random = 2 * np.pi * beam.radius, random_generator(self.scene, "grime")
-        return grime_texture(grime, self.scene.beam.reflectance, beam.length, girth, random)
-
-    @cached_property
-    def _texture(self) -> Texture | None:
-        """Texture of the background, centred on the beam's middle."""
-        spec, length, mm = self.scene.background, self.rig.beam.length, MILLIMETRE
-        corners = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
-        if spec.edge is not None:
-            azimuth, distance = spec.edge.azimuth_deg * DEGREE, spec.edge.distance_mm * mm
-            edged = edged_sheet(np.zeros(3), 20 * length, azimuth, distance)
-            corners = np.asarray(edged.vertices)[:, :2]
-        match spec.pattern:
-            case "graded":
-                azimuth, extent = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
-                return gradient_texture(
-                    corners, spec.reflectance, spec.far_reflectance, azimuth, extent
-                )
-            case "textured":
-                grain, random = spec.correlation_mm * mm, random_generator(self.scene, "ground")
-                lengths = (grain * spec.correlation_ratio, grain)
-                mean, contrast = spec.reflectance, spec.contrast
-                return random_texture(corners, mean, contrast, lengths, 2 * length, random)
-            case "image":
-                assert spec.image_file is not None
-                image = read_surface_image(self.folder, spec.image_file)
-                return image_texture(corners, image, spec.reflectance, spec.image_width_mm * mm)
-        return None
+        return beam_texture(self.scene, self.rig)
 
     @cached_property
     def _lights(self) -> list[Light]:
@@ -366,7 +284,7 @@ class SceneAssembler:
             surfaces,
             self.unit,
             still=self._still & set(surfaces),
-            sliding=dict(self._ground(np.eye(4))) if self._slides & set(surfaces) else None,
+            sliding=dict(self._ground.surfaces()) if self._slides & set(surfaces) else None,
             bounces=self.scene.render.bounces,
             lens=lens,
             printed=printed,
@@ -384,8 +302,8 @@ class SceneAssembler:
         still = {"hub", "adaptor", *CLAMP} if self.scene.camera.mount == "antenna" else set()
         background = self.scene.background
         fixed = background.fixed_to == self.scene.camera.mount
-        if fixed or self._is_endless:
-            still |= _GROUND
+        if fixed or self._ground.is_endless:
+            still |= GROUND
         if fixed:
             still |= set(CLUTTER)
         return still
@@ -393,7 +311,7 @@ class SceneAssembler:
     @property
     def _slides(self) -> set[str]:
         """Names of the surfaces of a chequered ground that turns under the camera."""
-        return _GROUND - self._still if self.scene.background.pattern == "squares" else set()
+        return GROUND - self._still if self.scene.background.pattern == "squares" else set()
 
     @property
     def unit(self) -> RenderUnit:
