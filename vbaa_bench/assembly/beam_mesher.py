@@ -9,8 +9,10 @@ from scipy.interpolate import CubicSpline
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.geometry.rings import facets, ring_count, rings
-from vbaa_bench.geometry.tube import arc_length_of_vertices, strip, tube
+from vbaa_bench.geometry.tip import shaped, tip_rings
+from vbaa_bench.geometry.tube import arc_length_of_vertices, around_of_vertices, strip, tube
 from vbaa_bench.mechanics.state import State
+from vbaa_bench.scene.frames import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
@@ -30,6 +32,10 @@ class BeamMesher:
         spec, beam = self.scene.beam, self.rig.beam
         line, director = state.centreline, state.director
         s = rings(line[:, 0], line[:, 1:], self._rings)
+        end = tip_rings(spec.tip, beam.radius * spec.tip_ratio * max(spec.aspect_ratio, 1.0))
+        if spec.tip != "flat":
+            # The number of rings must not depend on the beam's bend.
+            s = np.append(s[:-1] * (1 - end.before_end[0] / s[-1]), s[-1] - end.before_end)
         points = CubicSpline(line[:, 0], line[:, 1:])(s)
         directors = None if director is None else CubicSpline(line[:, 0], director)(s)
         if spec.section == "strip":
@@ -38,8 +44,19 @@ class BeamMesher:
             mesh = strip(points, directors, beam.diameter, width, caps_apart=True)
             return mesh, arc_length_of_vertices(s, 4)
         radius = beam.radius * (1 + (spec.tip_ratio - 1) * s / beam.length)
+        if spec.tip != "flat":
+            radius[-len(end.factor) :] *= end.factor
         mesh = tube(points, radius, self._facets, directors, spec.aspect_ratio, caps_apart=True)
-        return mesh, arc_length_of_vertices(s, self._facets)
+        arc_length = arc_length_of_vertices(s, self._facets)
+        if spec.tip != "flat":
+            random = random_generator(self.scene, "tip")
+            arc_length = shaped(mesh, arc_length, self._facets, spec.tip, random)
+        return mesh, arc_length
+
+    def around(self, arc_length: Floats) -> Floats:
+        """Return the place around the beam of a mesh's vertices, for textures."""
+        facets = 4 if self.scene.beam.section == "strip" else self._facets
+        return around_of_vertices((len(arc_length) - 2) // facets - 2, facets)
 
     @cached_property
     def _facets(self) -> int:

@@ -81,19 +81,20 @@ class Body:
         None if the beam can touch the finite object there.
         """
         mm, spec, x, z = MILLIMETRE, self.spec, float(touched[0]), float(touched[2])
-        low, high, half, flank = -np.inf, np.inf, np.inf, np.pi / 2
+        low, high, half, flank, chamfer = -np.inf, np.inf, np.inf, np.pi / 2, 0.0
         match spec:
             case KnifeEdgeSpec():
                 low, high = -spec.length_mm * mm / 2, spec.length_mm * mm / 2
                 flank = np.pi / 2 - spec.half_angle_deg * DEGREE
             case BlockSpec():
-                flank = np.pi / 4
+                flank, chamfer = np.pi / 4, spec.chamfer_mm * mm
             case WallSpec():
                 half = spec.length_mm * mm / 2
             case PadSpec():
                 half = spec.width_mm * mm / 2
         if isinstance(spec, UprightSpec):
             low, high = self._heights
+            high -= chamfer
         if not low <= z <= high:
             return (
                 f"the beam slides off the end of the object, to {z / mm:.3g} mm along its edge, "
@@ -120,7 +121,7 @@ class Body:
         mm, spec = MILLIMETRE, self.spec
         match spec:
             case BlockSpec():
-                return objects.block(spec.side_mm * mm, *self._heights)
+                return objects.block(spec.side_mm * mm, *self._heights, spec.chamfer_mm * mm)
             case CylinderSpec() | PegSpec():
                 return objects.cylinder(spec.radius_mm * mm, *self._heights)
             case SphereSpec():

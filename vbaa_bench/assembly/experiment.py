@@ -1,5 +1,6 @@
 """Mechanics of one push of a scene: the rod, the motor and the obstacles."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -11,6 +12,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.bodies import Body, place
+from vbaa_bench.assembly.clamp import overlaps_jaw
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.contact import Obstacle
 from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
@@ -18,6 +20,7 @@ from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Line, upright
 from vbaa_bench.scene.frames import Push
+from vbaa_bench.scene.laboratory import ClampSpec
 from vbaa_bench.scene.objects import NothingSpec, PadSpec, PlungerSpec, WallSpec
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
@@ -123,6 +126,8 @@ class Experiment:
             self.body.mesh(max(shifts, default=0.0))
         if not isinstance(self.scene.object, NothingSpec):
             self._check_hub()
+            if self.scene.clamp is not None:
+                self._check_jaw(self.scene.clamp, states)
         for step, state in enumerate(states):
             for contact in state.contacts[:1]:
                 object_from_clamp = invert(self.clamp_from_object(state, step))
@@ -135,7 +140,10 @@ class Experiment:
 
     def _check_hub(self) -> None:
         """Raise EquilibriumError if the object overlaps the hub about the motor's axis."""
-        first, hub = self.obstacles[0], self.scene.hub.radius_mm * MILLIMETRE
+        first, clamp = self.obstacles[0], self.scene.clamp
+        flange = 0.0 if clamp is None else clamp.flange_radius_mm
+        radius_mm, part = max((self.scene.hub.radius_mm, "hub"), (flange, "flange"))
+        hub = radius_mm * MILLIMETRE
         axis = apply(invert(first.world_from_object), np.array([self.motor.point]))[0]
         clearance, _ = first.surface.distance(axis)
         # The distance to a sharp edge does not account for the object's width behind it.
@@ -143,8 +151,17 @@ class Experiment:
         if (abs(clearance) if edge else clearance) < hub:
             raise EquilibriumError(
                 f"the object is {clearance / MILLIMETRE:.4g} mm from the motor's axis, "
-                f"allowed is beyond the hub's radius of {hub / MILLIMETRE:g} mm"
+                f"allowed is beyond the {part}'s radius of {radius_mm:g} mm"
             )
+
+    def _check_jaw(self, clamp: ClampSpec, states: Sequence[State]) -> None:
+        """Raise EquilibriumError if the object overlaps the clamp's jaw in a step."""
+        for step, state in enumerate(states):
+            if overlaps_jaw(clamp, np.asarray(self.touched_mesh(state, step).vertices)):
+                raise EquilibriumError(
+                    f"at {self.push.targets[step]} the object overlaps the clamp's jaw, allowed is "
+                    "a narrower jaw or an object farther away"
+                )
 
     def _states(self) -> list[State]:
         model, targets, segments = (

@@ -14,19 +14,22 @@ from solver.instrument.transforms import apply, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.beam_mesher import BeamMesher
 from vbaa_bench.assembly.bodies import Body
+from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
+from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.ground import GROUND, Ground
 from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
-from vbaa_bench.geometry.board import board, cells, squares
-from vbaa_bench.geometry.ground import chequered_side
-from vbaa_bench.geometry.objects import adaptor, hub, sheet
+from vbaa_bench.assembly.part_textures import beam_texture, object_texture
+from vbaa_bench.geometry.board import board, cells
+from vbaa_bench.geometry.box_mapping import unshared
+from vbaa_bench.geometry.objects import adaptor, hub
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
-from vbaa_bench.render.textures import gradient_texture, random_texture
 from vbaa_bench.render.world import RenderUnit, Surface, World
 from vbaa_bench.scene.frames import FrameSpec, random_generator
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
@@ -34,7 +37,6 @@ from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
 
-_GROUND = {"background", "background_squares"}
 # Reflectance of the board's card and of the ink on it.
 WHITE, BLACK = 0.7, 0.04
 
@@ -74,14 +76,17 @@ class Pose:
 class SceneAssembler:
     """Assembler of worlds of one scene's true rig, in the frame in which the camera is fixed.
 
-    `look` numbers the random patterns of surfaces that do not move; it is 0 for all frames if they
-    have the same ones.
+    `look` numbers the random patterns of surfaces that do not move, `world` those of surfaces that
+    do; each is 0 for all frames if they have the same ones. Ground and clutter are those of
+    `still_scene`, by default the scene itself: frames that share them may have other objects.
     """
 
     scene: Scene
     rig: TrueRig
     folder: Path
     look: int = 0
+    world: int = 0
+    still_scene: Scene | None = None
 
     def rest(self, experiment: Experiment) -> World:
         """Build the world of the beam at rest, without an object."""
@@ -89,18 +94,19 @@ class SceneAssembler:
 
     def pushed_world(self, pose: Pose) -> World:
         """Build the world of the beam pushed against its object."""
-        surfaces = self._surfaces(pose)
+        surfaces = self.surfaces(pose)
         # The beam comes first: its index in the truth layers is 1.
         surfaces = {"beam": surfaces.pop("beam"), **surfaces}
         return self._world(surfaces)
 
-    def _surfaces(self, pose: Pose) -> dict[str, Surface]:
+    def surfaces(self, pose: Pose) -> dict[str, Surface]:
+        """Build all surfaces of a frame."""
         antenna = self._antenna_and_ground(pose.experiment, pose.state, pose.motor_angle)
         return {**dict(self.object_surfaces(pose)), **dict(antenna)}
 
     def repose(self, world: World, pose: Pose) -> None:
         """Move the vertices of a world, made by `pushed_world`, to another pose."""
-        surfaces = self._surfaces(pose)
+        surfaces = self.surfaces(pose)
         vertices = {name: np.asarray(surface.mesh.vertices) for name, surface in surfaces.items()}
         world.move(vertices, surfaces["beam"].arc_length)
 
@@ -147,11 +153,25 @@ class SceneAssembler:
         frame_from_clamp = self._frame_from_clamp(experiment, motor_angle)
         mesh, s = self._beam_mesher.mesh(state)
         beam = _painted(_placed(mesh, frame_from_clamp), spec)
-        yield "beam", replace(beam, arc_length=s, smooth=spec.section != "strip")
+        beam = replace(
+            beam,
+            arc_length=s,
+            smooth=spec.section != "strip",
+            oblique_tip=spec.tip == "cut",
+        )
+        if spec.grime is not None:
+            around = self._beam_mesher.around(s)
+            beam = replace(beam, texture=self._grime, around=around)
+        yield "beam", beam
         hub_spec, mm = scene.hub, MILLIMETRE
         bottom = experiment.ground if hub_spec.bottom_mm is None else hub_spec.bottom_mm * mm
         shaft = hub(hub_spec.radius_mm * mm, bottom, hub_spec.top_mm * mm)
         offset = np.array(scene.clamp_offset_mm) * mm
+        if scene.clamp is not None:
+            if not offset.any():
+                shaft = hub(hub_spec.radius_mm * mm, bottom, -scene.clamp.jaw_mm[2] / 2 * mm)
+            for name, surface in clamp_surfaces(scene, experiment.ground):
+                yield name, replace(surface, mesh=_placed(surface.mesh, frame_from_clamp))
         if offset.any():
             shaft.apply_translation(-offset)
             arm = adaptor(offset, hub_spec.radius_mm * mm / 2)
@@ -166,7 +186,10 @@ class SceneAssembler:
         if not isinstance(scene.object, NothingSpec):
             object_mesh = experiment.touched_mesh(state, pose.spec.step)
             top = float(object_mesh.vertices[:, 2].max())
-            yield "object", _painted(_placed(object_mesh, frame_from_clamp), scene.object)
+            if scene.object.texture is not None:
+                object_mesh = unshared(object_mesh)
+            surface = _painted(_placed(object_mesh, frame_from_clamp), scene.object)
+            yield "object", replace(surface, texture=self._object_texture)
         second_peg = scene.second_peg
         if second_peg is not None:
             spec = PegSpec(
@@ -207,55 +230,46 @@ class SceneAssembler:
     def _background(
         self, experiment: Experiment, motor_angle: float
     ) -> Iterator[tuple[str, Surface]]:
-        """Yield the surfaces of the ground at a motor angle [rad]."""
+        """Yield the surfaces of the ground at a motor angle [rad], and what lies on it."""
         spec, mount = self.scene.background, self.scene.camera.mount
-        if spec.pattern == "plain" or spec.fixed_to == mount:
-            # A plain ground looks the same at every angle.
-            yield from self._ground(np.eye(4))
-        elif mount == "antenna":
-            yield from self._ground(experiment.clamp_from_world(motor_angle))
-        else:
-            yield from self._ground(self._frame_from_clamp(experiment, motor_angle))
+        frame_from_ground = np.eye(4)
+        if spec.fixed_to != mount:
+            frame_from_ground = (
+                experiment.clamp_from_world(motor_angle)
+                if mount == "antenna"
+                else self._frame_from_clamp(experiment, motor_angle)
+            )
+        endless = self._ground.is_endless
+        for name, surface in self._ground.surfaces():
+            mesh = _placed(surface.mesh, np.eye(4) if endless else frame_from_ground)
+            yield name, replace(surface, mesh=mesh)
+        for name, surface in self._clutter:
+            mesh = _placed(surface.mesh.copy(), frame_from_ground)
+            yield name, replace(surface, mesh=mesh)
 
-    def _ground(self, frame_from_ground: Floats) -> Iterator[tuple[str, Surface]]:
-        """Yield the surfaces of a ground so large that the camera never sees its border."""
-        spec, length = self.scene.background, self.rig.beam.length
-        middle = np.array([length / 2, 0.0, -spec.distance_mm * MILLIMETRE])
-        if spec.pattern != "squares":
-            mesh = _placed(sheet(middle, 20 * length, 1), frame_from_ground)
-            yield "background", Surface(mesh, spec.reflectance, texture=self._texture)
-            return
-        side = chequered_side(self.scene, self.rig.camera)
-        light, dark = squares(side, spec.square_mm * MILLIMETRE)
-        for name, mesh, reflectance in (
-            ("background", light, spec.reflectance),
-            ("background_squares", dark, spec.square_reflectance),
-        ):
-            mesh.apply_translation(middle)
-            yield name, Surface(_placed(mesh, frame_from_ground), reflectance)
+    @cached_property
+    def _ground(self) -> Ground:
+        return Ground(self.still_scene or self.scene, self.rig, self.folder, self.look)
+
+    @cached_property
+    def _clutter(self) -> list[tuple[str, Surface]]:
+        """Surfaces of the clutter in the frame of the ground."""
+        scene = self.still_scene or self.scene
+        if scene.clutter is None:
+            return []
+        return list(clutter_surfaces(scene, self.rig, self.folder, self.look))
 
     @cached_property
     def _beam_mesher(self) -> BeamMesher:
         return BeamMesher(self.scene, self.rig)
 
     @cached_property
-    def _texture(self) -> Texture | None:
-        """Texture of the background, centred on the beam's middle."""
-        spec, length, mm = self.scene.background, self.rig.beam.length, MILLIMETRE
-        corners = np.asarray(sheet(np.zeros(3), 20 * length, 1).vertices)[:, :2]
-        match spec.pattern:
-            case "graded":
-                azimuth, extent = spec.gradient_deg * DEGREE, spec.gradient_mm * mm
-                return gradient_texture(
-                    corners, spec.reflectance, spec.far_reflectance, azimuth, extent
-                )
-            case "textured":
-                grain = spec.correlation_mm * mm
-                random = random_generator(self.scene, "ground", self.look)
-                lengths = (grain * spec.correlation_ratio, grain)
-                mean, contrast = spec.reflectance, spec.contrast
-                return random_texture(corners, mean, contrast, lengths, 2 * length, random)
-        return None
+    def _object_texture(self) -> Texture | None:
+        return object_texture(self.scene, self.rig, self.folder, self.world)
+
+    @cached_property
+    def _grime(self) -> Texture | None:
+        return beam_texture(self.scene, self.rig, self.world)
 
     @cached_property
     def _lights(self) -> list[Light]:
@@ -277,9 +291,9 @@ class SceneAssembler:
             self.rig.camera,
             self._lights if lamps is None else lamps,
             surfaces,
-            self._unit(),
+            self.unit,
             still=self._still & set(surfaces),
-            sliding=dict(self._ground(np.eye(4))) if self._slides & set(surfaces) else None,
+            sliding=dict(self._ground.surfaces()) if self._slides & set(surfaces) else None,
             bounces=self.scene.render.bounces,
             lens=lens,
             printed=printed,
@@ -294,18 +308,23 @@ class SceneAssembler:
     @property
     def _still(self) -> set[str]:
         """Names of surfaces that do not move against the camera; a plain ground always counts."""
-        still = {"hub", "adaptor"} if self.scene.camera.mount == "antenna" else set()
+        still = {"hub", "adaptor", *CLAMP} if self.scene.camera.mount == "antenna" else set()
         background = self.scene.background
-        if background.fixed_to == self.scene.camera.mount or background.pattern == "plain":
-            still |= _GROUND
+        fixed = background.fixed_to == self.scene.camera.mount
+        if fixed or self._ground.is_endless:
+            still |= GROUND
+        if fixed:
+            still |= set(CLUTTER)
         return still
 
     @property
     def _slides(self) -> set[str]:
         """Names of the surfaces of a chequered ground that turns under the camera."""
-        return _GROUND - self._still if self.scene.background.pattern == "squares" else set()
+        return GROUND - self._still if self.scene.background.pattern == "squares" else set()
 
-    def _unit(self) -> RenderUnit:
+    @property
+    def unit(self) -> RenderUnit:
+        """Unit and origin of render coordinates."""
         beam = self.rig.beam
         return RenderUnit(beam.radius, np.array([beam.length / 2, 0.0, 0.0]))
 

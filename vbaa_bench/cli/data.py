@@ -1,4 +1,4 @@
-"""Commands that render: preview, plan, generate, check-camera, contact-sheet."""
+"""Commands that render: preview, plan, generate, check-camera, contact-sheet, outside."""
 
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -173,6 +173,29 @@ def contact_sheet(
         task = progress.add_task("scenes", total=len(paths))
         write_sheet(paths, out, choose(variant), lambda n, _: progress.update(task, completed=n))
     print_result({"picture": str(out), "scenes": len(paths)}, str(out), as_json)
+
+
+def outside(
+    scene: ScenePath,
+    frame: Annotated[
+        int, typer.Option(min=0, help="frame number, in the order of the scene's pushes")
+    ] = 0,
+    out: Picture = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Render the whole rig of a scene from outside, in colour."""
+    with importing():
+        from solver.lab.writing import prepare_output_path
+        from vbaa_bench.benchmarks.outside_view import outside_view
+        from vbaa_bench.render.variant import choose
+        from vbaa_bench.scene.load import load_scene
+
+    file, out = load_scene(scene), out or Path("results/outside_view.png")
+    prepare_output_path(out)
+    with console.status("rendering the rig"):
+        outside_view(file, frame, out, choose(variant))
+    print_result({"picture": str(out)}, str(out), as_json)
 
 
 def check_camera(scene: ScenePath, variant: Variant = None, as_json: AsJson = False) -> None:

@@ -13,6 +13,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json, versions
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.objects import MeshSpec
+from vbaa_bench.scene.paint import ImageTextureSpec
 
 Identity = dict[str, Any]
 
@@ -20,8 +21,11 @@ Identity = dict[str, Any]
 def dataset_identity(file: SceneFile, variant: str) -> Identity:
     """Collect everything that the bytes of a dataset depend on, without the scene's title."""
     scene = file.scene
+    texture = getattr(scene.object, "texture", None)
     names = [scene.object.file] if isinstance(scene.object, MeshSpec) else []
     names += [light.file for light in scene.lights if light.kind == "environment" and light.file]
+    names += [scene.background.image_file] if scene.background.image_file else []
+    names += [texture.file] if isinstance(texture, ImageTextureSpec) else []
     return {
         "scene": scene.model_dump(mode="json", exclude={"title"}),
         "files": {name: _sha256(file.path.parent / name) for name in names},

@@ -14,7 +14,7 @@ from vbaa_bench.scene.schema import Scene
 
 # Keys that change no surface, and sections that only change surfaces that move.
 _POSE: Final = {"pushes", "light_level"}
-_MOVING: Final = {*_POSE, "object", "second_peg", "occlusion"}
+_MOVING: Final = {*_POSE, "object", "second_peg", "occlusion", "beam"}
 
 
 @dataclass
@@ -55,7 +55,9 @@ def look_of(scene: Scene, rig: TrueRig, folder: Path, spec: FrameSpec, last: Loo
         return last
     steps = len(spec.push.targets)
     shared = level == "rig" or (level == "push" and steps > 1)
-    assembler = SceneAssembler(spec.scene, rig, folder, number)
+    # Surfaces that frames share must not depend on which of them is rendered first.
+    still_scene = scene if level == "rig" else spec.scene
+    assembler = SceneAssembler(spec.scene, rig, folder, number, world_number, still_scene)
     keeps = last is not None and last.number == number
     static_layer = last.static_layer if last is not None and keeps else None
     return Look(assembler, number, world_number, shared, static_layer=static_layer)

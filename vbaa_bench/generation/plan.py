@@ -18,6 +18,7 @@ from vbaa_bench.geometry.lamps import between
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.illumination import lights
+from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.scene.frames import Frames, FrameSpec, Push, in_order, in_shards
 from vbaa_bench.scene.load import SceneFile
@@ -97,6 +98,7 @@ def rig_mistakes(file: SceneFile) -> list[str]:
     """
     rig = _true_rig(file)
     _environment_is_readable(file)
+    _images_are_readable(file)
     return _board_out_of_view(file, rig) + _Extremes(file, rig).mistakes()
 
 
@@ -192,6 +194,21 @@ def _environment_is_readable(file: SceneFile) -> None:
                 raise InputError(message) from error
 
 
+def _images_are_readable(file: SceneFile) -> None:
+    """Raise InputError if an image of a surface cannot be used."""
+    texture, ground = getattr(file.scene.object, "texture", None), file.scene.background
+    names: dict[tuple[Key, ...], str | None] = {
+        ("object", "texture", "file"): getattr(texture, "file", None),
+        ("background", "image_file"): ground.image_file,
+    }
+    for key, name in names.items():
+        if name is not None:
+            try:
+                read_surface_image(file.path.parent, name)
+            except InputError as error:
+                raise InputError(file.message_at(key, str(error))) from error
+
+
 class _Extremes:
     """Extremes over all states: the largest stress and residual, and the outermost points."""
 
@@ -227,12 +244,17 @@ class _Extremes:
         )
 
     def _below_ground(self) -> list[str]:
-        ground = self._file.scene.background.distance_mm
-        depth = (self._rig.beam.radius - self._lowest) / MILLIMETRE
-        if depth <= ground:
-            return []
-        message = f"is {ground:g}, but the beam reaches {depth:.4g} mm below plane C"
-        return [self._file.message_at(("background", "distance_mm"), message)]
+        scene, depth = self._file.scene, (self._rig.beam.radius - self._lowest) / MILLIMETRE
+        ground, clutter = scene.background.distance_mm, scene.clutter
+        reaches = f"but the beam reaches {depth:.4g} mm below plane C"
+        if depth > ground:
+            return [
+                self._file.message_at(("background", "distance_mm"), f"is {ground:g}, {reaches}")
+            ]
+        top = 0.0 if clutter is None else clutter.highest_mm(-ground)
+        if clutter is not None and clutter.under_beam and depth > -top:
+            return [self._file.message_at(("clutter", "top_mm"), f"is {top:g}, {reaches}")]
+        return []
 
     def _overstressed(self) -> list[str]:
         beam = self._file.scene.beam

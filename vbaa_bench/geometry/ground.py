@@ -1,12 +1,13 @@
-"""Extent and smallest square of a chequered ground, from the camera's view."""
+"""Extent, edge and smallest square of the ground, from the camera's view."""
 
 import math
 
 import numpy as np
+import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
-from solver.instrument.transforms import apply, invert
+from solver.instrument.transforms import apply, invert, turn_about_z
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.scene.schema import Scene
 
@@ -37,6 +38,47 @@ def chequered_side(scene: Scene, camera: Camera) -> float:
         radius = np.linalg.norm(footprint - axis, axis=1).max()
         half = float(radius + np.linalg.norm(middle - axis))
     return 2 * min(_MARGIN * half, _MAX_EXTENT * length)
+
+
+def view_of_ground(scene: Scene, camera: Camera) -> tuple[Floats, Floats]:
+    """Compute the corners (2,), (2,) [m] of a rectangle of the ground that contains the view.
+
+    It is a square about the motor's axis if the ground turns against the camera, and limited where
+    the camera sees the horizon.
+    """
+    length = scene.beam.length_mm * MILLIMETRE
+    middle = np.array([length / 2, 0.0])
+    footprint = _footprint(camera, -scene.background.distance_mm * MILLIMETRE)
+    if footprint is None:
+        return middle - _MAX_EXTENT * length, middle + _MAX_EXTENT * length
+    if scene.background.fixed_to != scene.camera.mount:
+        axis = -np.array(scene.clamp_offset_mm[:2]) * MILLIMETRE
+        radius = float(np.linalg.norm(footprint - axis, axis=1).max())
+        return axis - radius, axis + radius
+    return footprint.min(axis=0), footprint.max(axis=0)
+
+
+def edged_sheet(middle: Floats, side: float, azimuth: float, distance: float) -> trimesh.Trimesh:
+    """Mesh a square sheet across z about `middle` (3,) that ends at a straight edge, facing +z.
+
+    The edge is across the direction `azimuth` [rad], `distance` from the middle.
+    """
+    x = np.array([-side / 2, distance])
+    corners = np.array([[x[0], -side / 2], [x[1], -side / 2], [x[1], side / 2], [x[0], side / 2]])
+    points = np.column_stack([corners, np.zeros(4)])
+    vertices = middle + points @ turn_about_z(azimuth)[:3, :3].T
+    return trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], process=False)
+
+
+def edge_side(
+    middle: Floats, side: float, azimuth: float, distance: float, thickness: float
+) -> trimesh.Trimesh:
+    """Mesh the upright side of the edge of such a sheet, `thickness` high."""
+    y = np.array([-side / 2, side / 2, side / 2, -side / 2])
+    z = np.array([-thickness, -thickness, 0.0, 0.0])
+    points = np.column_stack([np.full(4, distance), y, z])
+    vertices = middle + points @ turn_about_z(azimuth)[:3, :3].T
+    return trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], process=False)
 
 
 def finest_square(scene: Scene, camera: Camera) -> float:

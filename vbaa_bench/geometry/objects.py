@@ -12,7 +12,7 @@ import trimesh
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.units import DEGREE, MILLIMETRE
-from vbaa_bench.geometry.solids import SAGITTA, arc, box, prism, rod, sides, slab, together
+from vbaa_bench.geometry.solids import SAGITTA, arc, box, lofted, prism, rod, sides, slab, together
 from vbaa_bench.geometry.tube import tube, tube_faces
 
 # A sphere is meshed finely up to this polar angle [rad] from where it is touched.
@@ -25,10 +25,19 @@ TURNS = 6
 HUG, HUG_STEP = 80 * DEGREE, 5 * DEGREE
 
 
-def block(side: float, bottom: float, top: float) -> trimesh.Trimesh:
-    """Mesh a square block with an upright edge at the origin; its diagonal is along -y."""
+def block(side: float, bottom: float, top: float, chamfer: float = 0.0) -> trimesh.Trimesh:
+    """Mesh a square block with an upright edge at the origin; its diagonal is along -y.
+
+    The edges of its top have a chamfer of 45 degrees; the upright edge ends below it.
+    """
     half = side / np.sqrt(2)
     outline = np.array([[0.0, 0.0], [-half, -half], [0.0, -2 * half], [half, -half]])
+    if chamfer:
+        middle = outline.mean(axis=0)
+        inset = middle + (1 - 2 * chamfer / side) * (outline - middle)
+        levels = [(outline, bottom), (outline, top - chamfer), (inset, top)]
+        rings = [np.column_stack([points, np.full(4, z)]) for points, z in levels]
+        return lofted(np.array(rings))
     return prism(outline, bottom, top)
 
 

@@ -44,6 +44,26 @@ def prism(outline: Floats, bottom: float, top: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.column_stack([flat, z]), tube_faces(2, n), process=False)
 
 
+def lofted(rings: Floats) -> trimesh.Trimesh:
+    """Mesh the body through rings of vertices (rings, n, 3), each anticlockwise seen from the last.
+
+    The first and the last ring are closed by a fan about their middles.
+    """
+    middles = rings[[0, -1]].mean(axis=1)
+    vertices = np.vstack([*rings, middles])
+    return trimesh.Trimesh(vertices, tube_faces(*rings.shape[:2]), process=False)
+
+
+def turned(radii: Floats, heights: Floats) -> trimesh.Trimesh:
+    """Mesh a body about the z axis from `radii` (rings, sides) at `heights` (rings,), from below.
+
+    A later ring that is lower and narrower makes a pocket.
+    """
+    angle = 2 * np.pi * np.arange(radii.shape[1]) / radii.shape[1]
+    z = np.broadcast_to(heights[:, None], radii.shape)
+    return lofted(np.stack([radii * np.cos(angle), radii * np.sin(angle), z], axis=-1))
+
+
 def box(low: Floats, high: Floats) -> trimesh.Trimesh:
     """Mesh the upright box between two opposite corners, each (3,) [m]."""
     (left, back, bottom), (right, front, top) = low, high

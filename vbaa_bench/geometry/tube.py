@@ -121,17 +121,32 @@ def sides(vertices: Floats, facets: int) -> Floats:
     return vertices[: -2 * (facets + 1)].reshape(-1, facets, 3)
 
 
-def normals(vertices: Floats, facets: int) -> Floats:
+def around_of_vertices(rings: int, facets: int) -> Floats:
+    """Return the place around the section of every vertex of a tube with its caps apart.
+
+    It is 0 at the first facet, 1 half-way around, and 0 again: the far side mirrors the near one,
+    so that a texture has no seam.
+    """
+    ring = 1 - np.abs(2 * np.arange(facets) / facets - 1)
+    return np.concatenate([np.tile(ring, rings + 2), [0.5, 0.5]])
+
+
+def normals(vertices: Floats, facets: int, *, oblique_tip: bool = False) -> Floats:
     """Compute outward unit normals of the vertices of a tube with its caps apart.
 
-    They are those of the smooth surface through the vertices, and along the curve on the caps.
-    Mitsuba would compute normals from the faces, by sums in changing order.
+    They are those of the smooth surface through the vertices, and along the curve on the caps, but
+    across the plane of an `oblique_tip`. Mitsuba would compute normals from the faces, by sums in
+    changing order.
     """
     rings = sides(vertices, facets)
     around = np.roll(rings, -1, axis=1) - np.roll(rings, 1, axis=1)
     skin = np.cross(around, _tangents(rings))
     skin /= np.linalg.norm(skin, axis=-1, keepdims=True)
     start, end = _tangents(rings.mean(axis=1))[[0, -1]]
+    if oblique_tip:
+        spokes = rings[-1] - rings[-1].mean(axis=0)
+        across = np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
+        end = across / np.linalg.norm(across)
     cap = np.repeat([-start, end], facets, axis=0)
     return np.vstack([*skin, cap, [-start, end]])
 

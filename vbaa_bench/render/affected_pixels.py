@@ -14,7 +14,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
-from vbaa_bench.render.lights import Environment, Lamp, Light
+from vbaa_bench.render.lights import Ambient, Environment, Lamp, Light
 
 # OpenCV draws with 16-bit integer pixel coordinates.
 _MAX_COORDINATE_PX = 30_000
@@ -107,7 +107,7 @@ def shadows(
     hulls = []
     boxes = [_box(points) for points in bodies]
     for light in lights:
-        if isinstance(light, Environment):
+        if isinstance(light, Environment | Ambient):
             return None
         lamp = _box(
             np.asarray(light.mesh.vertices) if isinstance(light, Lamp) else light.position[None]

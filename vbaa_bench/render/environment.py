@@ -57,6 +57,17 @@ def read_environment(path: Path) -> Floats:
 
     Raises InputError if it cannot be read, or is negative, not finite, or dark above the horizon.
     """
+    image = read_luminance(path)
+    if not plane_irradiance(image) > 0:
+        raise InputError(f"{path}: is dark above the horizon, allowed is any brighter image")
+    return image
+
+
+def read_luminance(path: Path) -> Floats:
+    """Read an OpenEXR image (height, width): its only channel, or the luminance of R, G, B.
+
+    Raises InputError if it cannot be read, or is negative or not finite.
+    """
     by_name = {name: values.astype(float) for name, values in channels(path).items()}
     if {"R", "G", "B"} <= set(by_name):
         image = 0.2126 * by_name["R"] + 0.7152 * by_name["G"] + 0.0722 * by_name["B"]
@@ -64,10 +75,8 @@ def read_environment(path: Path) -> Floats:
         image = next(iter(by_name.values()))
     else:
         raise InputError(f"{path}: has channels {', '.join(by_name)}, allowed are R, G, B or one")
-    if not (np.isfinite(image).all() and image.min() >= 0 and plane_irradiance(image) > 0):
-        raise InputError(
-            f"{path}: allowed are radiances that are finite, >= 0 and not all 0 above the horizon"
-        )
+    if not (np.isfinite(image).all() and image.min() >= 0):
+        raise InputError(f"{path}: allowed are values that are finite and >= 0")
     return image
 
 

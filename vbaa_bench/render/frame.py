@@ -250,15 +250,23 @@ class _Canvas:
 def _shaded(world: World, static: StaticLayer) -> Mask:
     """Mark the pixels of static surfaces on which moving surfaces may cast a shadow."""
     index, bodies = static.layers.object_index, world.bodies(world.moving - world.sliding)
-    blur, ground = world.blur_px, world.ground
-    shadow_hulls = shadows(bodies, world.lights, ground)
+    blur, grounds = world.blur_px, world.grounds
+    shadow_hulls = [shadows(bodies, world.lights, ground) for ground in grounds]
     # Light that is reflected by moving surfaces reaches all pixels.
-    if shadow_hulls is None or world.optics.lens.aperture > 0 or world.bounces > 1:
+    if None in shadow_hulls or world.optics.lens.aperture > 0 or world.bounces > 1:
         return np.ones(index.shape, np.bool_)
-    ground_names = [n for n in world.names if world.vertices[n][:, 2].max() <= ground + 1e-9]
-    ground_indices = [world.names.index(name) + 1 for name in ground_names]
-    raised = (index > 0) & ~np.isin(index, ground_indices)
-    return world.view.hulls(shadow_hulls, blur) | dilated(raised, 2 + blur)
+    levels = [_is_level(world.vertices[name][:, 2], grounds) for name in world.names]
+    raised = (index > 0) & ~np.isin(index, np.flatnonzero(levels) + 1)
+    hulls = [hull for ground_hulls in shadow_hulls for hull in ground_hulls or ()]
+    return world.view.hulls(hulls, blur) | dilated(raised, 2 + blur)
+
+
+def _is_level(z: Floats, grounds: Sequence[float]) -> bool:
+    """Test whether a surface with heights `z` [m] is one of the grounds, or below the lowest."""
+    low, high = float(z.min()), float(z.max())
+    return high <= grounds[0] + 1e-9 or any(
+        ground - 1e-9 <= low and high <= ground + 1e-9 for ground in grounds
+    )
 
 
 def _changed_by_sliding(current: Layers, still: Layers) -> Mask:

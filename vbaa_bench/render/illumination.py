@@ -16,7 +16,7 @@ from vbaa_bench.render.environment import (
     read_environment,
     rotated,
 )
-from vbaa_bench.render.lights import Environment, Lamp, Light, Projector, Spot
+from vbaa_bench.render.lights import Ambient, Environment, Lamp, Light, Projector, Spot
 from vbaa_bench.scene.lighting import (
     AreaSpec,
     BackSpec,
@@ -41,6 +41,41 @@ def lights(scene: Scene, folder: Path, *, panels: bool = True) -> list[Light]:
     Without `panels`, backlights are off, as for a calibration: a board in front of one is dark. If
     no light is left, or the scene has no `lights`, the soft lamp is used.
     """
+    built, ambient = _lamps(scene, folder, panels), scene.ambient
+    if ambient is None:
+        return built
+    # Lamps hide a part of the surroundings: the irradiance that they would give with radiance 1.
+    hidden = sum(_unit_irradiance(light, scene) for light in built)
+    unit = 1.0 if scene.lights else hidden  # the soft lamp has radiance 1
+    return _with_ambient(built, ambient.irradiance * unit / (np.pi - hidden))
+
+
+def _unit_irradiance(light: Light, scene: Scene) -> float:
+    """Compute the irradiance of plane C where the camera looks, if a lamp had radiance 1.
+
+    It is 0 for a light that hides nothing of the surroundings above plane C.
+    """
+    if not isinstance(light, Lamp) or light.mesh.vertices[:, 2].min() <= 0:
+        return 0.0
+    aim = _mm(scene.camera.look_at_mm) * [1, 1, 0]
+    return lamps.irradiance(light.mesh, aim, UP)
+
+
+def _with_ambient(built: list[Light], radiance: float) -> list[Light]:
+    """Add light of the same radiance from all directions.
+
+    Mitsuba allows one light around a scene: it is added to an environment's radiances.
+    """
+    merged: list[Light] = [
+        Environment(light.image + radiance) if isinstance(light, Environment) else light
+        for light in built
+    ]
+    has_environment = any(isinstance(light, Environment) for light in built)
+    return merged if has_environment else [*merged, Ambient(radiance)]
+
+
+def _lamps(scene: Scene, folder: Path, panels: bool) -> list[Light]:
+    """Build the lights of `light` or `lights`."""
     specs = [spec for spec in scene.lights if panels or spec.kind != "back"]
     if specs:
         return [_light(spec, scene, folder) for spec in specs]

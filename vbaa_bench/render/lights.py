@@ -67,7 +67,14 @@ class Environment:
     image: Floats
 
 
-Light = Lamp | Spot | Projector | Environment
+@dataclass(frozen=True)
+class Ambient:
+    """Infinitely distant light of the same `radiance` from all directions."""
+
+    radiance: float
+
+
+Light = Lamp | Spot | Projector | Environment | Ambient
 
 
 def emitter(light: Light, render_from_antenna: Floats) -> Any:
@@ -84,6 +91,8 @@ def emitter(light: Light, render_from_antenna: Floats) -> Any:
             return _projector(light, render_from_antenna)
         case Environment():
             return _environment(light)
+        case Ambient():
+            return {"type": "constant", "radiance": {"type": "rgb", "value": light.radiance}}
 
 
 def _lamp(lamp: Lamp, render_from_antenna: Floats) -> Any:

@@ -21,12 +21,16 @@ class Texture:
     """Reflectances `image` (height, width) and their texture coordinates `uv` (vertices, 2).
 
     The image spans 0..1 in u along its rows and in v along its columns. Outside it is continued by
-    its border values, or repeated.
+    its border values, or repeated. `gloss` (height, width) are factors of the specular reflectance,
+    from 0 to 1. On a beam, `uv` is empty: its coordinates are arc length [mm] times `per_mm` and
+    the place around it, from 0 to 1.
     """
 
     image: Floats
     uv: Floats
     repeated: bool = False
+    gloss: Floats | None = None
+    per_mm: float = 1.0
 
 
 def bsdf(
@@ -41,18 +45,26 @@ def bsdf(
         # The Beckmann distribution has less self-shadowing than others: none up to alpha 0.4.
         steel = {"type": "roughconductor", "distribution": "beckmann", "alpha": roughness}
         eta, k = ({"type": "spectrum", "value": value} for value in IRON)
-        return {"type": "twosided", "bsdf": {**steel, "eta": eta, "k": k}}
+        return {"type": "twosided", "bsdf": {**steel, "eta": eta, "k": k, **_gloss(texture)}}
     colour: dict[str, Any] = {"type": "rgb", "value": BLACK if paint == "black" else reflectance}
     if texture is not None:
-        colour = _bitmap(texture)
+        colour = _bitmap(texture, texture.image)
     if paint == "gloss":
-        return {"type": "roughplastic", "diffuse_reflectance": colour, "alpha": roughness}
+        plastic = {"type": "roughplastic", "diffuse_reflectance": colour, "alpha": roughness}
+        return {**plastic, **_gloss(texture)}
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": colour}}
 
 
-def _bitmap(texture: Texture) -> dict[str, Any]:
-    image = np.ascontiguousarray(texture.image[:, :, None], dtype=np.float32)
-    return {
+def _gloss(texture: Texture | None) -> dict[str, Any]:
+    """Return the specular reflectance of a texture that has one."""
+    if texture is None or texture.gloss is None:
+        return {}
+    return {"specular_reflectance": _bitmap(texture, texture.gloss)}
+
+
+def _bitmap(texture: Texture, values: Floats) -> dict[str, Any]:
+    image = np.ascontiguousarray(values[:, :, None], dtype=np.float32)
+    bitmap = {
         "type": "bitmap",
         "bitmap": mi.Bitmap(image),
         "raw": True,
@@ -60,3 +72,6 @@ def _bitmap(texture: Texture) -> dict[str, Any]:
         # Exact interpolation: that of GPU hardware has eight bits.
         "accel": False,
     }
+    if texture.per_mm != 1:
+        bitmap["to_uv"] = mi.ScalarTransform3f().scale([texture.per_mm, 1.0])
+    return bitmap

@@ -1,6 +1,11 @@
-"""Textures: reflectances that vary over a flat sheet. Lengths are [m]."""
+"""Textures: reflectances that vary over a flat sheet or along a beam. Lengths are [m]."""
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.special import ndtr
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.materials import Texture
@@ -8,6 +13,7 @@ from vbaa_bench.render.materials import Texture
 # Size of a texel, as a fraction of the correlation length.
 TEXEL = 1 / 8
 MAX_TEXELS = 2048
+_MAX_BEAM_TEXELS = 8192
 
 
 def gradient_texture(
@@ -41,6 +47,55 @@ def random_texture(
     texels = np.array(correlation) * TEXEL
     # The size is limited to MAX_TEXELS texels: the finest textures repeat sooner.
     columns, rows = np.minimum(np.ceil(extent / texels), MAX_TEXELS).astype(int)
+    field = gaussian_field((rows, columns), texels, correlation, random)
+    spread = np.sqrt(np.log1p(contrast**2))
+    image = mean * np.exp(spread * field - spread**2 / 2)
+    return Texture(np.minimum(image, 1.0), places / (texels * [columns, rows]), repeated=True)
+
+
+def image_texture(places: Floats, image: Floats, mean: float, width: float) -> Texture:
+    """Repeat an image (height, width), `width` wide, over `places` (n, 2), upright along +y.
+
+    Its relative reflectances are scaled to the given `mean`, and clipped at 1.
+    """
+    size = np.array([width, width * image.shape[0] / image.shape[1]])
+    # The first row of a texture is at v = 0.
+    return Texture(np.minimum(mean * image[::-1], 1.0), places / size + 0.5, repeated=True)
+
+
+def speckle_texture(
+    places: Floats,
+    reflectances: tuple[float, float],
+    size: float,
+    cover: float,
+    extent: float,
+    random: np.random.Generator,
+) -> Texture:
+    """Create printed speckles at `places` (n, 2) that repeat after `extent`.
+
+    Speckles of about the given `size` with the second of two `reflectances` cover the fraction
+    `cover`.
+    """
+    texel = size * TEXEL
+    side = int(min(np.ceil(extent / texel), MAX_TEXELS))
+    noise = random.standard_normal((side, side))
+    # With this sigma, where the field is below its lowest 30 to 40 %, is about `size` wide.
+    field = gaussian_filter(noise, size / (3 * texel), mode="wrap")
+    image = np.where(field < np.quantile(field, cover), reflectances[1], reflectances[0])
+    return Texture(image, places / (texel * side), repeated=True)
+
+
+def gaussian_field(
+    shape: tuple[int, int],
+    texels: Floats,
+    correlation: tuple[float, float],
+    random: np.random.Generator,
+) -> Floats:
+    """Draw a periodic Gaussian field (rows, columns) with mean 0 and standard deviation 1.
+
+    `texels` (2,) are the sizes of a texel in x and y, in the unit of the `correlation` (a, b).
+    """
+    rows, columns = shape
     # White noise is multiplied by the square root of the spectrum of exp(-r), which is
     # (1 + (2 pi f)^2)^(-3/2).
     fx, fy = np.fft.rfftfreq(columns, texels[0]), np.fft.fftfreq(rows, texels[1])
@@ -49,7 +104,46 @@ def random_texture(
     amplitude = (1 + squared) ** -0.75
     noise = np.fft.rfft2(random.standard_normal((rows, columns)))
     field = np.fft.irfft2(noise * amplitude, s=(rows, columns))
-    field = (field - field.mean()) / field.std()
-    spread = np.sqrt(np.log1p(contrast**2))
-    image = mean * np.exp(spread * field - spread**2 / 2)
-    return Texture(np.minimum(image, 1.0), places / (texels * [columns, rows]), repeated=True)
+    return np.asarray((field - field.mean()) / field.std())
+
+
+@dataclass(frozen=True)
+class Grime:
+    """Smudges, dust and uneven gloss of a surface.
+
+    Reflectance varies with the standard deviation `smudge_contrast` over its mean, with the
+    correlation length `smudge` [m]; `dust_cover` of the surface has specks of about the size
+    `dust` [m] with `dust_reflectance`, which do not shine. Elsewhere the gloss varies evenly
+    between 1 - `uneven_gloss` and 1 of the paint's, over the length of smudges.
+    """
+
+    smudge_contrast: float
+    smudge: float
+    dust_cover: float
+    dust: float
+    dust_reflectance: float
+    uneven_gloss: float
+
+
+def grime_texture(
+    grime: Grime, reflectance: float, length: float, girth: float, random: np.random.Generator
+) -> Texture:
+    """Create the texture of a beam of a `length` and `girth` whose paint has a `reflectance`.
+
+    Its columns run along the beam, its rows around one half of it, which the other half mirrors.
+    """
+    texel = grime.dust / 3
+    # Twice the half, of which one is kept, because the field repeats.
+    columns = min(max(math.ceil(length / texel), 64), _MAX_BEAM_TEXELS)
+    rows = min(max(math.ceil(girth / texel), 8), 256)
+    shape, texels = (rows, columns), np.array([length / columns, girth / rows])
+    smudge_lengths = (grime.smudge, min(grime.smudge, girth))
+    smudges, gloss = (gaussian_field(shape, texels, smudge_lengths, random) for _ in range(2))
+    specks = gaussian_field(shape, texels, (grime.dust, grime.dust), random)
+    dusty = specks > np.quantile(specks, 1 - grime.dust_cover)
+    spread = np.sqrt(np.log1p(grime.smudge_contrast**2))
+    image = reflectance * np.exp(spread * smudges - spread**2 / 2)
+    image = np.where(dusty, grime.dust_reflectance, np.minimum(image, 1.0))
+    shine = np.where(dusty, 0.0, 1 - grime.uneven_gloss * ndtr(gloss))
+    half = slice(0, (rows + 1) // 2)
+    return Texture(image[half], np.empty((0, 2)), gloss=shine[half], per_mm=1e-3 / length)

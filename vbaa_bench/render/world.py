@@ -42,8 +42,9 @@ _RECORDINGS = 8
 class Surface:
     """A mesh (in Sigma_a, metres) and its paint; see render/materials.py.
 
-    Only the beam has an `arc_length` (vertices,) [m]; it has no `texture`. A `smooth` beam is a
-    tube, shaded as the smooth surface through its vertices; faces of other surfaces are flat.
+    Only the beam has an `arc_length` (vertices,) [m]; with a texture it also has the place
+    `around` (vertices,) it, from 0 to 1. A `smooth` beam is a tube, shaded as the smooth surface
+    through its vertices, up to an `oblique_tip`; faces of other surfaces are flat.
     """
 
     mesh: trimesh.Trimesh
@@ -53,13 +54,20 @@ class Surface:
     smooth: bool = False
     roughness: float = 0.3
     texture: Texture | None = None
+    around: Floats | None = None
+    oblique_tip: bool = False
 
     @property
     def texcoords(self) -> Floats | None:
-        """Texture coordinates (vertices, 2): the texture's, or arc length [mm] and 0."""
+        """Texture coordinates (vertices, 2): the texture's, or those of a beam."""
         if self.arc_length is not None:
-            return _texcoords(self.arc_length)
+            return self.beam_texcoords(self.arc_length)
         return None if self.texture is None else self.texture.uv
+
+    def beam_texcoords(self, arc_length: Floats) -> Floats:
+        """Convert arc lengths (vertices,) [m] to coordinates: millimetres, and the place around."""
+        around = np.zeros_like(arc_length) if self.around is None else self.around
+        return np.column_stack([arc_length * 1e3, around])
 
     @property
     def facets(self) -> int:
@@ -71,7 +79,9 @@ class Surface:
         """Return Mitsuba's parameters of this surface with new vertices (n, 3) [m]."""
         parameters = {"vertex_positions": device_array(unit(vertices))}
         if self.smooth:
-            parameters["vertex_normals"] = device_array(normals(vertices, self.facets))
+            parameters["vertex_normals"] = device_array(
+                normals(vertices, self.facets, oblique_tip=self.oblique_tip)
+            )
         return parameters
 
 
@@ -244,10 +254,12 @@ class World:
         return self.scene, self.still, self.optics.state, edges, strips
 
     @property
-    def ground(self) -> float:
-        """Height [m] of the lowest point of the still scene."""
-        lowest = [self.vertices[name][:, 2].min() for name in self._still_meshes]
-        return float(min(lowest, default=0.0))
+    def grounds(self) -> list[float]:
+        """Heights [m] of the lowest point of the still scene, and of its level sheets."""
+        points = [self.vertices[name][:, 2] for name in self._still_meshes]
+        levels = [float(z.min()) for z in points if np.ptp(z) < 1e-9]
+        lowest = min((float(z.min()) for z in points), default=0.0)
+        return [lowest, *(z for z in sorted(set(levels)) if z > lowest + 1e-9)]
 
     def index_of(self, si: Any, *, still: bool = False) -> Any:
         """Find the index (Dr.Jit, UInt32) of the surface met, in the full or the still scene."""
@@ -292,12 +304,18 @@ class World:
         for name in ("silhouette", "hidden_strips"):  # of the beam before
             vars(self).pop(name, None)
         if arc_length is not None:
-            self.parameters["beam.vertex_texcoords"] = device_array(_texcoords(arc_length))
+            texcoords = self._surfaces["beam"].beam_texcoords(arc_length)
+            self.parameters["beam.vertex_texcoords"] = device_array(texcoords)
         self.parameters.update()
 
 
 def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
     paint = bsdf(surface.paint, surface.reflectance, surface.roughness, surface.texture)
+    return mitsuba_mesh(name, surface, unit, paint)
+
+
+def mitsuba_mesh(name: str, surface: Surface, unit: RenderUnit, paint: dict[str, Any]) -> Any:
+    """Build Mitsuba's mesh of a surface with a paint that replaces its own."""
     properties = mi.Properties()
     properties["mesh_bsdf"] = mi.load_dict(paint)
     properties["face_normals"] = not surface.smooth
@@ -319,8 +337,3 @@ def _mesh(name: str, surface: Surface, unit: RenderUnit) -> Any:
         parameters["vertex_texcoords"] = device_array(texcoords)
     parameters.update()
     return mesh
-
-
-def _texcoords(arc_length: Floats) -> Floats:
-    """Convert arc length to texture coordinates: millimetres in the first, 0 in the second."""
-    return np.column_stack([arc_length * 1e3, np.zeros_like(arc_length)])

@@ -1,10 +1,10 @@
-"""The motor's hub, and the sensors at the clamp."""
+"""The motor's hub, the clamp, and the sensors at the clamp."""
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from vbaa_bench.scene.paint import PaintedPart
+from vbaa_bench.scene.paint import Paint, PaintedPart
 from vbaa_bench.scene.part import Below, Fraction, Part, Positive
 
 
@@ -16,6 +16,36 @@ class HubSpec(PaintedPart):
     # By default it stands on the background.
     bottom_mm: Below | None = None
     reflectance: Fraction = 0.10
+
+
+class ClampSpec(PaintedPart):
+    """A jaw that holds the beam, with a screw on top, a flange under it, and a cable.
+
+    `jaw_mm` is its length behind the beam's root, its width and its height. It ends where the beam
+    begins, at x = 0, so that it hides less of the beam than the hub alone: without an offset of the
+    clamp, the hub ends under the jaw. The flange is about the motor's axis, and the cable leads
+    from the jaw to the ground. All move with the antenna. The paint is that of jaw and flange.
+    """
+
+    jaw_mm: tuple[Positive, Positive, Positive] = (14, 9, 7)
+    screw_radius_mm: Positive = 2
+    screw_paint: Paint = "bare"
+    flange_radius_mm: Positive = 8
+    flange_thickness_mm: Positive = 3
+    cable_radius_mm: Positive = 1
+    cable_reflectance: Fraction = 0.05
+    paint: Paint = "gloss"
+    reflectance: Fraction = 0.30
+
+    @model_validator(mode="after")
+    def _check_screw(self) -> "ClampSpec":
+        most = 0.45 * min(self.jaw_mm[:2])
+        if self.screw_radius_mm > most:
+            raise ValueError(
+                f"screw_radius_mm is {self.screw_radius_mm:g}, allowed is up to 0.45 of the jaw's "
+                f"length and width, {most:g}"
+            )
+        return self
 
 
 class ForceSensorSpec(Part):

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from vbaa_bench.scene.clutter import EdgeSpec
 from vbaa_bench.scene.part import Fraction, Part, Positive, Triple
 
 Sides = tuple[Positive, Positive]
@@ -131,16 +132,28 @@ class FlickerSpec(Part):
     depth_pct: Annotated[float, Field(ge=0, le=100)]
 
 
+class AmbientSpec(Part):
+    """Even light from all directions, in addition to `light` or `lights`.
+
+    `irradiance` is that of plane C where the camera looks: over that by the soft lamp of `light`,
+    or in the unit of the irradiances in `lights`, of which each has 1 by default.
+    """
+
+    irradiance: Annotated[float, Field(ge=1e-6, le=100)] = 0.3
+
+
 class BackgroundSpec(Part):
     """Matt sheet below plane C, wider than the camera's view.
 
     It is plain; has darker squares; is graded, from `reflectance` on one side of the view to
-    `far_reflectance` on the other; or is textured at random, like cork, wood or foam.
+    `far_reflectance` on the other; is textured at random, like cork, wood or foam; or shows an
+    image, a PNG, JPEG or OpenEXR file in the scene's folder or below, repeated and
+    `image_width_mm` wide. An image's mean is `reflectance`.
     """
 
     distance_mm: Positive = 30
     reflectance: Fraction = 0.05
-    pattern: Literal["plain", "squares", "graded", "textured"] = "plain"
+    pattern: Literal["plain", "squares", "graded", "textured", "image"] = "plain"
     square_mm: Positive = 15
     square_reflectance: Fraction = 0.02
     far_reflectance: Fraction = 0.30
@@ -152,5 +165,21 @@ class BackgroundSpec(Part):
     # Distance at which the correlation is 1/e, along y; along x, `correlation_ratio` times that.
     correlation_mm: Positive = 2.0
     correlation_ratio: Annotated[float, Field(ge=1, le=100)] = 1.0
+    image_file: Annotated[str, Field(min_length=1)] | None = None
+    image_width_mm: Positive = 200
+    # Edge of the ground, if the camera is to see one; not with squares.
+    edge: EdgeSpec | None = None
     # Fixed to the antenna's base plate, or to the world, where it turns past the camera.
     fixed_to: Literal["antenna", "world"] = "antenna"
+
+    @model_validator(mode="after")
+    def _check_image(self) -> "BackgroundSpec":
+        if (self.pattern == "image") != (self.image_file is not None):
+            raise ValueError("image_file must be given for the pattern image only")
+        return self
+
+    @model_validator(mode="after")
+    def _check_edge(self) -> "BackgroundSpec":
+        if self.edge is not None and self.pattern == "squares":
+            raise ValueError("edge is given and pattern is squares, allowed is any other pattern")
+        return self

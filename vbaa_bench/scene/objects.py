@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from vbaa_bench.scene.paint import PaintedPart
+from vbaa_bench.scene.paint import PaintedPart, TextureSpec
 from vbaa_bench.scene.part import Below, Fraction, NonNegative, Part, Positive, Triple
 
 
@@ -18,6 +18,14 @@ class _ObjectSpec(PaintedPart):
     # Motion of the object from one step of a push to the next, along the axes of the antenna at
     # first contact.
     drift_mm: Triple = (0.0, 0.0, 0.0)
+    # On every side, along the axis that it faces most. On bare steel it is one of gloss.
+    texture: TextureSpec | None = None
+
+    @model_validator(mode="after")
+    def _check_texture(self) -> "_ObjectSpec":
+        if self.texture is not None and self.paint == "black":
+            raise ValueError("texture is given and paint is black, allowed is any other paint")
+        return self
 
 
 class UprightSpec(_ObjectSpec):
@@ -29,10 +37,25 @@ class UprightSpec(_ObjectSpec):
 
 
 class BlockSpec(UprightSpec):
-    """A square block; one of its upright edges touches the beam."""
+    """A square block; one of its upright edges touches the beam.
+
+    A chamfer is on the edges of its top only. The touched edge keeps its place, but ends
+    `chamfer_mm` below the top, and still above plane C.
+    """
 
     kind: Literal["block"] = "block"
     side_mm: Positive = 12
+    chamfer_mm: NonNegative = 0
+
+    @model_validator(mode="after")
+    def _check_chamfer(self) -> "BlockSpec":
+        most = min(self.top_mm, self.side_mm / 2)
+        if self.chamfer_mm and self.chamfer_mm >= most:
+            raise ValueError(
+                f"chamfer_mm is {self.chamfer_mm:g}, allowed is less than top_mm and than half of "
+                f"side_mm, {most:g}"
+            )
+        return self
 
 
 class CylinderSpec(UprightSpec):

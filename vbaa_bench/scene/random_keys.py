@@ -34,7 +34,11 @@ FINEST: Final[dict[Path, Level]] = {
     ("pushes", "normal_deg"): "push",
     ("pushes", "stiffness_n_m"): "push",
     ("pushes", "motor_angle_at_contact_deg"): "push",
+    ("beam", "grime"): "frame",
+    ("ambient",): "frame",
+    ("clutter",): "frame",
     ("object",): "push",
+    ("object", "texture"): "frame",
     ("object", "paint"): "frame",
     ("object", "reflectance"): "frame",
     ("object", "roughness"): "frame",
@@ -47,7 +51,7 @@ FINEST: Final[dict[Path, Level]] = {
     ("background", "distance_mm"): "push",
 }
 # Keys that describe the scene itself.
-_FIXED: Final = {("title",), ("seed",), ("rigs",), ("random_method",)}
+_FIXED: Final = {("title",), ("seed",), ("rigs",), ("random_method",), ("look",)}
 # Lists whose lengths define the grid of pushes: only their items are random.
 _GRID: Final = {
     *(path for path in FINEST if path[0] == "pushes"),

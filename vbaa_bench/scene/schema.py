@@ -4,17 +4,25 @@ Units are in the names. Defaults describe the paper's rig (section VI).
 """
 
 import math
-from typing import Annotated, Final, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
+from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
-from vbaa_bench.scene.laboratory import ForceSensorSpec, HubSpec, MomentSensorSpec
-from vbaa_bench.scene.lighting import BackgroundSpec, FlickerSpec, LampSpec, LightSpec
+from vbaa_bench.scene.laboratory import ClampSpec, ForceSensorSpec, HubSpec, MomentSensorSpec
+from vbaa_bench.scene.lighting import (
+    AmbientSpec,
+    BackgroundSpec,
+    FlickerSpec,
+    LampSpec,
+    LightSpec,
+)
 from vbaa_bench.scene.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
 from vbaa_bench.scene.optics import OpticsSpec
-from vbaa_bench.scene.paint import Paint, PaintedPart
+from vbaa_bench.scene.paint import GrimeSpec, Paint, PaintedPart
 from vbaa_bench.scene.part import (
     ONSET,
     Fraction,
@@ -25,6 +33,7 @@ from vbaa_bench.scene.part import (
     Tolerance,
     Triple,
 )
+from vbaa_bench.scene.presets import Look, with_preset
 from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec
@@ -54,6 +63,10 @@ class BeamSpec(PaintedPart):
     density_kg_m3: Positive = 7930
     # Whether it stretches under its axial force.
     extensible: bool = False
+    # Shape of a round beam's tip. Its length and its mechanics stay those of a flat tip: the shape
+    # differs over the last diameter only, a share diameter / length of the beam.
+    tip: Literal["flat", "round", "cut", "burr"] = "flat"
+    grime: GrimeSpec | None = None
     # Number of segments of the centreline.
     centreline_segments: Annotated[int, Field(ge=16, le=10_000)] = 480
 
@@ -64,6 +77,8 @@ class BeamSpec(PaintedPart):
                 f"section {self.section} with aspect_ratio {self.aspect_ratio:g}: allowed is 1 for "
                 "a circular section, any other for an elliptic one or a strip"
             )
+        if self.section == "strip" and self.tip != "flat":
+            raise ValueError(f"tip is {self.tip}, allowed is flat for a strip")
         if self.section == "strip" and self.aspect_ratio < 2:
             raise ValueError(f"aspect_ratio is {self.aspect_ratio:g}, allowed is >= 2 for a strip")
         return self
@@ -144,6 +159,9 @@ class Scene(Part):
     random_method: Method = "uniform"
     # Keys that are drawn for every push or frame; set by the scene's loader.
     random_keys: tuple[RandomKey, ...] = ()
+    # A preset of other keys, which the scene's own keys replace: laboratory is a table with things
+    # on it, a clamp, dust on the beam, ambient light, two bounces, point spread and vignetting.
+    look: Look | None = None
     # A grid of pushes, or random ones.
     pushes: PushSpec | None = None
     sampling: SamplingSpec | None = None
@@ -168,11 +186,14 @@ class Scene(Part):
     # board and the beam at rest were photographed.
     light_level: Annotated[float, Field(ge=0.01, le=100)] = 1.0
     flicker: FlickerSpec | None = None
+    ambient: AmbientSpec | None = None
     background: BackgroundSpec = BackgroundSpec()
+    clutter: ClutterSpec | None = None
     object: ObjectSpec = BlockSpec()
     second_peg: SecondPegSpec | None = None
     occlusion: OcclusionSpec | None = None
     hub: HubSpec = HubSpec()
+    clamp: ClampSpec | None = None
     sensor: SensorSpec = SensorSpec()
     moment_sensor: MomentSensorSpec | None = None
     force_sensor: ForceSensorSpec | None = None
@@ -187,6 +208,11 @@ class Scene(Part):
         pushes = self.pushes or self.sampling
         assert pushes is not None
         return pushes.motor_angle_at_contact_deg
+
+    @model_validator(mode="before")
+    @classmethod
+    def _add_preset(cls, keys: Any) -> Any:
+        return with_preset(keys) if isinstance(keys, Mapping) else keys
 
     @model_validator(mode="after")
     def _check_lamp_height(self) -> "Scene":
@@ -219,6 +245,27 @@ class Scene(Part):
                     f"{lamp.height_above_background_mm:g}, allowed is less than "
                     f"background.distance_mm, {ground:g}, or it would be above plane C"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _check_clamp(self) -> "Scene":
+        clamp, ground = self.clamp, self.background.distance_mm
+        if clamp is not None and clamp.jaw_mm[2] / 2 + clamp.flange_thickness_mm >= ground:
+            raise ValueError(
+                f"clamp: half the jaw's height and the flange are "
+                f"{clamp.jaw_mm[2] / 2 + clamp.flange_thickness_mm:g} mm high, allowed is less "
+                f"than background.distance_mm, {ground:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_clutter(self) -> "Scene":
+        ground = self.background.distance_mm
+        if self.clutter is not None and self.clutter.highest_mm(-ground) <= -ground:
+            raise ValueError(
+                f"clutter.top_mm is {self.clutter.top_mm:g}, allowed is above the background, "
+                f"{-ground:g}"
+            )
         return self
 
     @model_validator(mode="after")

@@ -49,6 +49,32 @@ def at(distance: float, rest: str = "pushing_angle_deg: [3]") -> str:
         ("object: {kind: cylinder}", at(5), "is 1.539 mm from the motor's axis"),
         ("object: {kind: wall, gap_mm: 2}", "  pushing_angle_deg: [5]\n", "from the motor's axis"),
         (
+            "clamp: {flange_radius_mm: 3, jaw_mm: [14, 20, 7]}",
+            at(6),
+            "the object overlaps the clamp's jaw, allowed is a narrower jaw",
+        ),
+        ("clamp: {flange_radius_mm: 20}", at(15), "allowed is beyond the flange's radius of 20 mm"),
+        ("clamp: {screw_radius_mm: 5}", at(90), "allowed is up to 0.45 of the jaw's length"),
+        ("clamp: {flange_thickness_mm: 27}", at(90), "allowed is less than background.distance"),
+        ("object: {kind: block, chamfer_mm: 0.4}", at(90), "allowed is less than top_mm and than"),
+        (
+            "object: {kind: block, top_mm: 1, chamfer_mm: 0.9}",
+            at(140, "pushing_angle_deg: [3]\n  normal_deg: [40]"),
+            "the beam slides off the end of the object",
+        ),
+        (
+            "object: {kind: block, texture: {kind: image, file: ../x.png}}",
+            at(90),
+            "object.texture.file ../x.png: is outside of the scene's folder",
+        ),
+        (
+            "clutter: {under_beam: true, top_mm: -3}\ngravity_m_s2: [0, 0, -9.81]",
+            at(140),
+            "clutter.top_mm is -3, but the beam reaches",
+        ),
+        ("clutter: {top_mm: -40}", at(140), "allowed is above the background, -30"),
+        ("background: {pattern: image}", at(90), "image_file must be given for the pattern image"),
+        (
             "object: {kind: wall, gap_mm: 5}",
             "  pushing_angle_deg: [2]\n",
             "it must turn by more than 3.581 degrees",

@@ -50,3 +50,41 @@ def test_the_first_frame_leaves_no_trace(pattern: str, tmp_path: Path, variant: 
     assert (one.radiance == other.radiance).all()
     assert (one.layers.object_index == other.layers.object_index).all()
     assert (one.samples == other.samples).all()
+
+
+CLAMPED = """
+title: A clamp that turns
+seed: 4
+camera: {width_px: 160, height_px: 160, focal_length_px: 200, mount: MOUNT}
+clamp: {}
+clutter: {count: 6}
+pushes: {contact_distance_mm: [120], pushing_angle_deg: [8]}
+"""
+
+
+def test_the_clamp_turns_with_the_beam(tmp_path: Path) -> None:
+    surfaces, angle = {}, 0.0
+    for mount in ("antenna", "world"):
+        path = tmp_path / f"{mount}.yaml"
+        path.write_text(CLAMPED.replace("MOUNT", mount), encoding="utf-8")
+        file = load_scene(path)
+        work = plan(file)
+        spec = next(work.frame_specs)
+        experiment = Experiment(file.scene, work.rig, spec.push, tmp_path)
+        pose = Pose(experiment, spec, experiment.states()[0])
+        assembler = SceneAssembler(file.scene, work.rig, tmp_path)
+        surfaces[mount] = assembler.surfaces(pose)
+        angle = pose.motor_angle
+        clamp = {"hub", "jaw", "screw", "flange", "cable"}
+        assert clamp <= set(surfaces[mount])
+        assert (clamp <= assembler._still) == (mount == "antenna")
+        # The default ground, and what is on it, is fixed to the antenna.
+        assert ("clutter_matt" in assembler._still) == (mount == "antenna")
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    assert abs(angle) > 0.01
+    # In a turning frame the ground that may come into view is larger: places differ.
+    surfaces["antenna"]["clutter_matt"] = dict(assembler._clutter)["clutter_matt"]
+    for name in ("beam", "jaw", "cable", "clutter_matt"):
+        fixed, turned = (np.asarray(surfaces[m][name].mesh.vertices) for m in surfaces)
+        assert turned[:, :2] == pytest.approx(fixed[:, :2] @ turn.T, abs=1e-9)
+        assert turned[:, 2] == pytest.approx(fixed[:, 2], abs=1e-12)

@@ -47,8 +47,8 @@ def test_what_is_no_picture_of_light_is_refused(tmp_path: Path) -> None:
         (text, "is not a readable EXR image|truncated"),
         (tmp_path / "cut.exr", "is not a readable EXR image|truncated"),
         (write(tmp_path / "two.exr", A=ramp, Z=ramp), "has channels A, Z, allowed are R, G, B"),
-        (write(tmp_path / "negative.exr", Y=-ramp), "allowed are radiances that are finite"),
-        (write(tmp_path / "dark.exr", Y=0 * ramp), "not all 0"),
+        (write(tmp_path / "negative.exr", Y=-ramp), "allowed are values that are finite"),
+        (write(tmp_path / "dark.exr", Y=0 * ramp), "is dark above the horizon"),
     ):
         with pytest.raises(InputError, match=said):
             read_environment(path)

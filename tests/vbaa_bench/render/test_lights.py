@@ -14,6 +14,7 @@ from vbaa_bench.render.environment import laboratory, plane_irradiance
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Environment, Spot, emitter
 from vbaa_bench.render.variant import activate
+from vbaa_bench.scene.lighting import AmbientSpec
 from vbaa_bench.scene.schema import Scene
 
 AIM = np.array([0.1206, 0.020, 0.0])
@@ -84,6 +85,21 @@ def test_a_sheet_at_the_aim_gets_the_stated_irradiance(kind: str) -> None:
     scene = scene_under({"kind": kind, "irradiance": 3.0})
     got = measured(scene, AIM, np.array(FROM[kind]))
     assert got == pytest.approx(3.0, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", [None, "side", "environment"])
+def test_ambient_light_adds_its_irradiance(kind: str | None) -> None:
+    lamps: tuple[dict[str, Any], ...] = () if kind is None else ({"kind": kind, "irradiance": 2.0},)
+    alone = scene_under(*lamps)
+    scene = alone.model_copy(update={"ambient": AmbientSpec(irradiance=0.5)})
+    up, place = np.array([0.0, 0.0, 1.0]), AIM * [1, 1, 0]
+    lamp, both = measured(alone, place, up), measured(scene, place, up)
+    # Relative to the soft lamp, or in the unit of the irradiances of lamps.
+    expected = 1.5 * lamp if kind is None else lamp + 0.5
+    assert both == pytest.approx(expected, rel=0.01)
+    # It reaches the underside as well, where no lamp hides a part of it.
+    below = measured(scene, place, -up) - measured(alone, place, -up)
+    assert below >= 0.98 * (both - lamp)
 
 
 @pytest.mark.parametrize("kind", FROM)
