@@ -10,7 +10,7 @@ from vbaa_bench.scene.schema import Scene
 
 def dataset_facts(scene: Scene, rig: TrueRig, metering: Metering, variant: str) -> dict[str, Any]:
     """Collect the truth of a whole dataset, for its manifest."""
-    camera, mm = rig.camera, MILLIMETRE
+    camera, mm = rig.knocked(scene).camera, MILLIMETRE
     return {
         "scene": scene.model_dump(mode="json"),
         "seed": scene.seed,

@@ -103,6 +103,7 @@ class FrameRenderer:
     def __post_init__(self) -> None:
         activate(self.variant, self.threads)
         self.assembler = SceneAssembler(self.scene, self.rig, self.folder)
+        self._knocked = self.rig.knocked(self.scene)
         self._look: Look | None = None
         # Frames of one push are not consecutive.
         self._cached_states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
@@ -141,7 +142,7 @@ class FrameRenderer:
 
     def pushed_world(self, pose: Pose) -> World:
         """Return the world in a pose; while the looks are the same, only its vertices are moved."""
-        self._look = look_of(self.scene, self.rig, self.folder, pose.spec, self._look)
+        self._look = look_of(self.scene, self._knocked, self.folder, pose.spec, self._look)
         return self._look.posed_world(pose)
 
     def measure_exposure(self, tick: Callable[[], None]) -> float:
@@ -230,7 +231,7 @@ class FrameRenderer:
         pose = self.pose(spec)
         image, rendered = self.photograph(spec, metering)
         line = self.assembler.centreline(pose)
-        visible = visibility(rendered.coverage, self.rig.camera, line, self.rig.beam.radius)
+        visible = visibility(rendered.coverage, self._knocked.camera, line, self.rig.beam.radius)
         truth = truth_row(pose.experiment, spec, pose.state, pose.hidden, visible)
         drawn = drawn_values(self.scene.random_keys, spec.scene)
         truth |= {f"drawn.{key}": value for key, value in drawn.items()}

@@ -9,6 +9,8 @@ from solver.instrument.board import Charuco, LineNetwork
 from solver.instrument.distortion import COUNTS, one_to_one
 from vbaa_bench.scene.part import Part, Positive, Triple
 
+Shift = Annotated[float, Field(ge=-100, le=100)]
+
 
 class CameraSpec(Part):
     """Camera above plane C; by default with a roll and a look-at off the beam's axis.
@@ -30,6 +32,9 @@ class CameraSpec(Part):
     look_at_mm: Triple = (120.6, 20.0, 0.0)
     # Within this range the board's orientation is detected correctly.
     roll_deg: Annotated[float, Field(ge=-45, le=45)] = 0.6
+    # Shift of all frames against the images of the board and of the beam at rest, as of a camera
+    # that was knocked after these.
+    knock_px: tuple[Shift, Shift] = (0.0, 0.0)
     # Whether the whole beam must be in view; a short one may leave the image.
     tip_in_view: bool = True
 

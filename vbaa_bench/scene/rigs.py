@@ -1,7 +1,7 @@
 """The nominal rig, as in the datasheet, and the true rig."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,12 @@ class TrueRig:
     base_position: Floats
     camera: Camera
     antenna_from_board: Floats
+
+    def knocked(self, scene: Scene) -> "TrueRig":
+        """Return the rig of the frames, whose camera may have been knocked."""
+        right, down = scene.camera.knock_px
+        camera = replace(self.camera, cx=self.camera.cx + right, cy=self.camera.cy + down)
+        return replace(self, camera=camera)
 
 
 def nominal_rig(scene: Scene) -> Rig:
