@@ -17,6 +17,7 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.generation.collection import failed, generate_collection
+from vbaa_bench.generation.generate import Part
 from vbaa_bench.generation.generate import generate as generate_dataset
 from vbaa_bench.generation.workers import cores
 from vbaa_bench.render.variant import ADVICE, PLAIN, choose
@@ -89,13 +90,15 @@ def generate(
     *,
     workers: int | None = None,
     variant: str | None = None,
+    part: tuple[int, int] | None = None,
     progress: bool = False,
 ) -> Dataset:
     """Render the dataset of a scene into the folder `out`; finish an interrupted one.
 
     `workers` is the number of processes, by default one per core. `variant` is Mitsuba's, by
     default the fastest one that works. `progress` shows progress bars and messages on stderr. The
-    files do not depend on the number of workers. Of random rigs, the first is rendered.
+    files do not depend on the number of workers. Of random rigs, the first is rendered. With
+    `part`, such as (2, 5), only the second of five parts is rendered.
 
     Raises InputError for an impossible scene, and for a folder that cannot be written or contains
     other files.
@@ -119,6 +122,7 @@ def generate(
             lambda done, total: bars.update(rendering, completed=done, total=total, visible=True),
             lambda done, total: bars.update(planning, completed=done, total=total),
             remark,
+            part=None if part is None else Part(*part),
         )
     return Dataset(Path(out))
 

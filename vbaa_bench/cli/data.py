@@ -12,6 +12,7 @@ from vbaa_bench.cli.options import (
     AsJson,
     FrameCount,
     Out,
+    PartOption,
     Picture,
     Rigs,
     ScenePath,
@@ -19,6 +20,7 @@ from vbaa_bench.cli.options import (
     Settings,
     Variant,
     Workers,
+    part_of,
     rig_numbers,
 )
 from vbaa_bench.report.console import console, print_result, progress_bars
@@ -98,12 +100,13 @@ def generate(
     settings: Settings = None,
     frames: FrameCount = None,
     rigs: Rigs = None,
+    part: PartOption = None,
     workers: Workers = None,
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
     """Render a scene into a dataset. Run it again to finish an interrupted dataset."""
-    choice = SceneChoice(scene, seed, settings, frames, rigs)
+    choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part))
     root = generate_dataset(choice, out, workers, variant)
     count = len(list(root.glob("**/observations/shard_*/*.png")))
     print_result({"dataset": str(root), "frames": count}, f"{count} frames in {root}", as_json)
@@ -117,6 +120,20 @@ class SceneChoice(NamedTuple):
     settings: list[str] | None = None
     frames: int | None = None
     rigs: str | None = None
+    part: tuple[int, int] | None = None
+
+
+def merge(
+    out: Annotated[Path, typer.Argument(help="new folder")],
+    parts: Annotated[list[Path], typer.Argument(help="folders generated with --part")],
+    as_json: AsJson = False,
+) -> None:
+    """Merge the parts of a dataset or of a collection into a new folder."""
+    with importing():
+        from vbaa_bench.dataset.merge import merge as merge_parts
+
+    merge_parts(parts, out)
+    print_result({"dataset": str(out), "parts": len(parts)}, str(out), as_json)
 
 
 def generate_dataset(
@@ -134,9 +151,13 @@ def generate_dataset(
         raise InputError(f"--rigs is {choice.rigs}, but {choice.path} states no rigs")
     try:
         if file.rigs is None:
-            data.generate(file, root, workers=workers, variant=variant, progress=True)
+            data.generate(
+                file, root, workers=workers, variant=variant, part=choice.part, progress=True
+            )
         else:
             numbers = rig_numbers(choice.rigs, file.rigs)
+            if choice.part is not None:
+                numbers = numbers[choice.part[0] - 1 :: choice.part[1]]
             data.generate_rigs(
                 file, root, rigs=numbers, workers=workers, variant=variant, progress=True
             )

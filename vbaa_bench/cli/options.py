@@ -62,6 +62,16 @@ def rig_numbers(text: str | None, count: int) -> range:
     return range(start, end)
 
 
+def part_of(text: str | None) -> tuple[int, int] | None:
+    """Parse a part such as 2/5. Raises InputError."""
+    if text is None:
+        return None
+    number, _, count = text.partition("/")
+    if number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count):
+        return int(number), int(count)
+    raise InputError(f"--part is {text}, allowed is NUMBER/COUNT, from 1/COUNT to COUNT/COUNT")
+
+
 ScenePath = Annotated[Path, typer.Argument(help="scene file, such as scenes/quickstart.yaml")]
 DatasetPath = Annotated[
     Path, typer.Argument(callback=_checked_path, help="dataset folder, from generate or run")
@@ -88,6 +98,10 @@ FrameCount = Annotated[
 Rigs = Annotated[
     str | None,
     typer.Option(help="rigs to make, as 7 or 3:7 (3 to 6)", show_default="all of the scene"),
+]
+PartOption = Annotated[
+    str | None,
+    typer.Option("--part", help="one of several parts, as 2/5, for several machines; then merge"),
 ]
 Workers = Annotated[
     int | None,

@@ -7,10 +7,14 @@ COLLECTION/
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import polars as pl
+
+from solver.instrument.files import write_bytes
 from vbaa_bench.dataset.layout import Layout
 
 _RIG: Final = re.compile(r"rig_\d{5,}")
@@ -35,6 +39,15 @@ class CollectionLayout:
     def rig(self, number: int) -> Layout:
         """Return the layout of one rig's dataset."""
         return Layout(self.root / f"rig_{number:05d}")
+
+    def write_rows(self, rows: Mapping[int, Mapping[str, str | None]]) -> None:
+        """Write the table of the rigs, by number. Raises OSError."""
+        # Rigs whose sections differ have different columns; all are texts, as some have both.
+        columns = dict.fromkeys(name for number in sorted(rows) for name in rows[number])
+        table = pl.DataFrame(
+            [rows[number] for number in sorted(rows)], schema=dict.fromkeys(columns, pl.String)
+        )
+        write_bytes(self.table, table.write_csv().encode())
 
     def rigs(self) -> dict[int, Layout]:
         """Find the complete datasets of the collection, by number."""

@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,11 +16,11 @@ from vbaa_bench.dataset.layout import Layout
 class Contents:
     """Contents of a complete dataset: single images, frame ids by shard, truth images or not.
 
-    Images are named as in observations/.
+    Images are named as in observations/. A part of a dataset has some of its shards.
     """
 
     images: tuple[str, ...]
-    shards: tuple[tuple[str, ...], ...]
+    shards: Mapping[int, tuple[str, ...]]
     layers: bool
 
     def names(self, tree: str, number: int) -> set[str]:
@@ -60,7 +60,7 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
         except DamageError as error:
             if table is not None:
                 inventory.damage.append(str(error))
-    for number in range(len(contents.shards)):
+    for number in contents.shards:
         name = f"{layout.shard(layout.truth, number).name}/{HASHES}"
         try:
             digests = {
@@ -85,7 +85,7 @@ def open_for_growth(layout: Layout, contents: Contents) -> None:
     """Remove what a larger dataset replaces: the trees' hashes and a shard that was not full."""
     for tree in (layout.observations, layout.truth):
         (tree / HASHES).unlink(missing_ok=True)
-    for number in range(len(contents.shards)):
+    for number in contents.shards:
         for tree in layout.trees:
             folder = layout.shard(tree, number)
             if (table := _recorded(folder)) and table.keys() != contents.names(tree.name, number):
@@ -96,11 +96,7 @@ def surplus(layout: Layout, contents: Contents) -> Iterator[Path]:
     """Find files in the trees that are neither contents nor in shards; no link is followed."""
     known = {layout.observations / name for name in (*contents.images, "rig.json")}
     known |= {layout.identity, layout.manifest, *(tree / HASHES for tree in layout.trees)}
-    shards = {
-        layout.shard(tree, number)
-        for tree in layout.trees
-        for number in range(len(contents.shards))
-    }
+    shards = {layout.shard(tree, number) for tree in layout.trees for number in contents.shards}
     for tree in layout.trees:
         for folder, subfolders, files in os.walk(tree):
             path = Path(folder)

@@ -115,7 +115,16 @@ def copy_observations(layout: Layout, target: Path) -> None:
     InputError for an incomplete or damaged tree, OSError if `target` cannot be written.
     """
     check_complete(layout)
-    for name in listed(layout.observations) or []:
-        (target / name).parent.mkdir(parents=True, exist_ok=True)
-        (target / name).write_bytes(read_bytes(layout.observations / name))
+    copy_tree(layout.observations, target)
     (target / HASHES).write_bytes((layout.observations / HASHES).read_bytes())
+
+
+def copy_tree(source: Path, target: Path) -> None:
+    """Copy the files of a tree, except its own hashes.json, and check each as it is read.
+
+    Only files that hashes.json lists are copied. Raises InputError for a damaged tree, OSError if
+    `target` cannot be written.
+    """
+    for name in listed(source) or []:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        (target / name).write_bytes(read_bytes(source / name))

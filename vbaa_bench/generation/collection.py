@@ -139,12 +139,7 @@ def _write_table(layout: CollectionLayout, file: SceneFile, results: Sequence[Ri
     if layout.table.is_file():
         old = pl.read_csv(layout.table, infer_schema=False).to_dicts()
         rows = {int(row["rig"]): row for row in old} | rows
-    # Rigs whose sections differ have different columns; texts, because a column may have both.
-    columns = dict.fromkeys(name for number in sorted(rows) for name in rows[number])
-    table = pl.DataFrame(
-        [rows[number] for number in sorted(rows)], schema=dict.fromkeys(columns, pl.String)
-    )
-    write_bytes(layout.table, table.write_csv().encode())
+    layout.write_rows(rows)
 
 
 def _row(file: SceneFile, result: RigResult) -> dict[str, str | None]:

@@ -43,7 +43,15 @@ class Machine(NamedTuple):
     threads: int | None
 
 
-Shards = tuple[tuple[FrameSpec, ...], ...]
+class Part(NamedTuple):
+    """One of several parts of a dataset: `number` from 1 to `total`; each has whole shards."""
+
+    number: int
+    total: int
+
+
+# Frames by the number of their shard.
+Shards = Mapping[int, tuple[FrameSpec, ...]]
 
 
 def _ignore(*_: object) -> None:
@@ -60,6 +68,7 @@ def generate(
     remark: Callable[[str], None] = _ignore,
     *,
     threads: int | None = None,
+    part: Part | None = None,
 ) -> Layout:
     """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
 
@@ -67,6 +76,7 @@ def generate(
     files that do not belong to observations/ and truth/ are removed. `planning(done, total)` is
     called as pushes are solved, `progress(done, total)` as images are rendered, `remark(sentence)`
     for every damaged or removed file. With 0 workers, everything is rendered in this process.
+    With a `part`, only its shards are generated: a dataset of its own that `merge` completes.
     `threads` is the number of threads of each process, by default all cores together. Raises
     InputError if the scene is impossible, and if `root` is not writable, is being written by
     another process, or holds something else, such as data of another scene or from another version
@@ -83,9 +93,23 @@ def generate(
                 shards = in_shards(file.scene, frame_specs(file.scene))
             else:
                 shards = plan(file, planning).shards
+            chosen = {
+                number: shard
+                for number, shard in enumerate(shards)
+                if part is None or number % part.total == part.number - 1
+            }
             if state == "smaller":
-                open_for_growth(layout, _contents(file.scene, shards))
-            _complete(file, shards, layout, identity, machine, progress, remark)
+                open_for_growth(layout, _contents(file.scene, chosen))
+            _complete(
+                file,
+                chosen,
+                metered_frames(chain(*shards)),
+                layout,
+                identity,
+                machine,
+                progress,
+                remark,
+            )
     except OSError as error:
         raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
     return layout
@@ -108,6 +132,7 @@ def _locked_folder(layout: Layout) -> Iterator[None]:
 def _complete(
     file: SceneFile,
     shards: Shards,
+    metered: list[FrameSpec],
     layout: Layout,
     identity: Identity,
     machine: Machine,
@@ -132,7 +157,9 @@ def _complete(
         metering = Metering(float(facts["exposure_per_radiance"]), table)
     else:
         arguments = (scene, rig, file.path.parent.resolve(), layout)
-        metering = _generate_missing(arguments, machine, shards, contents, hashes, progress)
+        metering = _generate_missing(
+            arguments, machine, shards, metered, contents, hashes, progress
+        )
     seal(layout, dataset_facts(scene, rig, metering, machine.variant), hashes)
 
 
@@ -142,7 +169,7 @@ def _contents(scene: Scene, shards: Shards) -> Contents:
             *(f"calibration/view_{view:02d}.png" for view in range(scene.calibration.views)),
             *(f"rest/rest_{number:02d}.png" for number in range(scene.sensor.rest_images)),
         ),
-        shards=tuple(tuple(spec.frame_id for spec in shard) for shard in shards),
+        shards={n: tuple(spec.frame_id for spec in shard) for n, shard in shards.items()},
         layers=bool(scene.layers),
     )
 
@@ -170,7 +197,7 @@ def _is_complete(
     layout: Layout, contents: Contents, hashes: Mapping[str, Mapping[str, str]]
 ) -> bool:
     """Return whether nothing has to be rendered or metered: the manifest holds the exposure."""
-    shards = {_shard_name(number) for number in range(len(contents.shards))}
+    shards = {_shard_name(number) for number in contents.shards}
     rendered = {*contents.images, *shards} <= hashes["observations"].keys()
     return rendered and {layout.manifest.name, *shards} <= hashes["truth"].keys()
 
@@ -179,6 +206,7 @@ def _generate_missing(
     arguments: tuple[Any, ...],
     machine: Machine,
     shards: Shards,
+    metered: list[FrameSpec],
     contents: Contents,
     hashes: dict[str, dict[str, str]],
     progress: Progress,
@@ -190,13 +218,13 @@ def _generate_missing(
     observations = hashes["observations"]
     threads = machine.threads or max(cores() // max(machine.workers, 1), 1)
     # One more than the number of images: the exposure is metered on an image that is not kept.
-    total = sum(map(len, shards)) + len(contents.images) + 1
+    total = sum(map(len, shards.values())) + len(contents.images) + 1
     pool_type = Pool if machine.workers else SameProcess
     renderer = (FrameRenderer, (*arguments, machine.variant, threads))
     with pool_type(machine.workers, *renderer) as pool:
-        metering: Metering = pool.call("meter", metered_frames(chain.from_iterable(shards)))
+        metering: Metering = pool.call("meter", metered)
         images = [name for name in contents.images if name not in observations]
-        numbers = [n for n in range(len(shards)) if _shard_name(n) not in observations]
+        numbers = [n for n in shards if _shard_name(n) not in observations]
         jobs: list[tuple[str, tuple[Any, ...]]] = [
             ("image", (name, metering.exposure)) for name in images
         ]

@@ -22,6 +22,8 @@ def readings(
         "push_id": spec.push_id,
         "step": spec.step,
     }
+    if scene.splits is not None:
+        values["split"] = scene.splits.name(scene.seed, spec.push_number)
     if scene.occlusion is not None and "removed" in scene.occlusion.kind:
         is_removed = hidden is not None and spec.cover is not None and spec.cover.kind == "removed"
         first, last = hidden if is_removed and hidden is not None else (None, None)

@@ -25,6 +25,7 @@ from vbaa_bench.scene.random_keys import (
     with_random_keys,
     within,
 )
+from vbaa_bench.scene.sampling import SplitSpec
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scene.unit_values import Draw, unit_value
 
@@ -63,6 +64,7 @@ def rig_scene(tree: Tree, number: int, attempt: int = 0) -> Scene:
     values = _drawn(tree, {"rig": Draw("rig", number, attempt)})
     if values.get("rigs") is not None:
         values = {**values, "seed": _rig_seed(tree["seed"], number), "rigs": None}
+        values["splits"] = _rig_splits(tree, number)
     example = _drawn(values, {"push": Draw("push", 0, attempt), "frame": Draw("frame", 0, attempt)})
     return _scene({**example, "random_keys": random_keys(values)})
 
@@ -171,6 +173,18 @@ def _scene(values: Tree) -> Scene:
         first = errors[0]
         reason = str(first.get("ctx", {}).get("error", first["msg"]))
         raise RejectedDrawError(within(values, first["loc"]), reason, errors) from error
+
+
+def _rig_splits(tree: Tree, number: int) -> Tree:
+    """Return the splits of a rig: if rigs are split, all its pushes are in the same one."""
+    splits = tree.get("splits")
+    if not isinstance(splits, Mapping) or splits.get("by") != "rig":
+        return splits
+    try:
+        name = SplitSpec.model_validate(splits).name(tree["seed"], number)
+    except ValidationError:  # reported with the other mistakes of the scene
+        return splits
+    return {"by": "push", "shares": {name: 1.0}}
 
 
 def _rig_seed(seed: int, number: int) -> int:

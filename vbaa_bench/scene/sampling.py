@@ -8,6 +8,7 @@ from scipy.stats import qmc
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.scene.part import ONSET, Onset, Part, Positive, Tilt
+from vbaa_bench.scene.unit_values import Draw, unit_value
 
 Percent = Annotated[float, Field(gt=0, lt=60)]
 
@@ -92,6 +93,30 @@ class SamplingSpec(Part):
         if over_logarithms and low > 0:
             return float(low * (high / low) ** fraction)
         return float(low + (high - low) * fraction)
+
+
+class SplitSpec(Part):
+    """Shares of a set for training and testing, such as {train: 0.8, val: 0.1, test: 0.1}.
+
+    Each push, or each rig of a collection, belongs to one of them, never single frames of a push.
+    They are filled evenly, and keep their members when the set grows.
+    """
+
+    by: Literal["push", "rig"] = "push"
+    shares: Annotated[dict[str, Annotated[float, Field(gt=0, le=1)]], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _check_sum(self) -> "SplitSpec":
+        total = sum(self.shares.values())
+        if abs(total - 1) > 1e-9:
+            raise ValueError(f"shares add up to {total:g}, allowed is 1")
+        return self
+
+    def name(self, seed: int, number: int) -> str:
+        """Return the split of a push or a rig."""
+        unit = unit_value(seed, "sobol", Draw("split", number), self.by)
+        bounds = np.cumsum(list(self.shares.values()))
+        return list(self.shares)[min(int(np.searchsorted(bounds, unit, "right")), len(bounds) - 1)]
 
 
 # Number of the random stream, chosen.

@@ -36,7 +36,7 @@ from vbaa_bench.scene.part import (
 from vbaa_bench.scene.presets import Look, with_preset
 from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
-from vbaa_bench.scene.sampling import SamplingSpec
+from vbaa_bench.scene.sampling import SamplingSpec, SplitSpec
 from vbaa_bench.scene.unit_values import Method
 
 
@@ -166,6 +166,8 @@ class Scene(Part):
     pushes: PushSpec | None = None
     sampling: SamplingSpec | None = None
     # The exact beam, or the paper's, (9) and (10), on which the paper's methods are unbiased.
+    # Names of parts of the set, a column of metadata.csv.
+    splits: SplitSpec | None = None
     mechanics: Literal["exact", "linear"] = "exact"
     beam: BeamSpec = BeamSpec()
     # In the world, which is Sigma_a at motor angle zero; the motor's axis is along z.

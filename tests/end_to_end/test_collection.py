@@ -1,0 +1,121 @@
+"""Collections of random rigs, sets that grow and parts that are merged: always the same bytes."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+from typer.testing import CliRunner
+
+from solver.instrument.errors import InputError
+from solver.instrument.hashes import HASHES
+from tests.end_to_end.test_generate import digests, quiet
+from vbaa_bench import cli
+from vbaa_bench.api.data import generate_rigs
+from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.merge import merge
+from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.generation.generate import Part, generate
+from vbaa_bench.scene.load import load_scene
+
+SCENE = """\
+title: Small random rigs
+seed: 3
+rigs: {rigs}
+beam: {{length_mm: {{uniform: [150, 250]}}}}
+camera:
+  width_px: 192
+  height_px: 80
+  focal_length_px: 260
+  position_mm: [{{from: beam.length_mm, times: 0.5}}, 14, {{from: beam.length_mm, times: 1.6}}]
+  look_at_mm: [{{from: beam.length_mm, times: 0.5}}, 14, 0]
+light: {{height_mm: {{from: beam.length_mm, times: 2}}}}
+calibration:
+  columns: 14
+  rows: 5
+  square_mm: {{from: beam.length_mm, times: 0.06}}
+  center_mm: [{{from: beam.length_mm, times: 0.5}}, 14]
+  views: 3
+sensor: {{rest_images: 1}}
+object: {{kind: peg, radius_mm: {{uniform: [1, 3], per: push}}}}
+background: {{reflectance: {{uniform: [0.02, 0.3], per: frame}}}}
+render: {{noise_elsewhere: 2, noise_near_beam: 1, sample_table: false}}
+pushes:
+  contact_distance_mm: [{{from: beam.length_mm, times: {{uniform: [0.3, 0.8]}}}}]
+  deflection_pct: [{{uniform: [3, 9]}}]
+  repeats: {repeats}
+frames_per_shard: 2
+"""
+
+
+def scene(folder: Path, rigs: int, repeats: int = 3) -> Path:
+    path = folder / f"rigs_{rigs}_{repeats}.yaml"
+    path.write_text(SCENE.format(rigs=rigs, repeats=repeats), encoding="utf-8")
+    return path
+
+
+def test_rigs_do_not_depend_on_workers_order_count_or_part(tmp_path: Path, variant: str) -> None:
+    two, three = scene(tmp_path, 2), scene(tmp_path, 3)
+    together, apart = tmp_path / "together", [tmp_path / f"part {n}" for n in (1, 2)]
+    generate_rigs(three, together, workers=2, variant=variant)
+    for number, folder in enumerate(apart):
+        generate_rigs(three, folder, rigs=range(3)[number::2], workers=1, variant=variant)
+    merge(apart, tmp_path / "merged")
+    assert digests(tmp_path / "merged") == digests(together)
+    # A smaller collection grows: its rigs are kept, byte for byte.
+    grown = tmp_path / "grown"
+    generate_rigs(two, grown, workers=1, variant=variant)
+    hashes = CollectionLayout(grown).rig(0).hashes
+    written = hashes.stat().st_mtime_ns
+    collection = generate_rigs(three, grown, workers=1, variant=variant)
+    assert hashes.stat().st_mtime_ns == written
+    assert digests(grown) == digests(together)
+    assert sorted(collection.rigs) == [0, 1, 2]
+
+    table = collection.table
+    assert table["rig"].to_list() == [0, 1, 2]
+    lengths = [
+        data.truth.manifest["scene"]["beam"]["length_mm"] for data in collection.rigs.values()
+    ]
+    assert table["beam.length_mm"].to_list() == pytest.approx(lengths)
+    assert len(set(lengths)) == 3
+    frames = collection.rigs[1].truth.frames
+    assert frames["drawn.background.reflectance"].n_unique() == 3
+    assert frames["drawn.object.radius_mm"].is_between(1, 3).all()
+
+    # The commands treat a collection as they treat a dataset.
+    runner = CliRunner()
+    for command in (
+        ["solve", str(grown), "--method", "exact_fit", "--repeats", "1"],
+        ["score", str(grown)],
+        ["report", str(grown)],
+    ):
+        done = runner.invoke(cli.app, command)
+        assert done.exit_code == 0, (command, done.output, done.exception)
+    scores = pl.read_parquet(grown / "scores" / "scores.parquet")
+    assert scores.height == 9
+    assert sorted(scores["rig"].unique()) == [0, 1, 2]
+    assert "rig 1" in (grown / "report" / "report.html").read_text(encoding="utf-8")
+
+
+def test_parts_of_a_dataset_are_merged_to_the_same_bytes(tmp_path: Path, variant: str) -> None:
+    text = scene(tmp_path, 1, 5).read_text(encoding="utf-8").replace("rigs: 1\n", "")
+    (tmp_path / "one.yaml").write_text(text, encoding="utf-8")
+    file = load_scene(tmp_path / "one.yaml").rig(0)
+    whole, parts = tmp_path / "whole", [tmp_path / f"part {n}" for n in (1, 2)]
+    generate(file, whole, variant, 1, quiet)
+    for number, folder in enumerate(parts, start=1):
+        generate(file, folder, variant, 1, quiet, part=Part(number, 2))
+    assert open_truth(parts[0] / "truth").frames.height == 3
+    assert open_truth(parts[1] / "truth").frames.height == 2
+    merge(parts, tmp_path / "merged")
+    assert digests(tmp_path / "merged") == digests(whole)
+
+    with pytest.raises(InputError, match="is not empty"):
+        merge(parts, tmp_path / "merged")
+    other = load_scene(tmp_path / "one.yaml", seed=4).rig(0)
+    generate(other, tmp_path / "other", variant, 1, quiet, part=Part(2, 2))
+    with pytest.raises(InputError, match="is no part of the dataset"):
+        merge([parts[0], tmp_path / "other"], tmp_path / "both")
+    (parts[1] / "truth" / HASHES).unlink()
+    with pytest.raises(InputError, match=r"incomplete|cannot be written"):
+        merge(parts, tmp_path / "damaged")
