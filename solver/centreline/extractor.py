@@ -15,8 +15,9 @@ from solver.centreline import Centreline, down_columns
 from solver.centreline.appearance import Appearance, learn_appearance
 from solver.centreline.finding import Path, find_path
 from solver.centreline.flags import fit_and_flag_outliers, flag_columns
+from solver.centreline.ground import Ground
+from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
-from solver.centreline.profile_fit import fit_profiles
 from solver.centreline.stations import stations
 from solver.centreline.thresholds import LIMITS
 from solver.centreline.tip import find_tip
@@ -39,26 +40,38 @@ class BeamExtractor:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
         appearance, guide = self.appearance, self.guide
         max_tilt = LIMITS.max_tilt if guide.free_tilt else 0.0
-        path = find_path(image, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
+        ground, flat = appearance.ground_at_rest, image
+        gain = None if ground is None else ground.gain(image)
+        if ground is None or gain is None:
+            ground = None
+        else:
+            flat = ground.flattened(image, gain, appearance.full_scale)
+        path = find_path(flat, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
-        return self.measure(image, path)
+        return self._measure(image, flat, ground, path)
 
-    def measure(self, image: Grey, path: Path) -> Centreline:
-        """Measure the centreline along a path."""
+    def _measure(self, image: Grey, flat: Grey, ground: Ground | None, path: Path) -> Centreline:
+        """Measure the centreline along a path, before a known ground if there is one.
+
+        `flat` is the image without the ground's structure.
+        """
         appearance = self.appearance
         places = stations(self.guide.pixels(path.places), image.shape)
         if len(places) < LIMITS.min_curve_points:
             return down_columns(np.empty((0, 2)), np.empty(0))
-        fits = fit_profiles(
+        at_rest = np.interp(places.length, appearance.length, appearance.amplitude)
+        fits = fit_columns(
             image,
             places,
             appearance.profile,
             appearance.noise,
             appearance.half,
             appearance.full_scale,
+            appearance.section.radius,
+            ground,
+            at_rest,
         )
-        at_rest = np.interp(places.length, appearance.length, appearance.amplitude)
         brightness, misfit, noise, sigma = _compare_with_rest(
             fits.amplitude, fits.chi2, fits.dof, fits.sigma,
             at_rest, appearance.misfit, appearance.sigma_px,
@@ -67,7 +80,7 @@ class BeamExtractor:
             brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
         )
         length_px = self.guide.length / self.guide.pixel
-        tip = find_tip(image, places, flags, fits, appearance)
+        tip = find_tip(flat, places, flags, fits, appearance)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
         if tip is not None and not LIMITS.min_length < tip.length / length_px < LIMITS.max_length:
             tip = None

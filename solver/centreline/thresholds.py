@@ -15,6 +15,9 @@ class CentrelineThresholds(NamedTuple):
     # a beam of large deflection departs from the linear shapes that are tried by less.
     near_px: float = 3.0
     near_radii: float = 2.0
+    # The same for a beam at rest, which is straight. Chosen: a wide band would hold structure of
+    # the ground by chance.
+    near_radii_at_rest: float = 0.5
     # Fewest agreeing scan lines, of 72, for which the beam is detected. Chosen.
     min_lines: int = 6
     # Fewest pixels of a column: four parameters and two degrees of freedom. Derived.
