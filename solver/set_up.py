@@ -1,10 +1,12 @@
 """Set up an antenna: calibrate its camera and learn the beam at rest, once per rig."""
 
+import contextlib
+
 import numpy as np
 
 from solver.antenna import Antenna
 from solver.at_rest.learn import Learn, learn_at_rest
-from solver.calibrate import calibrate
+from solver.calibrate import ambiguous, calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
@@ -24,12 +26,22 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     images do not allow it.
     """
     with fits_compiled_beside(observations.rig):
-        return _set_up(observations, learn)
+        try:
+            return _set_up(observations, learn)
+        except InputError:
+            if not ambiguous(observations.rig.board):
+                raise
+            # The board looks the same after a turn: the beam at rest shows how the camera is
+            # rolled.
+            for quarter_turns in (2, 1, 3):
+                with contextlib.suppress(InputError):
+                    return _set_up(observations, learn, quarter_turns)
+            raise
 
 
-def _set_up(observations: Observations, learn: Learn) -> Antenna:
+def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) -> Antenna:
     rig = observations.rig
-    calibration = calibrate(observations.read_board_views(), rig)
+    calibration = calibrate(observations.read_board_views(), rig, quarter_turns)
     if calibration.reprojection_px > MAX_REPROJECTION_PX:
         raise InputError(
             f"the reprojection error is {calibration.reprojection_px:.2f} px, allowed is "

@@ -146,9 +146,12 @@ class _RestImages:
         section, off_path = look.section, self.places.sense * look.off_path
         places = replace(self.places, start=self.places.start + off_path)
         reach = section.radius + 2.5 * section.spread + 0.5
-        ground = learn_ground(
-            self.images, _moved(beam, self.places, off_path), reach, self.noise, _half(section)
-        ) or ground
+        ground = (
+            learn_ground(
+                self.images, _moved(beam, self.places, off_path), reach, self.noise, _half(section)
+            )
+            or ground
+        )
         table = profile(section)
         fits = [
             fit_columns(
@@ -267,9 +270,7 @@ def _moved(beam: Floats, places: Stations, off_path: Floats) -> Floats:
     order = np.argsort(places.along[used])
     axis = 0 if upright else 1
     moved = np.array(beam)
-    moved[:, 1 - axis] += np.interp(
-        beam[:, axis], places.along[used][order], off_path[used][order]
-    )
+    moved[:, 1 - axis] += np.interp(beam[:, axis], places.along[used][order], off_path[used][order])
     return moved
 
 

@@ -23,7 +23,7 @@ LATTICE = 4000
 # Step [px] of the lattice of columns in which the ground's structure is tested.
 TEST_PX = 5
 # The beam's ends are known to this [px].
-END_MARGIN_PX = 2.5
+END_MARGIN_PX = 1.0
 # Farthest displacements of the band, in its widths, at which the interpolation's error is measured.
 DISPLACEMENTS = (-4, -3, -2, 2, 3, 4)
 # Blur [px] of the ground that represents a ground without structure.
@@ -37,8 +37,8 @@ class Ground:
     """Gray values (height, width) of the ground without the beam, and their `variance`.
 
     `level` is their typical value. `fine` is the variance of the difference between two halves of a
-    pixel: a pixel that the beam covers in part does not show its mean ground. `rows` and `columns` are pixels beside the beam that differ from
-    the `smooth` ground about them by more than noise.
+    pixel: a pixel that the beam covers in part does not show its mean ground. `rows` and `columns`
+    are pixels beside the beam that differ by more than noise from the `smooth` ground about them.
     """
 
     gray: Pattern

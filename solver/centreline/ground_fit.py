@@ -82,6 +82,7 @@ def fit_columns(
         )
     )
 
+
 # Relative sigma of the amplitude since rest. Chosen: light and shade change it by less, and where
 # the image determines it better, this has no weight.
 AMPLITUDE_SIGMA = 0.2
