@@ -49,10 +49,10 @@ def calibrate(board_views: Iterable[Grey], rig: Rig, quarter_turns: int = 0) -> 
 
     Views are read one after the other, and only their points are kept: a generator of views needs
     the memory of one. `quarter_turns` is the camera's roll to the nearest quarter turn; it matters
-    only for a board that looks the same after a turn. Raises InputError if the views differ in size, if view 0 does not show the
-    board (a chessboard as a whole, another target in good part), if fewer than three of several
-    views of a pinhole do, if they determine no camera, or if the calibrated camera does not show
-    the beam.
+    only for a board that looks the same after a turn. Raises InputError if the views differ in
+    size, if view 0 does not show the board (a chessboard as a whole, another target in good part),
+    if fewer than three of several views of a pinhole do, if they determine no camera, or if the
+    calibrated camera does not show the beam.
     """
     shapes: list[tuple[int, ...]] = []
     detections: list[BoardDetection | None] = []

@@ -165,7 +165,7 @@ class _RestImages:
         self._check_count(good)
         residual = np.mean([f.centre for f in fits], axis=0)[good] - places.start[good]
         # The error of the interpolated ground is the same in all images.
-        variance = np.mean([f.sigma[good] ** 2 for f in fits])
+        variance_px = float(np.mean([f.sigma[good] ** 2 for f in fits]))
         scatter = (1.4826 * np.median(np.abs(residual))) ** 2
         return Appearance(
             polarity=self.polarity,
@@ -175,7 +175,7 @@ class _RestImages:
             amplitude=look.amplitude[good],
             length=self.places.length[good],
             misfit=max(1.0, float(np.median([f.chi2[good] / f.dof[good] for f in fits]))),
-            sigma_px=float(np.sqrt(max(scatter - variance, 0.0))),
+            sigma_px=float(np.sqrt(max(scatter - variance_px, 0.0))),
             ground=ground.level,
             half=_half(section),
             full_scale=self.full_scale,

@@ -114,7 +114,7 @@ def learn_ground(
         fine=fine,
         rows=rows,
         columns=columns,
-        smooth=blurred[rows, columns],
+        smooth=np.asarray(blurred[rows, columns], np.float64),
     )
 
 

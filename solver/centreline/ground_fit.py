@@ -18,6 +18,7 @@ from solver.centreline.stations import Stations
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import FAST
 from solver.instrument.small_matrices import solve_definite
 
 
@@ -168,15 +169,12 @@ def _fit_column(
     size = len(gray)
     profile, derivative, weight, residual = columns[0], columns[1], columns[2], columns[3]
     design = columns[4:]
-    normal, inverse, right = np.empty((4, 4)), np.empty((4, 4)), np.empty(4)
+    normal, factor, right = np.empty((4, 4)), np.empty((4, 4)), np.empty(4)
+    variances = np.empty(4)
     c, b, s, a, chi2 = start, level, 0.0, 0.0, np.inf
     for step in range(MAX_STEPS + 2):
         interpolate_profile(value, climb, sense, first - c, profile)
         interpolate_profile(slope, climb, sense, first - c, derivative)
-        # In the first step the line and the amplitude alone are fitted.
-        chi2, n_fitted = 0.0, 3 if step == 0 else 4
-        normal[:] = 0.0
-        right[:] = 0.0
         for k in range(size):
             x = float(k - half)
             cover = min(max(width * profile[k], 0.0), 1.0)
@@ -192,22 +190,16 @@ def _fit_column(
             design[0, k], design[1, k] = behind, x * behind
             design[2, k], design[3, k] = profile[k], -sense * (a + edge) * derivative[k]
             residual[k] = gray[k] - expected
-            chi2 += weight[k] * residual[k] * residual[k]
-            for p in range(n_fitted):
-                wd = weight[k] * design[p, k]
-                right[p] += wd * residual[k]
-                for q in range(p + 1):
-                    normal[p, q] += wd * design[q, k]
+        chi2 = _sum_products(design, weight, residual, normal, right)
         prior = 1.0 / (AMPLITUDE_SIGMA * amplitude_at_rest) ** 2
         normal[2, 2] += prior
         right[2] += prior * (amplitude_at_rest - a)
-        if n_fitted == 3:
+        if step == 0:
+            # The line and the amplitude alone are fitted.
+            normal[3, :] = normal[:, 3] = right[3] = 0.0
             normal[3, 3] = 1.0
-        for p in range(4):
-            for q in range(p):
-                normal[q, p] = normal[p, q]
-        inverse[:] = normal
-        if not solve_definite(inverse, right):
+        factor[:] = normal
+        if not solve_definite(factor, right):
             return
         b, s, a = b + right[0], s + right[1], a + right[2]
         c += min(max(right[3], -0.5), 0.5)
@@ -215,12 +207,36 @@ def _fit_column(
             return
         if step > 3 and abs(right[3]) < TOLERANCE_PX:
             break
-    # The last entries of the inverse's diagonal: those of the centre, and of the amplitude.
-    for p, field in ((3, 1), (2, 3)):
-        inverse[:] = normal
+    for p in range(4):
+        factor[:] = normal
         right[:] = 0.0
         right[p] = 1.0
-        if not solve_definite(inverse, right) or not right[p] > 0:
+        if not solve_definite(factor, right):
             return
-        fields[field] = np.sqrt(right[p])
-    fields[0], fields[2], fields[4], fields[5] = c, a, b, chi2
+        variances[p] = right[p]
+    fields[0], fields[1], fields[2] = c, np.sqrt(variances[3]), a
+    fields[3], fields[4], fields[5] = np.sqrt(variances[2]), b, chi2
+
+
+@njit(fastmath=FAST)
+def _sum_products(
+    design: Floats, weight: Floats, residual: Floats, normal: Floats, right: Floats
+) -> float:
+    """Write the weighted products of a design (4, n) with itself and with residuals; return chi^2.
+
+    `normal` is (4, 4) and `right` (4,).
+    """
+    for p in range(4):
+        for q in range(p + 1):
+            total = 0.0
+            for k in range(residual.size):
+                total += weight[k] * design[p, k] * design[q, k]
+            normal[p, q] = normal[q, p] = total
+        total = 0.0
+        for k in range(residual.size):
+            total += weight[k] * design[p, k] * residual[k]
+        right[p] = total
+    chi2 = 0.0
+    for k in range(residual.size):
+        chi2 += weight[k] * residual[k] * residual[k]
+    return chi2

@@ -96,7 +96,7 @@ def section_on_ground(
 
 def _unit(length: Floats, used: Floats) -> Floats:
     """Map lengths to -1 to 1 at the ends of those used, and beyond these to the ends."""
-    return np.clip(2 * (length - used[0]) / max(float(np.ptp(used)), 1.0) - 1, -1, 1)
+    return np.asarray(np.clip(2 * (length - used[0]) / max(float(np.ptp(used)), 1.0) - 1, -1, 1))
 
 
 def _columns(

@@ -29,7 +29,7 @@ class CameraSpec(Part):
     position_mm: Triple = (120.0, 18.0, 360.0)
     look_at_mm: Triple = (120.6, 20.0, 0.0)
     # Within this range the board's orientation is detected correctly.
-    roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.6
+    roll_deg: Annotated[float, Field(ge=-360, le=360)] = 0.6
     # Whether the whole beam must be in view; a short one may leave the image.
     tip_in_view: bool = True
 
