@@ -11,12 +11,15 @@ from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
 from solver.first_start import fits_compiled_beside
+from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.gray_scale import gray_scale
 from solver.instrument.observation import Observations
 
 # Chosen: a printed board and an ordinary lens leave 0.05 to 0.2 px; above, the model is wrong.
 MAX_REPROJECTION_PX = 0.5
+# Share of a view's pixels with its largest gray value. Chosen: white squares fill more of it.
+OVEREXPOSED = 0.1
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
@@ -43,10 +46,15 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
     rig = observations.rig
     calibration = calibrate(observations.read_board_views(), rig, quarter_turns)
     if calibration.reprojection_px > MAX_REPROJECTION_PX:
+        advice = (
+            "check that rig.json describes the board in the views, and that "
+            f"{rig.distortion_coefficients} coefficients describe the lens's distortion"
+        )
+        if _overexposed(next(observations.read_board_views())):
+            advice = "the board is overexposed, so that its white squares look larger than they are"
         raise InputError(
             f"the reprojection error is {calibration.reprojection_px:.2f} px, allowed is "
-            f"{MAX_REPROJECTION_PX:g} px: check that rig.json describes the board in the views, "
-            f"and that {rig.distortion_coefficients} coefficients describe the lens's distortion"
+            f"{MAX_REPROJECTION_PX:g} px: {advice}"
         )
     scale = gray_scale(observations.read_rest_images(), rig.bits)
     images = [scale(image) for image in observations.read_rest_images()]
@@ -64,3 +72,8 @@ def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) ->
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
     uncertainty = calibration_uncertainty(calibration, rig)
     return Antenna(rig, calibration, at_rest, uncertainty.clamp, uncertainty.scale, scale)
+
+
+def _overexposed(view: Grey) -> bool:
+    """Return whether a tenth of a view (height, width) has its largest gray value."""
+    return bool(np.mean(view == view.max()) > OVEREXPOSED)

@@ -52,6 +52,9 @@ class CentrelineThresholds(NamedTuple):
     # A column's chi^2 per degree of freedom near the end: a larger one adds to the tip's variance.
     # As `max_misfit`.
     max_tip_misfit: float = 3.0
+    # A beam without a tip whose points end before this fraction of its length, within the image, is
+    # followed further. Chosen: the last columns may be hidden.
+    min_extent: float = 0.95
     # Range of the tip's distance along the beam, over the beam's length. Chosen.
     min_length: float = 0.75
     max_length: float = 1.3

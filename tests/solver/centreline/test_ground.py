@@ -74,8 +74,8 @@ def test_a_thin_beam_on_felt_keeps_its_points() -> None:
     assert 0.5 < 1.4826 * np.median(np.abs(normalised)) < 1.4
     # Without the ground, the same image keeps fewer points, with larger errors.
     plain = without_ground(beam)(image)
-    assert len(plain.points) < 0.9 * len(line.points)
-    assert np.median(np.abs(errors(plain, pixels))) > 2 * np.median(np.abs(error))
+    assert len(plain.points) < 0.95 * len(line.points)
+    assert np.median(np.abs(errors(plain, pixels))) > 1.5 * np.median(np.abs(error))
 
 
 def test_the_section_is_learned_although_the_ground_looks_like_beam() -> None:
