@@ -1,20 +1,25 @@
 """Set up an antenna: calibrate its camera and learn the beam at rest, once per rig."""
 
+import contextlib
+
 import numpy as np
 
 from solver.antenna import Antenna
 from solver.at_rest.learn import Learn, learn_at_rest
-from solver.calibrate import calibrate
+from solver.calibrate import ambiguous, calibrate
 from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
 from solver.first_start import fits_compiled_beside
+from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.gray_scale import gray_scale
 from solver.instrument.observation import Observations
 
 # Chosen: a printed board and an ordinary lens leave 0.05 to 0.2 px; above, the model is wrong.
 MAX_REPROJECTION_PX = 0.5
+# Share of a view's pixels with its largest gray value. Chosen: white squares fill more of it.
+OVEREXPOSED = 0.1
 
 
 def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
@@ -24,17 +29,32 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     images do not allow it.
     """
     with fits_compiled_beside(observations.rig):
-        return _set_up(observations, learn)
+        try:
+            return _set_up(observations, learn)
+        except InputError:
+            if not ambiguous(observations.rig.board):
+                raise
+            # The board looks the same after a turn: the beam at rest shows how the camera is
+            # rolled.
+            for quarter_turns in (2, 1, 3):
+                with contextlib.suppress(InputError):
+                    return _set_up(observations, learn, quarter_turns)
+            raise
 
 
-def _set_up(observations: Observations, learn: Learn) -> Antenna:
+def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) -> Antenna:
     rig = observations.rig
-    calibration = calibrate(observations.read_board_views(), rig)
+    calibration = calibrate(observations.read_board_views(), rig, quarter_turns)
     if calibration.reprojection_px > MAX_REPROJECTION_PX:
+        advice = (
+            "check that rig.json describes the board in the views, and that "
+            f"{rig.distortion_coefficients} coefficients describe the lens's distortion"
+        )
+        if _overexposed(next(observations.read_board_views())):
+            advice = "the board is overexposed, so that its white squares look larger than they are"
         raise InputError(
             f"the reprojection error is {calibration.reprojection_px:.2f} px, allowed is "
-            f"{MAX_REPROJECTION_PX:g} px: check that rig.json describes the board in the views, "
-            f"and that {rig.distortion_coefficients} coefficients describe the lens's distortion"
+            f"{MAX_REPROJECTION_PX:g} px: {advice}"
         )
     scale = gray_scale(observations.read_rest_images(), rig.bits)
     images = [scale(image) for image in observations.read_rest_images()]
@@ -52,3 +72,8 @@ def _set_up(observations: Observations, learn: Learn) -> Antenna:
     at_rest = learn_at_rest(images, guide, learn, calibration, rig)
     uncertainty = calibration_uncertainty(calibration, rig)
     return Antenna(rig, calibration, at_rest, uncertainty.clamp, uncertainty.scale, scale)
+
+
+def _overexposed(view: Grey) -> bool:
+    """Return whether a tenth of a view (height, width) has its largest gray value."""
+    return bool(np.mean(view == view.max()) > OVEREXPOSED)

@@ -105,8 +105,17 @@ def _check_direction(
             f"are {LIMITS.max_misalignment / DEGREE:.0f}: correct the third number of {key}"
         )
     if line.tip is None and isinstance(extract, BeamExtractor):
-        reversed_extract = replace(extract, guide=extract.guide.turned_about())
-        if reversed_extract(image).tip is not None:
+        turned = extract.guide.turned_about()
+        tip = replace(extract, guide=turned)(image).tip
+        # A clamp's edge may look like a tip: the tip is at the beam's length, within three sigmas.
+        tolerance = rig.tolerances
+        sigma = math.hypot(
+            tolerance.beam_length,
+            tolerance.base_position,
+            tolerance.board_translation,
+            turned.pixel,
+        )
+        if tip is not None and abs(turned.places(tip[None])[0, 0] - turned.length) < 3 * sigma:
             raise InputError(
                 "the beam's free end is at the clamp's position in rig.json: the rig's x axis "
                 f"runs from the clamp to the tip, so turn {key} by 180 degrees about z and "

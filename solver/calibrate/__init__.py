@@ -19,7 +19,7 @@ from solver.calibrate.plane_alone import plane_alone
 from solver.calibrate.saddles import charuco, chessboard
 from solver.calibrate.telecentric import telecentric
 from solver.calibrate.thresholds import LIMITS
-from solver.instrument.arrays import Grey
+from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -44,14 +44,15 @@ def _one_thread() -> Iterator[None]:
 
 
 @_one_thread()
-def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
+def calibrate(board_views: Iterable[Grey], rig: Rig, quarter_turns: int = 0) -> Calibration:
     """Calibrate the camera from gray images (height, width) of the rig's board, of 8 or 16 bits.
 
     Views are read one after the other, and only their points are kept: a generator of views needs
-    the memory of one. Raises InputError if the views differ in size, if view 0 does not show the
-    board (a chessboard as a whole, another target in good part), if fewer than three of several
-    views of a pinhole do, if they determine no camera, or if the calibrated camera does not show
-    the beam.
+    the memory of one. `quarter_turns` is the camera's roll to the nearest quarter turn; it matters
+    only for a board that looks the same after a turn. Raises InputError if the views differ in
+    size, if view 0 does not show the board (a chessboard as a whole, another target in good part),
+    if fewer than three of several views of a pinhole do, if they determine no camera, or if the
+    calibrated camera does not show the beam.
     """
     shapes: list[tuple[int, ...]] = []
     detections: list[BoardDetection | None] = []
@@ -60,7 +61,7 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
         if view.shape != shapes[0]:
             sizes = sorted({shapes[0], view.shape})
             raise InputError(f"the calibration views differ in size: {sizes}, allowed is one")
-        detections.append(detect_board(view, rig.board))
+        detections.append(detect_board(view, rig.board, quarter_turns))
     if not detections:
         raise InputError("there is no calibration view, needed is at least one")
     if detections[0] is None:
@@ -93,11 +94,25 @@ def calibrate(board_views: Iterable[Grey], rig: Rig) -> Calibration:
     return calibration
 
 
-def detect_board(view: Grey, board: Board) -> BoardDetection | None:
+def ambiguous(board: Board) -> bool:
+    """Return whether the board may look the same after a turn."""
+    return isinstance(board, LineNetwork) or (
+        isinstance(board, Chessboard) and (board.rows + board.columns) % 2 == 0
+    )
+
+
+def detect_board(view: Grey, board: Board, quarter_turns: int = 0) -> BoardDetection | None:
     """Detect the board's points in a view (height, width); return None if too few are visible.
 
-    They are detected in 8 bits and refined in all bits that the view has.
+    They are detected in 8 bits and refined in all bits that the view has. The board in the view is
+    turned by `quarter_turns` clockwise, or counterclockwise if negative, and up to 45 degrees more.
     """
+    if quarter_turns and ambiguous(board):
+        # Counterclockwise by as much, the board is upright.
+        turned = detect_board(np.ascontiguousarray(np.rot90(view, quarter_turns)), board)
+        return turned and BoardDetection(
+            turned.numbers, _turned_back(turned.pixels, view.shape, quarter_turns)
+        )
     detection: BoardDetection | None = None
     if isinstance(board, Charuco):
         detection = charuco(view, board)
@@ -111,3 +126,16 @@ def detect_board(view: Grey, board: Board) -> BoardDetection | None:
         return None
     row, column = np.divmod(detection.numbers, board.columns)
     return detection if min(len(np.unique(row)), len(np.unique(column))) >= 3 else None
+
+
+def _turned_back(pixels: Floats, shape: tuple[int, ...], quarter_turns: int) -> Floats:
+    """Map pixels (n, 2) of an image after `np.rot90` to those of the image itself, of `shape`."""
+    (u, v), (height, width) = pixels.T, shape
+    match quarter_turns % 4:
+        case 1:
+            return np.column_stack([width - 1 - v, u])
+        case 2:
+            return np.column_stack([width - 1 - u, height - 1 - v])
+        case 3:
+            return np.column_stack([v, height - 1 - u])
+    return pixels

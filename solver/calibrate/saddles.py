@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from solver.calibrate.board_detection import BoardDetection
-from solver.instrument.arrays import Grey
+from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import Charuco, Chessboard
 from solver.instrument.images import eight_bit
 
@@ -25,14 +25,33 @@ def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
     if not success:
         return None
     corners = np.asarray(corners, np.float64).reshape(board.rows, board.columns, 2)
-    # A chessboard looks the same after a half-turn, and OpenCV may start at either end: the
-    # rig's board has its first row at the top of the image and its first column at the left.
-    if corners[0, 0, 0] > corners[0, -1, 0]:
-        corners = corners[:, ::-1]
-    if corners[0, 0, 1] > corners[-1, 0, 1]:
-        corners = corners[::-1]
+    corners = _upright(eight_bit(view), corners)
     numbers = np.arange(board.rows * board.columns)
     return _refine(view, BoardDetection(numbers, corners.reshape(-1, 2)), board, _SEARCH)
+
+
+def _upright(view: Grey, corners: Floats) -> Floats:
+    """Order corners (rows, columns, 2) as on the board: from its upper left, row by row.
+
+    OpenCV may start at any end. A board is seen from its front, so that from its columns' direction
+    to its rows' is a quarter turn clockwise; of the two orders that remain, the colours show the
+    right one, if one of the numbers of rows and columns is even and the other odd. Otherwise both
+    look the same, and the camera's roll is taken for less than a quarter turn.
+    """
+    right, down = corners[0, -1] - corners[0, 0], corners[-1, 0] - corners[0, 0]
+    if right[0] * down[1] < right[1] * down[0]:
+        corners = corners[:, ::-1]
+    rows, columns = corners.shape[:2]
+    if (rows + columns) % 2 == 0:
+        turned = (corners[0, -1] - corners[0, 0])[0] < 0
+    else:
+        middles = (corners[:-1, :-1] + corners[1:, 1:]) / 2
+        u, v = np.rint(middles).astype(np.int64).transpose(2, 0, 1)
+        # The square at the upper left corner's lower right is black, as that at its upper left.
+        colour = view[v, u].astype(np.float64)
+        black = np.add.outer(np.arange(rows - 1), np.arange(columns - 1)) % 2 == 0
+        turned = colour[black].mean() > colour[~black].mean()
+    return corners[::-1, ::-1] if turned else corners
 
 
 def charuco(view: Grey, board: Charuco) -> BoardDetection | None:

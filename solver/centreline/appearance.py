@@ -8,11 +8,14 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 
-from solver.centreline.finding import find_path
+from solver.centreline.finding import Path, find_path
+from solver.centreline.ground import Ground, learn_ground
+from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile
 from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
+from solver.centreline.section_on_ground import section_on_ground
 from solver.centreline.smooth import smooth_curve
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import LIMITS
@@ -25,6 +28,8 @@ WIDTHS = (1, 2, 4, 8)
 # Start values of the section's search: diameter over the rig's, spread, roundness, skew. A
 # sharpened beam looks narrower than it is, a defocused one wider.
 STARTS = ((1.0, 0.3, 1.0, 0.0), (1.0, 0.8, 0.5, 0.0))
+# Pixels beside the beam that its image covers, before its section is known. Chosen: a sharp image.
+FIRST_REACH_PX = 2.0
 PROCESSED_STARTS = tuple((scale, *rest) for scale in (0.7, 1.4) for _, *rest in STARTS)
 
 
@@ -36,7 +41,7 @@ class Appearance:
     [gray px] is given along `length` [px] of the path; `misfit` is the typical chi^2 per degree of
     freedom of a profile fit, at least 1; `sigma_px` is the part of a centre's error that does not
     come from the sensor's noise; `ground` is the background's median gray value. `half` pixels on
-    either side are fitted.
+    either side are fitted. `ground_at_rest` is None for a ground without structure.
     """
 
     polarity: int
@@ -50,6 +55,7 @@ class Appearance:
     ground: float
     half: int
     full_scale: int
+    ground_at_rest: Ground | None = None
 
 
 def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
@@ -78,7 +84,11 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
         )
     slope = float(np.polyfit(on_beam[:, 0], on_beam[:, 1], 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
-    look = _RestImages(images, places, noise, polarity, guide.radius_px, full_scale).appearance()
+    rest = _RestImages(images, places, noise, polarity, guide.radius_px, full_scale)
+    beam = _to_the_tip(path, guide)
+    reach = guide.radius_px + FIRST_REACH_PX
+    ground = learn_ground(images, beam, reach, noise, int(reach + 0.5) + MARGIN)
+    look = rest.appearance() if ground is None else rest.appearance_before(ground, beam)
     radius = look.section.radius * guide.pixel
     return look, replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
 
@@ -106,11 +116,7 @@ class _RestImages:
             raise InputError("the rest images show no beam of the rig's diameter")
         fits = self._fits(section)
         centre, good = self._mean_centre(fits)
-        if np.count_nonzero(good) < LIMITS.min_stations:
-            raise InputError(
-                f"the rest images show {np.count_nonzero(good)} columns of the beam, "
-                f"needed are {LIMITS.min_stations}"
-            )
+        self._check_count(good)
         residual = (centre - self._smooth(centre, good))[good]
         noise_variance = np.mean([f.sigma[good] ** 2 for f in fits]) / len(fits)
         scatter = (1.4826 * np.median(np.abs(residual))) ** 2
@@ -126,9 +132,62 @@ class _RestImages:
             misfit=max(1.0, float(np.median([f.chi2[good] / f.dof[good] for f in fits]))),
             sigma_px=float(np.sqrt(max(scatter - noise_variance, 0.0))),
             ground=float(np.median([np.median(f.background[good]) for f in fits])),
-            half=self._half(section),
+            half=_half(section),
             full_scale=self.full_scale,
         )
+
+    def appearance_before(self, ground: Ground, beam: Floats) -> Appearance:
+        """Estimate the section before a ground with structure; `beam` (n, 2) [px] is its path."""
+        mean = np.mean([np.asarray(image, np.float64) for image in self.images], axis=0)
+        variance = self.noise.variance(mean) / len(self.images)
+        half = int(self.radius + FIRST_REACH_PX + 0.5) + MARGIN
+        look = section_on_ground(mean, variance, self.places, self.radius, half, ground)
+        # With the beam's own width, less of the ground is unknown.
+        section, off_path = look.section, self.places.sense * look.off_path
+        places = replace(self.places, start=self.places.start + off_path)
+        reach = section.radius + 2.5 * section.spread + 0.5
+        ground = (
+            learn_ground(
+                self.images, _moved(beam, self.places, off_path), reach, self.noise, _half(section)
+            )
+            or ground
+        )
+        table = profile(section)
+        fits = [
+            fit_columns(
+                image, places, table, self.noise, _half(section), self.full_scale,
+                section.radius, ground, look.amplitude,
+            )
+            for image in self.images
+        ]  # fmt: skip
+        good = np.all([np.isfinite(f.sigma) for f in fits], axis=0)
+        good &= look.amplitude * self.polarity > 0
+        self._check_count(good)
+        residual = np.mean([f.centre for f in fits], axis=0)[good] - places.start[good]
+        # The error of the interpolated ground is the same in all images.
+        variance_px = float(np.mean([f.sigma[good] ** 2 for f in fits]))
+        scatter = (1.4826 * np.median(np.abs(residual))) ** 2
+        return Appearance(
+            polarity=self.polarity,
+            noise=self.noise,
+            section=section,
+            profile=table,
+            amplitude=look.amplitude[good],
+            length=self.places.length[good],
+            misfit=max(1.0, float(np.median([f.chi2[good] / f.dof[good] for f in fits]))),
+            sigma_px=float(np.sqrt(max(scatter - variance_px, 0.0))),
+            ground=ground.level,
+            half=_half(section),
+            full_scale=self.full_scale,
+            ground_at_rest=ground,
+        )
+
+    def _check_count(self, good: Mask) -> None:
+        if np.count_nonzero(good) < LIMITS.min_stations:
+            raise InputError(
+                f"the rest images show {np.count_nonzero(good)} columns of the beam, "
+                f"needed are {LIMITS.min_stations}"
+            )
 
     def _best(self, starts: Sequence[tuple[float, ...]], misfit_unit: float) -> Floats:
         """Find the parameters (4,) of minimum cost; misfits are in units of `misfit_unit`."""
@@ -175,11 +234,8 @@ class _RestImages:
             return None
         return Section(scale * self.radius, spread, roundness, skew)
 
-    def _half(self, section: Section) -> int:
-        return int(np.ceil(section.radius + 2.5 * section.spread + 0.5)) + 1 + MARGIN
-
     def _fits(self, section: Section) -> list[Fits]:
-        table, half = profile(section), self._half(section)
+        table, half = profile(section), _half(section)
         return [
             fit_profiles(image, self.places, table, self.noise, half, self.full_scale)
             for image in self.images
@@ -199,3 +255,24 @@ class _RestImages:
         sigma = np.where(good, 1e-6, np.inf)
         curve = smooth_curve(self.places.length, centre, sigma, degree=4)
         return centre if curve is None else curve
+
+
+def _to_the_tip(path: Path, guide: Guide) -> Floats:
+    """Compute the pixels (n, 2) of a path from the clamp to the tip."""
+    x = np.linspace(0.0, guide.length, 50)
+    return guide.pixels(np.column_stack([x, np.interp(x, *path.places.T)]))
+
+
+def _moved(beam: Floats, places: Stations, off_path: Floats) -> Floats:
+    """Move a path (m, 2) [px] with its stations, by `off_path` (n,) across their columns."""
+    upright = 2 * np.count_nonzero(places.upright) >= len(places)
+    used = places.upright == upright
+    order = np.argsort(places.along[used])
+    axis = 0 if upright else 1
+    moved = np.array(beam)
+    moved[:, 1 - axis] += np.interp(beam[:, axis], places.along[used][order], off_path[used][order])
+    return moved
+
+
+def _half(section: Section) -> int:
+    return int(np.ceil(section.radius + 2.5 * section.spread + 0.5)) + 1 + MARGIN

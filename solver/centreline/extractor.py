@@ -15,9 +15,12 @@ from solver.centreline import Centreline, down_columns
 from solver.centreline.appearance import Appearance, learn_appearance
 from solver.centreline.finding import Path, find_path
 from solver.centreline.flags import fit_and_flag_outliers, flag_columns
+from solver.centreline.following import follow
+from solver.centreline.ground import Ground
+from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
-from solver.centreline.profile_fit import fit_profiles
-from solver.centreline.stations import stations
+from solver.centreline.profile_fit import Fits
+from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import LIMITS
 from solver.centreline.tip import find_tip
 from solver.instrument.arrays import Floats, Grey, Mask
@@ -39,35 +42,90 @@ class BeamExtractor:
         """Extract the centreline of an image (height, width); empty where there is no beam."""
         appearance, guide = self.appearance, self.guide
         max_tilt = LIMITS.max_tilt if guide.free_tilt else 0.0
-        path = find_path(image, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
+        ground, flat = appearance.ground_at_rest, image
+        gain = None if ground is None else ground.gain(image)
+        if ground is None or gain is None:
+            ground = None
+        else:
+            flat = ground.flattened(image, gain, appearance.full_scale)
+        path = find_path(flat, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
-        return self.measure(image, path)
+        line = self._measure(image, flat, ground, path)
+        if line.tip is not None or self._extent(line) > LIMITS.min_extent:
+            return line
+        # A beam that is bent far turns out of the shapes and the lines of the detection.
+        path = follow(line.points, guide, lambda nodes: self._centres(image, ground, nodes))
+        longer = line if path is None else self._measure(image, flat, ground, path)
+        return longer if len(longer.points) > len(line.points) else line
 
-    def measure(self, image: Grey, path: Path) -> Centreline:
-        """Measure the centreline along a path."""
+    def _extent(self, line: Centreline) -> float:
+        """Compute how far along the beam the last point is, over its length; 1 at the border."""
+        if not len(line.points):
+            return 1.0
+        camera, last = self.guide.camera, line.points[-1]
+        margin = 2 * self.appearance.half
+        if (last < margin).any() or (last > [camera.width - margin, camera.height - margin]).any():
+            return 1.0
+        places = self.guide.places(line.points)
+        steps = np.hypot(*np.diff(places, axis=0, prepend=np.zeros((1, 2))).T)
+        return float(steps.sum()) / self.guide.length
+
+    def _centres(self, image: Grey, ground: Ground | None, nodes: Floats) -> Floats:
+        """Measure the centres (n, 2) [px] of columns along nodes (m, 2) that look like the beam."""
+        places = stations(nodes, image.shape)
+        if not len(places):
+            return np.empty((0, 2))
+        fits, at_rest = self._fit(image, places, ground)
+        brightness, misfit, _, _ = self._compared(fits, at_rest)
+        flags = flag_columns(
+            brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
+        )
+        good = flags == 0
+        along, centre = places.along[good], fits.centre[good]
+        upright = places.upright[good, None]
+        return np.where(upright, np.column_stack([along, centre]), np.column_stack([centre, along]))
+
+    def _fit(self, image: Grey, places: Stations, ground: Ground | None) -> tuple[Fits, Floats]:
+        """Fit the columns at n stations; return also their amplitudes (n,) at rest."""
         appearance = self.appearance
-        places = stations(self.guide.pixels(path.places), image.shape)
-        if len(places) < LIMITS.min_curve_points:
-            return down_columns(np.empty((0, 2)), np.empty(0))
-        fits = fit_profiles(
+        at_rest = np.interp(places.length, appearance.length, appearance.amplitude)
+        fits = fit_columns(
             image,
             places,
             appearance.profile,
             appearance.noise,
             appearance.half,
             appearance.full_scale,
+            appearance.section.radius,
+            ground,
+            at_rest,
         )
-        at_rest = np.interp(places.length, appearance.length, appearance.amplitude)
-        brightness, misfit, noise, sigma = _compare_with_rest(
+        return fits, at_rest
+
+    def _compared(self, fits: Fits, at_rest: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        appearance = self.appearance
+        return _compare_with_rest(
             fits.amplitude, fits.chi2, fits.dof, fits.sigma,
             at_rest, appearance.misfit, appearance.sigma_px,
         )  # fmt: skip
+
+    def _measure(self, image: Grey, flat: Grey, ground: Ground | None, path: Path) -> Centreline:
+        """Measure the centreline along a path, before a known ground if there is one.
+
+        `flat` is the image without the ground's structure.
+        """
+        appearance = self.appearance
+        places = stations(self.guide.pixels(path.places), image.shape)
+        if len(places) < LIMITS.min_curve_points:
+            return down_columns(np.empty((0, 2)), np.empty(0))
+        fits, at_rest = self._fit(image, places, ground)
+        brightness, misfit, noise, sigma = self._compared(fits, at_rest)
         flags = flag_columns(
             brightness, misfit, fits.sigma, fits.amplitude, fits.amplitude_sigma, fits.saturated
         )
         length_px = self.guide.length / self.guide.pixel
-        tip = find_tip(image, places, flags, fits, appearance)
+        tip = find_tip(flat, places, flags, fits, appearance)
         # A beam bent towards or away from the camera looks longer or shorter within these limits.
         if tip is not None and not LIMITS.min_length < tip.length / length_px < LIMITS.max_length:
             tip = None

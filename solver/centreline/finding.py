@@ -65,7 +65,8 @@ def find_path(
         return None
     # Anchors far from the clamp constrain the shape most; the strongest come first.
     anchors = np.argsort(-strength * x)[:ANCHORS]
-    tolerance = max(LIMITS.near_px, LIMITS.near_radii * guide.radius_px) * guide.pixel
+    near_radii = LIMITS.near_radii if bends else LIMITS.near_radii_at_rest
+    tolerance = max(LIMITS.near_px, near_radii * guide.radius_px) * guide.pixel
     distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
     load, tilt, x_c, score = _consensus(
         x, y, line, strength, anchors, distances, tolerance, max_tilt

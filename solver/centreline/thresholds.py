@@ -15,6 +15,9 @@ class CentrelineThresholds(NamedTuple):
     # a beam of large deflection departs from the linear shapes that are tried by less.
     near_px: float = 3.0
     near_radii: float = 2.0
+    # The same for a beam at rest, which is straight. Chosen: a wide band would hold structure of
+    # the ground by chance.
+    near_radii_at_rest: float = 0.5
     # Fewest agreeing scan lines, of 72, for which the beam is detected. Chosen.
     min_lines: int = 6
     # Fewest pixels of a column: four parameters and two degrees of freedom. Derived.
@@ -49,6 +52,9 @@ class CentrelineThresholds(NamedTuple):
     # A column's chi^2 per degree of freedom near the end: a larger one adds to the tip's variance.
     # As `max_misfit`.
     max_tip_misfit: float = 3.0
+    # A beam without a tip whose points end before this fraction of its length, within the image, is
+    # followed further. Chosen: the last columns may be hidden.
+    min_extent: float = 0.95
     # Range of the tip's distance along the beam, over the beam's length. Chosen.
     min_length: float = 0.75
     max_length: float = 1.3

@@ -30,8 +30,7 @@ class CameraSpec(Part):
     distortion: tuple[float, ...] = ()
     position_mm: Triple = (120.0, 18.0, 360.0)
     look_at_mm: Triple = (120.6, 20.0, 0.0)
-    # Within this range the board's orientation is detected correctly.
-    roll_deg: Annotated[float, Field(ge=-45, le=45)] = 0.6
+    roll_deg: Annotated[float, Field(ge=-360, le=360)] = 0.6
     # Shift of all frames against the images of the board and of the beam at rest, as of a camera
     # that was knocked after these.
     knock_px: tuple[Shift, Shift] = (0.0, 0.0)

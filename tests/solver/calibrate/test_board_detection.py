@@ -58,6 +58,29 @@ def test_a_turned_board_is_not_taken_for_another(name: str, roll_deg: float) -> 
     assert np.abs(errors(name, camera(roll_deg), tilted(MIDDLE, 0, away, 0.2))).max() < 0.3
 
 
+@pytest.mark.parametrize("name", ["chessboard", "charuco"])
+@pytest.mark.parametrize("roll_deg", [-130.0, 90.0, 180.0])
+def test_the_pattern_shows_any_roll(name: str, roll_deg: float) -> None:
+    away = 0.1 if name == "chessboard" else 0.02
+    assert np.abs(errors(name, camera(roll_deg), tilted(MIDDLE, 0, away, 0.2))).max() < 0.3
+
+
+@pytest.mark.parametrize(("roll_deg", "quarter_turns"), [(100.0, 1), (180.0, 2), (-75.0, 3)])
+def test_lines_need_the_nearest_quarter_turn(roll_deg: float, quarter_turns: int) -> None:
+    """The camera's roll turns the board the other way in the image."""
+    board, seen_by = BOARDS["lines"], camera(roll_deg)
+    pose = tilted(MIDDLE, 0, 0.02, 0.2)
+    view = drawn(board, seen_by, pose, np.random.default_rng(0), samples=55, generator=34)
+    expected = seen_by.project(apply(pose, board.corners()))
+    errors = []
+    for turns in (quarter_turns, quarter_turns + 2):
+        found = detect_board(view, board, turns)
+        assert found is not None
+        errors.append(np.abs(found.pixels - expected[found.numbers]).max())
+    assert min(errors) < 0.3
+    assert max(errors) > 10
+
+
 @pytest.mark.parametrize("name", ["charuco", "lines"])
 @pytest.mark.parametrize("aside", [(0.04, 0.02), (-0.04, -0.03)])
 def test_a_part_of_the_board_is_enough(name: str, aside: tuple[float, float]) -> None:

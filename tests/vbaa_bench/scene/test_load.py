@@ -65,7 +65,8 @@ extra: 1
         "coverage, arc_length, depth, normal, object_index, occlusion",
         "scene.yaml:13:1: extra is an unknown key; known are title, seed, rigs, random_method, "
         "look, pushes, sampling, splits, mechanics, beam, gravity_m_s2, clamp_offset_mm, "
-        "tolerances, camera, optics, motor_speed_deg_s, calibration, light, lights, light_level, flicker, "
+        "tolerances, camera, optics, motor_speed_deg_s, calibration, light, lights, light_level, "
+        "flicker, "
         "ambient, background, clutter, object, second_peg, occlusion, hub, clamp, sensor, "
         "moment_sensor, force_sensor, render, layers, frames_per_shard",
     ]

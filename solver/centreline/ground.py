@@ -1,0 +1,220 @@
+"""The ground behind the beam: its structure, learned from the rest images.
+
+A structured ground, such as felt, looks like beam in places. Where the camera does not move against
+it, the mean of the rest images shows it everywhere except under the beam. There it is interpolated,
+and the interpolation's error is measured where the ground is known.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from solver.centreline.noise import Noise
+from solver.centreline.thresholds import LIMITS
+from solver.instrument.arrays import Floats, Grey, Mask
+from solver.instrument.compiled import njit
+from solver.instrument.medians import median
+
+# Number of pixels on which a frame is compared with the ground: the noise of a median is then 2 %.
+LATTICE = 4000
+# Step [px] of the lattice of columns in which the ground's structure is tested.
+TEST_PX = 5
+# The beam's ends are known to this [px].
+END_MARGIN_PX = 1.0
+# Farthest displacements of the band, in its widths, at which the interpolation's error is measured.
+DISPLACEMENTS = (-4, -3, -2, 2, 3, 4)
+# Blur [px] of the ground that represents a ground without structure.
+SMOOTH_PX = 8.0
+
+Pattern = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Gray values (height, width) of the ground without the beam, and their `variance`.
+
+    `level` is their typical value. `fine` is the variance of the difference between two halves of a
+    pixel: a pixel that the beam covers in part does not show its mean ground. `rows` and `columns`
+    are pixels beside the beam that differ by more than noise from the `smooth` ground about them.
+    """
+
+    gray: Pattern
+    variance: Pattern
+    level: float
+    fine: float
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+    smooth: Floats
+
+    def gain(self, image: Grey) -> float | None:
+        """Estimate the light's gain in an image since rest; None if it does not show this ground.
+
+        The ground of the rest images must explain the lattice of pixels better than a smooth ground
+        does: a ground that moves against the camera does not.
+        """
+        gain, known, unknown = _explained(
+            image[self.rows, self.columns].astype(np.float64),
+            self.gray[self.rows, self.columns].astype(np.float64),
+            self.smooth,
+        )
+        return gain if known < unknown else None
+
+    def flattened(self, image: Grey, gain: float, full_scale: int) -> Grey:
+        """Subtract the ground's structure from an image (height, width), for the beam's detection.
+
+        The result has the image's type; pixels at `full_scale` keep their value.
+        """
+        flat = image - np.float32(gain) * (self.gray - np.float32(self.level))
+        flat = np.clip(np.rint(flat), 0, full_scale).astype(image.dtype)
+        return np.where(image >= full_scale, image, flat)
+
+
+def learn_ground(
+    images: Sequence[Grey], beam: Floats, reach: float, noise: Noise, half: int
+) -> Ground | None:
+    """Learn the ground from images (height, width) of the beam at rest.
+
+    `beam` (n, 2) [px] is a path along the beam, from its clamp to its tip; pixels within `reach`
+    [px] of it show the beam.
+
+    Return None if it has no structure that is worth subtracting: the mean of n images has noise,
+    too, which costs 1 / (n + 1) of the information of every column. Structure costs the columns
+    that it disturbs. `half` is that of the profile fit.
+    """
+    mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
+    along, across = np.abs(beam[-1] - beam[0])
+    # Rows cross an upright beam: the transposed image is read by columns.
+    upright = along >= across
+    gray = np.ascontiguousarray(mean if upright else mean.T)
+    middle, stretch = _course(beam if upright else beam[:, ::-1], gray.shape[1])
+    n = int(reach * stretch + 0.5)
+    under = np.abs(np.arange(gray.shape[0])[:, None] - np.rint(middle)) <= n
+    variance = noise.variance(gray)
+    disturbed = _disturbed_share(gray, variance / len(images), variance, under, half)
+    if disturbed <= 1 / (len(images) + 1):
+        return None
+    fine = _fine_variance(gray, variance / len(images), under)
+    interpolated, error = _interpolated(gray, middle, n)
+    gray = np.where(under, interpolated, gray)
+    variance = np.where(under, error, variance / len(images))
+    if not upright:
+        gray, variance, under = gray.T, variance.T, under.T
+    blurred = cv2.GaussianBlur(np.ascontiguousarray(gray), (0, 0), SMOOTH_PX)
+    distinct = ~under & ((gray - blurred) ** 2 > noise.variance(gray))
+    rows, columns = np.nonzero(distinct)
+    step = max(len(rows) // LATTICE, 1)
+    rows, columns = rows[::step], columns[::step]
+    return Ground(
+        gray=np.ascontiguousarray(gray, np.float32),
+        variance=np.ascontiguousarray(variance, np.float32),
+        level=float(np.median(gray)),
+        fine=fine,
+        rows=rows,
+        columns=columns,
+        smooth=np.asarray(blurred[rows, columns], np.float64),
+    )
+
+
+def _course(beam: Floats, n: int) -> tuple[Floats, float]:
+    """Compute the beam's position in each of n columns, NaN beside it, and how oblique it is.
+
+    The position at the ends is also that of the columns within the margin beyond them.
+    """
+    along, across = beam[np.argsort(beam[:, 0])].T
+    every = np.arange(n, dtype=np.float64)
+    middle = np.interp(every, along, across)
+    middle[(every < along[0] - END_MARGIN_PX) | (every > along[-1] + END_MARGIN_PX)] = np.nan
+    return middle, float(np.hypot(1.0, (across[-1] - across[0]) / (along[-1] - along[0])))
+
+
+def _disturbed_share(
+    gray: Floats, mean_variance: Floats, variance: Floats, under: Mask, half: int
+) -> float:
+    """Compute the share of columns across a beam anywhere that the ground's structure disturbs.
+
+    A column of 2 half + 1 pixels is disturbed if a straight line leaves it more than
+    `max_misfit` times the noise of one image.
+    """
+    size = 2 * half + 1
+    if gray.shape[0] < size:
+        return 0.0
+    sliding = np.lib.stride_tricks.sliding_window_view
+    windows = sliding(gray, size, axis=0)[::TEST_PX, ::TEST_PX]
+    beside = ~sliding(under, size, axis=0)[::TEST_PX, ::TEST_PX].any(axis=-1)
+    x = np.linspace(-1, 1, size)
+    basis = np.linalg.qr(np.column_stack([np.ones(size), x]))[0]
+    windows = windows[beside]
+    residual = windows - windows @ basis @ basis.T
+    squares = np.einsum("nk,nk->n", residual, residual) / (size - 2)
+    noise = sliding(variance, size, axis=0)[::TEST_PX, ::TEST_PX][beside].mean(axis=-1)
+    mean_noise = sliding(mean_variance, size, axis=0)[::TEST_PX, ::TEST_PX][beside].mean(axis=-1)
+    structure = squares - mean_noise
+    return float(np.mean(structure > (LIMITS.max_misfit - 1) * noise)) if len(windows) else 0.0
+
+
+def _fine_variance(gray: Floats, mean_variance: Floats, under: Mask) -> float:
+    """Extrapolate the variance of differences to the halves of a pixel, by its power law.
+
+    The variance of differences across two pixels, over that across one, is 2 for a rough ground
+    and 4 for a smooth one. The noise of the mean is subtracted.
+    """
+    variances = []
+    for step in (1, 2):
+        beside = ~(under[step:] | under[:-step])
+        difference = (gray[step:] - gray[:-step])[beside]
+        noise = (mean_variance[step:] + mean_variance[:-step])[beside]
+        variances.append(max(float(np.mean(difference**2) - np.mean(noise)), 0.0))
+    one, two = variances
+    return one / min(max(two / one, 1.0), 4.0) if one > 0 else 0.0
+
+
+def _interpolated(gray: Floats, middle: Floats, n: int) -> tuple[Floats, Floats]:
+    """Interpolate the ground (height, width) across n pixels on both sides of `middle` (width,).
+
+    Return it with its variance, both of use in the band only. The variance is measured: the same
+    interpolation is tried across the band displaced along the columns, where the ground is known.
+    """
+    height = len(gray)
+    offsets = np.arange(-n, n + 1)
+    squares, counts = np.zeros(len(offsets)), np.zeros(len(offsets))
+    on_beam = np.flatnonzero(np.isfinite(middle))
+    course = np.rint(middle[on_beam]).astype(np.int64)
+    for displacement in DISPLACEMENTS:
+        rows = course + displacement * (2 * n + 3)
+        inside = (rows - n - 1 >= 0) & (rows + n + 1 < height)
+        columns, rows = on_beam[inside], rows[inside]
+        truth = gray[rows[:, None] + offsets, columns[:, None]]
+        error = truth - _across(gray, rows, columns, n)
+        squares += (error**2).sum(axis=0)
+        counts += len(columns)
+    rms = squares / np.maximum(counts, 1)
+    result, variance = gray.copy(), np.zeros_like(gray)
+    inside = (course - n - 1 >= 0) & (course + n + 1 < height)
+    columns, rows = on_beam[inside], course[inside]
+    result[rows[:, None] + offsets, columns[:, None]] = _across(gray, rows, columns, n)
+    variance[:] = rms.max(initial=0.0)
+    variance[rows[:, None] + offsets, columns[:, None]] = rms
+    return result, variance
+
+
+def _across(
+    gray: Floats, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64], n: int
+) -> Floats:
+    """Interpolate linearly (m, 2 n + 1) between the pixels n + 1 before and after given rows."""
+    before, after = gray[rows - n - 1, columns], gray[rows + n + 1, columns]
+    fraction = (np.arange(-n, n + 1) + n + 1) / (2 * n + 2)
+    return np.asarray(before[:, None] + fraction * (after - before)[:, None])
+
+
+@njit
+def _explained(image: Floats, ground: Floats, smooth: Floats) -> tuple[float, float, float]:
+    """Fit a gain; return it, and the median deviations from the ground and from a smooth one."""
+    gain = median(image / np.maximum(ground, 1.0))
+    return (
+        gain,
+        median(np.abs(image - gain * ground)),
+        median(np.abs(image - gain * smooth)),
+    )

@@ -1,0 +1,149 @@
+"""A structured ground, such as felt: where it is known from the rest images, it is subtracted."""
+
+from dataclasses import replace
+from functools import cache
+
+import cv2
+import numpy as np
+
+from solver.centreline import Centreline
+from solver.centreline.extractor import BeamExtractor, learn_beam
+from solver.centreline.ground import Ground, learn_ground
+from solver.centreline.noise import estimate_noise
+from solver.instrument.arrays import Floats, Grey
+from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
+
+TILT = 0.012
+SENSOR = Sensor()
+# Half a pixel wide, before a sharp lens.
+THIN = Look(beam=1.4, ground=0.1, radius_px=0.25, spread_px=0.35)
+N_REST = 4
+
+
+def felt(seed: int, correlation: float = 2.0, contrast: float = 0.4, level: float = 0.12) -> Floats:
+    """A ground (height, width) whose relative scatter is `contrast`."""
+    white = np.random.default_rng(seed).standard_normal((HEIGHT, WIDTH))
+    smooth = cv2.GaussianBlur(white, (0, 0), correlation / 2)
+    return np.asarray(level * np.maximum(1 + contrast * smooth / smooth.std(), 0.05))
+
+
+def rest_images(ground: Floats, look: Look = THIN) -> list[Grey]:
+    light = drawn(guide(), bent(0.0, tilt=TILT), look, ground)
+    random = np.random.default_rng(5)
+    return [SENSOR(light, random) for _ in range(N_REST)]
+
+
+@cache
+def learned(seed: int = 0) -> BeamExtractor:
+    return learn_beam(rest_images(felt(seed)), guide())
+
+
+def known_ground(beam: BeamExtractor) -> Ground:
+    assert beam.appearance.ground_at_rest is not None
+    return beam.appearance.ground_at_rest
+
+
+def without_ground(beam: BeamExtractor) -> BeamExtractor:
+    return replace(beam, appearance=replace(beam.appearance, ground_at_rest=None))
+
+
+def pushed(ground: Floats, light: float = 1.0, seed: int = 7) -> tuple[Grey, Floats]:
+    """An image of a pushed beam, and its pixels (n, 2)."""
+    shape = bent(0.15, 0.6, TILT)
+    image = SENSOR(light * drawn(guide(), shape, THIN, ground), np.random.default_rng(seed))
+    return image, guide().pixels(shape)
+
+
+def errors(line: Centreline, pixels: Floats) -> Floats:
+    """Signed errors (n,) [px] of the points."""
+    return distances(line.points, pixels)
+
+
+def columns(pixels: Floats) -> float:
+    return float(np.ptp(pixels[:, 0]))
+
+
+def test_a_thin_beam_on_felt_keeps_its_points() -> None:
+    beam = learned()
+    image, pixels = pushed(felt(0))
+    line = beam(image)
+    error = errors(line, pixels)
+    assert len(line.points) > 0.8 * columns(pixels)
+    assert np.sqrt(np.median(error**2)) < 0.03
+    normalised = error / line.sigma
+    assert 0.5 < 1.4826 * np.median(np.abs(normalised)) < 1.4
+    # Without the ground, the same image keeps fewer points, with larger errors.
+    plain = without_ground(beam)(image)
+    assert len(plain.points) < 0.95 * len(line.points)
+    assert np.median(np.abs(errors(plain, pixels))) > 1.5 * np.median(np.abs(error))
+
+
+def test_the_section_is_learned_although_the_ground_looks_like_beam() -> None:
+    section = learned().appearance.section
+    # Width in the second moment: radius and spread are exchangeable in a thin beam.
+    width = np.hypot(section.radius / 2, section.spread)
+    assert abs(width / np.hypot(THIN.radius_px / 2, THIN.spread_px) - 1) < 0.15
+
+
+def test_a_ground_that_moves_against_the_camera_is_not_subtracted() -> None:
+    beam = learned()
+    for moved in (np.roll(felt(0), 9, axis=1), felt(1)):
+        image, _ = pushed(moved)
+        assert known_ground(beam).gain(image) is None
+        line, plain = beam(image), without_ground(beam)(image)
+        assert np.array_equal(line.points, plain.points)
+        assert np.array_equal(line.sigma, plain.sigma)
+
+
+def test_a_change_of_light_scales_the_ground() -> None:
+    beam = learned()
+    for light in (0.7, 1.3):
+        image, pixels = pushed(felt(0), light)
+        gain = known_ground(beam).gain(image)
+        assert gain is not None
+        assert abs(gain / light - 1) < 0.02
+        line = beam(image)
+        assert len(line.points) > 0.75 * columns(pixels)
+        assert np.median(np.abs(errors(line, pixels))) < 0.03
+
+
+def test_a_ground_without_structure_is_not_learned() -> None:
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    for ground in (np.full((HEIGHT, WIDTH), 0.1), 0.05 + 0.2 * v / HEIGHT + 0.1 * u / WIDTH):
+        assert learn_beam(rest_images(ground), guide()).appearance.ground_at_rest is None
+
+
+def test_the_error_of_the_ground_under_the_beam_is_that_of_its_interpolation() -> None:
+    """Without a beam in the images, the ground under it is known, and the error with it."""
+    ratios = []
+    for seed in range(4):
+        ground, random = felt(seed), np.random.default_rng(seed)
+        images = [SENSOR(ground, random) for _ in range(N_REST)]
+        path = guide().pixels(bent(0.0, tilt=TILT))
+        learned_ground = learn_ground(images, path, 1.5, estimate_noise(images), 5)
+        assert learned_ground is not None
+        gray = ground * 255
+        under = learned_ground.variance > 4 * np.median(learned_ground.variance)
+        assert 600 < np.count_nonzero(under) < 1500
+        error = (learned_ground.gray - gray)[under]
+        ratios.append(float(np.mean(error**2) / np.mean(learned_ground.variance[under])))
+        beside = (learned_ground.gray - gray)[~under]
+        assert np.mean(beside**2) < 2 * np.median(learned_ground.variance)
+    assert 0.8 < np.mean(ratios) < 1.25
+
+
+def test_an_object_before_the_ground_costs_few_points() -> None:
+    """Where an object covers the ground about the beam, a straight line takes its place."""
+    beam = learned()
+    shape = bent(0.15, 0.6, TILT)
+    ground = felt(0)
+    pixels = guide().pixels(shape)
+    u = np.arange(WIDTH)
+    middle = np.interp(u, pixels[:, 0], pixels[:, 1])
+    v = np.arange(HEIGHT)[:, None]
+    ground = np.where((u >= 180) & (u < 230) & (v > middle - 20), 0.15, ground)
+    image = SENSOR(drawn(guide(), shape, THIN, ground), np.random.default_rng(3))
+    line = beam(image)
+    inside = (line.points[:, 0] > 183) & (line.points[:, 0] < 226)
+    assert np.count_nonzero(inside) > 30
+    assert np.abs(errors(line, pixels)[inside]).max() < 0.3
