@@ -16,7 +16,7 @@ from scipy import ndimage
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.board import Chessboard
 from solver.instrument.transforms import rigid, turn_about_z
-from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.instrument.units import MILLIMETRE
 from vbaa_bench.benchmarks.stress.recording import (
     NotApplicableError,
     Perturbation,
@@ -94,19 +94,14 @@ def bent_rests(tip_mm: float, touched: int | None = None) -> Perturbation:
 
 
 def turned(quarters: int) -> Perturbation:
-    """Turn all images clockwise by quarter-turns, and update the stated board.
+    """Turn all images clockwise by quarter-turns, as a rolled camera does; the rig is the same.
 
-    The rig's board has its first row at the top of the image. Turned with the camera, its rows
-    become columns, and its axes have other directions in the antenna's frame.
+    The colours of the board's squares show its orientation.
     """
 
     def perturb(recording: Recording, _random: np.random.Generator) -> Recording:
-        board = _chessboard(recording)
-        if quarters % 2:
-            board = replace(board, columns=board.rows, rows=board.columns)
-        pose = recording.rig.antenna_from_board @ turn_about_z(quarters * 90 * DEGREE)
-        rig = replace(recording.rig, board=board, antenna_from_board=pose)
-        return replace(recording.each(lambda image: np.rot90(image, -quarters)), rig=rig)
+        _chessboard(recording)
+        return recording.each(lambda image: np.rot90(image, -quarters))
 
     return perturb
 
