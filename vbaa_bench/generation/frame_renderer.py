@@ -40,7 +40,13 @@ from vbaa_bench.scene.random_scene import drawn_values, rest_scene
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.fixed_pattern import FixedPattern
-from vbaa_bench.sensor.from_spec import fixed_pattern, flicker, image_sensor, metered_exposure
+from vbaa_bench.sensor.from_spec import (
+    fixed_pattern,
+    flicker,
+    image_sensor,
+    metered_exposure,
+    unsaturated_exposure,
+)
 from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.sensor.sensor import Sensor
 
@@ -51,6 +57,9 @@ CACHED_PUSHES = 64
 # Factor of the noise targets for board views. Chosen: up to the sensor's own noise the sensor model
 # adds what is missing, and a corner is measured by hundreds of pixels.
 _BOARD_NOISE = 2.0
+# Quantile of a board view's radiance that must not be saturated. Chosen: half of a board is white,
+# and boards take a third of the image or more.
+_BOARD_PEAK = 0.98
 # Indices of the frames from which the sample table is learned. Chosen: they have ten thousands of
 # pixels. They do not depend on the number of frames.
 METERED = range(3)
@@ -194,11 +203,16 @@ class FrameRenderer:
         return digest(data)
 
     def board_image(self, view: int, exposure: float) -> Grey:
-        """Render one calibration image."""
+        """Render one calibration image, with a shorter exposure if it would be overexposed.
+
+        A dark beam on a dark ground needs an exposure in which a white card is saturated.
+        """
         seed = render_seed(self.scene, "board render", view)
         target = self._noise_target(self.sensor(exposure).noise_sigma).scaled(_BOARD_NOISE)
         rendered = render_frame(self.assembler.calibration_board(view), None, target, seed)
         lit = self._exposed([rendered], "board sensor", view)
+        peak = float(np.quantile(self._vignetting * rendered.radiance, _BOARD_PEAK))
+        exposure = unsaturated_exposure(self.scene.sensor, exposure, peak)
         return self._expose(lit, exposure, "board sensor", view)
 
     def rest_image(self, number: int, exposure: float) -> Grey:

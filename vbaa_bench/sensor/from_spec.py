@@ -28,6 +28,20 @@ def metered_exposure(spec: SensorSpec, peak_radiance: float) -> float:
     return electrons / (spec.quantum_efficiency * peak_radiance)
 
 
+def unsaturated_exposure(spec: SensorSpec, exposure: float, peak_radiance: float) -> float:
+    """Return the exposure, or the metered one for `peak_radiance` if that would be saturated.
+
+    The units are those of `metered_exposure`.
+    """
+    metered = metered_exposure(spec, peak_radiance)
+    if spec.kind == "ideal":
+        peak_over_full_scale = spec.beam_peak_pct * PERCENT
+    else:
+        full_scale = spec.gain * (spec.full_scale - spec.black_level_gray)
+        peak_over_full_scale = (spec.peak_signal - spec.dark_signal) / full_scale
+    return metered if exposure * peak_over_full_scale > metered else exposure
+
+
 def fixed_pattern(
     spec: SensorSpec, shape: tuple[int, int], random: np.random.Generator
 ) -> FixedPattern | None:

@@ -1,9 +1,16 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from solver.instrument.errors import InputError
 from vbaa_bench.scene.image_sensor import SensorSpec
-from vbaa_bench.sensor.from_spec import fixed_pattern, image_sensor, metered_exposure
+from vbaa_bench.sensor.from_spec import (
+    fixed_pattern,
+    image_sensor,
+    metered_exposure,
+    unsaturated_exposure,
+)
 from vbaa_bench.sensor.ideal import Ideal
 
 SPECS = [
@@ -44,3 +51,30 @@ def test_a_fixed_pattern_is_drawn_where_one_is_asked_for() -> None:
 
 def test_an_ideal_sensor_is_asked_for_by_its_kind() -> None:
     assert image_sensor(SensorSpec(kind="ideal", bits=12), 2.0) == Ideal(2.0, 12)
+
+
+@given(
+    peak_pct=st.floats(1, 100),
+    black=st.floats(0, 2),
+    brightness=st.floats(0.01, 100),
+    kind=st.sampled_from(["real", "ideal"]),
+)
+def test_an_image_is_exposed_less_only_if_it_would_be_saturated(
+    peak_pct: float, black: float, brightness: float, kind: str
+) -> None:
+    changed = {"black_level_gray": black} if kind == "real" else {}
+    spec = SensorSpec.model_validate({"kind": kind, "beam_peak_pct": peak_pct, **changed})
+    exposure = metered_exposure(spec, 1.0)
+    chosen = unsaturated_exposure(spec, exposure, brightness)
+
+    def gray(radiance: float, at_exposure: float) -> float:
+        if kind == "ideal":
+            return at_exposure * radiance * spec.full_scale
+        electrons = spec.quantum_efficiency * at_exposure * radiance
+        return electrons / spec.gain + spec.black_level_gray
+
+    assert gray(brightness, chosen) <= spec.full_scale * (1 + 1e-9)
+    if gray(brightness, exposure) < spec.full_scale * (1 - 1e-9):
+        assert chosen == exposure
+    elif gray(brightness, exposure) > spec.full_scale * (1 + 1e-9):
+        assert chosen == metered_exposure(spec, brightness)
