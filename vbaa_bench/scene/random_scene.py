@@ -63,7 +63,7 @@ def rig_scene(tree: Tree, number: int, attempt: int = 0) -> Scene:
     """
     values = _drawn(tree, {"rig": Draw("rig", number, attempt)})
     if values.get("rigs") is not None:
-        values = {**values, "seed": _rig_seed(tree["seed"], number), "rigs": None}
+        values = {**values, "seed": _rig_seed(_seed(tree), number), "rigs": None}
         values["splits"] = _rig_splits(tree, number)
     example = _drawn(values, {"push": Draw("push", 0, attempt), "frame": Draw("frame", 0, attempt)})
     return _scene({**example, "random_keys": random_keys(values)})
@@ -153,9 +153,15 @@ def check_draws(tree: Tree) -> None:
 
 
 def _drawn(tree: Tree, draws: Mapping[Level, Draw]) -> Tree:
-    seed, method = tree["seed"], tree.get("random_method", "uniform")
+    seed, method = _seed(tree), tree.get("random_method", "uniform")
     units = {level: partial(unit_value, seed, method, draw) for level, draw in draws.items()}
     return _with_units(tree, units)
+
+
+def _seed(tree: Tree) -> int:
+    """Return the seed; that of a scene with a mistake there, which is reported later, is 0."""
+    seed = tree.get("seed")
+    return seed if isinstance(seed, int) and seed >= 0 else 0
 
 
 def _with_units(tree: Tree, units: Units) -> Tree:
@@ -181,7 +187,7 @@ def _rig_splits(tree: Tree, number: int) -> Tree:
     if not isinstance(splits, Mapping) or splits.get("by") != "rig":
         return splits
     try:
-        name = SplitSpec.model_validate(splits).name(tree["seed"], number)
+        name = SplitSpec.model_validate(splits).name(_seed(tree), number)
     except ValidationError:  # reported with the other mistakes of the scene
         return splits
     return {"by": "push", "shares": {name: 1.0}}
