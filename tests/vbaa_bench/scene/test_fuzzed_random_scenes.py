@@ -65,13 +65,13 @@ def attempt(path: Path, seed: int) -> bool:
         at = chance.randrange(len(lines))
         key, _, value = lines[at].partition(":")
         odd, other = chance.choice(ODD), chance.choice(lines)
-        start, factor = chance.randrange(len(lines[at]) + 1), chance.choice((0.5, 0.9, 1.1, 3))
-        scaled = re.sub(r"\d+\.\d+", lambda number: f"{factor * float(number[0]):.4g}", value)
+        start = chance.randrange(len(lines[at]) + 1)
+        decimal = re.sub(r"\d+\.\d+", f"{chance.uniform(0.1, 3):.3g}", value)
         whole = re.sub(r"\b[2-9]\b", str(chance.randint(1, 9)), value)
         lines[at] = chance.choice(
             [
                 *(f"{key}: {odd}", f"{key}:{value}\n{other}", f"{lines[at][:start]}{odd}"),
-                *(other, "", f"{key}:{scaled}", f"{key}:{whole}", f"{key}:{whole}"),
+                *(other, "", f"{key}:{decimal}", f"{key}:{whole}", f"{key}:{whole}"),
             ]
         )
     path.write_text("\n".join(lines), encoding="utf-8")
