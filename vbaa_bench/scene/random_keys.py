@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
+from solver.instrument.errors import truncated
 from vbaa_bench.scene.distributions import (
     ADAPTER,
     DISTRIBUTIONS,
@@ -248,8 +249,7 @@ def _value(node: Any, name: str, units: Units, source: Callable[[str], Any]) -> 
         return None
     if node.times == 1 and node.plus == 0:
         return _Value(value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise DistributionError((), f"from {node.source} is {value!r}, allowed is a number")
+    _check_number(f"from {node.source}", value)
     terms = []
     for part, number in (("times", node.times), ("plus", node.plus)):
         inner = _Value(number)
@@ -258,8 +258,15 @@ def _value(node: Any, name: str, units: Units, source: Callable[[str], Any]) -> 
             if drawn_number is None:
                 return None
             inner = drawn_number
+        _check_number(part, inner.value)
         terms.append(inner.value)
     return _Value(value * terms[0] + terms[1])
+
+
+def _check_number(name: str, value: Any) -> None:
+    """Raise DistributionError unless a value that a key is computed from is a number."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DistributionError((), f"{name} is {truncated(repr(value))}, allowed is a number")
 
 
 def _source(key: str, tree: Tree, defaults: Tree) -> Any:
