@@ -1,4 +1,4 @@
-"""Commands that measure the methods and this machine: stability, stress, doctor."""
+"""Commands that measure methods and this machine: stability, stress, learned, doctor."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, ScenePath, Variant, Workers
+from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, ScenePath, Variant, Workers
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 
@@ -90,6 +90,35 @@ def stress(
         show_table(title, HEADS, lines(record["rows"]))
     if not record["holds"]:
         raise typer.Exit(1)
+
+
+def learned(
+    train: DatasetPath,
+    others: Annotated[list[Path], typer.Argument(help="folders of other datasets")],
+    out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Train a regressor on one dataset; measure its errors there and on other datasets.
+
+    Its errors on held-out frames are listed beside those of a constant and of exact_fit, if solved.
+    Needs the extra 'learned'.
+    """
+    with importing():
+        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.benchmarks import learned as regressor
+
+    if out:
+        prepare_output_path(out)
+    with progress_bars() as progress:
+        task = progress.add_task("training", total=regressor.FOLDS)
+        record = regressor.measure(train, others, lambda: progress.advance(task))
+    if out:
+        write(out, regressor.markdown(record).encode())
+    if as_json:
+        print_result(record, "", True)
+        return
+    title = f"trained on {record['training_frames']} frames of {record['train']}"
+    show_table(title, regressor.HEADS, regressor.cells(record))
 
 
 def doctor(

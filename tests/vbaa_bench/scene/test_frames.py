@@ -5,7 +5,7 @@ import pytest
 
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.readings import readings
-from vbaa_bench.scene.frames import frame_specs, random_generator
+from vbaa_bench.scene.frames import Frames, frame_specs, random_generator
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
 
@@ -78,7 +78,7 @@ def test_every_push_begins_at_a_motor_angle_of_its_own() -> None:
 
 
 def test_no_other_draw_depends_on_that_of_the_motor_angle() -> None:
-    scene = load_scene(SCENES / "train_3d.yaml").scene
+    scene = load_scene(SCENES / "train_2d_one_look.yaml").scene
     assert scene.sampling is not None
     fixed = scene.sampling.model_copy(update={"motor_angle_at_contact_deg": (5.0, 5.0)})
     by_index = [
@@ -89,6 +89,23 @@ def test_no_other_draw_depends_on_that_of_the_motor_angle() -> None:
     assert [trial.push for trial in drawn] == [trial.push for trial in same]
     assert {trial.onset for trial in same} == {np.radians(5)}
     assert len({trial.onset for trial in drawn}) == 500
+
+
+@pytest.mark.parametrize("name", ["train_2d", "train_3d"])
+def test_training_sets_keep_their_frames_when_they_grow(name: str) -> None:
+    scene = load_scene(SCENES / f"{name}.yaml").scene
+    assert scene.pushes is not None
+    assert Frames(scene).count == 500
+    small, large = (
+        frame_specs(scene.model_copy(update={"pushes": pushes}))
+        for pushes in (scene.pushes.model_copy(update={"repeats": n}) for n in (4, 8))
+    )
+    assert large[:4] == small
+    assert [trial.scene.lights for trial in large[:4]] == [trial.scene.lights for trial in small]
+    # Ring lamps are all alike, and everything else differs from frame to frame.
+    assert len({trial.scene.lights for trial in large}) > 2
+    assert len({trial.scene.background for trial in large}) == 8
+    assert len({trial.scene.object for trial in large}) == 8
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.rglob("*.yaml")), ids=lambda path: path.stem)
