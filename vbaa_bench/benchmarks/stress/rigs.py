@@ -29,7 +29,7 @@ Progress = Callable[[int, int], None]
 def drawn_rig(file: SceneFile, seed: int, number: int, frames: int) -> SceneFile:
     """Draw rig `number` of a scene: its true rig, its camera's mount and its pushes.
 
-    Contact distances, deflections, normals and stiffnesses are a Latin hypercube over the ranges
+    Contact distances, deflections, normals and stiffnesses are Sobol points over the ranges
     of the scene. Raises InputError for a scene without contact distances and deflections, and for
     images that are not of 8 bits.
     """
