@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from solver.instrument.errors import InputError
-    from vbaa_bench.api.data import Dataset, generate, read_exr
+    from vbaa_bench.api.data import Collection, Dataset, generate, generate_rigs, read_exr
     from vbaa_bench.api.forecast import Forecast, forecast
     from vbaa_bench.api.frame import Frame, render_frame
     from vbaa_bench.api.results import Scores, score, solve
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from vbaa_bench.scene.load import load_scene
 
 __all__ = [
+    "Collection",
     "Dataset",
     "Forecast",
     "Frame",
@@ -38,6 +39,7 @@ __all__ = [
     "Scores",
     "forecast",
     "generate",
+    "generate_rigs",
     "load_scene",
     "open_truth",
     "read_exr",
@@ -48,6 +50,7 @@ __all__ = [
 
 # Imported at first use: renderer, compiler and tables take seconds to import.
 _MODULES: Final = {
+    "Collection": "vbaa_bench.api.data",
     "Dataset": "vbaa_bench.api.data",
     "Forecast": "vbaa_bench.api.forecast",
     "Frame": "vbaa_bench.api.frame",
@@ -56,6 +59,7 @@ _MODULES: Final = {
     "Scores": "vbaa_bench.api.results",
     "forecast": "vbaa_bench.api.forecast",
     "generate": "vbaa_bench.api.data",
+    "generate_rigs": "vbaa_bench.api.data",
     "load_scene": "vbaa_bench.scene.load",
     "open_truth": "vbaa_bench.dataset.readers",
     "read_exr": "vbaa_bench.api.data",

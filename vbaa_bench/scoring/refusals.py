@@ -8,6 +8,7 @@ truth:
 - a small visible part of the beam: "not identifiable";
 - a camera that looks along the plane in which the beam bends, eqs. (7), (8): "edge-on" or
   "not identifiable";
+- a camera that was knocked after the images at rest: "camera moved";
 - a second contact, so that no single point contact explains the shape: "invalid" or
   "not identifiable".
 """
@@ -70,6 +71,9 @@ def _allowed_outcomes(truth: Truth, row: dict[str, Any], snr: float) -> list[str
         allowed |= {Outcome.NOT_IDENTIFIABLE}
     if _sight_against_plane_deg(truth, row) < EDGE_ON_DEG:
         allowed |= {Outcome.EDGE_ON, Outcome.NOT_IDENTIFIABLE}
+    # Older manifests do not have the key.
+    if any(truth.manifest["scene"].get("camera", {}).get("knock_px", ())):
+        allowed |= {Outcome.CAMERA_MOVED}
     if row["second_s_c_mm"] is not None:
         allowed |= {Outcome.INVALID, Outcome.NOT_IDENTIFIABLE}
     return sorted(map(str, allowed))

@@ -300,3 +300,13 @@ def test_a_parquet_file_on_which_its_reader_panics_is_refused(
     monkeypatch.setattr(pl, "read_parquet", panics)
     with pytest.raises(InputError, match=r"own\.parquet: is not a CSV or Parquet table \(assert"):
         read_predictions(tmp_path / "own.parquet")
+
+
+def test_a_knocked_camera_may_be_refused() -> None:
+    true = truth({})
+    scene = true.manifest["scene"]
+    for shift, allowed in ((0.0, set[str]()), (0.2, {"camera moved"})):
+        camera = {**scene["camera"], "knock_px": [0.0, shift]}
+        manifest = {**true.manifest, "scene": {**scene, "camera": camera}}
+        found = right_refusals(replace(true, manifest=manifest))["may_say"][0]
+        assert set(found) == allowed
