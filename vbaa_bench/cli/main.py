@@ -26,6 +26,7 @@ app.command()(data.outside)
 app.command()(data.check_camera)
 app.command()(measure.stability)
 app.command()(measure.stress)
+app.command()(measure.leaks)
 app.command()(measure.doctor)
 app.add_typer(speed_app, name="speed")
 

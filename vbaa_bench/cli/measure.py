@@ -1,4 +1,4 @@
-"""Commands that measure the methods and this machine: stability, stress, doctor."""
+"""Commands that measure methods, datasets and this machine: stability, stress, leaks, doctor."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, ScenePath, Variant, Workers
+from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, ScenePath, Variant, Workers
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 
@@ -89,6 +89,38 @@ def stress(
         title = f"{record['scene']}: {rigs} rigs x {frames} frames\n{TITLE}"
         show_table(title, HEADS, lines(record["rows"]))
     if not record["holds"]:
+        raise typer.Exit(1)
+
+
+def leaks(dataset: DatasetPath, as_json: AsJson = False) -> None:
+    """Test whether order, names, image files or the encoder of a dataset predict the contact.
+
+    DATASET may be a collection. The exit status is 1 if a feature is better than chance; by chance,
+    one clean feature in a hundred is.
+    """
+    with importing():
+        from vbaa_bench.benchmarks.leaks import find_leaks
+
+    with console.status("searching for leaks"):
+        tests = find_leaks(dataset)
+    if as_json:
+        print_result({"features": [test.record() for test in tests]}, "", True)
+    else:
+        show_table(
+            "held-out R^2 of x_c over beam length",
+            ("feature", "frames", "R^2", "99 % of permutations", "passes"),
+            [
+                (
+                    test.feature,
+                    str(test.frames),
+                    f"{test.r_squared:.4f}",
+                    f"{test.chance:.4f}",
+                    "yes" if test.passes else "no",
+                )
+                for test in tests
+            ],
+        )
+    if not all(test.passes for test in tests):
         raise typer.Exit(1)
 
 
