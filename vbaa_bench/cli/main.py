@@ -28,6 +28,7 @@ app.command()(data.check_camera)
 app.command()(measure.stability)
 app.command()(measure.stress)
 app.command()(measure.learned)
+app.command()(measure.leaks)
 app.command()(measure.doctor)
 app.add_typer(speed_app, name="speed")
 

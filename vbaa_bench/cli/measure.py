@@ -1,4 +1,4 @@
-"""Commands that measure methods and this machine: stability, stress, learned, doctor."""
+"""Commands that measure methods, datasets and this machine: stability, stress and others."""
 
 from pathlib import Path
 from typing import Annotated
@@ -119,6 +119,38 @@ def learned(
         return
     title = f"trained on {record['training_frames']} frames of {record['train']}"
     show_table(title, regressor.HEADS, regressor.cells(record))
+
+
+def leaks(dataset: DatasetPath, as_json: AsJson = False) -> None:
+    """Test whether order, names, image files or the encoder of a dataset predict the contact.
+
+    DATASET may be a collection. The exit status is 1 if a feature is better than chance; by chance,
+    one clean feature in a hundred is.
+    """
+    with importing():
+        from vbaa_bench.benchmarks.leaks import find_leaks
+
+    with console.status("searching for leaks"):
+        tests = find_leaks(dataset)
+    if as_json:
+        print_result({"features": [test.record() for test in tests]}, "", True)
+    else:
+        show_table(
+            "held-out R^2 of x_c over beam length",
+            ("feature", "frames", "R^2", "99 % of permutations", "passes"),
+            [
+                (
+                    test.feature,
+                    str(test.frames),
+                    f"{test.r_squared:.4f}",
+                    f"{test.chance:.4f}",
+                    "yes" if test.passes else "no",
+                )
+                for test in tests
+            ],
+        )
+    if not all(test.passes for test in tests):
+        raise typer.Exit(1)
 
 
 def doctor(
