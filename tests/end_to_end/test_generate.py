@@ -122,7 +122,7 @@ def test_the_truth_is_complete(dataset: Path) -> None:
         assert np.linalg.norm(row["force_antenna_n"]) == pytest.approx(row["force_n"])
         # In the world the object has not moved: the contact stays within a beam's radius and
         # what the beam slides over it.
-        onset = np.radians(row["motor_angle_deg"] + row["pushing_angle_deg"])
+        onset = np.radians(row["true_motor_angle_deg"] + row["pushing_angle_deg"])
         rest = row["contact_distance_at_rest_mm"] * np.array([np.cos(onset), np.sin(onset)])
         assert np.hypot(*(row["contact_world_mm"][:2] - rest)) < 0.4 * (
             1 + 1e-6
@@ -132,7 +132,7 @@ def test_the_truth_is_complete(dataset: Path) -> None:
             f for f in open_observations(layout.observations) if f.frame_id == row["frame_id"]
         ).readings.motor_angle
         assert reading is not None
-        assert 0 < abs(np.degrees(reading) - row["motor_angle_deg"]) < 0.05
+        assert 0 < abs(np.degrees(reading) - row["true_motor_angle_deg"]) < 0.05
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +207,7 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     assert not list(layout.truth.rglob("*.exr"))  # layers can be left out
     reading = observations.frames[0].readings.motor_angle
     assert reading is not None
-    encoder = reading - np.radians(truth.frames["motor_angle_deg"][0])
+    encoder = reading - np.radians(truth.frames["true_motor_angle_deg"][0])
     assert 0 < abs(encoder) < np.radians(0.05)
     tracker = PushTracker(set_up(observations), METHODS["exact_fit"])
     answer = tracker.solve(observations.frames[0].image()).estimate

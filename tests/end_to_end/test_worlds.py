@@ -130,7 +130,7 @@ def test_a_camera_in_the_world_sees_the_antenna_turn(variant: str, tmp_path: Pat
     assert antenna.rig.camera_mount == "world"
     for row in truth.frames.iter_rows(named=True):
         x, y = (np.array(row[f"centreline_{axis}_mm"]) / 1e3 for axis in "xy")
-        turn = np.radians(row["motor_angle_deg"])
+        turn = np.radians(row["true_motor_angle_deg"])
         line = np.column_stack(
             [np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, 0 * x]
         )

@@ -1,4 +1,4 @@
-"""Commands that solve and score: run, solve, score, report, table."""
+"""Commands that solve and score: run, solve, score, report, table, dictionary."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -118,6 +118,14 @@ def table(
         print_result({"rows": rows}, "", True)
     else:
         print(markdown(rows, by))
+
+
+def dictionary() -> None:
+    """Print the data dictionary: every column and key of the files, as Markdown."""
+    with importing():
+        from vbaa_bench.report.dictionary import page
+
+    print(page(), end="")
 
 
 def _solve(

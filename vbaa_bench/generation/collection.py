@@ -135,14 +135,15 @@ class RigGenerator:
 
 def _write_table(layout: CollectionLayout, file: SceneFile, results: Sequence[RigResult]) -> None:
     """Write rigs.csv; rigs of earlier calls keep their rows."""
-    rows = {result.number: _row(file, result) for result in results}
+    rows = {result.number: rig_row(file, result) for result in results}
     if layout.table.is_file():
         old = pl.read_csv(layout.table, infer_schema=False).to_dicts()
         rows = {int(row["rig"]): row for row in old} | rows
     layout.write_rows(rows)
 
 
-def _row(file: SceneFile, result: RigResult) -> dict[str, str | None]:
+def rig_row(file: SceneFile, result: RigResult) -> dict[str, str | None]:
+    """Collect the row of a rig in rigs.csv: texts, None for an empty cell."""
     row: dict[str, Any] = {"rig": result.number, "reason": result.reason or None}
     if result.file is not None:
         row |= {"seed": result.file.scene.seed, **file.rig_values(result.file.scene)}

@@ -49,7 +49,7 @@ def truth_row(
         "k_s_over_k_beam": _stiffness_ratio(experiment, state),
         "deflection_pct": sag / experiment.rig.beam.length / PERCENT,
         "pushing_angle_deg": state.pushing_angle / DEGREE,
-        "motor_angle_deg": phi / DEGREE,
+        "true_motor_angle_deg": phi / DEGREE,
         **_contact(experiment, state, phi),
         **_second_contact(experiment, state),
         "tip_mm": (state.tip / mm).tolist(),

@@ -76,7 +76,7 @@ def overlay_of(
     Only the manifest of `truth` is used, which includes the camera.
     """
     x, y, z = (np.array(row[f"centreline_{axis}_mm"]) for axis in "xyz")
-    frame_from_clamp = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
+    frame_from_clamp = camera_frame_from_clamp(truth, row["true_motor_angle_deg"] * DEGREE)
 
     def pixels(distances: Floats) -> Floats:
         points = np.column_stack(

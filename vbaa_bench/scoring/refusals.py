@@ -55,7 +55,7 @@ def _snr(truth: Truth, row: dict[str, Any]) -> float:
     psi = (row["psi_deg"] or 0.0) * DEGREE
     shift = row["deflection_pct"] / 100 * length * np.array([np.cos(psi), np.sin(psi)])
     points = np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0], [length, *shift]])
-    frame_from_clamp = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
+    frame_from_clamp = camera_frame_from_clamp(truth, row["true_motor_angle_deg"] * DEGREE)
     clamp, tip, deflected_tip = truth.camera.project(apply(frame_from_clamp, points))
     visible_columns = np.linalg.norm(tip - clamp) * _visible_fraction(row)
     return float(np.linalg.norm(deflected_tip - tip) * np.sqrt(visible_columns) / COLUMN_SIGMA_PX)
@@ -87,7 +87,7 @@ def _visible_fraction(row: dict[str, Any]) -> float:
 
 def _sight_against_plane_deg(truth: Truth, row: dict[str, Any]) -> float:
     """Compute the angle [deg] between the ray to the contact and the deformation plane."""
-    frame_from_clamp = camera_frame_from_clamp(truth, row["motor_angle_deg"] * DEGREE)
+    frame_from_clamp = camera_frame_from_clamp(truth, row["true_motor_angle_deg"] * DEGREE)
     viewpoint = invert(frame_from_clamp) @ truth.camera.viewpoint
     psi = row["psi_deg"] * DEGREE
     across = np.array([-np.sin(psi), np.cos(psi)])

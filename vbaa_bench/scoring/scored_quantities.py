@@ -56,7 +56,7 @@ SCORED_QUANTITIES: Final = (
     ScoredQuantity("f", "n", pl.col("f_n")),
     ScoredQuantity("psi", "deg", pl.col("psi_deg")),
     COMPLIANCE,
-    ScoredQuantity("motor_angle", "deg", pl.col("motor_angle_deg")),
+    ScoredQuantity("motor_angle", "deg", pl.col("true_motor_angle_deg")),
 )
 # Vectors: (name, unit, the truth's column of three numbers).
 VECTORS: Final = (

@@ -55,7 +55,7 @@ TOUCHED: dict[str, Any] = {
     "hidden_by": None,
     "hidden_place": None,
     "availability_asked": None,
-    "motor_angle_deg": -5.0,
+    "true_motor_angle_deg": -5.0,
     "x_c_mm": 120.0,
     "s_c_mm": 121.0,
     "theta_c_deg": 8.0,

@@ -1,0 +1,127 @@
+"""Columns of predictions, scores and the table of factors."""
+
+from typing import Final
+
+from solver.instrument.quantities import QUANTITIES
+from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column
+from vbaa_bench.generation.columns import JOINED, TRUTH
+from vbaa_bench.scoring.conditions import CONDITIONS
+from vbaa_bench.scoring.factors import PREFIX
+from vbaa_bench.scoring.scored_quantities import COMPONENTS, NUMBERS, SCORED_QUANTITIES, VECTORS
+
+_NOT_ESTIMATED: Final = "the method does not estimate it in this frame"
+_FAILED: Final = "the frame has failed, or the method does not estimate it"
+_QUANTITIES: Final = (*SCORED_QUANTITIES, *COMPONENTS)
+
+# Quantities that are not in the truth under the same name.
+_ESTIMATES: Final = {
+    **{
+        f"contact_{name}_{axis}_mm": Column(f"{axis} of the contact point", frame)
+        for name, frame in (("antenna", SIGMA_A), ("world", SIGMA_O))
+        for axis in "xyz"
+    },
+    **{
+        f"force_{axis}_n": Column(f"{axis} of the force of the object on the beam", SIGMA_A)
+        for axis in "xyz"
+    },
+    **{
+        f"displacement_{axis}_mm": Column(
+            f"{axis} of the displacement of the beam at the contact (eqs. 28, 29)", SIGMA_A
+        )
+        for axis in "yz"
+    },
+    "compliance_mm_per_n": Column("compliance 1/k_s of the object; of a rigid one 0"),
+    "stiffness_n_per_m": Column("stiffness k_s, if the compliance is significantly above 0"),
+    "friction": Column("friction coefficient between beam and object"),
+    "onset_angle_deg": Column("motor angle at first contact", SIGMA_O),
+    "motor_angle_deg": Column("estimated motor angle", SIGMA_O),
+}
+
+
+def _quantities() -> dict[str, Column]:
+    columns = {}
+    for quantity in QUANTITIES.values():
+        described = _ESTIMATES.get(quantity.name) or TRUTH[quantity.name]
+        columns[quantity.name] = described._replace(null=_NOT_ESTIMATED)
+        columns[quantity.sigma_name] = Column(
+            f"stated standard deviation of {quantity.name}", described.frame, _NOT_ESTIMATED
+        )
+    return columns
+
+
+# Made by the solver, see solver/lab/table.py.
+PREDICTIONS: Final = {
+    "frame_id": JOINED["frame_id"],
+    "outcome": Column("outcome of the estimate, see solver/README.md"),
+    "message": Column("the reason for the outcome, as a sentence"),
+    **_quantities(),
+    "chi2": Column("sum of squared residuals in sigmas", "", _NOT_ESTIMATED),
+    "dof": Column("degrees of freedom of chi2", "", _NOT_ESTIMATED),
+    "iterations": Column("iterations of the fit", "", _NOT_ESTIMATED),
+    "image_ms": Column("time from the image in memory to the estimate", "", "it was not measured"),
+}
+
+
+def _truths_and_errors() -> dict[str, Column]:
+    columns = {}
+    for quantity in _QUANTITIES:
+        estimate = PREDICTIONS[quantity.column]
+        columns[quantity.truth] = Column(f"true value of {quantity.column}", estimate.frame, FREE)
+        columns[quantity.error] = Column(
+            f"{quantity.column} minus its true value", estimate.frame, _FAILED
+        )
+        columns[quantity.in_sigmas] = Column(
+            f"this error over the stated standard deviation of {quantity.column}", "", _FAILED
+        )
+    # The motor always has an angle.
+    columns["true_motor_angle_deg"] = TRUTH["true_motor_angle_deg"]
+    for name, unit, true in VECTORS:
+        columns[f"{name}_vector_error_{unit}"] = Column(
+            f"norm of the error of {true}", TRUTH[true].frame, _FAILED
+        )
+    return columns
+
+
+SCORES: Final = {
+    "frame_id": JOINED["frame_id"],
+    **{name: TRUTH[name] for name in CONDITIONS},
+    **{name: PREDICTIONS[name] for name in (*NUMBERS, "outcome", "message")},
+    **_truths_and_errors(),
+    "x_c_error_pct_L": Column("error of x_c", SIGMA_D, _FAILED),
+    "s_c_error_pct_L": Column("error of s_c", "along the beam", _FAILED),
+    "force_error_pct": Column("error of force_n, relative to its true value", "", _FAILED),
+    "f_error_pct": Column("error of f_n, relative to its true value", SIGMA_D, _FAILED),
+    "compliance_error_pct": Column(
+        "error of the compliance, relative to its true value",
+        "",
+        f"the object is rigid, or {_FAILED}",
+    ),
+    "snr": Column("signal-to-noise ratio of the bend in the image"),
+    "method": Column("method, with its centreline after @ if it is not the default"),
+    "last_step": Column("whether this is the last step of its push"),
+    "free": Column("whether nothing is touched"),
+    "failed": Column("whether required values are missing or the outcome is wrong"),
+    "crashed": Column("whether the method crashed or has no prediction"),
+    "refused": Column("whether the outcome states no values, although something is touched"),
+    "rightly_refused": Column("whether this refusal is right"),
+    "consistent": Column("whether x_c is within three stated sigmas, or a refusal is right"),
+    "rig": Column("number of the rig; absent for a single dataset"),
+    f"{PREFIX}*": Column(
+        "value of a factor in which rigs or frames differ; absent for a single dataset",
+        "",
+        "the rig has no such value",
+    ),
+}
+
+# Columns of factors.csv.
+FACTORS: Final = {
+    "method": SCORES["method"],
+    "factor": Column("name of the factor, as in the scores without its prefix"),
+    "group": Column("range or value of the factor in this group of frames"),
+    "frames": Column("number of frames in the group"),
+    "answered_pct": Column("share of the frames with a contact and values"),
+    "median_pct_L": Column("median of the absolute error of x_c", SIGMA_D, "no frame is answered"),
+    "rmse_pct_L": Column("root mean square error of x_c", SIGMA_D, "no frame is answered"),
+    "consistent_pct": Column("share of the consistent frames"),
+    "spread": Column("consistent_pct of the best group minus that of the worst, of the factor"),
+}
