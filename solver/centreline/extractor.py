@@ -67,7 +67,8 @@ class BeamExtractor:
         margin = 2 * self.appearance.half
         if (last < margin).any() or (last > [camera.width - margin, camera.height - margin]).any():
             return 1.0
-        places = self.guide.places(line.points)
+        # A copy: for the read-only array, compiled functions would be compiled once more.
+        places = self.guide.places(np.array(line.points))
         steps = np.hypot(*np.diff(places, axis=0, prepend=np.zeros((1, 2))).T)
         return float(steps.sum()) / self.guide.length
 

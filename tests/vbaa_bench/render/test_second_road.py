@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ def roads_of(path: Path, variant: str, tolerance_px: float, folder: Path, pairs:
     render = file.scene.render.model_copy(update={"mesh_tolerance_px": tolerance_px})
     scene = file.scene.model_copy(update={"render": render})
     renderer = FrameRenderer(scene, work.rig, path.parent, Layout(folder), variant, 2)
-    pose = renderer.pose(min(work.frame_specs, key=lambda spec: spec.index))
+    pose = renderer.pose(replace(min(work.frame_specs, key=lambda spec: spec.index), scene=scene))
     world, line = renderer.pushed_world(pose), beam_line(renderer.rig, pose)
     s, *place = pose.state.centreline.T
     centreline = CubicSpline(s, np.transpose(place) + renderer.rig.base_position)

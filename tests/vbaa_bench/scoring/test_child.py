@@ -144,7 +144,7 @@ def test_where_the_judge_is_killed_its_method_and_its_folder_go_too(
     wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").stat().st_size)
     method = int((tmp_path / "pid").read_text(encoding="utf-8"))
     assert is_alive(method)
-    assert list(temporary.glob("*/observations"))
+    assert list(temporary.glob("*/observations*"))
     judge.send_signal(signal.SIGKILL)
     judge.wait()
     wait_until(lambda: not is_alive(method) and not list(temporary.iterdir()))
