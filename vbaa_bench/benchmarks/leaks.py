@@ -38,7 +38,7 @@ PERCENTILE: Final = 99.0
 # Pushes of a dataset, or rigs of a collection. Chosen: four per fold; with fewer, permuted labels
 # have a large R^2 and only gross leaks are found.
 MIN_GROUPS: Final = 20
-# Chosen: a leak of R^2 = 0.5 % is found in so many frames; more need quadratic memory.
+# Chosen: this number reveals a leak of R^2 = 0.5 %; memory grows with its square.
 MAX_FRAMES: Final = 3000
 # Ridge penalty over the number of training frames, for features of unit variance. Chosen: it takes
 # a tenth off the slope of a leak, and keeps the coefficients of 80 random digits small.

@@ -143,22 +143,20 @@ class Choice(_Distribution):
         return self
 
     @property
-    def possible(self) -> tuple[Any, ...]:
-        """The options with a probability above zero."""
-        weights = self.weights or (1.0,) * len(self.choice)
-        return tuple(
-            option for option, weight in zip(self.choice, weights, strict=True) if weight > 0
-        )
+    def relative_weights(self) -> tuple[float, ...]:
+        """The weights, equal ones by default."""
+        return self.weights or (1.0,) * len(self.choice)
 
     def value(self, unit: float) -> Any:
         """Return the option at `unit`, from 0 to 1, of the cumulative probability."""
-        weights = self.weights or (1.0,) * len(self.choice)
-        remaining = unit * sum(weights)
-        for option, weight in zip(self.choice, weights, strict=True):
+        remaining = unit * sum(self.relative_weights)
+        last = None
+        for option, weight in zip(self.choice, self.relative_weights, strict=True):
             if remaining < weight:
                 return option
             remaining -= weight
-        return self.possible[-1]
+            last = option if weight > 0 else last
+        return last
 
 
 class From(_Distribution):

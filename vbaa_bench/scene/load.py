@@ -93,7 +93,7 @@ def load_scene(
     """Read and check a scene. Raises InputError with all mistakes.
 
     `seed` replaces the file's, and `settings`, such as "beam.length_mm=200", replace values.
-    `frames` changes the number of random pushes, so that there are at least so many frames.
+    `frames` is the least number of frames; it changes the number of random pushes.
     """
     path = Path(path)
     document = _document(path, _text(path))

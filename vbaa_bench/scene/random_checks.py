@@ -11,8 +11,8 @@ from vbaa_bench.scene.random_keys import Path, Tree, dotted, nodes, within
 from vbaa_bench.scene.random_scene import RejectedDrawError, scene_with
 from vbaa_bench.scene.unit_values import Draw, unit_value
 
-# A mistake that so many draws have in common does not depend on them. Chosen: a mistake that half
-# of the draws have is reported here once in 256 scenes, instead of as a rejection.
+# Number of draws; a mistake that all of them have in common does not depend on them. Chosen: one
+# that half of the draws have is reported here once in 256 scenes, instead of as a rejection.
 _DRAWS: Final = 8
 
 
@@ -78,8 +78,7 @@ def _extremes_of(node: Any, name: str, path: Path) -> Iterator[dict[str, float]]
         yield {name: 0.0}
         yield {name: 1.0}
     elif isinstance(node, Choice):
-        weights = node.weights or (1.0,) * len(node.choice)
-        before = 0.0
+        weights, before = node.relative_weights, 0.0
         for option, weight in zip(node.choice, weights, strict=True):
             if weight > 0:
                 number = {name: (before + weight / 2) / sum(weights)}

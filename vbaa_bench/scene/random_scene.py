@@ -29,8 +29,8 @@ from vbaa_bench.scene.sampling import SplitSpec
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scene.unit_values import Draw, unit_value
 
-# Attempts before a draw is given up. Derived: where half of the draws are rejected, so many
-# rejections in a row have a probability of 5e-20.
+# Attempts before a draw is given up. Derived: if half of the draws are rejected, 64 rejections in a
+# row have a probability of 5e-20.
 MAX_ATTEMPTS: Final = 64
 # Draws that are tried when a scene is loaded, and the share of them that may be rejected. Chosen:
 # a share of one half is then known to 3 %, and loading takes less than a second.
