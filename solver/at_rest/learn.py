@@ -51,6 +51,13 @@ class AtRest:
     rejected: tuple[int, ...]
     disagreement_px: float
 
+    @property
+    def shading(self) -> float:
+        """Weight of the beam's own shading in its contrast, as in `Appearance`."""
+        if isinstance(self.extract, BeamExtractor):
+            return self.extract.appearance.shading
+        return 1.0
+
 
 def learn_at_rest(
     images: Sequence[Grey], guide: Guide, learn: Learn, calibration: Calibration, rig: Rig

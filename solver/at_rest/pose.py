@@ -30,16 +30,21 @@ MAX_GRID_ERROR_PX = 0.5
 # are more independent errors than coefficients: five of the bow and two per harmonic.
 HARMONICS = 2
 GRID_COEFFICIENTS = 5 + 2 * HARMONICS
+# Fewest points of a fit of the bow. Chosen: ten for each coefficient.
+MIN_BOW_POINTS = 50
+# Bow [px] that a straight beam's image may have. Measured: calibrations of fifty rigs drawn at
+# random left 0.003 to 0.03 px.
+SMALL_BOW_PX = 0.02
 
 
 @dataclass(frozen=True)
 class Rest:
     """The beam before contact, on plane C: y = y_at_clamp + slope x + bow(x), x from the clamp [m].
 
-    `bow` (3,) are the coefficients of x^2, x^3, x^4 in units of the beam's `length` [m]; they are
-    zero for a beam that is straight within the noise. `covariance` (5, 5) is that of
-    (y_at_clamp, slope, bow). Where the pixel grid may imitate a bow, the bow is zero, and
-    its sigma covers the range from straight to bowed.
+    `bow` (3,) are the coefficients of x^2, x^3, x^4 in units of the beam's `length` [m]; where the
+    rest images show too few points to fit them, they and their covariance are zero. `covariance`
+    (5, 5) is that of (y_at_clamp, slope, bow). Where the pixel grid may imitate a bow, the bow is
+    zero, and its sigma covers the range from straight to bowed.
     """
 
     y_at_clamp: float
@@ -50,8 +55,16 @@ class Rest:
 
     @property
     def straight(self) -> bool:
-        """Whether no bow was detected, and none is possible."""
+        """Whether the bow was not fitted."""
         return not self.bow.any() and not self.bow_undecided
+
+    @property
+    def bent(self) -> bool:
+        """Whether the bow is more than noise."""
+        if not self.bow.any():
+            return False
+        significance = self.bow @ np.linalg.pinv(self.covariance[2:, 2:]) @ self.bow
+        return bool(significance > LIMITS.bow_chi2)
 
     @property
     def bow_undecided(self) -> bool:
@@ -68,10 +81,26 @@ class Rest:
 
     def bow_at(self, x: Floats) -> tuple[Floats, Floats]:
         """Compute the bow (n,) [m] at x (n,) [m] from the clamp, and its sigma about a line."""
+        bow, errors = self.bow_errors_at(x)
+        return bow, np.sqrt((errors**2).sum(axis=1))
+
+    def bow_errors_at(self, x: Floats) -> tuple[Floats, Floats]:
+        """Compute the bow (n,) [m] at x (n,) [m] from the clamp, and its errors about a line.
+
+        The errors (n, 5) [m] are one sigma each of five independent ones.
+        """
         curve, line = self._basis(x)
         relative = curve - line @ self._line_through
-        variance = np.einsum("ni,ij,nj->n", relative, self.covariance, relative)
-        return np.asarray(curve[:, 2:] @ self.bow), np.sqrt(np.maximum(variance, 0.0))
+        return np.asarray(curve[:, 2:] @ self.bow), np.asarray(relative @ self._error_modes)
+
+    @cached_property
+    def _error_modes(self) -> Floats:
+        """Matrix (5, 5) M of the coefficients' independent errors: their covariance is M M^T."""
+        # In units of the coefficients' own sigmas, which differ by orders of magnitude.
+        sigma = np.sqrt(np.diag(self.covariance))
+        unit = np.where(sigma > 0, sigma, 1.0)
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(unit, unit))
+        return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
     def without_bow(self) -> "Rest":
         """Drop the bow and its uncertainty; the line and its covariance stay."""
@@ -86,8 +115,8 @@ class Rest:
         return np.asarray(np.linalg.pinv(line) @ curve)
 
     def _basis(self, x: Floats) -> tuple[Floats, Floats]:
-        line = np.column_stack([np.ones_like(x), x])
-        return np.column_stack([line, _bow_powers(x / self.length)]), line
+        curve = _curve(x, self.length)
+        return curve, curve[:, :2]
 
 
 def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) -> Rest:
@@ -106,7 +135,7 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     length = rig.beam.length
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
     line = np.column_stack([np.ones_like(x), x])
-    curve = np.column_stack([line, _bow_powers(x / length)])
+    curve = _curve(x, length)
     straight = _least_squares(line, y, mean)
     bowed = _least_squares(curve, y, mean)
     c, s = bowed.coefficients, np.append(straight.coefficients, np.zeros(3))
@@ -114,13 +143,39 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     covariance[:2, :2] = straight.covariance
     # Both fits are compared by the scatter about the curve, which fits the beam in either case.
     gain = straight.chi2 - bowed.chi2
-    if len(points) > 50 and gain > LIMITS.bow_chi2 * bowed.scatter:
+    if len(points) > MIN_BOW_POINTS:
+        if gain <= LIMITS.bow_chi2 * bowed.scatter:
+            return _hardly_bowed(bowed, straight, gain, mean.pixel, length)
         bend = float(np.abs(curve @ (c - s)).max())
         if gain > LIMITS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
         # Uniform from straight to fully bowed: the second moment about zero.
         covariance += np.outer(c - s, c - s) / 3
     return Rest(float(s[0]), float(s[1]), s[2:], covariance, length)
+
+
+def _hardly_bowed(
+    bowed: "_LinearFit", straight: "_LinearFit", gain: float, pixel: float, length: float
+) -> Rest:
+    """Return the beam whose bow is within the noise, with the bow that it may have.
+
+    Errors of the calibration as small as the noise would still move the contact of a beam that is
+    hardly bent. The bow's prior is normal, with a root mean square of SMALL_BOW_PX about a line;
+    it is subtracted where Akaike's criterion (1974) asks for its three coefficients.
+    """
+    curve = _curve(np.linspace(0.0, length, 50), length)
+    line = curve[:, :2]
+    relative = curve - line @ (np.linalg.pinv(line) @ curve)
+    prior = 3 * relative.T @ relative / len(relative) / (SMALL_BOW_PX * pixel) ** 2
+    # Both forms of the posterior's covariance, C - C (C + P)^-1 C, are for a singular prior.
+    shrink = np.linalg.solve(np.eye(5) + bowed.covariance @ prior, np.eye(5))
+    covariance = shrink @ bowed.covariance
+    y_at_clamp, slope, *bow = shrink @ bowed.coefficients
+    if gain <= 2 * 3 * bowed.scatter:
+        y_at_clamp, slope = straight.coefficients
+        bow = [0.0, 0.0, 0.0]
+    covariance = (covariance + covariance.T) / 2
+    return Rest(float(y_at_clamp), float(slope), np.array(bow), covariance, length)
 
 
 def disagreements(lines: Sequence[Centreline]) -> Floats:
@@ -149,8 +204,10 @@ def disagreements(lines: Sequence[Centreline]) -> Floats:
     return deviations
 
 
-def _bow_powers(t: Floats) -> Floats:
-    return np.column_stack([t**2, t**3, t**4])
+def _curve(x: Floats, length: float) -> Floats:
+    """Compute the terms (n, 5) of the beam's course at rest: a line and a bow."""
+    t = x / length
+    return np.column_stack([np.ones_like(x), x, t**2, t**3, t**4])
 
 
 class _MeanLine(NamedTuple):

@@ -57,6 +57,16 @@ class Appearance:
     full_scale: int
     ground_at_rest: Ground | None = None
 
+    @property
+    def shading(self) -> float:
+        """Weight of the beam's own shading in its contrast with the ground.
+
+        It is the beam's mean gray value over that contrast: 1 before a black ground, more before a
+        gray one, and negative for a beam that is darker than its ground.
+        """
+        contrast = float(np.median(self.amplitude)) / (2 * self.section.radius)
+        return (contrast + self.ground) / contrast
+
 
 def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
     """Learn the beam's appearance, and turn the guide to the beam's direction at rest.

@@ -7,9 +7,12 @@ import numpy as np
 
 from solver.fitting.frame_fit import CHI2, ITERATIONS, STATUS, WIDENING, settle
 from solver.fitting.problem import Problem
-from solver.fitting.residuals import PARAMETERS
+from solver.fitting.residuals import PARAMETERS, TILT, point_residuals
 from solver.fitting.starts import initial_estimate, workspace
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
+
+# A numpy scalar is compiled once, a literal anew.
+_PLANAR = np.bool_(False)
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,7 @@ class FrameFit:
 
     `status` is that of `minimise`; `chi2` is that of the `kept` points (n,) and the constraints;
     `covariance` is multiplied by `variance_inflation`, for residuals larger than stated and for
-    correlated neighbours.
+    correlated neighbours, and contains the errors that all points share.
     """
 
     p: Floats
@@ -48,14 +51,34 @@ def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
     settle(
         p, problem.arrays, free, problem.tilt_variance, work, covariance, sorted_inliers, summary
     )
+    covariance *= summary[WIDENING]
+    if problem.shared_errors.shape[1]:
+        moved = _moved_by(problem, p, covariance, sorted_inliers, summary[WIDENING])
+        covariance += moved @ moved.T
     inliers = np.empty_like(sorted_inliers)
     inliers[problem.order] = sorted_inliers
     return FrameFit(
         p=p,
-        covariance=covariance * summary[WIDENING],
+        covariance=covariance,
         status=int(summary[STATUS]),
         chi2=float(summary[CHI2]),
         kept=inliers,
         iterations=int(summary[ITERATIONS]),
         variance_inflation=float(summary[WIDENING]),
     )
+
+
+def _moved_by(
+    problem: Problem, p: Floats, covariance: Floats, inliers: Mask, inflation: float
+) -> Floats:
+    """Compute by how much one sigma of each shared error moves the fit's parameters (8, k).
+
+    Least squares with gain G moves by G e where all points move by e: the covariance of an
+    estimator that does not know of the errors, which is larger than the best one's.
+    """
+    points, bounds, views, *_ = problem.arrays
+    rows = np.zeros((TILT + 2, problem.points))
+    point_residuals(p, points, bounds, views, _PLANAR, rows[-1], rows[:-1])
+    # A shift along the sigma vector adds to the residual as much as it is, in sigmas.
+    by_parameter = rows[:-1, inliers] @ problem.shared_errors[inliers]
+    return np.asarray(covariance[:, : TILT + 1] / inflation @ by_parameter)

@@ -1,11 +1,13 @@
 """Convert a measurement to the arrays of the compiled fit."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from solver.fitting.constraints import TIP_COLUMNS
 from solver.fitting.residuals import (
@@ -37,7 +39,8 @@ class Problem:
     """Input of the compiled fit: `arrays` as in `frame_fit`, in units of the beam's length.
 
     `order` (n,) is, for each point of `arrays`, its index among the measurement's points of all
-    views; `shape_free` and `all_free` are the free parameters with psi held and with psi free. The
+    views; `shared_errors` (n, k) are those of `View`, in this order; `shape_free` and `all_free`
+    are the free parameters with psi held and with psi free. The
     motor's axis passes through the clamp.
     """
 
@@ -46,6 +49,7 @@ class Problem:
     shape_free: Any
     all_free: Any
     tilt_variance: float
+    shared_errors: Floats
 
     @property
     def points(self) -> int:
@@ -104,7 +108,14 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         shape_free=np.array(sorted(shape_free)),
         all_free=np.array(sorted([*shape_free, PSI])),
         tilt_variance=float(measurement.base_covariance[2, 2]),
+        shared_errors=_shared_errors(views)[order],
     )
+
+
+def _shared_errors(views: Sequence[View]) -> Floats:
+    """Stack the errors that the points of each view share; those of two views are independent."""
+    shared = [view.shared_errors for view in views]
+    return shared[0] if len(shared) == 1 else np.asarray(block_diag(*shared))
 
 
 def without(problem: Problem, kept: Any) -> Problem:
@@ -114,10 +125,12 @@ def without(problem: Problem, kept: Any) -> Problem:
     counts = [int(mask[a:b].sum()) for a, b in pairwise(bounds)]
     new_bounds = np.array([0, *accumulate(counts)])
     arrays = (np.ascontiguousarray(rows[:, mask]), new_bounds, *rest)
-    return Problem(
-        arrays, np.arange(int(mask.sum())), problem.shape_free, problem.all_free,
-        problem.tilt_variance,
-    )  # fmt: skip
+    return replace(
+        problem,
+        arrays=arrays,
+        order=np.arange(int(mask.sum())),
+        shared_errors=problem.shared_errors[mask],
+    )
 
 
 def view_row(viewpoint: Floats, length: float) -> Floats:

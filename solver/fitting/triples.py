@@ -45,7 +45,7 @@ def stretch_nodes(measurement: Measurement) -> Nodes:
         pseudo = np.linalg.pinv(np.vander(t, 3, increasing=True))
         points[k] = middle, pseudo[0] @ y
         slope = pseudo[1] @ y / (np.ptp(x) or 1.0)
-        along, across = measurement.sigma_vectors[columns].T
+        along, across = measurement.total_sigma_vectors[columns].T
         by_error[k, columns] = pseudo[0] * (across - slope * along)
     return Nodes(points, by_error)
 

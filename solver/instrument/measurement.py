@@ -36,7 +36,9 @@ class View:
 
     `points` (n, 2) [m] are the intersections of the rays to the beam with C. `sigma_vectors` (n, 2)
     [m] are the one-sigma displacement of each point: a point is measured across the beam, and its
-    error is along that direction only. `viewpoint` (4,) is V in homogeneous coordinates:
+    error is along that direction only. `shared_errors` (n, k) are k independent errors that all
+    points share: the shift of each point for one sigma, in units of its sigma vector; they are in
+    addition to the points' own errors. `viewpoint` (4,) is V in homogeneous coordinates:
     (x, y, z, 1) [m] for a pinhole; (x, y, z, 0), the direction towards the camera, for a
     telecentric camera. `tip` is None if the free end is not visible. Raises ValueError, also for a
     viewpoint in plane C, from which C cannot be observed.
@@ -46,12 +48,16 @@ class View:
     sigma_vectors: Floats
     viewpoint: Floats
     tip: Tip | None = None
+    shared_errors: Floats = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
         points = frozen_floats("points", self.points, (None, 2))
         object.__setattr__(self, "points", points)
         sigmas = frozen_floats("sigma_vectors", self.sigma_vectors, (len(points), 2))
         object.__setattr__(self, "sigma_vectors", sigmas)
+        shared = self.shared_errors if np.size(self.shared_errors) else np.empty((len(points), 0))
+        shared = frozen_floats("shared_errors", shared, (len(points), None))
+        object.__setattr__(self, "shared_errors", shared)
         viewpoint = frozen_floats("viewpoint", self.viewpoint, (4,))
         object.__setattr__(self, "viewpoint", viewpoint)
         if viewpoint[2] == 0:
@@ -127,6 +133,12 @@ class Measurement:
     def sigma_vectors(self) -> Floats:
         """One-sigma vectors (n, 2) [m] of the view."""
         return self.view.sigma_vectors
+
+    @cached_property
+    def total_sigma_vectors(self) -> Floats:
+        """One-sigma vectors (n, 2) [m] of each point's own and shared errors together."""
+        shared = (self.view.shared_errors**2).sum(axis=1)
+        return np.asarray(self.sigma_vectors * np.sqrt(1 + shared)[:, None])
 
 
 def _check_positive_definite(name: str, covariance: Floats) -> None:

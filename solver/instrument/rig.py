@@ -30,6 +30,9 @@ RIGIDITIES_N_MM2 = (1e-18, 1e18)
 SENSOR_NOISE = (1e-15, 1e6)  # noise of a sensor [N] or [N mm]
 BOARD_POINTS = (3, 200)  # per row and column of a board; OpenCV's detectors take minutes for more
 BITS = (8, 16)
+# Slope of the light where rig.json does not state it. Chosen: lamps within 17 degrees.
+ANY_LIGHT = 0.3
+MAX_LIGHT_SLOPE = 10.0  # light that grazes the beam at six degrees
 MAX_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
 
 
@@ -71,7 +74,10 @@ class Rig:
     coefficients of the lens (0, 5 or 8). `camera_mount` is "antenna" if the camera moves with the
     antenna, "world" if it is fixed; then Sigma_a is that of the rest images. `known_psi` [rad] is
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
-    is the distance of the tip at rest below plane C due to the beam's weight. `bits` is the
+    is the distance of the tip at rest below plane C due to the beam's weight. `light_slope`
+    is the tangent of the angle, along the beam, between the directions from it to the light and to
+    the camera, positive where the light comes from the tip's side: 0 for a ring about the lens.
+    `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
     colour image.
     """
@@ -88,6 +94,8 @@ class Rig:
     sensors: Sensors = Sensors()
     distortion_coefficients: int = 0
     sag: float = 0.0
+    light_slope: float = 0.0
+    light_slope_sigma: float = ANY_LIGHT
     bits: int | None = None
     channel: str = "gray"
 
@@ -136,6 +144,8 @@ def rig_to_json(rig: Rig) -> str:
         document["camera"]["bits"] = rig.bits
     if rig.channel != "gray":
         document["camera"]["channel"] = rig.channel
+    if (rig.light_slope, rig.light_slope_sigma) != (0.0, ANY_LIGHT):
+        document["light"] = {"slope": rig.light_slope, "slope_sigma": rig.light_slope_sigma}
     if rig.sag:
         document["beam"]["sag_mm"] = rig.sag / mm
     if rig.known_psi is not None:
@@ -220,6 +230,12 @@ def read_rig(path: Path) -> Rig:
         sag=key.number("beam.sag_mm", -length_mm, length_mm) * mm
         if key.has("beam.sag_mm")
         else 0.0,
+        light_slope=key.number("light.slope", -MAX_LIGHT_SLOPE, MAX_LIGHT_SLOPE)
+        if key.has("light.slope")
+        else 0.0,
+        light_slope_sigma=key.number("light.slope_sigma", 0, MAX_LIGHT_SLOPE)
+        if key.has("light.slope_sigma")
+        else ANY_LIGHT,
         sensors=_sensors(key),
         distortion_coefficients=_distortion_coefficients(key, telecentric),
         bits=key.count("camera.bits", *BITS) if key.has("camera.bits") else None,

@@ -49,7 +49,7 @@ def _left_out(antenna: Antenna) -> Iterator[Finding]:
 
 def _bent(antenna: Antenna) -> Iterator[Finding]:
     rest = antenna.rest
-    if rest.bow.any():
+    if rest.bent:
         bow, _ = rest.bow_at(np.linspace(0.0, rest.length, 50))
         yield Finding(
             "rest_images_bent",

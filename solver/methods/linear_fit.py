@@ -163,6 +163,10 @@ def _estimate(
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=iterations)
     root = (right.T / singular) / scale[:, None]
     fitted = root @ root.T  # of x_c, load, load dx, dy, tilt
+    # The errors that all points share move the fit too.
+    by_point = fitted @ jacobian[:-3].T / math.sqrt(variance_inflation)
+    moved = by_point @ planar.view.shared_errors
+    fitted += moved @ moved.T
     dx = float(linear[1]) / load
     to_clamp = np.eye(5)
     to_clamp[2, 1:3] = [-dx / load, 1 / load]

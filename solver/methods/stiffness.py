@@ -102,7 +102,7 @@ def _loads(measurement: Measurement, x_c: float) -> list[_Load]:
         by_y = unit / float(unit @ unit)
         load = float(by_y @ y)
         slope = load * unit_slope(x, x_c)
-        along, across = planar.sigma_vectors.T
+        along, across = planar.total_sigma_vectors.T
         sigma = float(np.linalg.norm(by_y * (across - slope * along)))
         by_base = np.array([-by_y @ slope, by_y.sum(), by_y @ x])
         loads.append(_Load(frame.motor_angle, load, sigma, by_y, by_base))
@@ -195,7 +195,7 @@ def _errors(
         """Combine errors of the last shape and of the onset, which changes the pushing angle."""
         return np.array([x_c + 0 * onset, load + 0 * onset, side * onset, 0 * onset, onset])
 
-    along, across = planar.sigma_vectors.T
+    along, across = planar.total_sigma_vectors.T
     zeros = np.zeros_like(across)
     covariance = np.zeros((5, 5))
     by_clamp = row(mean.by_base[0], mean.by_base[1], np.zeros(3))

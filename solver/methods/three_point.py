@@ -151,7 +151,7 @@ def _covariance(
     by_error[2] = -at_root[:count] / by_psi
     by_base[2] = -at_root[count:-1] / by_psi
     visible = np.flatnonzero(np.isfinite(unproject(measurement.points, viewpoint, psi)[0][:, 0]))
-    along, across = planar.sigma_vectors[mean.rows].T
+    along, across = planar.total_sigma_vectors[mean.rows].T
     by_error[:2, visible[mean.rows]] = mean.by_point * (across - mean.slope * along)
     by_base[:2] = mean.by_base
     _, _, points_by_psi = unproject(measurement.points[visible], viewpoint, psi)

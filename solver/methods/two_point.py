@@ -105,7 +105,7 @@ def mean_of_pairs(planar: Measurement) -> MeanOfPairs | Estimate:
     # the beam, of a point or of the clamp, shifts the beam across by its slope there.
     by_point /= pairs
     slope = load * unit_slope(x, x_c)
-    along, across = planar.sigma_vectors[rows].T
+    along, across = planar.total_sigma_vectors[rows].T
     by_error = by_point * (across - slope * along)
     by_base = np.column_stack([-by_point @ slope, by_point.sum(axis=1), by_point @ x])
     noise = by_error @ by_error.T

@@ -84,7 +84,12 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
     clamp[0, 1] = sine * vx / edge
     return replace(
         measurement,
-        view=View(points[visible], sigma_vectors[visible], viewpoint),
+        view=View(
+            points[visible],
+            sigma_vectors[visible],
+            viewpoint,
+            shared_errors=view.shared_errors[visible],
+        ),
         base_covariance=clamp @ measurement.base_covariance @ clamp.T,
         antenna_from_beam=antenna_from_beam,
         other_views=(),
