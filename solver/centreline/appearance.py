@@ -80,7 +80,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     for scale, polarity in product(WIDTHS, (1, -1)):
         wider = replace(guide, radius=scale * guide.radius)
         path = find_path(image, wider, polarity, noise, LIMITS.max_askew, bends=False)
-        if path is not None:
+        if path is not None and path.support > LIMITS.min_support_at_rest:
             detections.append((path.contrast * path.support**2, path, polarity, wider))
     if not detections:
         raise InputError("the rest images show no beam along the rig's x axis")
