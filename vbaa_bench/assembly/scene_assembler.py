@@ -295,6 +295,7 @@ class SceneAssembler:
             still=self._still & set(surfaces),
             sliding=dict(self._ground.surfaces()) if self._slides & set(surfaces) else None,
             bounces=self.scene.render.bounces,
+            shadow_places=self.scene.render.shadow_places,
             lens=lens,
             printed=printed,
         )

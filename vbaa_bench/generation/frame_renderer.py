@@ -290,7 +290,7 @@ class FrameRenderer:
     def _noise_target(self, noise: Noise) -> NoiseTarget:
         spec = self.scene.render
         ratios = (spec.noise_near_beam, spec.noise_elsewhere, spec.noise_static_layer)
-        return NoiseTarget(noise, spec.near_beam_px, *ratios)
+        return NoiseTarget(noise, spec.near_beam_px, *ratios, outlier=spec.largest_outlier)
 
     def sensor(self, exposure: float) -> Sensor | Ideal:
         """Build the scene's image sensor."""

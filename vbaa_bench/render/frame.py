@@ -35,7 +35,8 @@ class NoiseTarget:
 
     `near` holds within `near_px` of the beam, `elsewhere` for other pixels, `static` for the static
     layer. `noise` maps radiances to the sensor's standard deviations. `table` corrects the numbers
-    of samples, except those of the static layer.
+    of samples, except those of the static layer. If `outlier` is stated, one sample of a shadow
+    changes its pixel by at most about that many times the sensor's noise.
     """
 
     noise: Noise
@@ -44,6 +45,7 @@ class NoiseTarget:
     elsewhere: float = 1 / 2
     static: float = 1 / 10
     table: SampleTable = field(default_factory=SampleTable)
+    outlier: float | None = None
 
     def scaled(self, factor: float) -> "NoiseTarget":
         """Scale the noise targets by a factor, except that of the static layer."""
@@ -144,7 +146,7 @@ def render_frame(
     targets = PixelTargets(target.noise, ratio, zeros, dense, target.table)
     canvas.add(world, "whole", complete, targets, seed)
     if static is not None:
-        targets = replace(targets, base=static.radiance, dense=near)
+        targets = replace(targets, base=static.radiance, dense=near, outlier=target.outlier)
         canvas.add(world, "change", change, targets, seed + (1 << 30))
         canvas.radiance += np.where(complete, 0, static.radiance)
     # A scalar variant measures no coverage: use the value at the pixel centre.
@@ -229,8 +231,10 @@ class _Canvas:
             kind = kinds(targets.dense[where], pilot.covered, quantity == "change")
             predicted = targets.table.predicted(kind, PILOT_SAMPLES, pilot.excess)
             corrected = targets.table.corrected(kind, predicted)
-            size = np.clip(np.ceil(corrected), MIN_SAMPLES, MAX_SAMPLES)
-            smooth = pilot.smooth.rendered_if(corrected > MIN_SAMPLES)
+            fewest = targets.fewest_samples(where)
+            size = np.clip(np.ceil(np.maximum(corrected, fewest)), MIN_SAMPLES, MAX_SAMPLES)
+            # A correction divides by the probability: an outlier would be larger.
+            smooth = pilot.smooth.rendered_if((corrected > MIN_SAMPLES) | (fewest > 0))
             self.kind[where], self.predicted[where] = kind, predicted
         rows, columns = np.nonzero(where)
         chosen = np.flatnonzero(smooth.chosen(rows, columns, seed))

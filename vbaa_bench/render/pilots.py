@@ -35,7 +35,8 @@ class PixelTargets:
 
     It is `ratio` (height, width) times the sensor's `noise` at the sampled radiance plus `base`
     (height, width). Each pixel of `dense` has its own pilot; the others share pilots. `table`
-    corrects the numbers of samples that the pilots predict.
+    corrects the numbers of samples that the pilots predict. The light of one sample must not
+    exceed `outlier` times the sensor's noise, if it is stated.
     """
 
     noise: Noise
@@ -43,6 +44,18 @@ class PixelTargets:
     base: Floats
     dense: Mask
     table: SampleTable
+    outlier: float | None = None
+
+    def fewest_samples(self, where: Mask) -> Floats:
+        """Compute the numbers of samples (n,) per set that keep one sample from being an outlier.
+
+        Pilots cannot tell: where a body hides almost nothing of a lamp, they miss it, and a later
+        sample meets it by chance.
+        """
+        light = self.base[where]
+        if self.outlier is None:
+            return np.zeros_like(light)
+        return np.asarray(light / (SETS * self.outlier * self.noise(light)))
 
 
 class Pilots(NamedTuple):

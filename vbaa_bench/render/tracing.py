@@ -22,6 +22,9 @@ from vbaa_bench.render.world import World
 SETS = 2
 # Number of random pairs of a bounce: the direction, and the lobe of the paint.
 _BOUNCE = 2
+# Smallest number of points of a lamp for each place in a pixel at which its shadow is measured.
+# Chosen: the beam's strip of the lamp needs one of them.
+_LAMP_POINTS = 2
 # Maximum number of sets per call. Memory does not depend on samples per set: they are sequential.
 LARGEST_WAVEFRONT = 1 << 20
 
@@ -163,10 +166,36 @@ def _reflected(world: World, scene: Any, si: Any, u: list[Any], active: Any) -> 
 def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
     """Estimate a pixel's radiance minus the still scene's; also 1 where the beam is met, else 0.
 
-    Shadows are smooth: a set samples one place in a pixel, but `count` points of each lamp.
+    Shadows are smooth: a set samples few places in a pixel, but `count` points of each lamp.
     """
-    shifts, first = _shifts(world, world.scene, sampler), world.optics.dimensions
-    lights = len(world.scene.emitters())
+    shifts = _shifts(world, world.scene, sampler)
+    if world.shadow_places == 1:
+        return _change_at(world, column, row, shifts, count)
+    return _mean_change(world, column, row, shifts, count)
+
+
+@dr.syntax
+def _mean_change(
+    world: World, column: Any, row: Any, shifts: list[Any], count: Any
+) -> tuple[Any, Any]:
+    """Average the change over evenly spread places in a pixel, which share `count` samples."""
+    # At least one: idle lanes have no samples, and divide nevertheless.
+    places = dr.clip(count // _LAMP_POINTS, 1, world.shadow_places)
+    each = (count + places - 1) // places
+    value, coverage, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
+    while number < places:
+        change, beam = _change_at(world, column, row, lattice.point(shifts, number, places), each)
+        value += change
+        coverage += beam
+        number += 1
+    return value / mi.Float(places), coverage / mi.Float(places)
+
+
+def _change_at(
+    world: World, column: Any, row: Any, shifts: list[Any], count: Any
+) -> tuple[Any, Any]:
+    """Estimate the change at one place in a pixel, with `count` points of each lamp."""
+    first, lights = world.optics.dimensions, len(world.scene.emitters())
     ray, lamps = world.optics.ray(column, row, shifts), shifts[first : first + lights]
     si = world.scene.ray_intersect(ray)
     moving = world.moves(world.index_of(si))

@@ -130,6 +130,7 @@ class World:
     `still` do not move against the camera. Those in `sliding` move only within the common plane of
     these surfaces, such as a patterned ground that turns under the camera; `sliding` holds them as
     they are in the still scene. `bounces` is the number of bounces of light. `lens` is in metres.
+    `shadow_places` is the number of places in a pixel at which a set of samples measures shadows.
     `printed` are the edges in an image of a calibration board.
     """
 
@@ -143,10 +144,12 @@ class World:
         still: Collection[str] = (),
         sliding: Mapping[str, Surface] | None = None,
         bounces: int = 1,
+        shadow_places: int = 1,
         lens: Lens | None = None,
         printed: PrintedEdges | None = None,
     ) -> None:
         self.camera, self.unit, self.bounces = camera, unit, bounces
+        self.shadow_places = shadow_places
         self.lens = lens or Lens()
         self.printed = None if self._is_blurred else printed
         if is_scalar() and (camera.distortion or self.lens.point_spread_px or self.lens.aperture):

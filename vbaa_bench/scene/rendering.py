@@ -31,6 +31,12 @@ class RenderSpec(Part):
     noise_near_beam: _Noise = 0.333
     noise_elsewhere: _Noise = 0.5
     noise_static_layer: _Noise = 0.1
+    # Largest change of a pixel by one sample of a shadow, over the sensor's noise. Without a limit,
+    # a penumbra in which almost all of a lamp is in view may have dark dots.
+    largest_outlier: _Noise | None = None
+    # Number of places in a pixel at which each of its two sets of samples measures a shadow. One is
+    # enough on plain ground; on fine texture, no number of samples there reaches the noise target.
+    shadow_places: Annotated[int, Field(ge=1, le=64)] = 1
     near_beam_px: Annotated[int, Field(ge=1, le=64)] = 4
     # Largest distance of the beam's mesh from the smooth beam.
     mesh_tolerance_px: Annotated[float, Field(ge=1e-4, le=1)] = 0.006
