@@ -56,8 +56,8 @@ class BeamSpec(PaintedPart):
     section: Literal["circular", "elliptic", "strip"] = "circular"
     aspect_ratio: Annotated[float, Field(ge=0.1, le=100)] = 1.0
     section_angle_deg: Tilt = 0.0
-    # A tapered beam's diameter at the tip over that at the clamp.
-    tip_ratio: Annotated[float, Field(ge=0.1, le=3)] = 1.0
+    # A tapered beam's diameter at the tip over that at the clamp; 0.02 is a rat's whisker.
+    tip_ratio: Annotated[float, Field(ge=0.02, le=3)] = 1.0
     # Bow of the unloaded beam: its middle's distance from its chord, towards +y.
     bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
     density_kg_m3: Positive = 7930
