@@ -13,6 +13,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, invert
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
 from vbaa_bench.assembly.wires import wires_surface
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.geometry.wires import Wire, crossing
@@ -130,3 +131,25 @@ def test_what_is_impossible(extra: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         plan(load_scene(path))
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize("fixed_to", ["antenna", "world"])
+def test_wires_turn_with_the_ground(fixed_to: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    scene = SMALL_SCENE + WIRES + f"background: {{fixed_to: {fixed_to}}}\n"
+    path.write_text(scene, encoding="utf-8")
+    file = load_scene(path)
+    work = plan(file)
+    spec = next(iter(work.frame_specs))
+    experiment = Experiment(file.scene, work.rig, spec.push, tmp_path)
+    assembler = SceneAssembler(file.scene, work.rig, tmp_path)
+    pose = Pose(experiment, spec, experiment.states()[spec.step])
+    vertices = assembler.surfaces(pose)["wires"].mesh.vertices
+    surface = wires_surface(file.scene, work.rig)
+    assert surface is not None
+    turned = np.eye(4)
+    if fixed_to == "world":
+        turned = experiment.clamp_from_world(pose.motor_angle)
+        turned[:3, 3] += work.rig.base_position
+        assert abs(pose.motor_angle) > 0.01
+    assert vertices == pytest.approx(apply(turned, surface.mesh.vertices), abs=1e-12)
