@@ -59,11 +59,11 @@ def clutter_surfaces(
         for number in chosen:
             things[number].apply_translation([*drawn[number], ground])
         mesh = together([things[number] for number in chosen])
-        texture = _texture([things[number] for number in chosen], reflectances[chosen])
+        texture = texel_each([things[number] for number in chosen], reflectances[chosen])
         yield name, Surface(mesh, 0.0, paint, roughness=_ROUGHNESS, texture=texture)
 
 
-def _texture(things: list[trimesh.Trimesh], reflectances: Floats) -> Texture:
+def texel_each(things: list[trimesh.Trimesh], reflectances: Floats) -> Texture:
     """Give each thing a texel of its own."""
     centres = (np.arange(len(things)) + 0.5) / len(things)
     u = np.repeat(centres, [len(mesh.vertices) for mesh in things])

@@ -21,6 +21,7 @@ from vbaa_bench.assembly.ground import GROUND, Ground
 from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
 from vbaa_bench.assembly.part_textures import beam_texture, object_texture
+from vbaa_bench.assembly.wires import WIRES, wires_surface
 from vbaa_bench.geometry.board import board, cells
 from vbaa_bench.geometry.box_mapping import unshared
 from vbaa_bench.geometry.objects import adaptor, hub
@@ -243,7 +244,7 @@ class SceneAssembler:
         for name, surface in self._ground.surfaces():
             mesh = _placed(surface.mesh, np.eye(4) if endless else frame_from_ground)
             yield name, replace(surface, mesh=mesh)
-        for name, surface in self._clutter:
+        for name, surface in (*self._clutter, *self._wires):
             mesh = _placed(surface.mesh.copy(), frame_from_ground)
             yield name, replace(surface, mesh=mesh)
 
@@ -258,6 +259,13 @@ class SceneAssembler:
         if scene.clutter is None:
             return []
         return list(clutter_surfaces(scene, self.rig, self.folder, self.look))
+
+    @cached_property
+    def _wires(self) -> list[tuple[str, Surface]]:
+        """Surface of the wires in the frame of the ground."""
+        scene = self.still_scene or self.scene
+        surface = None if scene.wires is None else wires_surface(scene, self.rig, self.look)
+        return [] if surface is None else [(WIRES, surface)]
 
     @cached_property
     def _beam_mesher(self) -> BeamMesher:
@@ -315,7 +323,7 @@ class SceneAssembler:
         if fixed or self._ground.is_endless:
             still |= GROUND
         if fixed:
-            still |= set(CLUTTER)
+            still |= {*CLUTTER, WIRES}
         return still
 
     @property

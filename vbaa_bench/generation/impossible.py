@@ -100,6 +100,10 @@ class Extremes:
         top = 0.0 if clutter is None else clutter.highest_mm(-ground)
         if clutter is not None and clutter.under_beam and depth > -top:
             return [self._file.message_at(("clutter", "top_mm"), f"is {top:g}, {reaches}")]
+        wires = scene.wires
+        if wires is not None and depth > -wires.highest_mm:
+            message = f"ends at {wires.height_mm[1]:g}, {reaches}"
+            return [self._file.message_at(("wires", "height_mm"), message)]
         return []
 
     def _overstressed(self) -> list[str]:

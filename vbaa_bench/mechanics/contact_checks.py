@@ -85,19 +85,25 @@ def check_on_beam(found: Equilibrium) -> None:
             )
 
 
+def check_pushed(found: Equilibrium) -> None:
+    """Raise EquilibriumError if an object pulls the beam."""
+    for guess in found.contacts.values():
+        if guess.force @ guess.touch.normal <= 0:
+            raise EquilibriumError(
+                f"contact is lost: the object would have to pull the beam at {guess.s:.4g} m"
+            )
+
+
 def check(found: Equilibrium) -> None:
     """Raise EquilibriumError if the beam cannot remain in this state.
 
     It must not slip off at the tip, be pulled, cut into an object, or slip off a ball sideways.
     """
     check_on_beam(found)
+    check_pushed(found)
     beam = found.problem.rod.beam
     for index, guess in found.contacts.items():
         pressing = float(guess.force @ guess.touch.normal)
-        if pressing <= 0:
-            raise EquilibriumError(
-                f"contact is lost: the object would have to pull the beam at {guess.s:.4g} m"
-            )
         obstacle = found.problem.obstacles[index]
         surface = obstacle.surface
         if isinstance(surface, Line | Ball) and surface.radius == 0:

@@ -11,6 +11,7 @@ Inside the numerical functions lengths are in units of L, forces in units of EI 
 the clamped section.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,6 +24,9 @@ from solver.instrument.compiled import njit
 
 POISSON = 0.3  # of steel; used only for a beam that twists
 STEPS = 32
+# Tip ratio below which more steps are taken, in proportion. Measured: up to contacts at 0.92 L the
+# truncation is below 1e-9 of the displacement; with two thirds of the steps it is 6e-9.
+_THIN_TIP = 0.3
 ORDER = 8
 
 # The twelve stages of the tableau; `advance` skips entries that are zero.
@@ -58,6 +62,16 @@ class Rod:
     def plain(self) -> bool:
         """Whether all options have their defaults: the beam of the planar fast path."""
         return self == Rod(self.beam, section_angle=self.section_angle)
+
+    @property
+    def steps(self) -> int:
+        """Number of integration steps of the whole beam; a thinner tip needs more."""
+        return max(STEPS, math.ceil(STEPS * _THIN_TIP / self.tip_ratio))
+
+    @property
+    def loose_tip(self) -> bool:
+        """Whether the beam is thinnest at its tip, and unloaded ahead of all contacts."""
+        return self.tip_ratio < 1 and not any(self.weight)
 
     @property
     def oriented(self) -> bool:
@@ -201,9 +215,18 @@ def advance(y: Floats, start: float, end: float, steps: int, ahead: Floats, p: F
 
 @njit
 def trace(
-    clamp: Floats, stops: Floats, forces: Floats, couples: Floats, rows: Floats, p: Floats
+    clamp: Floats,
+    stops: Floats,
+    forces: Floats,
+    couples: Floats,
+    rows: Floats,
+    p: Floats,
+    steps: int,
 ) -> Floats:
-    """Compute states (n, 12) at the arc lengths `rows` (n,), which increase and hold every stop."""
+    """Compute states (n, 12) at the arc lengths `rows` (n,), which increase and hold every stop.
+
+    `steps` is the number of integration steps from row to row.
+    """
     ahead = np.zeros(3)
     for i in range(len(stops)):
         ahead += forces[i]
@@ -211,7 +234,7 @@ def trace(
     state, position, passed = clamp, 0.0, 0
     for i in range(len(rows)):
         if rows[i] > position:
-            state = advance(state, position, rows[i], 1, ahead, p)
+            state = advance(state, position, rows[i], steps, ahead, p)
             position = rows[i]
         states[i] = state
         while passed < len(stops) and rows[i] >= stops[passed]:

@@ -16,7 +16,7 @@ from scipy.optimize import root
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.mechanics.contact import Obstacle, PreviousContact, Touch, touch
-from vbaa_bench.mechanics.rod import ORDER, STEPS, Rod, advance, trace
+from vbaa_bench.mechanics.rod import ORDER, Rod, advance, trace
 from vbaa_bench.mechanics.state import MAX_RESIDUAL, Contact, EquilibriumError, State
 
 
@@ -121,17 +121,20 @@ class RodContactProblem:
         scale[scale == 0] = 1.0
         weight = np.ones(len(start))
         weight[:3] = scale[:3]
+        steps = self.rod.steps
 
         def errors(scaled: Floats) -> Floats:
-            return self._errors(step, engaged, start + (scaled - 1) * scale, STEPS)[0] / weight
+            return self._errors(step, engaged, start + (scaled - 1) * scale, steps)[0] / weight
 
         try:
-            # Offset by 1: MINPACK varies each unknown by a fraction of itself, and some are zero.
-            solution = root(errors, np.ones(len(start)), method="hybr", options={"xtol": 1e-14})
-            unknown = start + (solution.x - 1) * scale
-            final, contacts, tip = self._errors(step, engaged, unknown, STEPS)
-            # Repeat with half the steps to estimate the integration error.
-            coarse, _, _ = self._errors(step, engaged, unknown, STEPS // 2)
+            # Trial values may overflow; a residual that is not finite is an error below.
+            with np.errstate(over="ignore", invalid="ignore"):
+                # Offset by 1: MINPACK varies unknowns by a fraction of themselves; some are zero.
+                solution = root(errors, np.ones(len(start)), method="hybr", options={"xtol": 1e-14})
+                unknown = start + (solution.x - 1) * scale
+                final, contacts, tip = self._errors(step, engaged, unknown, steps)
+                # Repeat with half the steps to estimate the integration error.
+                coarse, _, _ = self._errors(step, engaged, unknown, steps // 2)
         except (ValueError, FloatingPointError, ZeroDivisionError) as error:
             raise EquilibriumError(f"no equilibrium ({error})") from error
         # Errors of lengths and angles are relative to the tip's displacement from rest.
@@ -205,8 +208,12 @@ class RodContactProblem:
             errors[4 + 4 * i : 8 + 4 * i] = guess.touch.errors
             state[9:] -= self.couple(guess)
             ahead, position = ahead - forces[i], s
+        left = state[9:].copy()
+        if self.rod.loose_tip:
+            # A moment that trial values leave would roll up the thin end.
+            state[9:] = 0.0
         tip = advance(state, position, 1.0, _step_count(steps, 1.0 - position), ahead, properties)
-        errors[:3] = tip[9:]
+        errors[:3] = left if self.rod.loose_tip else tip[9:]
         if step.pushing_angle is not None:
             errors[3] = unknown[3] - step.size
         else:
@@ -260,6 +267,7 @@ class Equilibrium:
             np.array([self.problem.couple(guess) for guess in guesses]).reshape(-1, 3),
             rows,
             rod.properties(self.clamp_from_world[:3, :3]),
+            math.ceil(rod.steps / (2 * intervals)),
         )
         return rows, states, dict(zip(order, map(int, marks[1:-1]), strict=True))
 

@@ -38,6 +38,7 @@ FINEST: Final[dict[Path, Level]] = {
     ("beam", "grime"): "frame",
     ("ambient",): "frame",
     ("clutter",): "frame",
+    ("wires",): "frame",
     ("object",): "push",
     ("object", "texture"): "frame",
     ("object", "paint"): "frame",

@@ -20,7 +20,13 @@ from vbaa_bench.scene.lighting import (
     LampSpec,
     LightSpec,
 )
-from vbaa_bench.scene.objects import BlockSpec, ObjectSpec, OcclusionSpec, SecondPegSpec
+from vbaa_bench.scene.objects import (
+    BlockSpec,
+    NothingSpec,
+    ObjectSpec,
+    OcclusionSpec,
+    SecondPegSpec,
+)
 from vbaa_bench.scene.optics import OpticsSpec
 from vbaa_bench.scene.paint import GrimeSpec, Paint, PaintedPart
 from vbaa_bench.scene.part import (
@@ -38,6 +44,7 @@ from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec, SplitSpec
 from vbaa_bench.scene.unit_values import Method
+from vbaa_bench.scene.wires import WiresSpec
 
 
 class BeamSpec(PaintedPart):
@@ -56,8 +63,8 @@ class BeamSpec(PaintedPart):
     section: Literal["circular", "elliptic", "strip"] = "circular"
     aspect_ratio: Annotated[float, Field(ge=0.1, le=100)] = 1.0
     section_angle_deg: Tilt = 0.0
-    # A tapered beam's diameter at the tip over that at the clamp.
-    tip_ratio: Annotated[float, Field(ge=0.1, le=3)] = 1.0
+    # A tapered beam's diameter at the tip over that at the clamp; 0.02 is a rat's whisker.
+    tip_ratio: Annotated[float, Field(ge=0.02, le=3)] = 1.0
     # Bow of the unloaded beam: its middle's distance from its chord, towards +y.
     bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
     density_kg_m3: Positive = 7930
@@ -191,6 +198,7 @@ class Scene(Part):
     ambient: AmbientSpec | None = None
     background: BackgroundSpec = BackgroundSpec()
     clutter: ClutterSpec | None = None
+    wires: WiresSpec | None = None
     object: ObjectSpec = BlockSpec()
     second_peg: SecondPegSpec | None = None
     occlusion: OcclusionSpec | None = None
@@ -267,6 +275,39 @@ class Scene(Part):
             raise ValueError(
                 f"clutter.top_mm is {self.clutter.top_mm:g}, allowed is above the background, "
                 f"{-ground:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_wires(self) -> "Scene":
+        wires = self.wires
+        if wires is None:
+            return self
+        if self.clamp is not None:
+            raise ValueError(
+                "wires and clamp are both given, allowed is one of them: the clamp's cable would "
+                "pass through the wires"
+            )
+        for name, part in (("object", self.object), ("second_peg", self.second_peg)):
+            if part is None or isinstance(part, NothingSpec):
+                continue
+            bottom = getattr(part, "bottom_mm", None)
+            if bottom is None or bottom <= wires.highest_mm:
+                raise ValueError(
+                    f"{name}.bottom_mm is {bottom}, allowed is above the wires, whose highest "
+                    f"point is {wires.highest_mm:g} mm above plane C"
+                )
+        below = -self.background.distance_mm
+        if self.clutter is not None:
+            below = self.clutter.highest_mm(below)
+        for lamp in self.lights:
+            if lamp.kind == "back":
+                panel = lamp.height_above_background_mm - self.background.distance_mm
+                below = max(below, panel)
+        if wires.lowest_mm <= below:
+            raise ValueError(
+                f"wires.height_mm begins at {wires.height_mm[0]:g}, so that the lowest point is "
+                f"{wires.lowest_mm:g}; allowed is above the ground and what is on it, {below:g}"
             )
         return self
 

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, simpson
 from scipy.interpolate import CubicSpline
 
+from solver.instrument.transforms import rigid
 from tests.oracle import EI
 from tests.vbaa_bench.mechanics.benches import (
     BEAM,
@@ -19,8 +20,11 @@ from tests.vbaa_bench.mechanics.benches import (
     orders,
     push_one,
 )
+from vbaa_bench.mechanics.contact import Obstacle
 from vbaa_bench.mechanics.pushing import rest
 from vbaa_bench.mechanics.rod import ORDER, POISSON, Rod, advance, trace
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.mechanics.surfaces import upright
 
 EVERYTHING = Rod(
     BEAM,
@@ -129,7 +133,7 @@ def test_a_couple_twists_the_beam(shape: Any, aspect_ratio: float, stiffness: fl
     assert end[:3] == pytest.approx([1.0, 0.0, 0.0], abs=1e-14)
 
 
-@pytest.mark.parametrize("tip_ratio", [0.3, 0.7, 1.4])
+@pytest.mark.parametrize("tip_ratio", [0.02, 0.1, 0.3, 0.7, 1.4])
 def test_a_tapered_beam_yields_by_the_integral_of_its_flexibility(tip_ratio: float) -> None:
     x_0, angle = 0.15, 1e-3
     rod = Rod(THIN, tip_ratio=tip_ratio)
@@ -204,7 +208,7 @@ def test_strain_is_that_of_the_farthest_fibre(shape: Any, aspect_ratio: float) -
     rows, forces = np.linspace(0.0, 1.0, 481), np.array([[-0.5, 2.0, 3.0]])
     clamp = rod.clamp(np.array([0.05, -3.0, 2.5]))
     properties = rod.properties(np.eye(3))
-    states = trace(clamp, np.array([1.0]), forces, np.zeros((1, 3)), rows, properties)
+    states = trace(clamp, np.array([1.0]), forces, np.zeros((1, 3)), rows, properties, 1)
     curvatures = CubicSpline(rows, states[:, 6:9])(rows, 1) / BEAM.length
     around = np.linspace(0.0, math.tau, 2000)
     circle = np.column_stack([np.cos(around), np.sin(around)])
@@ -238,3 +242,80 @@ def test_a_tapered_beam_is_followed_to_a_large_angle() -> None:
         assert imbalance(state, np.zeros(3)) < 1e-8
         distances.append(state.contact.s)
     assert 0.16 < distances[0] < distances[1] < distances[2] < 0.17
+
+
+def whisker(tip_ratio: float, bow: float, x_0: float) -> tuple[Rod, Obstacle]:
+    """A beam with a bow [L], and an edge that touches it at rest at `x_0` [L]."""
+    length = BEAM.length
+    rod = Rod(BEAM, tip_ratio=tip_ratio, bow=(8 * bow / length, 0.0))
+    curvature, turned = rod.bow[0], rod.bow[0] * x_0 * length
+    point = np.array([x_0 * length, 0.0, 0.0])
+    if bow:
+        point = np.array([math.sin(turned), 1 - math.cos(turned), 0.0]) / curvature
+    across = np.array([-math.sin(turned), math.cos(turned), 0.0])
+    pose = rigid([0.0, 0.0, turned], point - rod.reach(x_0 * length, 0.0) * across)
+    return rod, Obstacle(upright(), pose)
+
+
+WHISKERS = [(0.3, 0.1), (0.1, -0.1), (0.05, 0.1), (0.02, 0.0), (0.02, -0.1)]
+
+
+@pytest.mark.parametrize(("tip_ratio", "bow"), WHISKERS)
+def test_the_motor_does_the_work_of_bending_a_whisker(tip_ratio: float, bow: float) -> None:
+    """The energy is from the curvature of the centreline alone, the work from the clamp's moment.
+
+    The object is rigid and frictionless: the derivative of the energy by the angle is the moment.
+    """
+    rod, edge = whisker(tip_ratio, bow, 0.7)
+
+    def bending_energy(state: State) -> float:
+        s, line = state.centreline[:, 0], state.centreline[:, 1:]
+        row, total = state.contact.row, 0.0
+        for part in (slice(0, row + 1), slice(row, None)):
+            curve = CubicSpline(s[part], line[part])
+            first, second = curve(s[part], 1), curve(s[part], 2)
+            curvature = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+            rigidity = EI * (1 + (tip_ratio - 1) * s[part] / BEAM.length) ** 4
+            total += simpson(rigidity * (curvature - rod.bow[0]) ** 2 / 2, x=s[part])
+        return total
+
+    angle, change = 0.1, 1e-3
+    low, middle, high = (
+        push_one(rod, edge, 0.7 * BEAM.length, angle=a, intervals=2000)
+        for a in (angle - change, angle, angle + change)
+    )
+    rate = (bending_energy(high) - bending_energy(low)) / (2 * change)
+    assert rate == pytest.approx(-middle.base_moment[2], rel=1e-4)
+    assert imbalance(middle, np.zeros(3)) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("tip_ratio", "bow", "x_0", "deflection"),
+    [
+        # Without a check of the force, Newton's method leaves for an S or a coil in each of them.
+        (0.05, 0.1, 0.8294, 0.09),
+        (0.02, -0.1, 0.9, 0.02),
+        (0.02, -0.1, 0.9, 0.15),
+        (0.05, 0.0, 0.87, 0.14),
+    ],
+)
+def test_a_whisker_is_bent_to_one_side(
+    tip_ratio: float, bow: float, x_0: float, deflection: float
+) -> None:
+    """One frictionless contact bends the beam in one direction, from the clamp to the contact."""
+    rod, edge = whisker(tip_ratio, bow, x_0)
+    state = push_one(rod, edge, x_0 * BEAM.length, deflection=deflection)
+    lever = state.contact.point - state.centreline[: state.contact.row, 1:]
+    assert (np.cross(lever, state.contact.force)[:, 2] > 0).all()
+    assert np.linalg.norm((state.tip - rest(rod).tip)[1:]) == pytest.approx(
+        deflection * BEAM.length, rel=1e-8
+    )
+
+
+@pytest.mark.parametrize("tip_ratio", [0.02, 0.1])
+def test_few_segments_do_not_coarsen_a_thin_tip(tip_ratio: float) -> None:
+    rod, edge = whisker(tip_ratio, 0.05, 0.8)
+    few, many = (
+        push_one(rod, edge, 0.8 * BEAM.length, deflection=0.1, intervals=n) for n in (16, 960)
+    )
+    assert few.tip == pytest.approx(many.tip, abs=1e-8 * BEAM.length)
