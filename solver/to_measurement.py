@@ -156,7 +156,7 @@ def _bow_error(points: Floats, rest: Rest) -> float:
     A bow also moves the bent beam along itself, by about its size times the slope there, and
     changes the force's lever by as much.
     """
-    if rest.straight or len(points) < 3:
+    if len(points) < 3:
         return 0.0
     bow, sigma = rest.bow_at(np.linspace(0.0, rest.length, 50))
     slope = np.ptp(points[:, 1]) / max(float(np.ptp(points[:, 0])), 1e-12)

@@ -20,8 +20,8 @@ class CentrelineThresholds(NamedTuple):
     near_radii_at_rest: float = 0.5
     # Fewest agreeing scan lines, of 72, for which the beam is detected. Chosen.
     min_lines: int = 6
-    # Smallest fraction of scan lines on which a beam at rest is seen. Chosen: only its clamp and the
-    # image's border hide it, and structure of the ground agrees on fewer by chance.
+    # Smallest fraction of scan lines on which a beam at rest is seen. Chosen: only its clamp and
+    # the image's border hide it, and structure of the ground agrees on fewer by chance.
     min_support_at_rest: float = 0.25
     # Fewest pixels of a column: four parameters and two degrees of freedom. Derived.
     min_pixels: int = 6

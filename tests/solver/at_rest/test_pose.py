@@ -45,7 +45,7 @@ def test_a_straight_beam_is_a_line_with_honest_covariance() -> None:
     random, errors = np.random.default_rng(0), []
     for _ in range(100):
         rest = learn_rest(lines(2e-5 + 1e-3 * X, random), Calibration(CAMERA, 0.02), rig())
-        assert rest.straight
+        assert not rest.bow.any()
         error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
         errors.append(error @ np.linalg.solve(rest.line_covariance, error))
     assert 1.4 < np.mean(errors) < 2.7  # chi^2 of two degrees of freedom: 2 +- 0.2
@@ -55,7 +55,7 @@ def test_a_bow_is_found_and_told_apart_from_the_clamp() -> None:
     random = np.random.default_rng(1)
     bow = 3e-4 * (X / BEAM.length) ** 2
     rest = learn_rest(lines(1e-3 * X + bow, random), Calibration(CAMERA, 0.02), rig())
-    assert not rest.straight
+    assert rest.bow.any()
     found, sigma = rest.bow_at(X)
     whole = rest.y_at_clamp + rest.slope * X + found
     assert np.abs(whole - 1e-3 * X - bow).max() < 2e-6
@@ -125,7 +125,7 @@ def test_a_bow_is_found_beside_an_object(together: bool) -> None:
         points[third : 2 * third, 1] += 0.08 if together else each
         disturbed.append(down_columns(points, line.sigma))
     rest = learn_rest(disturbed, Calibration(CAMERA, 0.02), rig())
-    assert not rest.straight
+    assert rest.bow.any()
     found, _ = rest.bow_at(X)
     whole = rest.y_at_clamp + rest.slope * X + found
     assert np.abs(whole - 1e-3 * X - bow).max() < 1e-4
@@ -174,7 +174,7 @@ def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance
             points[1::2, 1] -= alternating
             shown.append(down_columns(points, line.sigma))
         rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
-        assert rest.straight
+        assert not rest.bow.any()
         return float(np.sqrt(rest.line_covariance[1, 1]))
 
     # As many independent errors of that size would do at most.
