@@ -25,6 +25,8 @@ from solver.fitting.residuals import (
 )
 from solver.instrument.arrays import Floats
 
+# Columns of a frame before its shared errors: five gradients, the grip, the residual.
+POINT_COLUMNS: Final = 7
 # Indices of a push frame's parameters among those of a fit without friction.
 _FRAME_PARAMETERS: Final = [Q, LEVER, DX, DY, TILT]
 
@@ -47,17 +49,20 @@ class PushFrame:
         """Compute up to seven rows: Jacobian by (q, lever), base and grip, residual; in sigmas.
 
         They have the sum of squares and the gradient of all points (QR), so that the size of a
-        joint problem depends only on the number of frames. Returns None if the shape does not
-        exist.
+        joint problem depends only on the number of frames. The errors that all points share follow
+        in k more columns. Returns None if the shape does not exist.
         """
-        unit = np.array([length**2, 1 / length, 1 / length, 1 / length, 1.0, 1.0, 1.0])
+        shared = self.problem.shared_errors
+        unit = np.array(
+            [length**2, 1 / length, 1 / length, 1 / length, 1.0, 1.0, 1.0] + [1.0] * shared.shape[1]
+        )
         parameters = np.array([*shape, *base]) * unit[:5]
         rows = (
             self._frictionless(parameters) if grip is None else self._frictional(parameters, grip)
         )
         if rows is None:
             return None
-        condensed = np.asarray(np.linalg.qr(rows.T, mode="r"))
+        condensed = np.asarray(np.linalg.qr(np.hstack([rows.T, shared]), mode="r"))[: len(rows)]
         return np.asarray(condensed * unit / math.sqrt(self.variance_inflation), dtype=np.float64)
 
     def _frictionless(self, parameters: Floats) -> Floats | None:

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from solver.beam_models import frictional
-from solver.fitting.gauss_newton import Linearised
-from solver.fitting.push_frame import PushFrame
+from solver.fitting.gauss_newton import Fit, Linearised
+from solver.fitting.push_frame import POINT_COLUMNS, PushFrame
 from solver.fitting.push_geometry import touch
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
@@ -175,6 +175,27 @@ class Push:
         sigma = np.full(len(residual), self.encoder_sigma)
         sigma[count], sigma[count + 1 :] = _RADIUS_SIGMA * self.rig.beam.length, DRY
         return residual / sigma, jacobian / sigma[:, None]
+
+    def moved_by_shared_errors(self, fit: Fit) -> Floats:
+        """Compute by how much one sigma of each error that all points share moves a fit (p, k)."""
+        parameters = fit.parameters
+        shapes, joint = self.shapes(parameters), self.residuals(parameters)
+        assert shapes is not None
+        assert joint is not None
+        count = max(frame.problem.shared_errors.shape[1] for frame in self.frames)
+        shared = np.zeros((len(joint[0]), count))
+        first = 0
+        for i, frame in enumerate(self.frames):
+            shape = np.array([parameters[i], shapes.levers[i]])
+            base = parameters[len(self.frames) : len(self.frames) + BASE]
+            grip = float(self.grip_matrix[i] @ parameters[self.size :]) if self.friction else None
+            rows = frame.points(shape, base, self.rig.beam.length, grip)
+            assert rows is not None
+            shared[first : first + len(rows), : rows.shape[1] - POINT_COLUMNS] = rows[
+                :, POINT_COLUMNS:
+            ]
+            first += len(rows)
+        return np.asarray(fit.covariance @ joint[1].T @ shared)
 
     def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
         """Compute chi^2 and degrees of freedom of the push's own equations (Rao 1948).

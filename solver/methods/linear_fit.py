@@ -155,6 +155,10 @@ def _estimate(
     in_order = residual[:-3][np.argsort(planar.points[:, 0], kind="stable")]
     variance_inflation = max(chi2 / dof, 1.0) * correlation_length(in_order)
     jacobian = np.column_stack([projection.by_contact(x_c, linear), projection.design(x_c)])
+    size = np.linalg.norm(jacobian, axis=0)
+    # The errors that all points share move the fit too.
+    gain = np.linalg.pinv(jacobian / size)[:, :-3] / size[:, None]
+    moved = gain @ planar.view.shared_errors
     # The variance inflation applies to the points, not to the prior.
     jacobian[:-3] /= math.sqrt(variance_inflation)
     scale = np.linalg.norm(jacobian, axis=0)
@@ -162,11 +166,7 @@ def _estimate(
     if singular[-1] < 1e-10 * singular[0]:
         return Estimate(Outcome.NOT_IDENTIFIABLE, iterations=iterations)
     root = (right.T / singular) / scale[:, None]
-    fitted = root @ root.T  # of x_c, load, load dx, dy, tilt
-    # The errors that all points share move the fit too.
-    by_point = fitted @ jacobian[:-3].T / math.sqrt(variance_inflation)
-    moved = by_point @ planar.view.shared_errors
-    fitted += moved @ moved.T
+    fitted = root @ root.T + moved @ moved.T  # of x_c, load, load dx, dy, tilt
     dx = float(linear[1]) / load
     to_clamp = np.eye(5)
     to_clamp[2, 1:3] = [-dx / load, 1 / load]

@@ -90,6 +90,9 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
         push = replace(push, grip_matrix=matrix)
         start = np.append(start, np.zeros(push.grip_matrix.shape[1]))
     fit = gauss_newton(push.residuals, start)
+    if not fit.rank_deficient:
+        moved = push.moved_by_shared_errors(fit)
+        fit = replace(fit, covariance=fit.covariance + moved @ moved.T)
     return _estimate(push, measurement, fit, single)
 
 

@@ -16,7 +16,7 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import invert
-from solver.to_measurement import to_measurement
+from solver.to_measurement import SHADING, SHADING_SIGMA, to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
 from tests.laboratory import CALIBRATION, GUIDE, antenna, rig
@@ -86,6 +86,39 @@ def test_a_bow_is_taken_off_although_the_base_is_hidden(hidden: float, theta: fl
     line = down_columns(np.column_stack([columns, rows]), np.full(len(rows), 0.01))
     off = distances(to_measurement(lab, line).points, straight[::8])
     assert np.abs(off).max() < 0.05e-3
+
+
+def test_the_shading_moves_by_this_share_of_the_radius() -> None:
+    """The mean of x over a matt cylinder's section, lit from a tangent of 0.1 to its side."""
+    x = (np.arange(100_000) + 0.5) / 50_000 - 1
+    brightness = np.sqrt(1 - x**2) + 0.1 * x
+    assert (brightness @ x) / brightness.sum() == pytest.approx(0.1 * SHADING, rel=1e-4)
+
+
+@pytest.mark.parametrize("slope", [-1.0, 1.0])
+def test_shading_that_turns_with_the_beam_is_taken_off(slope: float) -> None:
+    """Light from the tip's side moves a section's middle to where its normal turns from."""
+    lab = bowed(np.zeros(3))
+    lab = replace(lab, rig=replace(lab.rig, light_slope=slope, light_slope_sigma=0.2))
+    straight = bent(0.4, 0.7)
+    tangent = np.gradient(straight, axis=0)
+    turn = np.arctan2(tangent[:, 1], tangent[:, 0])
+    normal = np.column_stack([-np.sin(turn), np.cos(turn)])
+    radius = 2e-3
+    lab = replace(lab, rig=replace(lab.rig, beam=replace(lab.rig.beam, diameter=2 * radius)))
+    shift = -slope * SHADING * radius * turn
+    shown = GUIDE.pixels(straight + shift[:, None] * normal)
+    columns = np.arange(np.ceil(shown[0, 0]), shown[-1, 0])
+    rows = np.interp(columns, shown[:, 0], shown[:, 1])
+    line = down_columns(np.column_stack([columns, rows]), np.full(len(rows), 0.01))
+    measured = to_measurement(lab, line)
+    assert np.abs(shift).max() > 3e-4
+    # A sixth of the sigma that is stated for it.
+    assert np.abs(distances(measured.points, straight[::8])).max() < 0.05 * np.abs(shift).max()
+    # One sigma of the slope: that of the rig, and that of the shading itself.
+    sigma = np.abs(measured.view.shared_errors[:, -1] * np.abs(measured.sigma_vectors[:, 1]))
+    expected = np.hypot(0.2, SHADING_SIGMA) * np.abs(shift).max()
+    assert sigma.max() == pytest.approx(expected, rel=0.1)
 
 
 @cache

@@ -160,6 +160,10 @@ RIG: Final = {
     "board.translation_sigma_mm": Column(f"{_SIGMA} of each coordinate", SIGMA_A),
     "board.rotation_sigma_deg": Column(f"{_SIGMA} of the rotation about each axis", SIGMA_A),
     "encoder.sigma_deg": Column(f"{_SIGMA} of the motor angle"),
+    "light.slope": Column(
+        "tangent, along the beam, between the directions to the light and to the camera", SIGMA_A
+    ),
+    "light.slope_sigma": Column(f"{_SIGMA} of this tangent", SIGMA_A),
     "camera.projection": Column("perspective or telecentric"),
     "camera.mount": Column("antenna: turns with the motor; world: fixed"),
     "camera.distortion_coefficients": Column("number of distortion coefficients: 0, 5 or 8"),

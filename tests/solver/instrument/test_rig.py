@@ -12,7 +12,7 @@ import pytest
 
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
-from solver.instrument.rig import Sensors, read_rig, rig_to_json
+from solver.instrument.rig import ANY_LIGHT, Sensors, read_rig, rig_to_json
 from tests.simulated import rig
 
 
@@ -36,6 +36,17 @@ def test_the_kind_of_camera_comes_back_and_is_a_pinhole_unless_said(tmp_path: Pa
     del document["camera"]
     path.write_text(json.dumps(document))
     assert read_rig(path).telecentric is False
+
+
+def test_the_lights_slope_comes_back_and_is_uncertain_unless_said(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    path.write_text(rig_to_json(replace(rig(), light_slope=-0.7, light_slope_sigma=0.1)))
+    found = read_rig(path)
+    assert (found.light_slope, found.light_slope_sigma) == (-0.7, 0.1)
+    path.write_text(rig_to_json(rig()))
+    assert "light" not in json.loads(path.read_text())
+    found = read_rig(path)
+    assert (found.light_slope, found.light_slope_sigma) == (0.0, ANY_LIGHT)
 
 
 @pytest.mark.parametrize(
@@ -120,6 +131,8 @@ def test_a_lens_that_cannot_be_is_named(
         ("beam.length_mm", 10**400, "allowed is a number from"),
         ("beam.diameter_mm", 241, "is 241, allowed is a number from 1e-06 to 240"),
         ("beam.flexural_rigidity_n_mm2", float("inf"), "is inf, allowed is a number from"),
+        ("light.slope", 11, "is 11, allowed is a number from -10 to 10"),
+        ("light.slope_sigma", -1, "is -1, allowed is a number from 0 to 10"),
         ("beam.sag_mm", 1e308, "is 1e+308, allowed is a number from -240 to 240"),
         ("beam.deflects_towards", 0.5, "is 0.5, allowed is one of 1, -1"),
         ("beam.deflects_towards", True, "is True, allowed is one of 1, -1"),
@@ -143,7 +156,7 @@ def test_a_lens_that_cannot_be_is_named(
 def test_a_mistake_is_named(tmp_path: Path, key: str, value: object, allowed: str) -> None:
     document = json.loads(rig_to_json(rig()))
     section, name = key.split(".")
-    document[section][name] = value
+    document.setdefault(section, {})[name] = value
     path = tmp_path / "rig.json"
     path.write_text(json.dumps(document))
     with pytest.raises(InputError) as caught:

@@ -1,0 +1,82 @@
+"""Errors that all points of an image share move every fit, and its sigma says so."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from solver.instrument.estimate import Estimate
+from solver.instrument.measurement import Measurement
+from solver.methods.exact_fit import exact_fit
+from solver.methods.linear_fit import linear_fit
+from solver.methods.push_fit import push_fit
+from tests.simulated import measurement, pushed_points
+
+SIGMA = 1e-6
+
+
+def shared(points: np.ndarray) -> np.ndarray:
+    """Two shapes (n, 2) that no clamp explains, in sigmas of a point."""
+    t = points[:, 0] / 0.24
+    return np.column_stack([4 * t**2, 3 * np.sin(3 * t)])
+
+
+def with_shared(measured: Measurement) -> Measurement:
+    view = replace(measured.view, shared_errors=shared(measured.points))
+    return replace(measured, view=view)
+
+
+def moved(measured: Measurement, amplitudes: tuple[float, float]) -> Measurement:
+    """The points where errors of these sizes, in their own sigmas, put them."""
+    shift = (shared(measured.points) @ amplitudes)[:, None] * measured.sigma_vectors
+    return replace(measured, view=replace(measured.view, points=measured.points + shift))
+
+
+@pytest.mark.parametrize(("method", "deflection"), [(exact_fit, 0.08), (linear_fit, 0.005)])
+def test_the_variance_they_add_is_the_square_of_what_they_move(
+    method: Callable[[Measurement], Estimate], deflection: float
+) -> None:
+    """An independent road: the fit itself, of points that the errors have moved."""
+    points, *_ = pushed_points(0.15, deflection)
+    measured = measurement(points, SIGMA, 1e-7)
+    plain, told = method(measured), method(with_shared(measured))
+    for name in ("x_c_m", "force_n"):
+        found = [getattr(method(moved(measured, a)), name) for a in ((0.2, 0.0), (0.0, 0.2))]
+        expected = np.hypot(*(np.array(found) - getattr(plain, name))) / 0.2
+        added = np.sqrt(told.sigma(name) ** 2 - plain.sigma(name) ** 2)
+        assert getattr(told, name) == pytest.approx(getattr(plain, name), rel=1e-9)
+        assert added == pytest.approx(expected, rel=0.05)
+        assert added > plain.sigma(name)
+
+
+def test_a_push_shares_them_between_its_frames() -> None:
+    frames = [
+        replace(measurement(pushed_points(0.15, deflection)[0], SIGMA, 1e-7), motor_angle=-angle)
+        for deflection, angle in ((0.04, 0.03), (0.08, 0.06))
+    ]
+    # The encoder says little, so that the frames' shapes decide.
+    tolerances = replace(frames[0].rig.tolerances, encoder=5e-3)
+    frames = [replace(one, rig=replace(one.rig, tolerances=tolerances)) for one in frames]
+
+    def estimate(change: Callable[[Measurement], Measurement]) -> Estimate:
+        earlier, last = map(change, frames)
+        return push_fit(replace(last, earlier=(earlier,)))
+
+    plain, told = estimate(lambda one: one), estimate(with_shared)
+    assert plain.message == told.message == "2 frames"
+    amplitudes = ((0.2, 0.0), (0.0, 0.2))
+    found = [estimate(partial(moved, amplitudes=one)) for one in amplitudes]
+    for name in ("x_c_m", "force_n"):
+        shifts = [getattr(one, name) - getattr(plain, name) for one in found]
+        added = np.sqrt(told.sigma(name) ** 2 - plain.sigma(name) ** 2)
+        assert added == pytest.approx(np.hypot(*shifts) / 0.2, rel=0.05)
+
+
+def test_a_point_alone_has_all_errors_together() -> None:
+    points, *_ = pushed_points(0.15, 0.02)
+    told = with_shared(measurement(points, SIGMA))
+    expected = SIGMA * np.sqrt(1 + (shared(points) ** 2).sum(axis=1))
+    assert told.total_sigma_vectors[:, 1] == pytest.approx(expected)
+    assert not told.total_sigma_vectors[:, 0].any()
