@@ -85,6 +85,12 @@ class Rest:
         return np.asarray(curve[:, 2:] @ self.bow), np.asarray(relative @ self._error_modes)
 
     @cached_property
+    def bow_size(self) -> float:
+        """Root mean square [m] of the bow and its sigma together, along the beam."""
+        bow, sigma = self.bow_at(np.linspace(0.0, self.length, 50))
+        return float(np.sqrt(np.mean(bow**2 + sigma**2)))
+
+    @cached_property
     def _error_modes(self) -> Floats:
         """Matrix (5, 5) M of the coefficients' independent errors: their covariance is M M^T."""
         # In units of the coefficients' own sigmas, which differ by orders of magnitude.
