@@ -1,0 +1,91 @@
+"""Least squares for errors of which some follow the pixel grid, and repeat from image to image."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from solver.at_rest.mean_line import MeanLine
+from solver.centreline.smooth import LAG
+from solver.fitting.correlation import correlation_length
+from solver.instrument.arrays import Floats
+
+# Number of harmonics that describe errors with the period of the pixel rows (chosen), where there
+# are more independent errors than coefficients: five of the bow and two per harmonic.
+HARMONICS = 2
+GRID_COEFFICIENTS = 5 + 2 * HARMONICS
+
+
+class LinearFit(NamedTuple):
+    """Coefficients (m,), their covariance (m, m), chi^2, and two variance inflations of chi^2.
+
+    `scatter` is that for errors like noise, `repeated` that for errors that follow the pixel grid;
+    infinite where the coefficients are as many as those errors, and absorb them.
+    """
+
+    coefficients: Floats
+    covariance: Floats
+    chi2: float
+    scatter: float
+    repeated: float
+
+
+def least_squares(design: Floats, y: Floats, mean: MeanLine) -> LinearFit:
+    """Fit y (n,) by the columns of a design (n, m).
+
+    The covariance is inflated by the residuals' variance and their correlation length. Errors of
+    compression and processing repeat from image to image and follow the pixel grid: for a beam that
+    crosses R rows, the mean holds only R + 1 independent ones, and m coefficients explain m of
+    them. Where the beam crosses many rows, errors with the period of a row are fitted as well.
+    """
+    m = design.shape[1]
+    if mean.rows + 1 > GRID_COEFFICIENTS:
+        phase = 2 * np.pi * np.outer(mean.row, np.arange(1, HARMONICS + 1))
+        design = np.column_stack([design, np.sin(phase), np.cos(phase)])
+    n, spare_rows = len(y), mean.rows + 1 - design.shape[1]
+    whitened = design / mean.sigma[:, None]
+    inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
+    coefficients = inverse @ (whitened.T @ (y / mean.sigma))
+    residual = (y - design @ coefficients) / mean.sigma
+    # Without outliers, so that an object beside the beam does not hide a bow.
+    size = np.abs(residual)
+    inliers = residual[size < 3 * 1.4826 * np.median(size) + 1e-12]
+    variance = max(float(np.mean(residual**2)), 1e-12)
+    inlier_variance = float(np.mean(inliers**2))
+    correlation = correlation_length(residual)
+    shared = _shared_by_neighbours(residual)
+    # The spare rows measure the shared variance; one row more counts with its upper bound.
+    free_rows, upper_bound = max(spare_rows, 0.0), max(_repeating(variance, n, mean), shared)
+    in_rows = n * (free_rows * shared + upper_bound) / (free_rows + 1)
+    repeated = n * max(_repeating(inlier_variance, n, mean), _shared_by_neighbours(inliers))
+    return LinearFit(
+        coefficients[:m],
+        inverse[:m, :m] * max(variance * correlation, in_rows / max(spare_rows, 1.0)),
+        float(residual @ residual),
+        max(inlier_variance, 1.0) * correlation,
+        repeated / spare_rows if spare_rows > 0 else math.inf,
+    )
+
+
+def _repeating(variance: float, n: int, mean: MeanLine) -> float:
+    """Estimate the part of a variance of n residuals that repeats from image to image.
+
+    It is 0 unless chance would exceed it in fewer than one rig of a thousand.
+    """
+    repeating = variance - mean.random
+    return repeating if repeating > 3.1 * math.sqrt(2 / n) * (variance + mean.random) else 0.0
+
+
+def _shared_by_neighbours(residual: Floats) -> float:
+    """Estimate the part of the variance of residuals (n,) that neighbours have in common.
+
+    It is the variance of means over LAG neighbours, minus the part of independent errors in it.
+    Errors that alternate from column to column, as those of a colour mosaic, cancel. It is 0 unless
+    chance would exceed it in fewer than one rig of a thousand.
+    """
+    n, white = len(residual), float(np.mean(residual**2)) / LAG
+    if n < 2 * LAG:
+        return 0.0
+    means = np.convolve(residual, np.full(LAG, 1 / LAG), "valid")
+    shared = float(np.mean(means**2)) - white
+    return shared if shared > 3.1 * math.sqrt(2 * LAG / n) * white else 0.0
