@@ -234,7 +234,7 @@ class _RestImages:
         """Compute the median chi^2 per degree of freedom of a section's fits; at least 1."""
         section = self._section(p)
         fits = [] if section is None else self._fits(section)
-        misfits = [f.chi2 / f.dof for f in fits if np.isfinite(f.sigma).any()]
+        misfits = [f.chi2 / np.maximum(f.dof, 1) for f in fits if np.isfinite(f.sigma).any()]
         return max(1.0, float(np.median(misfits))) if misfits else 1.0
 
     def _section(self, p: Floats) -> Section | None:
