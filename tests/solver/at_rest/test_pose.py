@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.at_rest.pose import disagreements, learn_rest
+from solver.at_rest.pose import SMALL_BOW_PX, disagreements, learn_rest
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
 from solver.instrument.camera import Camera
@@ -181,3 +181,23 @@ def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance
     columns = len(lines(0.05 * X, np.random.default_rng(9), camera=LEVEL)[0].points)
     independent = 0.1 * PIXEL / BEAM.length * np.sqrt(12 / columns)
     assert sigma(0.1) < 2 * independent
+
+
+def test_a_bow_within_the_noise_is_within_its_sigma() -> None:
+    """Whether it is subtracted or not; its size is drawn as it is expected."""
+    random, errors = np.random.default_rng(11), []
+    place = np.linspace(0, BEAM.length, 50)
+    shape = (place / BEAM.length) ** 2
+    about_line = shape - np.polynomial.Polynomial.fit(place, shape, 1)(place)
+    size = SMALL_BOW_PX * PIXEL / np.sqrt(np.mean(about_line**2))
+    subtracted = 0
+    for _ in range(150):
+        amplitude = size * random.standard_normal()
+        bow = amplitude * (X / BEAM.length) ** 2
+        rest = learn_rest(lines(0.02 * X + bow, random), Calibration(CAMERA, 0.02), rig())
+        found, sigma = rest.bow_at(place)
+        found = found - np.polynomial.Polynomial.fit(place, found, 1)(place)
+        errors.append(np.mean((found - amplitude * about_line) ** 2) / np.mean(sigma**2))
+        subtracted += bool(rest.bow.any())
+    assert 20 < subtracted < 150
+    assert 0.6 < np.sqrt(np.mean(errors)) < 1.3
