@@ -165,7 +165,8 @@ def test_a_beam_above_plane_c_is_seen_where_it_is(variant: str, tmp_path: Path) 
     assert farthest(pixels, truth.camera.project(flat / 1e3)) > 1.5
     assert row["model"] == "exact, in space"
     # The edge stands still in the world: the contact lies on it, within the beam's thickness.
-    phi = np.radians(70)
+    assert row["true_motor_angle_deg"] == pytest.approx(70, abs=0.5)
+    phi = np.radians(row["true_motor_angle_deg"] + row["pushing_angle_deg"])
     edge = np.array([150 * np.cos(phi), 150 * np.sin(phi), 0.0]) + base
     along = np.array([np.sin(phi) * np.sin(np.radians(40)), -np.cos(phi) * np.sin(np.radians(40)),
                       np.cos(np.radians(40))])  # fmt: skip

@@ -29,7 +29,7 @@ class SamplingSpec(Part):
     normal_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
     # Of the object, by default rigid. Stiffnesses are always spread over their logarithms.
     stiffness_n_m: tuple[Positive, Positive] | None = None
-    # Drawn uniformly from a separate random stream, whatever the method.
+    # Drawn uniformly from a separate random stream, whatever the method; see PushSpec.
     motor_angle_at_contact_deg: Onset = ONSET
 
     @field_validator("method", mode="before")

@@ -134,7 +134,9 @@ class PushSpec(Part):
         "rigid",
     )
     repeats: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = 1
-    # Drawn uniformly for every push, from low to high; equal ends fix it.
+    # Drawn uniformly for every push, from low to high; equal ends fix it. If a push has one step
+    # only, this is the motor angle of that step, to a few tenths of a degree. If it were that of
+    # first contact, the encoder would reveal the pushing angle, which depends on the contact.
     motor_angle_at_contact_deg: Onset = ONSET
 
     @model_validator(mode="after")
