@@ -249,14 +249,16 @@ def _expected_pushing_angle(push: Push, length: float) -> float:
     This follows from the linear beam, (9) and (10) of Kaneko et al. (2001): an edge at x_c holds it
     back by dtheta x_c, which displaces the tip by dtheta (3 L - x_c) / 2. With the sine of dtheta
     it agrees with the exact beam to 0.05 degrees at deflections of up to 20 % of the length, and
-    to 0.5 degrees at 45 %. A wall is touched by the tip.
+    to 0.5 degrees at 45 %. A tilted edge holds the beam back along its normal only. A wall is
+    touched by the tip.
     """
     (target,) = push.targets
     if target.pushing_angle is not None:
         return target.pushing_angle
     assert target.deflection is not None
     contact = 1.0 if push.contact_distance is None else push.contact_distance / length
-    return math.asin(min(2 * target.deflection / (3 - contact), 1.0))
+    in_its_plane = math.asin(min(2 * target.deflection / (3 - contact), 1.0))
+    return in_its_plane / math.cos(push.normal)
 
 
 def _in_antenna_frame(
