@@ -114,6 +114,8 @@ class FrameRenderer:
         self.assembler = SceneAssembler(self.scene, self.rig, self.folder)
         self._knocked = self.rig.knocked(self.scene)
         self._look: Look | None = None
+        # The static layer rendered last, by the number of its look.
+        self._static_layers: dict[int, StaticLayer] = {}
         # Frames of one push are not consecutive.
         self._cached_states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
 
@@ -133,7 +135,11 @@ class FrameRenderer:
             return self._rest_world
         scene = rest_scene(self.scene, number)
         look = rest_look(self.scene, number)
-        return self._at_rest(SceneAssembler(scene, self.rig, self.folder, look))
+        # What does not move must not depend on the object that was drawn for this image.
+        still_scene = None if look else self.scene
+        return self._at_rest(
+            SceneAssembler(scene, self.rig, self.folder, look, still_scene=still_scene)
+        )
 
     @cached_property
     def _rest_world(self) -> World:
@@ -189,7 +195,8 @@ class FrameRenderer:
         target = self.frame_target(metering, averaged_poses(self.scene, len(poses)))
         world = self.pushed_world(poses[len(poses) // 2])
         seed = render_seed(self.scene, f"sample table, round {number}", spec.index)
-        sampled = render_frame(world, self._static_layer(world, metering), target, seed).sampled
+        static = self._shared_layer(world, metering.exposure)
+        sampled = render_frame(world, static, target, seed).sampled
         assert sampled is not None
         return sampled
 
@@ -219,7 +226,9 @@ class FrameRenderer:
         """Render one image of the beam before contact."""
         seed = render_seed(self.scene, "rest", number)
         target = self._noise_target(self.sensor(exposure).noise_sigma)
-        rendered = render_frame(self.rest_world(number), None, target, seed)
+        world, look = self.rest_world(number), rest_look(self.scene, number)
+        static = None if look else self._static_layer(world, look, exposure)
+        rendered = render_frame(world, static, target, seed)
         lit = self._exposed([rendered], "rest sensor", number)
         return self._expose(lit, exposure, "rest sensor", number)
 
@@ -260,7 +269,8 @@ class FrameRenderer:
         for number, pose in enumerate(poses):
             world = self.pushed_world(pose)
             seed = render_seed(self.scene, f"frame, pose {number}", spec.index)
-            rendered.append(render_frame(world, self._static_layer(world, metering), target, seed))
+            static = self._shared_layer(world, metering.exposure)
+            rendered.append(render_frame(world, static, target, seed))
         blurred = self._exposed(rendered, "sensor", spec.index).at_level(level)
         return self._expose(blurred, metering.exposure, "sensor", spec.index), blurred
 
@@ -272,20 +282,25 @@ class FrameRenderer:
         target = self._noise_target(self.sensor(metering.exposure * level).noise_sigma)
         return replace(target, table=metering.table).scaled(poses**0.5)
 
-    def _static_layer(self, world: World, metering: Metering) -> StaticLayer | None:
-        """Return the static layer; None if only whole images are rendered.
+    def _shared_layer(self, world: World, exposure: float) -> StaticLayer | None:
+        """Return the static layer of a frame; None if no other frame shares it."""
+        assert self._look is not None
+        if not self._look.shared:
+            return None
+        return self._static_layer(world, self._look.number, exposure)
+
+    def _static_layer(self, world: World, look: int, exposure: float) -> StaticLayer | None:
+        """Return the static layer of a look; None if only whole images are rendered.
 
         It has the noise for light level 1, whatever the level of the first frame.
         """
-        look = self._look
-        assert look is not None
-        if is_scalar() or not (look.shared and self.scene.render.static_layer):
+        if is_scalar() or not self.scene.render.static_layer:
             return None
-        if look.static_layer is None:
-            target = self.frame_target(metering, 1)
-            seed = render_seed(self.scene, "plate", look.number)
-            look.static_layer = render_static_layer(world, target, seed)
-        return look.static_layer
+        if look not in self._static_layers:
+            target = self._noise_target(self.sensor(exposure).noise_sigma)
+            seed = render_seed(self.scene, "plate", look)
+            self._static_layers = {look: render_static_layer(world, target, seed)}
+        return self._static_layers[look]
 
     def _noise_target(self, noise: Noise) -> NoiseTarget:
         spec = self.scene.render

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Final
 
 from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
-from vbaa_bench.render.frame import StaticLayer
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.distributions import LEVELS, Level
 from vbaa_bench.scene.frames import FrameSpec
@@ -31,7 +30,6 @@ class Look:
     world_number: int
     shared: bool
     world: World | None = None
-    static_layer: StaticLayer | None = None
 
     def posed_world(self, pose: Pose) -> World:
         """Build the world in a pose, or move its vertices to it."""
@@ -44,10 +42,7 @@ class Look:
 
 
 def look_of(scene: Scene, rig: TrueRig, folder: Path, spec: FrameSpec, last: Look | None) -> Look:
-    """Return the look of a frame: the `last` one, if it is the same, or a new one.
-
-    A new world keeps the static layer if only moving surfaces differ.
-    """
+    """Return the look of a frame: the `last` one, if it is the same, or a new one."""
     numbers: dict[Level, int] = {"rig": 0, "push": 1 + spec.push_number, "frame": 1 + spec.index}
     level = _level(scene, _MOVING)
     number, world_number = numbers[level], numbers[_level(scene, _POSE)]
@@ -58,9 +53,7 @@ def look_of(scene: Scene, rig: TrueRig, folder: Path, spec: FrameSpec, last: Loo
     # Surfaces that frames share must not depend on which of them is rendered first.
     still_scene = scene if level == "rig" else spec.scene
     assembler = SceneAssembler(spec.scene, rig, folder, number, world_number, still_scene)
-    keeps = last is not None and last.number == number
-    static_layer = last.static_layer if last is not None and keeps else None
-    return Look(assembler, number, world_number, shared, static_layer=static_layer)
+    return Look(assembler, number, world_number, shared)
 
 
 def _level(scene: Scene, without: set[str]) -> Level:
