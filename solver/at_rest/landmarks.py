@@ -35,6 +35,10 @@ FARTHEST = 6
 # Largest sigma [px] at which a shift is measured: three sigmas are within the search range.
 MAX_MEASURED_SIGMA_PX = FARTHEST / 3
 STEPS = 8
+# Spacing [px] of the pixels that show how much light there is, and their least gray value at rest;
+# chosen.
+GRID = 8
+DARKEST = 1.0
 # Rows and columns of a block, a macroblock of video. Where an image differs from the rest images by
 # more than noise, through compression or light, the errors of a block are correlated.
 BLOCK = 16
@@ -70,7 +74,10 @@ class Pixels(NamedTuple):
 
 
 class _Match(NamedTuple):
-    """Shift (du, dv) [px] with its covariance, share of agreeing landmarks, scatter in sigmas."""
+    """Shift (du, dv) [px] with its covariance, share of agreeing landmarks, scatter in sigmas.
+
+    `gain` is the landmarks' light over that of the rest images.
+    """
 
     du: float
     dv: float
@@ -79,6 +86,7 @@ class _Match(NamedTuple):
     vv: float
     agreeing: float
     scatter: float
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -86,12 +94,14 @@ class Landmarks:
     """The landmarks' pixels at rest, and what limits the detection of a shift.
 
     In `processed` images the errors of a block are correlated. Noise in the gradients adds
-    `noise_information` to the expected (gradient over sigma)^2 [1/px^2].
+    `noise_information` to the expected (gradient over sigma)^2 [1/px^2]. `mean` (rows, columns)
+    [gray] is every GRID-th pixel of the rest images.
     """
 
     pixels: Pixels
     processed: bool
     noise_information: float
+    mean: Floats
 
     @property
     def known(self) -> bool:
@@ -118,11 +128,18 @@ class Landmarks:
         )
 
     def shift_of(self, image: Grey) -> Shift | None:
-        """Measure the shift of an image (height, width); return None if the landmarks disagree."""
+        """Measure the shift of an image (height, width); return None if the landmarks disagree.
+
+        They also disagree if their light has changed otherwise than that of the whole image: the
+        shadow of an object lies on them, and its edge looks like a shift.
+        """
         if self.shift_sigma > MAX_MEASURED_SIGMA_PX:
             return None
         match = _shift(image, self.pixels)
         if not (match.agreeing >= LIMITS.min_share and match.scatter <= LIMITS.max_scatter):
+            return None
+        light = median((image[::GRID, ::GRID] / self.mean).ravel())
+        if abs(match.gain - light) > LIMITS.max_shade * light + self._rounding:
             return None
         # The median of n independent |x| exceeds this by chance in one image of a thousand.
         usual_scatter = 1 + 3.1 * 1.17 / math.sqrt(len(self.pixels.rows))
@@ -130,6 +147,11 @@ class Landmarks:
         inflation = max(inflation, self._correlated_pixels)
         uu, uv, vv = (inflation * entry for entry in (match.uu, match.uv, match.vv))
         return Shift(match.du, match.dv, uu, uv, vv)
+
+    @cached_property
+    def _rounding(self) -> float:
+        """Largest error of the light where all gray values are rounded alike."""
+        return 0.5 / median(self.mean.ravel())
 
     @property
     def _correlated_pixels(self) -> float:
@@ -173,7 +195,8 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
         along_v.ravel()[selected],
         sigma.ravel()[selected],
     )
-    return Landmarks(pixels, processed, _noise_gain() / (len(images) + 1))
+    grid = np.maximum(mean[::GRID, ::GRID], DARKEST)
+    return Landmarks(pixels, processed, _noise_gain() / (len(images) + 1), grid)
 
 
 def _noise_gain() -> float:
@@ -223,7 +246,7 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
     normal, right, white = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
     down, across = np.empty(4), np.empty(4)
     gain, scatter = 1.0, 1.0
-    unknown = _Match(du, dv, np.inf, 0.0, np.inf, 0.0, np.inf)
+    unknown = _Match(du, dv, np.inf, 0.0, np.inf, 0.0, np.inf, gain)
     for _ in range(STEPS):
         for i in range(n):
             v, u = rows[i] + dv, columns[i] + du
@@ -274,4 +297,4 @@ def _refined(  # noqa: PLR0912 - one loop over the landmarks, written out for sp
         uu += white[k, 0] ** 2
         uv += white[k, 0] * white[k, 1]
         vv += white[k, 1] ** 2
-    return _Match(du, dv, uu, uv, vv, agreeing / n, scatter)
+    return _Match(du, dv, uu, uv, vv, agreeing / n, scatter, gain)

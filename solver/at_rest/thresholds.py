@@ -42,6 +42,9 @@ class AtRestThresholds(NamedTuple):
     min_share: float = 0.75
     # Change of the light. Chosen: an object that covers the landmarks lacks their edges.
     max_gain: float = 2.0
+    # Difference of the landmarks' light from that of the whole image, over the latter. Chosen:
+    # lamps drift together, and a shadow takes more.
+    max_shade: float = 0.05
 
 
 LIMITS: Final = AtRestThresholds()

@@ -102,6 +102,23 @@ def test_brighter_light_is_no_motion() -> None:
     assert shift_of(1.4 * scene(0.5, 0.0)).exceeds(0.0)
 
 
+def test_a_shadow_on_the_only_landmarks_is_no_motion() -> None:
+    """The ground has no structure: all landmarks are on the hub's edge."""
+    light = scene(texture=0.0)
+    rests = [image(light, seed) for seed in range(4)]
+    marks = learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
+    v = np.arange(HEIGHT)[:, None]
+    shadow = 1 - 0.5 * ndtr((v - 50) / 20) * ndtr((70 - v) / 3)
+    assert marks.shift_of(image(shadow * light, 9)) is None
+    # A knocked camera is still detected, also under brighter light.
+    moved = marks.shift_of(image(1.2 * scene(0.5, 0.0, texture=0.0), 9))
+    assert moved is not None
+    assert moved.exceeds(0.0)
+    unmoved = marks.shift_of(image(1.2 * light, 9))
+    assert unmoved is not None
+    assert not unmoved.exceeds(0.0)
+
+
 def test_landmarks_that_are_covered_say_nothing() -> None:
     hidden = scene()
     hidden[:, :90] = 0.5
