@@ -2,25 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from solver.antenna import Antenna
+from solver.at_rest.course import course_of
 from solver.at_rest.pose import Rest
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
 from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.measurement import Measurement, Tip, View
-from solver.instrument.rig import Rig
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
 
-# Powers of the distance that describe a bent beam across its direction at the clamp (the first two
-# for a short stretch), and the fewest points of such a fit.
-CURVE_POWERS, MIN_CURVE_POINTS = (2, 3, 4, 5, 6), 8
-# Nodes of the arc length's integral along the beam. Derived: at a slope of 1 its error is 1e-5.
-ARC_NODES = 61
 # Number of last points before the tip, which give the direction of the beam's straight end.
 TIP_POINTS = 30
 # Where the light comes from along the beam, at a tangent of 1 to the camera's direction, the middle
@@ -50,7 +44,7 @@ def to_measurement(
         low, high = readings.removed
         outside = (points[:, 0] < low) | (points[:, 0] > high)
         points, sigmas = points[outside], sigmas[outside]
-    course = _course(points, rest, rig)
+    course = course_of(points, rest, rig)
     shared = np.empty((len(points), 0))
     if course is not None:
         normals = course.normals
@@ -109,49 +103,6 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
         excess = at_rest.point[0] - antenna.rig.beam.length
         tip = tip - excess / math.hypot(*along) * along
     return Tip(tip, covariance)
-
-
-class _Course(NamedTuple):
-    """The bent beam's course at n points, and the errors that follow it.
-
-    `normals` (n, 2) are unit vectors on C, `turn` (n,) [rad] is the direction less that at rest,
-    `bow` (n,) [m] and `bow_errors` (n, 5) [m] are along the normals.
-    """
-
-    normals: Floats
-    turn: Floats
-    bow: Floats
-    bow_errors: Floats
-
-
-def _course(points: Floats, rest: Rest, rig: Rig) -> _Course | None:
-    """Compute the course of the beam with points (n, 2) on C; None for too few points.
-
-    A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc
-    lengths and normals are those of a smooth curve through the points that leaves the clamp as the
-    beam at rest does, so that they also hold where the beam's first part is hidden.
-    """
-    if len(points) < MIN_CURVE_POINTS:
-        return None
-    x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
-    terms = len(CURVE_POWERS) if np.ptp(x) > rest.length / 3 else 2
-    powers = np.array(CURVE_POWERS[:terms])
-    x_relative = x[:, None] / rest.length
-    coefficients, *_ = np.linalg.lstsq(x_relative**powers, y - rest.slope * x)
-    weights = coefficients * powers / rest.length
-
-    def slope(at: Floats) -> Floats:
-        return np.asarray(rest.slope + (at[:, None] / rest.length) ** (powers - 1) @ weights)
-
-    # Arc length from the clamp, of which the bow is a function.
-    nodes = np.linspace(0, max(rest.length, float(x.max())), ARC_NODES)
-    steps = np.hypot(1, slope(nodes))
-    arcs = np.append(0.0, np.cumsum((steps[1:] + steps[:-1]) / 2)) * nodes[1]
-    arc = np.interp(x, nodes, arcs)
-    here = slope(x)
-    normals = np.column_stack([-here, np.ones_like(x)]) / np.hypot(1, here)[:, None]
-    turn = np.arctan(here) - math.atan(rest.slope)
-    return _Course(normals, turn, *rest.bow_errors_at(np.minimum(arc, rest.length)))
 
 
 def _bow_error(points: Floats, rest: Rest) -> float:

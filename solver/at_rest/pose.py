@@ -74,15 +74,22 @@ class Rest:
 
         The errors (n, 5) [m] are one sigma each of five independent ones.
         """
-        curve, line = self._basis(x)
-        relative = curve - line @ self._line_through
-        return np.asarray(curve[:, 2:] @ self.bow), np.asarray(relative @ self._error_modes)
+        powers = np.vander(x / self.length, 5, increasing=True)
+        return np.asarray(powers[:, 2:] @ self.bow), np.asarray(powers @ self.error_coefficients)
 
     @cached_property
     def bow_size(self) -> float:
         """Root mean square [m] of the bow and its sigma together, along the beam."""
         bow, sigma = self.bow_at(np.linspace(0.0, self.length, 50))
         return float(np.sqrt(np.mean(bow**2 + sigma**2)))
+
+    @cached_property
+    def error_coefficients(self) -> Floats:
+        """Coefficients (5, 5) [m] of 1 to x^4, x over the length, of each error about a line."""
+        about_line = self._error_modes.copy()
+        about_line[:2] -= self._line_through @ self._error_modes
+        about_line[1] *= self.length
+        return about_line
 
     @cached_property
     def _error_modes(self) -> Floats:

@@ -1,0 +1,130 @@
+"""Course of the bent beam in the image: its normals, its turn since rest, and its bow along it."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solver.at_rest.pose import Rest
+from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
+from solver.instrument.rig import Rig
+
+# Powers of the distance that describe a bent beam across its direction at the clamp (the first
+# SHORT_TERMS for a short stretch), and the fewest points of such a fit.
+FIRST_POWER, TERMS, SHORT_TERMS, MIN_POINTS = 2, 5, 2, 8
+# Steps of the arc length's integral along the beam. Derived: at a slope of 1 its error is 1e-5.
+ARC_STEPS = 60
+# Part of a power's column that the columns before it leave over, below which it is not used.
+# Chosen: rounding leaves 1e-16.
+INDEPENDENT = 1e-10
+
+
+class Course(NamedTuple):
+    """The bent beam's course at n points, and the errors that follow it.
+
+    `normals` (n, 2) are unit vectors on C, `turn` (n,) [rad] is the direction less that at rest,
+    `bow` (n,) [m] and `bow_errors` (n, 5) [m] are along the normals.
+    """
+
+    normals: Floats
+    turn: Floats
+    bow: Floats
+    bow_errors: Floats
+
+
+def course_of(points: Floats, rest: Rest, rig: Rig) -> Course | None:
+    """Compute the course of the beam with points (n, 2) [m] on C; None for too few points.
+
+    A bow moves every point of the bent beam along its normal there, by as much as at rest. Arc
+    lengths and normals are those of a smooth curve through the points that leaves the clamp as the
+    beam at rest does, so that they also hold where the beam's first part is hidden.
+    """
+    if len(points) < MIN_POINTS:
+        return None
+    x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
+    return Course(
+        *_course(x / rest.length, y / rest.length, rest.slope, rest.bow, rest.error_coefficients)
+    )
+
+
+@njit
+def _course(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> Any:
+    """Compute the fields of `Course` at x (n,), y (n,) over the length.
+
+    `bow` (3,) [m] are the coefficients of x^2 to x^4, `errors` (5, 5) [m] those of 1 to x^4 for
+    each error.
+    """
+    n = len(x)
+    terms = TERMS if x.max() - x.min() > 1 / 3 else SHORT_TERMS
+    weights = _fitted(x, y - slope * x, terms)
+    end = max(1.0, x.max())
+    step = end / ARC_STEPS
+    arcs = np.zeros(ARC_STEPS + 1)
+    before = math.hypot(1.0, _slope(0.0, slope, weights))
+    for k in range(1, ARC_STEPS + 1):
+        here = math.hypot(1.0, _slope(k * step, slope, weights))
+        arcs[k] = arcs[k - 1] + (before + here) / 2 * step
+        before = here
+    normals, turn = np.empty((n, 2)), np.empty(n)
+    bows, moved = np.zeros(n), np.zeros((n, errors.shape[1]))
+    for i in range(n):
+        here = _slope(x[i], slope, weights)
+        length = math.hypot(1.0, here)
+        normals[i, 0], normals[i, 1] = -here / length, 1 / length
+        turn[i] = math.atan(here) - math.atan(slope)
+        # Arc length from the clamp, of which the bow is a function.
+        k = min(max(int(x[i] / step), 0), ARC_STEPS - 1)
+        part = max(x[i] / step - k, 0.0)
+        arc = min(arcs[k] + part * (arcs[k + 1] - arcs[k]), 1.0)
+        power = 1.0
+        for j in range(errors.shape[0]):
+            if j >= FIRST_POWER:
+                bows[i] += bow[j - FIRST_POWER] * power
+            for m in range(errors.shape[1]):
+                moved[i, m] += errors[j, m] * power
+            power *= arc
+    return normals, turn, bows, moved
+
+
+@njit
+def _slope(x: float, slope: float, weights: Floats) -> float:
+    power, total = x, slope
+    for j in range(len(weights)):
+        total += (j + FIRST_POWER) * weights[j] * power
+        power *= x
+    return total
+
+
+@njit
+def _fitted(x: Floats, y: Floats, terms: int) -> Floats:
+    """Fit y = sum of w_j x^(j + 2) by least squares; return w (terms,).
+
+    The columns are made orthogonal (modified Gram and Schmidt; Bjoerck 1967): normal equations lose
+    their digits where only the beam's last third is seen.
+    """
+    n = len(x)
+    columns, upper = np.empty((terms, n)), np.zeros((terms, terms))
+    weights, rest, power = np.zeros(terms), y.copy(), x.copy()
+    for j in range(terms):
+        power = power * x  # the first one is x^FIRST_POWER
+        columns[j] = power
+        before = math.sqrt((columns[j] ** 2).sum())
+        for k in range(j):
+            upper[k, j] = (columns[k] * columns[j]).sum()
+            columns[j] -= upper[k, j] * columns[k]
+        left = math.sqrt((columns[j] ** 2).sum())
+        if left <= INDEPENDENT * before:
+            columns[j] = 0.0
+            continue
+        upper[j, j] = left
+        columns[j] /= left
+        weights[j] = (columns[j] * rest).sum()
+        rest -= weights[j] * columns[j]
+    for j in range(terms - 1, -1, -1):
+        if upper[j, j] == 0.0:
+            continue
+        for k in range(j + 1, terms):
+            weights[j] -= upper[j, k] * weights[k]
+        weights[j] /= upper[j, j]
+    return weights
