@@ -365,17 +365,17 @@ def test_a_set_grows_and_equals_one_that_was_generated_at_once(
 ) -> None:
     three, five = (grown_scene(tmp_path, count) for count in (3, 5))
     grown, whole = (Layout(tmp_path / name) for name in ("grown", "whole"))
-    generate(three, grown.root, variant, 1, quiet)
+    generate(three, grown.root, variant, 0, quiet)
     full_shard = grown.shard(grown.observations, 0) / HASHES
     written = full_shard.stat().st_mtime_ns
     remarks: list[str] = []
-    generate(five, grown.root, variant, 1, quiet, remark=remarks.append)
-    generate(five, whole.root, variant, 1, quiet)
+    generate(five, grown.root, variant, 0, quiet, remark=remarks.append)
+    generate(five, whole.root, variant, 0, quiet)
     assert digests(grown.root) == digests(whole.root)
     assert full_shard.stat().st_mtime_ns == written
     assert remarks == []
     with pytest.raises(InputError, match=r"sampling\.count is 5 there and 3 here"):
-        generate(three, grown.root, variant, 1, quiet)
+        generate(three, grown.root, variant, 0, quiet)
 
 
 def test_a_grid_does_not_grow(tmp_path: Path, variant: str) -> None:

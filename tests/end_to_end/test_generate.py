@@ -197,7 +197,7 @@ def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     text += "tolerances: {true_rig: drawn, base_mm: 0.2, flexural_rigidity_pct: 3}\n"
     text += "render: {noise_near_beam: 1, noise_elsewhere: 1, noise_static_layer: 0.3}\n"
     path.write_text(text, encoding="utf-8")
-    layout = generate(load_scene(path), tmp_path / "drawn", variant, 1, quiet)
+    layout = generate(load_scene(path), tmp_path / "drawn", variant, 0, quiet)
     truth = open_truth(layout.truth)
     observations = open_observations(layout.observations)
     rig = json.loads((layout.observations / "rig.json").read_text())

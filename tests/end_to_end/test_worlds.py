@@ -44,7 +44,7 @@ def made(tmp_path: Path, variant: str, *changes: tuple[str, str]) -> Layout:
     path.write_text(text, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(generating, "Pool", OneProcess)
-        return generate(load_scene(path), tmp_path / "data", variant, 1, quiet)
+        return generate(load_scene(path), tmp_path / "data", variant, 0, quiet)
 
 
 def layer(layout: Layout, name: str, frame_id: str) -> np.ndarray:
