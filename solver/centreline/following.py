@@ -40,10 +40,12 @@ def follow(points: Floats, guide: Guide, measure: Measure) -> Path | None:
     while gap < MAX_GAP_STEPS and _length(guide.places(nodes)) < end:
         step = _extrapolated(nodes)
         measured = measure(np.vstack([nodes[-1:], step]))
-        if len(measured) < NODE_PX * STEP_NODES / 3:
+        seen = len(measured) >= NODE_PX * STEP_NODES / 3
+        ahead = _along(measured, nodes[-1], step[-1]) if seen else []
+        if len(ahead):
+            nodes, gap = np.vstack([nodes, ahead]), 0
+        else:
             nodes, gap = np.vstack([nodes, step]), gap + 1
-            continue
-        nodes, gap = np.vstack([nodes, _along(measured, nodes[-1], step[-1])]), 0
     places = guide.places(nodes)
     arc = _arc(places)
     even = np.linspace(0.0, min(arc[-1], end), len(PLACES))
@@ -67,7 +69,10 @@ def _extrapolated(nodes: Floats) -> Floats:
 
 
 def _along(measured: Floats, start: Floats, end: Floats) -> Floats:
-    """Average measured points (n, 2) to nodes, in their order from `start` to `end`."""
+    """Average measured points (n, 2) to nodes, in their order from `start` to `end`.
+
+    There may be none: a foreign object beside the beam may be seen again and again.
+    """
     chord = (end - start) / np.linalg.norm(end - start)
     along = (measured - start) @ chord
     piece = np.floor(along / NODE_PX).astype(np.int64)

@@ -1,6 +1,7 @@
-"""Forecast of the cost of a dataset, from a short probe."""
+"""Forecast of the cost of a dataset or a collection, from a short probe."""
 
 import math
+import os
 import sys
 import tempfile
 import time
@@ -9,32 +10,38 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant, worker_count
-from vbaa_bench.api.scene import AnyScene, scene_file
+from vbaa_bench.api.scene import AnyScene
+from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.collection import RigGenerator
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.generation.plan import accepted_rig, plan
 from vbaa_bench.generation.workers import Pool, cores
 from vbaa_bench.scene.frames import Frames, FrameSpec
-from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.load import SceneFile, load_scene
 
 # Frames that each worker renders after a first one, in which kernels are compiled. Chosen: takes
 # seconds, and gives a rough estimate of the variation between frames.
 PROBES: Final = 3
+# Rigs that each worker makes, of which the first compiles kernels. Chosen: takes half a minute.
+PROBED_RIGS: Final = 2
 # Margin on the time for frames that are not probed and for other workers. Chosen.
 _FACTOR: Final = 1.5
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """The forecast cost of a dataset on this machine.
+    """The forecast cost of a dataset on this machine, or of a collection of `rigs` datasets.
 
-    `hours_low` and `hours_high` span the fastest and the slowest probed frame, each widened by a
-    factor of 1.5 for frames that differ more and for workers that slow each other down. They hold
-    for the machine load during the probe. `memory_gb` is that of all workers together; None if the
-    system does not report it.
+    `hours_low` and `hours_high` span the fastest and the slowest probed frame or rig, each widened
+    by a factor of 1.5 for those that differ more and for workers that slow each other down. They
+    hold for the machine load during the probe. `memory_gb` is that of all workers together; None if
+    the system does not report it.
     """
 
+    rigs: int | None
     frames: int
     pushes: int
     images: int
@@ -51,9 +58,10 @@ class Forecast:
 
     def __str__(self) -> str:
         memory = "unknown" if self.memory_gb is None else f"{self.memory_gb:.2g} GB"
+        rigs = "" if self.rigs is None else f"{self.rigs:,} rigs: "
         return (
-            f"{self.frames:,} frames of {self.pushes:,} pushes, and {self.images} images of the "
-            f"board and the beam at rest\n"
+            f"{rigs}{self.frames:,} frames of {self.pushes:,} pushes, and {self.images:,} images "
+            f"of the board and the beam at rest\n"
             f"time:    {_duration(self.hours)} with {self.workers} workers, between "
             f"{_duration(self.hours_low)} and {_duration(self.hours_high)} at the machine load of "
             f"the probe\n"
@@ -68,13 +76,21 @@ def forecast(
     """Forecast frames, time, disk space and memory of a scene's dataset, from a few of its frames.
 
     These frames are rendered, and their time and size are measured, with the same number of workers
-    as for the dataset. This takes seconds. Pushes that are not probed may still be impossible;
-    `generate` reports this before it renders.
+    as for the dataset. This takes seconds. Of a collection, a few whole rigs are made, spread over
+    its numbers. Pushes that are not probed may still be impossible; `generate` reports this before
+    it renders.
 
     Raises InputError if a probed push is impossible.
     """
-    file, chosen_variant = scene_file(scene), usable_variant(variant)
+    chosen_variant = usable_variant(variant)
     count = worker_count(workers, chosen_variant)
+    file = scene if isinstance(scene, SceneFile) else load_scene(scene)
+    if file.rigs is not None:
+        return _collection_forecast(file, file.rigs, chosen_variant, count)
+    return _dataset_forecast(accepted_rig(file), chosen_variant, count)
+
+
+def _dataset_forecast(file: SceneFile, chosen_variant: str, count: int) -> Forecast:
     frames = Frames(file.scene)
     shards = math.ceil(frames.count / file.scene.frames_per_shard)
     first, *probes = _spread(frames.count, 1 + PROBES * count)
@@ -89,6 +105,7 @@ def forecast(
 
     mean = sum(probe.frames_s) / len(probe.frames_s)
     return Forecast(
+        rigs=None,
         frames=frames.count,
         pushes=frames.pushes,
         images=images,
@@ -98,6 +115,67 @@ def forecast(
         hours_high=hours(max(probe.frames_s)) * _FACTOR,
         gigabytes=(frames.count * probe.frame_bytes + images * probe.image_bytes) / 1e9,
         memory_gb=None if probe.memory_bytes is None else count * probe.memory_bytes / 1e9,
+    )
+
+
+class _ProbedRig(NamedTuple):
+    """Why a rig is impossible, if it is; its time [s], its worker, and that one's memory [bytes]."""
+
+    reason: str
+    seconds: float
+    worker: int
+    memory_bytes: int | None
+
+
+class _TimedRigGenerator(RigGenerator):
+    """A RigGenerator that times its rigs."""
+
+    def probe(self, tick: Callable[[], None], file: SceneFile, root: Path) -> _ProbedRig:
+        """Generate a rig's dataset in this process."""
+        start = time.perf_counter()
+        reason = self.rig(tick, file, root)
+        return _ProbedRig(reason, time.perf_counter() - start, os.getpid(), _peak_memory())
+
+
+def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int) -> Forecast:
+    files = [accepted_rig(file, number) for number in _spread(rigs, PROBED_RIGS * workers)]
+    with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
+        layout, threads = CollectionLayout(Path(folder)), max(cores() // workers, 1)
+        jobs = [("probe", (one, layout.rig(n).root)) for n, one in enumerate(files)]
+        with Pool(workers, _TimedRigGenerator, (variant, threads)) as pool:
+            probed: list[_ProbedRig] = pool.run(jobs, lambda _done: None)
+        size = sum(path.stat().st_size for path in layout.root.rglob("*") if path.is_file())
+    for one in probed:
+        if one.reason:
+            raise InputError(one.reason)
+    # The first rig of each worker compiles kernels.
+    seen, warm = set[int](), list[float]()
+    for one in probed:
+        if one.worker in seen:
+            warm.append(one.seconds)
+        seen.add(one.worker)
+    seconds = warm or [one.seconds for one in probed]
+    scenes = [one.scene for one in files]
+    share = rigs / len(files)
+    counts = [Frames(scene) for scene in scenes]
+    images = sum(scene.calibration.views + scene.sensor.rest_images for scene in scenes)
+    compiling = max(max(one.seconds for one in probed) - min(seconds), 0.0)
+
+    def hours(rig_s: float) -> float:
+        return (compiling + math.ceil(rigs / workers) * rig_s) / 3600
+
+    memory = [one.memory_bytes for one in probed if one.memory_bytes is not None]
+    return Forecast(
+        rigs=rigs,
+        frames=round(share * sum(frames.count for frames in counts)),
+        pushes=round(share * sum(frames.pushes for frames in counts)),
+        images=round(share * images),
+        workers=workers,
+        hours=hours(sum(seconds) / len(seconds)),
+        hours_low=hours(min(seconds)) / _FACTOR,
+        hours_high=hours(max(seconds)) * _FACTOR,
+        gigabytes=share * size / 1e9,
+        memory_gb=max(memory) * workers / 1e9 if memory else None,
     )
 
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from solver.at_rest.course import MIN_POINTS, course_of
 from solver.at_rest.pose import Rest
 from solver.instrument.arrays import Floats
-from tests.solver.at_rest.test_pose import rig
+from tests.simulated import rig
 
 LENGTH = 0.24
 RANDOM = np.random.default_rng(2)

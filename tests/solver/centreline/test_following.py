@@ -72,3 +72,12 @@ def test_a_gap_is_crossed_and_the_end_is_the_beams_length() -> None:
 
 def test_too_few_points_are_not_followed() -> None:
     assert follow(np.zeros((3, 2)), guide(), lambda nodes: nodes) is None
+
+
+def test_points_that_lead_nowhere_are_a_gap() -> None:
+    """All measured points are beside the last node: the path goes on as it was, and ends."""
+    seen_by = guide(0.0, *SIZE)
+    pixels = seen_by.pixels(bent(0.3, 0.7))
+    path = follow(pixels[:800:12], seen_by, lambda nodes: np.repeat(nodes[:1], 20, axis=0) + 0.5)
+    assert path is not None
+    assert np.isfinite(path.places).all()

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
+from tests.conftest import SMALL_SCENE
 from vbaa_bench import cli
 from vbaa_bench.api.forecast import Forecast
 from vbaa_bench.report.gallery import TRUTH
@@ -56,8 +57,21 @@ def test_a_plan_counts_the_scene_and_states_a_range(small_scene: Path) -> None:
     assert cost.memory_gb is None or 0.3 < cost.memory_gb < 30
 
 
+def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
+    path = tmp_path / "rigs.yaml"
+    path.write_text(SMALL_SCENE + "rigs: 40\nbackground: {reflectance: {uniform: [0, 0.2]}}\n")
+    done = CliRunner().invoke(cli.app, ["plan", str(path), "--workers", "1", "--json"])
+    assert done.exit_code == 0, done.output
+    cost = Forecast(**json.loads(done.stdout))
+    assert (cost.rigs, cost.frames, cost.pushes, cost.images) == (40, 160, 80, 320)
+    assert 0 < cost.hours_low < cost.hours < cost.hours_high < 1
+    assert 1e5 < 1e9 * cost.gigabytes / cost.frames < 8e6
+    assert str(cost).startswith("40 rigs: 160 frames of 80 pushes, and 320 images ")
+
+
 def test_a_plan_is_said_in_four_lines() -> None:
     cost = Forecast(
+        rigs=None,
         frames=270_000,
         pushes=90_000,
         images=14,
