@@ -40,9 +40,8 @@ def follow(points: Floats, guide: Guide, measure: Measure) -> Path | None:
     while gap < MAX_GAP_STEPS and _length(guide.places(nodes)) < end:
         step = _extrapolated(nodes)
         measured = measure(np.vstack([nodes[-1:], step]))
-        seen = len(measured) >= NODE_PX * STEP_NODES / 3
-        ahead = _along(measured, nodes[-1], step[-1]) if seen else []
-        if len(ahead):
+        ahead = _along(measured, nodes[-1], step[-1])
+        if len(ahead) and len(measured) >= NODE_PX * STEP_NODES / 3:
             nodes, gap = np.vstack([nodes, ahead]), 0
         else:
             nodes, gap = np.vstack([nodes, step]), gap + 1

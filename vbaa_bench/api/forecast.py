@@ -119,7 +119,7 @@ def _dataset_forecast(file: SceneFile, chosen_variant: str, count: int) -> Forec
 
 
 class _ProbedRig(NamedTuple):
-    """Why a rig is impossible, if it is; its time [s], its worker, and that one's memory [bytes]."""
+    """Why a rig is impossible, if it is; its time [s], and its worker with its memory [bytes]."""
 
     reason: str
     seconds: float
