@@ -85,8 +85,9 @@ def _direction_deg(truth: Truth) -> float:
 def factor_table(scores: pl.DataFrame) -> pl.DataFrame:
     """Tabulate errors by factor, one row per method, factor and group; the worst factor first.
 
-    Numbers are divided into three groups of equal size, other factors by their values. `spread` is
-    the difference between the consistent shares of the best and the worst group of the factor.
+    Numbers are divided into three groups of equal size, except that equal numbers stay together;
+    other factors by their values. `spread` is the difference between the consistent shares of the
+    best and the worst group of the factor.
     """
     factors = [name for name in scores.columns if name.startswith(PREFIX)]
     if "snr" in scores.columns:
@@ -115,9 +116,10 @@ def _groups(scores: pl.DataFrame, factor: str) -> list[dict[str, Any]]:
     if values.n_unique() < 2:
         return []
     if values.dtype.is_numeric() and values.n_unique() > _GROUPS:
-        ranks = (known[factor].rank("ordinal") - 1) * _GROUPS // known.height
+        # Equal values have equal ranks: they are in one group, however many they are.
+        ranks = ((values.rank("average") - 1) * _GROUPS / known.height).floor()
         parts = [known.filter(ranks == n) for n in range(_GROUPS)]
-        named = [(_range(part[factor]), part) for part in parts]
+        named = [(_range(part[factor]), part) for part in parts if part.height]
     else:
         named = [
             (str(value), part)
@@ -128,7 +130,7 @@ def _groups(scores: pl.DataFrame, factor: str) -> list[dict[str, Any]]:
 
 def _range(values: pl.Series) -> str:
     low, high = np.min(values.to_numpy()), np.max(values.to_numpy())
-    return f"{low:.3g} to {high:.3g}"
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
 def _figures(part: pl.DataFrame) -> dict[str, Any]:
