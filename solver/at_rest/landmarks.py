@@ -25,6 +25,9 @@ from solver.instrument.small_matrices import solve_definite, whitening
 
 # Number of landmarks kept, the strongest ones: a thousand pixels cost 0.05 ms per image.
 MAX_LANDMARKS = 1000
+# Fewest landmarks that say whether the camera has moved. Chosen: ten for each unknown, for whether
+# they agree is judged by their residuals.
+MIN_LANDMARKS = 30
 # Least sigma [gray levels] in processed images, whose errors are shared within a block; chosen.
 PROCESSED_ERROR = 1.0
 # Blur [px] of the image before its gradients are computed, to reduce their noise; chosen.
@@ -133,7 +136,7 @@ class Landmarks:
         They also disagree if their light has changed otherwise than that of the whole image: the
         shadow of an object lies on them, and its edge looks like a shift.
         """
-        if self.shift_sigma > MAX_MEASURED_SIGMA_PX:
+        if len(self.pixels.rows) < MIN_LANDMARKS or self.shift_sigma > MAX_MEASURED_SIGMA_PX:
             return None
         match = _shift(image, self.pixels)
         if not (match.agreeing >= LIMITS.min_share and match.scatter <= LIMITS.max_scatter):

@@ -23,8 +23,9 @@ from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import turn_about_z
 
-# Trial widths, times the rig's diameter: a flat strip looks wider than it is thick.
-WIDTHS = (1, 2, 4, 8)
+# Trial widths, times the rig's diameter: a round beam looks wider out of focus, and a flat strip is
+# wider than it is thick. A round beam with its soft shadow also looks like a wide strip.
+WIDTHS, FLAT_WIDTHS = (1, 2), (1, 2, 4, 8)
 # Start values of the section's search: diameter over the rig's, spread, roundness, skew. A
 # sharpened beam looks narrower than it is, a defocused one wider.
 STARTS = ((1.0, 0.3, 1.0, 0.0), (1.0, 0.8, 0.5, 0.0))
@@ -77,7 +78,7 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     image = images[0]
     full_scale = guide.full_scale or int(np.iinfo(image.dtype).max)
     detections = []
-    for scale, polarity in product(WIDTHS, (1, -1)):
+    for scale, polarity in product(FLAT_WIDTHS if guide.flat else WIDTHS, (1, -1)):
         wider = replace(guide, radius=scale * guide.radius)
         path = find_path(image, wider, polarity, noise, LIMITS.max_askew, bends=False)
         if path is not None and path.support > LIMITS.min_support_at_rest:

@@ -21,7 +21,8 @@ class Guide:
 
     `length` [m] of the beam and `radius` [m] of its section. `free_tilt` is True where the motor
     may have turned the beam by any angle relative to the camera. `full_scale` is a saturated
-    pixel's gray value, None where it is the largest of the image's type.
+    pixel's gray value, None where it is the largest of the image's type. A beam that is
+    `flat` may look several times as wide as its radius states.
     """
 
     camera: Camera
@@ -30,6 +31,7 @@ class Guide:
     radius: float
     free_tilt: bool = False
     full_scale: int | None = None
+    flat: bool = False
 
     def pixels(self, places: Floats) -> Floats:
         """Project places (n, 2) [m] of the beam's frame in plane C to pixels (n, 2)."""
