@@ -1,5 +1,6 @@
 """The surfaces of the ground: a sheet, squares, or a table with an edge above a floor."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,7 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
+from solver.instrument.transforms import turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry.board import squares
 from vbaa_bench.geometry.ground import chequered_side, edge_side, edged_sheet
@@ -54,13 +56,20 @@ class Ground:
             mesh = self._top(self._middle)
             yield "background", Surface(mesh, spec.reflectance, texture=self._texture)
             return
-        side = chequered_side(self.scene, self.rig.camera)
-        light, dark = squares(side, spec.square_mm * MILLIMETRE)
+        turn = spec.square_turn_deg * DEGREE
+        to_ground = turn_about_z(turn)
+        axes = to_ground[:2, :2]
+        # The pattern repeats after two squares along its own axes.
+        offset = axes @ np.fmod(axes.T @ spec.square_offset_mm, 2 * spec.square_mm) * MILLIMETRE
+        to_ground[:3, 3] = self._middle + np.append(offset, 0.0)
+        side = chequered_side(self.scene, self.rig.camera) + 2 * float(np.abs(offset).max())
+        turned_side = side * (abs(math.cos(turn)) + abs(math.sin(turn)))
+        light, dark = squares(turned_side, spec.square_mm * MILLIMETRE)
         for name, mesh, reflectance in (
             ("background", light, spec.reflectance),
             ("background_squares", dark, spec.square_reflectance),
         ):
-            mesh.apply_translation(self._middle)
+            mesh.apply_transform(to_ground)
             yield name, Surface(mesh, reflectance)
 
     def _below(self, edge: EdgeSpec) -> Iterator[tuple[str, Surface]]:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.clutter import EdgeSpec
-from vbaa_bench.scene.part import Fraction, Part, Positive, Triple
+from vbaa_bench.scene.part import Coordinate, Fraction, Part, Positive, Triple, Turn
 
 Sides = tuple[Positive, Positive]
 
@@ -156,6 +156,10 @@ class BackgroundSpec(Part):
     pattern: Literal["plain", "squares", "graded", "textured", "image"] = "plain"
     square_mm: Positive = 15
     square_reflectance: Fraction = 0.02
+    # Place, relative to below the beam's middle, where four squares meet, and their direction. With
+    # no offset an edge between squares lies along the beam at rest.
+    square_offset_mm: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    square_turn_deg: Turn = 0.0
     far_reflectance: Fraction = 0.30
     # Direction, from +x to +y, of the change to `far_reflectance`, and the length of the change.
     gradient_deg: Annotated[float, Field(ge=-360, le=360)] = 90
