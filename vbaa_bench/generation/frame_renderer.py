@@ -114,8 +114,9 @@ class FrameRenderer:
         self.assembler = SceneAssembler(self.scene, self.rig, self.folder)
         self._knocked = self.rig.knocked(self.scene)
         self._look: Look | None = None
-        # The static layer rendered last, by the number of its look.
-        self._static_layers: dict[int, StaticLayer] = {}
+        # The static layer rendered last, by its look and by where the image's centre is: the camera
+        # may have been knocked between the rest images and the frames.
+        self._static_layers: dict[tuple[int, float, float], StaticLayer] = {}
         # Frames of one push are not consecutive.
         self._cached_states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
 
@@ -296,11 +297,12 @@ class FrameRenderer:
         """
         if is_scalar() or not self.scene.render.static_layer:
             return None
-        if look not in self._static_layers:
+        key = look, world.camera.cx, world.camera.cy
+        if key not in self._static_layers:
             target = self._noise_target(self.sensor(exposure).noise_sigma)
             seed = render_seed(self.scene, "plate", look)
-            self._static_layers = {look: render_static_layer(world, target, seed)}
-        return self._static_layers[look]
+            self._static_layers = {key: render_static_layer(world, target, seed)}
+        return self._static_layers[key]
 
     def _noise_target(self, noise: Noise) -> NoiseTarget:
         spec = self.scene.render

@@ -3,16 +3,22 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from solver.instrument.arrays import Floats
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.clutter import CLUTTER
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.frame_renderer import FrameRenderer
+from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
+from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import load_scene
 
+KNOCKED = """
+background: {pattern: squares, reflectance: 0.4, square_turn_deg: 30}
+render: {noise_near_beam: 0.3, noise_elsewhere: 0.3, noise_static_layer: 0.1}
+"""
 EXTRA = """
 clutter: {count: 30, size_mm: [6, 30], top_mm: -9}
 object: {kind: cylinder, radius_mm: {uniform: [4, 30], per: push}}
@@ -35,3 +41,26 @@ def test_clutter_is_the_same_at_rest_as_in_frames(tmp_path: Path, variant: str) 
     assert len(rest[0]) > 100
     for other in (*rest[1:], *pushed):
         np.testing.assert_array_equal(other, rest[0])
+
+
+@pytest.mark.parametrize("knock", [0, 3])
+def test_a_camera_that_was_knocked_shows_the_ground_elsewhere(
+    tmp_path: Path, variant: str, knock: int
+) -> None:
+    if variant == PLAIN:
+        pytest.skip("whole images take too long")
+    path = tmp_path / "scene.yaml"
+    text = SMALL_SCENE.replace("camera:\n", f"camera:\n  knock_px: [{knock}, 0]\n")
+    path.write_text(text + KNOCKED, encoding="utf-8")
+    file = load_scene(path)
+    work = plan(file)
+    renderer = FrameRenderer(file.scene, work.rig, tmp_path, Layout(tmp_path), variant, 1)
+    metering = Metering(renderer.measure_exposure(lambda: None))
+    rest = renderer.rest_image(0, metering.exposure).astype(np.float32)
+    frame = renderer.frame(work.shards[0][0], metering).image.astype(np.float32)
+    # The ground below the beam and its object.
+    off = {
+        du: float(np.abs(frame[-60:-5, 100 + du : 450 + du] - rest[-60:-5, 100:450]).mean())
+        for du in range(-4, 5)
+    }
+    assert min(off, key=lambda du: off[du]) == knock
