@@ -67,7 +67,7 @@ def _course(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> 
         arcs[k] = arcs[k - 1] + (before + here) / 2 * step
         before = here
     normals, turn = np.empty((n, 2)), np.empty(n)
-    bows, moved = np.zeros(n), np.zeros((n, errors.shape[1]))
+    bows, bow_errors = np.zeros(n), np.zeros((n, errors.shape[1]))
     for i in range(n):
         here = _slope(x[i], slope, weights)
         length = math.hypot(1.0, here)
@@ -82,9 +82,9 @@ def _course(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> 
             if j >= FIRST_POWER:
                 bows[i] += bow[j - FIRST_POWER] * power
             for m in range(errors.shape[1]):
-                moved[i, m] += errors[j, m] * power
+                bow_errors[i, m] += errors[j, m] * power
             power *= arc
-    return normals, turn, bows, moved
+    return normals, turn, bows, bow_errors
 
 
 @njit

@@ -25,8 +25,8 @@ from solver.instrument.small_matrices import solve_definite, whitening
 
 # Number of landmarks kept, the strongest ones: a thousand pixels cost 0.05 ms per image.
 MAX_LANDMARKS = 1000
-# Fewest landmarks that say whether the camera has moved. Chosen: ten for each unknown, for whether
-# they agree is judged by their residuals.
+# Fewest landmarks for the detection of a shift. Chosen: ten for each unknown, because their
+# agreement is judged by the residuals.
 MIN_LANDMARKS = 30
 # Least sigma [gray levels] in processed images, whose errors are shared within a block; chosen.
 PROCESSED_ERROR = 1.0
@@ -38,8 +38,8 @@ FARTHEST = 6
 # Largest sigma [px] at which a shift is measured: three sigmas are within the search range.
 MAX_MEASURED_SIGMA_PX = FARTHEST / 3
 STEPS = 8
-# Spacing [px] of the pixels that show how much light there is, and their least gray value at rest;
-# chosen.
+# Spacing [px] of the pixels from which the light of the whole image is estimated, and their least
+# gray value at rest; chosen.
 GRID = 8
 DARKEST = 1.0
 # Rows and columns of a block, a macroblock of video. Where an image differs from the rest images by

@@ -71,7 +71,7 @@ def fit_from(problem: Problem, start: Floats, psi_free: bool) -> FrameFit:
 def _moved_by(
     problem: Problem, p: Floats, covariance: Floats, inliers: Mask, inflation: float
 ) -> Floats:
-    """Compute by how much one sigma of each shared error moves the fit's parameters (8, k).
+    """Compute the displacement (8, k) of the fit's parameters by one sigma of each shared error.
 
     Least squares with gain G moves by G e where all points move by e: the covariance of an
     estimator that does not know of the errors, which is larger than the best one's.

@@ -177,7 +177,7 @@ class Push:
         return residual / sigma, jacobian / sigma[:, None]
 
     def moved_by_shared_errors(self, fit: Fit) -> Floats:
-        """Compute by how much one sigma of each error that all points share moves a fit (p, k)."""
+        """Compute the displacement (p, k) of a fit by one sigma of each shared error."""
         parameters = fit.parameters
         shapes, joint = self.shapes(parameters), self.residuals(parameters)
         assert shapes is not None

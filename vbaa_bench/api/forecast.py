@@ -149,11 +149,11 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
         if one.reason:
             raise InputError(one.reason)
     # The first rig of each worker compiles kernels.
-    seen, warm = set[int](), list[float]()
+    started, warm = set[int](), list[float]()
     for one in probed:
-        if one.worker in seen:
+        if one.worker in started:
             warm.append(one.seconds)
-        seen.add(one.worker)
+        started.add(one.worker)
     seconds = warm or [one.seconds for one in probed]
     scenes = [one.scene for one in files]
     share = rigs / len(files)

@@ -41,14 +41,14 @@ def test_the_variance_they_add_is_the_square_of_what_they_move(
     """An independent road: the fit itself, of points that the errors have moved."""
     points, *_ = pushed_points(0.15, deflection)
     measured = measurement(points, SIGMA, 1e-7)
-    plain, told = method(measured), method(with_shared(measured))
+    independent, shared_fit = method(measured), method(with_shared(measured))
     for name in ("x_c_m", "force_n"):
-        found = [getattr(method(moved(measured, a)), name) for a in ((0.2, 0.0), (0.0, 0.2))]
-        expected = np.hypot(*(np.array(found) - getattr(plain, name))) / 0.2
-        added = np.sqrt(told.sigma(name) ** 2 - plain.sigma(name) ** 2)
-        assert getattr(told, name) == pytest.approx(getattr(plain, name), rel=1e-9)
+        displaced = [getattr(method(moved(measured, a)), name) for a in ((0.2, 0.0), (0.0, 0.2))]
+        expected = np.hypot(*(np.array(displaced) - getattr(independent, name))) / 0.2
+        added = np.sqrt(shared_fit.sigma(name) ** 2 - independent.sigma(name) ** 2)
+        assert getattr(shared_fit, name) == pytest.approx(getattr(independent, name), rel=1e-9)
         assert added == pytest.approx(expected, rel=0.05)
-        assert added > plain.sigma(name)
+        assert added > independent.sigma(name)
 
 
 def test_a_push_shares_them_between_its_frames() -> None:
@@ -64,19 +64,19 @@ def test_a_push_shares_them_between_its_frames() -> None:
         earlier, last = map(change, frames)
         return push_fit(replace(last, earlier=(earlier,)))
 
-    plain, told = estimate(lambda one: one), estimate(with_shared)
-    assert plain.message == told.message == "2 frames"
+    independent, shared_fit = estimate(lambda one: one), estimate(with_shared)
+    assert independent.message == shared_fit.message == "2 frames"
     amplitudes = ((0.2, 0.0), (0.0, 0.2))
-    found = [estimate(partial(moved, amplitudes=one)) for one in amplitudes]
+    displaced = [estimate(partial(moved, amplitudes=one)) for one in amplitudes]
     for name in ("x_c_m", "force_n"):
-        shifts = [getattr(one, name) - getattr(plain, name) for one in found]
-        added = np.sqrt(told.sigma(name) ** 2 - plain.sigma(name) ** 2)
+        shifts = [getattr(one, name) - getattr(independent, name) for one in displaced]
+        added = np.sqrt(shared_fit.sigma(name) ** 2 - independent.sigma(name) ** 2)
         assert added == pytest.approx(np.hypot(*shifts) / 0.2, rel=0.05)
 
 
 def test_a_point_alone_has_all_errors_together() -> None:
     points, *_ = pushed_points(0.15, 0.02)
-    told = with_shared(measurement(points, SIGMA))
+    measured = with_shared(measurement(points, SIGMA))
     expected = SIGMA * np.sqrt(1 + (shared(points) ** 2).sum(axis=1))
-    assert told.total_sigma_vectors[:, 1] == pytest.approx(expected)
-    assert not told.total_sigma_vectors[:, 0].any()
+    assert measured.total_sigma_vectors[:, 1] == pytest.approx(expected)
+    assert not measured.total_sigma_vectors[:, 0].any()
