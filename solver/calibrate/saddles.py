@@ -17,17 +17,27 @@ _SEARCH, _SEARCH_BETWEEN_MARKERS = 0.25, 0.2
 
 
 def chessboard(view: Grey, board: Chessboard) -> BoardDetection | None:
-    """Detect inner corners in a view (height, width); return None if not all are visible."""
+    """Detect inner corners in a view (height, width); return None if not all are visible.
+
+    Where they are not in the gray values, they may be in the logarithm: light that falls off across
+    the board scales the contrast of its squares, but not the difference of their logarithms.
+    """
     pattern = (board.columns, board.rows)
-    success, corners = cv2.findChessboardCornersSB(
-        eight_bit(view), pattern, flags=cv2.CALIB_CB_ACCURACY
-    )
-    if not success:
+    for image in (eight_bit(view), _logarithm(eight_bit(view))):
+        success, corners = cv2.findChessboardCornersSB(image, pattern, flags=cv2.CALIB_CB_ACCURACY)
+        if success:
+            break
+    else:
         return None
     corners = np.asarray(corners, np.float64).reshape(board.rows, board.columns, 2)
     corners = _upright(eight_bit(view), corners)
     numbers = np.arange(board.rows * board.columns)
     return _refine(view, BoardDetection(numbers, corners.reshape(-1, 2)), board, _SEARCH)
+
+
+def _logarithm(image: Grey) -> Grey:
+    """Compute log(1 + gray), scaled to 8 bits, of an image (height, width) of 8 bits."""
+    return np.asarray(np.rint(np.log1p(image) * (255 / np.log(256))), np.uint8)
 
 
 def _upright(view: Grey, corners: Floats) -> Floats:

@@ -1,20 +1,25 @@
 """Appearance of the beam at rest: polarity, width and shading, learned from the rest images."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 
-from solver.centreline.finding import Path, find_path
+from solver.centreline.effective_profile import (
+    EffectiveProfile,
+    effective_profile,
+    read_columns,
+)
 from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
 from solver.centreline.profile import Profile, Section, profile
 from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
+from solver.centreline.rest_line import find_rest_line
 from solver.centreline.section_on_ground import section_on_ground
 from solver.centreline.smooth import smooth_curve
 from solver.centreline.stations import Stations, stations
@@ -42,7 +47,8 @@ class Appearance:
     [gray px] is given along `length` [px] of the path; `misfit` is the typical chi^2 per degree of
     freedom of a profile fit, at least 1; `sigma_px` is the part of a centre's error that does not
     come from the sensor's noise; `ground` is the background's median gray value. `half` pixels on
-    either side are fitted. `ground_at_rest` is None for a ground without structure.
+    either side are fitted. `ground_at_rest` is None for a ground without structure. A profile that
+    `is_sampled` is that of the images, not that of the section.
     """
 
     polarity: int
@@ -57,6 +63,7 @@ class Appearance:
     half: int
     full_scale: int
     ground_at_rest: Ground | None = None
+    is_sampled: bool = False
 
     @property
     def shading(self) -> float:
@@ -75,31 +82,40 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     Raises InputError where no beam is found along the rig's x axis.
     """
     noise = estimate_noise(images)
-    image = images[0]
-    full_scale = guide.full_scale or int(np.iinfo(image.dtype).max)
-    detections = []
-    for scale, polarity in product(FLAT_WIDTHS if guide.flat else WIDTHS, (1, -1)):
-        wider = replace(guide, radius=scale * guide.radius)
-        path = find_path(image, wider, polarity, noise, LIMITS.max_askew, bends=False)
-        if path is not None and path.support > LIMITS.min_support_at_rest:
-            detections.append((path.contrast * path.support**2, path, polarity, wider))
-    if not detections:
+    mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
+    full_scale = guide.full_scale or int(np.iinfo(images[0].dtype).max)
+    line = find_rest_line(mean, guide, FLAT_WIDTHS if guide.flat else WIDTHS)
+    if line is None:
         raise InputError("the rest images show no beam along the rig's x axis")
-    _, path, polarity, guide = max(detections, key=lambda detection: detection[0])
-    on_beam = path.places[(path.places[:, 0] > 0) & (path.places[:, 0] < 0.98 * guide.length)]
-    places = stations(guide.pixels(on_beam), image.shape)
+    guide = replace(guide, radius=line.width * guide.radius)
+    on_beam = line.places[(line.places[:, 0] > 0) & (line.places[:, 0] < 0.98 * guide.length)]
+    path, beam = guide.pixels(on_beam), _to_the_tip(line.places, guide)
+    places = stations(path, mean.shape)
     if len(places) < LIMITS.min_stations:
         raise InputError(
             f"the rest images show {len(places)} columns of the beam, "
             f"needed are {LIMITS.min_stations}"
         )
-    slope = float(np.polyfit(on_beam[:, 0], on_beam[:, 1], 1)[0])
-    antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
-    rest = _RestImages(images, places, noise, polarity, guide.radius_px, full_scale)
-    beam = _to_the_tip(path, guide)
+    rest = _RestImages(images, places, noise, line.polarity, guide.radius_px, full_scale)
     reach = guide.radius_px + FIRST_REACH_PX
     ground = learn_ground(images, beam, reach, noise, int(reach + 0.5) + MARGIN)
-    look = rest.appearance() if ground is None else rest.appearance_before(ground, beam)
+    if ground is not None:
+        look = rest.appearance_before(ground, beam)
+    else:
+        sampled = rest.sampled()
+        path = _moved(path, places, places.sense * sampled.off_path)
+        rest = replace(rest, places=stations(path, mean.shape))
+        # A beam along a row of pixels samples its profile at one place between them only.
+        is_sampled = np.ptp(rest.places.start) > 1
+        look = rest.appearance(sampled.table if is_sampled else None)
+    x, y = guide.places(path).T
+    slope = float(np.polyfit(x, y, 1)[0])
+    antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
+    if look.sigma_px > LIMITS.max_scatter_px:
+        raise InputError(
+            f"the columns of the beam at rest scatter by {look.sigma_px:.1f} px about a smooth "
+            f"curve, allowed is {LIMITS.max_scatter_px:g}: the ground's structure hides the beam"
+        )
     radius = look.section.radius * guide.pixel
     return look, replace(guide, antenna_from_beam=antenna_from_beam, radius=radius)
 
@@ -115,8 +131,51 @@ class _RestImages:
     radius: float
     full_scale: int
 
-    def appearance(self) -> Appearance:
-        """Estimate the section that gives the smoothest centres and the smallest residuals."""
+    def sampled(self) -> EffectiveProfile:
+        """Sample the profile along the path, and the beam's distance (n,) from it."""
+        half = _half(self._nominal)
+        columns = read_columns(self.images, self.places, half, self.noise, self.full_scale)
+        table, off_path = effective_profile(columns, half - MARGIN, self.polarity)
+        return EffectiveProfile(table, np.interp(self.places.length, columns.length, off_path))
+
+    @property
+    def _nominal(self) -> Section:
+        """The rig's section, which extends FIRST_REACH_PX further in the image."""
+        return Section(self.radius, FIRST_REACH_PX / 3, 0.0, 0.0)
+
+    def appearance(self, sampled: Profile | None) -> Appearance:
+        """Estimate the section that gives the smoothest centres and the smallest residuals.
+
+        Where the section leaves more than noise, the `sampled` profile may take its place.
+        """
+        shape = self._described()
+        if sampled is not None and (shape is None or shape.misfit > LIMITS.max_section_misfit):
+            other = self._shape(self._nominal, sampled)
+            if shape is None or other.course_sigma < shape.course_sigma:
+                shape = other
+        if shape is None:
+            raise InputError("the rest images show no beam of the rig's diameter")
+        fits, good = shape.fits, shape.good
+        noise_variance = float(np.mean([f.sigma[good] ** 2 for f in fits])) / len(fits)
+        amplitude = np.mean([f.amplitude for f in fits], axis=0)
+        return Appearance(
+            polarity=self.polarity,
+            noise=self.noise,
+            section=shape.section,
+            profile=shape.table,
+            # The median filter removes the noise of single columns.
+            amplitude=median_filter(amplitude[good], 21, mode="nearest"),
+            length=self.places.length[good],
+            misfit=max(1.0, shape.misfit),
+            sigma_px=float(np.sqrt(max(shape.scatter**2 - noise_variance, 0.0))),
+            ground=float(np.median([np.median(f.background[good]) for f in fits])),
+            half=_half(shape.section),
+            full_scale=self.full_scale,
+            is_sampled=sampled is not None and shape.table is sampled,
+        )
+
+    def _described(self) -> "_Shape | None":
+        """Describe the profile by a section; return None where no section shows the beam."""
         p = self._best(STARTS, 1.0)
         misfit_unit = self._misfit(p)
         if misfit_unit > LIMITS.processed_misfit:
@@ -124,28 +183,20 @@ class _RestImages:
             p = self._best((*STARTS, *PROCESSED_STARTS), misfit_unit)
         section = self._section(p)
         if section is None:
-            raise InputError("the rest images show no beam of the rig's diameter")
-        fits = self._fits(section)
+            return None
+        try:
+            return self._shape(section, profile(section))
+        except InputError:
+            return None
+
+    def _shape(self, section: Section, table: Profile) -> "_Shape":
+        fits = self._fits(table, _half(section))
         centre, good = self._mean_centre(fits)
         self._check_count(good)
         residual = (centre - self._smooth(centre, good))[good]
-        noise_variance = np.mean([f.sigma[good] ** 2 for f in fits]) / len(fits)
-        scatter = (1.4826 * np.median(np.abs(residual))) ** 2
-        amplitude = np.mean([f.amplitude for f in fits], axis=0)
-        return Appearance(
-            polarity=self.polarity,
-            noise=self.noise,
-            section=section,
-            profile=profile(section),
-            # The median filter removes the noise of single columns.
-            amplitude=median_filter(amplitude[good], 21, mode="nearest"),
-            length=self.places.length[good],
-            misfit=max(1.0, float(np.median([f.chi2[good] / f.dof[good] for f in fits]))),
-            sigma_px=float(np.sqrt(max(scatter - noise_variance, 0.0))),
-            ground=float(np.median([np.median(f.background[good]) for f in fits])),
-            half=_half(section),
-            full_scale=self.full_scale,
-        )
+        scatter = 1.4826 * float(np.median(np.abs(residual)))
+        misfit = float(np.median([f.chi2[good] / f.dof[good] for f in fits]))
+        return _Shape(section, table, fits, good, scatter, misfit)
 
     def appearance_before(self, ground: Ground, beam: Floats) -> Appearance:
         """Estimate the section before a ground with structure; `beam` (n, 2) [px] is its path."""
@@ -207,7 +258,7 @@ class _RestImages:
             section = self._section(p)
             if section is None:
                 return 1e12
-            fits = self._fits(section)
+            fits = self._fits(profile(section), _half(section))
             centre, good = self._mean_centre(fits)
             if np.count_nonzero(good) < LIMITS.min_stations:
                 return 1e12
@@ -234,7 +285,7 @@ class _RestImages:
     def _misfit(self, p: Floats) -> float:
         """Compute the median chi^2 per degree of freedom of a section's fits; at least 1."""
         section = self._section(p)
-        fits = [] if section is None else self._fits(section)
+        fits = [] if section is None else self._fits(profile(section), _half(section))
         misfits = [f.chi2 / np.maximum(f.dof, 1) for f in fits if np.isfinite(f.sigma).any()]
         return max(1.0, float(np.median(misfits))) if misfits else 1.0
 
@@ -245,8 +296,7 @@ class _RestImages:
             return None
         return Section(scale * self.radius, spread, roundness, skew)
 
-    def _fits(self, section: Section) -> list[Fits]:
-        table, half = profile(section), _half(section)
+    def _fits(self, table: Profile, half: int) -> list[Fits]:
         return [
             fit_profiles(image, self.places, table, self.noise, half, self.full_scale)
             for image in self.images
@@ -268,10 +318,31 @@ class _RestImages:
         return centre if curve is None else curve
 
 
-def _to_the_tip(path: Path, guide: Guide) -> Floats:
+@dataclass(frozen=True)
+class _Shape:
+    """A profile, its section, and its fits to the rest images.
+
+    `good` (n,) marks the columns that look like the beam, `scatter` [px] is that of their mean
+    centres about a smooth course, and `misfit` their median chi^2 per degree of freedom.
+    """
+
+    section: Section
+    table: Profile
+    fits: list[Fits]
+    good: Mask
+    scatter: float
+    misfit: float
+
+    @property
+    def course_sigma(self) -> float:
+        """Standard error [px] of the course's mean."""
+        return self.scatter / math.sqrt(np.count_nonzero(self.good))
+
+
+def _to_the_tip(places: Floats, guide: Guide) -> Floats:
     """Compute the pixels (n, 2) of a path from the clamp to the tip."""
     x = np.linspace(0.0, guide.length, 50)
-    return guide.pixels(np.column_stack([x, np.interp(x, *path.places.T)]))
+    return guide.pixels(np.column_stack([x, np.interp(x, *places.T)]))
 
 
 def _moved(beam: Floats, places: Stations, off_path: Floats) -> Floats:

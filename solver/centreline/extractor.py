@@ -5,8 +5,8 @@ beam's appearance is learned from the images of it at rest.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from solver.centreline.guide import Guide
 from solver.centreline.profile_fit import Fits
 from solver.centreline.stations import Stations, stations
 from solver.centreline.thresholds import LIMITS
-from solver.centreline.tip import find_tip
+from solver.centreline.tip import TipEstimate, find_tip
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.compiled import njit
 from solver.instrument.medians import median
@@ -120,6 +120,41 @@ class BeamExtractor:
         places = stations(self.guide.pixels(path.places), image.shape)
         if len(places) < LIMITS.min_curve_points:
             return down_columns(np.empty((0, 2)), np.empty(0))
+        columns = self._columns(image, flat, ground, places)
+        if appearance.is_sampled and len(columns.smooth):
+            # Beside its middle, a profile of several lobes fits at wrong places, too.
+            start = places.start + places.sense * columns.smooth
+            places = replace(places, start=start)
+            columns = self._columns(image, flat, ground, places)
+        fits, flags, tip, smooth = columns.fits, columns.flags, columns.tip, columns.smooth
+        if not len(smooth):
+            return down_columns(np.empty((0, 2)), np.empty(0))
+        brightness, sigma, noise = columns.brightness, columns.sigma, columns.noise
+        common_sigma, typical_brightness, background = _summary(
+            fits.centre, sigma, noise, brightness, fits.background, flags
+        )
+        height, width = image.shape
+        points, directions, good_sigma, rejected, reasons = _select(
+            places.along, places.upright, places.start, places.sense,
+            fits.centre, smooth, sigma, flags, columns.on_beam, height, width,
+        )  # fmt: skip
+        return Centreline(
+            points=points,
+            directions=directions,
+            sigma=good_sigma,
+            rejected=rejected,
+            flags=reasons,
+            tip=None if tip is None else tip.pixel,
+            tip_covariance=None if tip is None else tip.covariance,
+            common_sigma=common_sigma,
+            remark=self._remark(typical_brightness, background) if len(points) else "",
+        )
+
+    def _columns(
+        self, image: Grey, flat: Grey, ground: Ground | None, places: Stations
+    ) -> "_Columns":
+        """Fit the columns at n stations, flag outliers, and find the tip."""
+        appearance = self.appearance
         fits, at_rest = self._fit(image, places, ground)
         brightness, misfit, noise, sigma = self._compared(fits, at_rest)
         flags = flag_columns(
@@ -136,27 +171,7 @@ class BeamExtractor:
         # by rows remains one curve.
         off_path = places.sense * (fits.centre - places.start)
         smooth = fit_and_flag_outliers(places.length, off_path, sigma, brightness, on_beam, flags)
-        if not len(smooth):
-            return down_columns(np.empty((0, 2)), np.empty(0))
-        common_sigma, typical_brightness, background = _summary(
-            fits.centre, sigma, noise, brightness, fits.background, flags
-        )
-        height, width = image.shape
-        points, directions, good_sigma, rejected, reasons = _select(
-            places.along, places.upright, places.start, places.sense,
-            fits.centre, smooth, sigma, flags, on_beam, height, width,
-        )  # fmt: skip
-        return Centreline(
-            points=points,
-            directions=directions,
-            sigma=good_sigma,
-            rejected=rejected,
-            flags=reasons,
-            tip=None if tip is None else tip.pixel,
-            tip_covariance=None if tip is None else tip.covariance,
-            common_sigma=common_sigma,
-            remark=self._remark(typical_brightness, background) if len(points) else "",
-        )
+        return _Columns(fits, brightness, noise, sigma, flags, on_beam, tip, smooth)
 
     def _remark(self, beam: float, background: float) -> str:
         """Describe the change of brightness of beam and background since rest; "" if small."""
@@ -174,6 +189,24 @@ class BeamExtractor:
             f"this image differs from the rest images: background {ratio:.2g} times and beam "
             f"{beam:.2g} times as bright; has exposure, gain, gamma or light changed?"
         )
+
+
+class _Columns(NamedTuple):
+    """Fits at n stations, and arrays (n,) of their brightness over that at rest, sigmas and flags.
+
+    `noise` [px] is the sigma of the sensor's noise, `sigma` includes the other errors; `on_beam`
+    are the stations before the tip, `smooth` [px] is the beam's course beside the path, of length
+    0 if too few columns show the beam.
+    """
+
+    fits: Fits
+    brightness: Floats
+    noise: Floats
+    sigma: Floats
+    flags: npt.NDArray[np.uint8]
+    on_beam: Mask
+    tip: TipEstimate | None
+    smooth: Floats
 
 
 @njit

@@ -39,6 +39,7 @@ class Profile:
 
     Row i is for a beam that climbs i / (SLOPES - 1) px per column; the middle of a row is the axis;
     its sum times STEP is one over the cosine of the climb, so that amplitudes are comparable.
+    `reach` [px] is that of the table.
     """
 
     value: Floats
@@ -49,13 +50,48 @@ class Profile:
 def profile(section: Section) -> Profile:
     """Tabulate a section's profiles."""
     extent = 1.5 * section.radius + 5 * section.spread * 1.5 + 1.5
-    half = int(np.ceil(extent / STEP))
-    t = np.arange(-half, half + 1, dtype=np.float64) * STEP
+    # An oblique section is the same one, only wider: it is computed once, on a finer grid.
+    fine = _fine_grid(extent)
+    return _tabulated(fine, _spread(fine, section))
+
+
+def spline_profile(values: Floats, step: float, reach: float) -> Profile:
+    """Tabulate the profiles of a linear spline across the beam.
+
+    Its `values` are at knots `step` [px] apart, the middle one on the axis, and 0 beyond.
+
+    The table extends `reach` [px] to both sides, and what obliqueness and the pixel add to it.
+    """
+    fine = _fine_grid(1.5 * reach + 1.5)
+    last = len(values) // 2 + 1
+    knots = step * np.arange(-last, last + 1)
+    return _tabulated(fine, np.interp(fine, knots, np.concatenate([[0.0], values, [0.0]])))
+
+
+def interpolated(table: Floats, climb: Floats, offset: Floats) -> Floats:
+    """Interpolate a table of profiles at offsets (n, m) [px] from the beam, for climbs (n, 1)."""
+    slopes, size = table.shape
+    row = climb * (slopes - 1)
+    low = np.minimum(row.astype(np.int64), slopes - 2)
+    column = offset / STEP + size // 2
+    first = np.clip(np.floor(column).astype(np.int64), 0, size - 2)
+    inside = (column >= 0) & (column < size - 1)
+    fraction, row_fraction = column - first, row - low
+    flatter = (1 - fraction) * table[low, first] + fraction * table[low, first + 1]
+    steeper = (1 - fraction) * table[low + 1, first] + fraction * table[low + 1, first + 1]
+    return np.asarray(np.where(inside, (1 - row_fraction) * flatter + row_fraction * steeper, 0.0))
+
+
+def _fine_grid(extent: float) -> Floats:
+    half = 4 * int(np.ceil(extent / STEP))
+    return np.arange(-half, half + 1, dtype=np.float64) * (STEP / 4)
+
+
+def _tabulated(fine: Floats, blurred: Floats) -> Profile:
+    """Tabulate the profiles of a brightness across the beam, on a grid of step STEP / 4."""
+    t = fine[::4]
     values = np.empty((SLOPES, len(t)))
     slopes = np.empty_like(values)
-    # An oblique section is the same one, only wider: it is computed once, on a finer grid.
-    fine = np.arange(-4 * half, 4 * half + 1, dtype=np.float64) * (STEP / 4)
-    blurred = _spread(fine, section)
     for index, climb in enumerate(np.linspace(0, 1, SLOPES)):
         stretch = float(np.hypot(1, climb))
         # The double integral of the section, differenced over the pixel's height and width,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from solver.centreline.ground import Ground
-from solver.centreline.profile import STEP, Section, profile
+from solver.centreline.profile import Section, interpolated, profile
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Mask
 
@@ -73,7 +73,8 @@ def section_on_ground(
     def residuals(p: Floats) -> Floats:
         # The amplitude is in units of the level: all parameters are of the order of one.
         centre, amplitude = basis @ p[4 : 4 + terms], ground.level * (basis @ p[4 + terms :])
-        shape = _profile(section(p), columns, centre)
+        offset = columns.sense * columns.row - centre[:, None]
+        shape = interpolated(profile(section(p)).value, columns.climb, offset)
         cover = np.clip(2 * section(p).radius * shape, 0, 1)
         model = columns.ground + cover * (ground.level - columns.ground)
         model += amplitude[:, None] * shape
@@ -119,21 +120,3 @@ def _columns(
         sense=places.sense[used][:, None],
     )
     return columns, used
-
-
-def _profile(section: Section, columns: _Columns, centre: Floats) -> Floats:
-    """Interpolate a section's profile (n, m) at the columns' pixels, for centres (n,) off the path.
-
-    Centres are along the beam's normal, as in all columns and rows of a path.
-    """
-    table = profile(section).value
-    slopes, size = table.shape
-    row = columns.climb * (slopes - 1)
-    low = np.minimum(row.astype(np.int64), slopes - 2)
-    column = (columns.sense * columns.row - centre[:, None]) / STEP + size // 2
-    first = np.clip(np.floor(column).astype(np.int64), 0, size - 2)
-    inside = (column >= 0) & (column < size - 1)
-    fraction, row_fraction = column - first, row - low
-    flatter = (1 - fraction) * table[low, first] + fraction * table[low, first + 1]
-    steeper = (1 - fraction) * table[low + 1, first] + fraction * table[low + 1, first + 1]
-    return np.asarray(np.where(inside, (1 - row_fraction) * flatter + row_fraction * steeper, 0.0))

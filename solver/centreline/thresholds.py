@@ -20,9 +20,11 @@ class CentrelineThresholds(NamedTuple):
     near_radii_at_rest: float = 0.5
     # Fewest agreeing scan lines, of 72, for which the beam is detected. Chosen.
     min_lines: int = 6
-    # Smallest fraction of scan lines on which a beam at rest is seen. Chosen: only its clamp and
-    # the image's border hide it, and structure of the ground agrees on fewer by chance.
+    # Smallest fraction of scan lines in the image for a beam at rest. Chosen.
     min_support_at_rest: float = 0.25
+    # Mean contrast along a beam at rest, in robust sigmas of that along lines elsewhere. Chosen: of
+    # thousands of lines along a texture, the best reaches 4, and the weakest visible beam 9.
+    min_line_sigmas: float = 6.0
     # Fewest pixels of a column: four parameters and two degrees of freedom. Derived.
     min_pixels: int = 6
     # Range of a column's amplitude, over the amplitude at rest. Chosen.
@@ -72,9 +74,15 @@ class CentrelineThresholds(NamedTuple):
     max_askew: float = 0.12
     # Fewest stations of a rest image that show the beam. Chosen.
     min_stations: int = 20
+    # Largest scatter [px] of a rest image's centres about a smooth curve. Chosen: compression and
+    # sharpening leave 0.3; above, the columns show something else than the beam.
+    max_scatter_px: float = 1.0
     # Images with a chi^2 per degree of freedom above this are processed. Chosen: the section of an
     # unprocessed beam leaves about 1.
     processed_misfit: float = 2.0
+    # Above this chi^2 per degree of freedom, a section's profile is compared with the sampled one.
+    # Chosen: the centre's sigma is then larger than necessary by a fifth.
+    max_section_misfit: float = 1.5
     # Images with a smaller noise sigma [gray levels] count as compressed or denoised. Chosen: a
     # camera needs more noise to round well.
     min_noise: float = 0.5

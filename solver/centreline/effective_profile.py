@@ -1,0 +1,171 @@
+"""The beam's profile as the rest images show it, for a beam that no section of `profile` describes.
+
+Polished steel has a bright line between dark flanks, and a sharpened image has flanks of the
+opposite sign. All columns along the beam sample one profile at different places between the pixels:
+it is a spline across the beam, fitted to all columns together with the beam's course (as Anderson
+and King, 2000, do for stars).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solver.centreline.noise import Noise
+from solver.centreline.profile import Profile, interpolated, spline_profile
+from solver.centreline.stations import Stations
+from solver.centreline.thresholds import LIMITS
+from solver.instrument.arrays import Floats, Grey
+
+# Distance [px] of the spline's knots, or this part of a wide profile. Chosen: at half a pixel, the
+# highlight of a thin polished beam was not resolved.
+KNOT_PX, KNOTS = 1 / 3, 20
+# Largest change [px] of the centre in one round. Chosen: within the range of the derivative.
+MAX_STEP_PX = 0.5
+# A profile's edges are where it falls to this share of its largest value. Chosen: above the noise.
+EDGE = 0.1
+# Degree of the smooth course of centre and amplitude: bow and distortion have no finer detail.
+DEGREE = 4
+# Largest number of rounds in which profile and course are improved in turn. Chosen.
+ROUNDS = 12
+# A round that improves chi^2 by less than this fraction is the last one. Chosen.
+CONVERGED = 1e-3
+# Sigma of the spline's second differences, over its largest value. Chosen: details finer than a
+# pixel, which its average removes, remain small.
+ROUGHNESS = 0.3
+
+
+# Relative weight that keeps the normal equations regular. Chosen: far below that of the data.
+RIDGE = 1e-6
+
+
+class Columns(NamedTuple):
+    """Pixels of n columns across the beam: `gray` (n, m) and its `variance`.
+
+    `offset` (n, m) [px] is a pixel's distance from the path along the column, in the sense of the
+    path's normal; `climb` (n, 1) is the column's, and `length` (n,) [px] its place along the path.
+    """
+
+    gray: Floats
+    variance: Floats
+    offset: Floats
+    climb: Floats
+    length: Floats
+
+
+def read_columns(
+    images: Sequence[Grey], places: Stations, half: int, noise: Noise, full_scale: int
+) -> Columns:
+    """Average images (height, width) in 2 half + 1 pixels of each column within the image."""
+    middle = np.rint(places.start).astype(np.int64)
+    height, width = images[0].shape
+    size = np.array([width, height])[places.upright.astype(np.int64)]
+    used = np.flatnonzero((middle >= half) & (middle < size - half))
+    across = middle[used, None] + np.arange(-half, half + 1)
+    along = np.broadcast_to(places.along[used, None], across.shape)
+    upright = places.upright[used, None]
+    v, u = np.where(upright, across, along), np.where(upright, along, across)
+    pixels = np.array([image[v, u] for image in images], np.float64)
+    gray = pixels.mean(axis=0)
+    variance = np.array(noise.variance(gray)) / len(pixels)
+    variance[(pixels >= full_scale).any(axis=0)] = np.inf
+    return Columns(
+        gray=gray,
+        variance=variance,
+        offset=places.sense[used, None] * (across - places.start[used, None]),
+        climb=np.minimum(np.abs(places.climb[used, None]), 1.0),
+        length=places.length[used],
+    )
+
+
+class EffectiveProfile(NamedTuple):
+    """The profile, and the distance (n,) [px] of the beam from the path, along its normal."""
+
+    table: Profile
+    off_path: Floats
+
+
+def effective_profile(columns: Columns, reach: float, polarity: int) -> EffectiveProfile:
+    """Fit a profile that extends `reach` [px] to both sides of the beam.
+
+    Amplitudes have the sign of `polarity`. In each column, the background is a straight line.
+    """
+    weight = 1 / np.sqrt(columns.variance)
+    step = max(KNOT_PX, reach / KNOTS)
+    knots = step * np.arange(-int(reach / step), int(reach / step) + 1)
+    basis = np.polynomial.chebyshev.chebvander(_unit(columns.length), DEGREE)
+    x = np.broadcast_to(np.linspace(-1, 1, columns.gray.shape[1]), columns.gray.shape)
+    line = np.linalg.qr(np.stack([np.ones_like(x), x], axis=-1) * weight[..., None])[0]
+
+    def beyond_line(values: Floats) -> Floats:
+        """Remove the straight lines from values (n, m, k), in units of the noise."""
+        weighted = values * weight[..., None]
+        return np.asarray(weighted - line @ (line.transpose(0, 2, 1) @ weighted))
+
+    gray = beyond_line(columns.gray[..., None])[..., 0]
+    hat = spline_profile(np.ones(1), step, reach)
+    stretch = np.hypot(1.0, columns.climb)
+    centre, amplitude = np.zeros(basis.shape[1]), np.eye(basis.shape[1])[0]
+    good, least = np.ones(len(gray), bool), np.inf
+    best = None
+
+    def splines(offset: Floats) -> Floats:
+        """Compute the columns of each knot, (n, m, k), without their lines."""
+        shapes = [interpolated(hat.value, columns.climb, offset - k * stretch) for k in knots]
+        return beyond_line(np.stack(shapes, -1) * (basis @ amplitude)[:, None, None])
+
+    for _ in range(ROUNDS):
+        offset = columns.offset - (basis @ centre)[:, None]
+        design = splines(offset)
+        values = _spline(design[good], gray[good], len(knots))
+        residual = gray - design @ values
+        misfit = (residual**2).mean(axis=1)
+        good = misfit < LIMITS.max_misfit * np.median(misfit)
+        chi2 = float(np.median(misfit))
+        if best is not None and chi2 > (1 - CONVERGED) * least:
+            break
+        best, least = (values, centre, amplitude, good), chi2
+        # Improve profile and course together: one in turn after the other would drift slowly.
+        table = spline_profile(values, step, reach)
+        slope = interpolated(table.slope, columns.climb, offset) * (basis @ amplitude)[:, None]
+        value = interpolated(table.value, columns.climb, offset)
+        by_course = beyond_line(np.stack([-slope, value], axis=-1))
+        by_course = (by_course[..., None] * basis[:, None, None]).reshape(*gray.shape, -1)
+        joint = np.concatenate([design, by_course], axis=-1)
+        update = _spline(joint[good], gray[good], len(knots))[len(knots) :]
+        terms = basis.shape[1]
+        limit = max(1.0, float(np.abs(basis @ update[:terms]).max()) / MAX_STEP_PX)
+        centre = centre + update[:terms] / limit
+        amplitude = amplitude + update[terms:] / limit
+        amplitude = amplitude / np.median(basis @ amplitude)
+    assert best is not None
+    values, centre, amplitude, good = best
+    # The axis is in the middle of the beam's light and shade, not at its highlight: measured beside
+    # the axis, a bent beam is a parallel curve.
+    fine = np.linspace(knots[0], knots[-1], 1001)
+    inside = fine[np.abs(np.interp(fine, knots, values)) > EDGE * np.abs(values).max()]
+    centre = centre + np.eye(len(centre))[0] * (inside[0] + inside[-1]) / 2
+    offset = columns.offset - (basis @ centre)[:, None]
+    values = _spline(splines(offset)[good], gray[good], len(knots))
+    area = polarity * float(np.abs(values).sum()) * step
+    return EffectiveProfile(spline_profile(values / area, step, reach), basis @ centre)
+
+
+def _spline(design: Floats, gray: Floats, n_knots: int) -> Floats:
+    """Fit parameters (k,) to columns (n, m) of a design (n, m, k): a spline's values, then others.
+
+    The scale of the prior is that of a first fit's largest value.
+    """
+    flat = design.reshape(-1, design.shape[-1])
+    normal, right = flat.T @ flat, flat.T @ gray.ravel()
+    # Changes of the course that the spline imitates, a shift and a scale, remain small.
+    normal += RIDGE * np.diag(np.diag(normal) + np.trace(normal) / len(right))
+    largest = float(np.abs(np.linalg.solve(normal, right)[:n_knots]).max())
+    second = np.diff(np.eye(n_knots + 2), 2, axis=0)[:, 1:-1] / (ROUGHNESS * largest)
+    normal[:n_knots, :n_knots] += second.T @ second
+    return np.asarray(np.linalg.solve(normal, right))
+
+
+def _unit(length: Floats) -> Floats:
+    """Map lengths to -1 to 1."""
+    return np.asarray(2 * (length - length[0]) / max(float(np.ptp(length)), 1.0) - 1)

@@ -1,0 +1,109 @@
+"""The profile of polished steel: a bright line between dark flanks, which no section describes."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from solver.centreline.appearance import Section
+from solver.centreline.effective_profile import effective_profile, read_columns
+from solver.centreline.extractor import BeamExtractor, learn_beam
+from solver.centreline.noise import Noise
+from solver.centreline.profile import profile
+from solver.centreline.stations import stations
+from solver.instrument.arrays import Floats, Grey
+from tests.beam_images import HEIGHT, WIDTH, Sensor, bent, guide
+
+TILT = 0.02
+RADIUS_PX = 0.8
+SENSOR = Sensor()
+GROUND = 0.3
+SUBPIXELS = 16
+
+
+def steel(across: Floats) -> Floats:
+    """Brightness of the beam and its ground, at distances [px] from its axis."""
+    beam = 0.12 + 1.2 * np.exp(-(((across - 0.2) / 0.35) ** 2))
+    edge = ndtr((1.4 - np.abs(across)) / 0.2)
+    return np.asarray(GROUND + (beam - GROUND) * edge)
+
+
+def drawn(theta: float) -> tuple[Floats, Floats]:
+    """Light (height, width) of a beam bent by `theta`, and its pixels (n, 2)."""
+    pixels = guide().pixels(bent(theta, tilt=TILT))
+    columns = np.arange(WIDTH)
+    fine = (np.arange(HEIGHT * SUBPIXELS) + 0.5) / SUBPIXELS - 0.5
+    order = np.argsort(pixels[:, 0])
+    u, v = pixels[order].T
+    centre, slope = np.interp(columns, u, v), np.interp(columns, u, np.gradient(v, u))
+    # Image rows run against the beam's own normal.
+    across = (centre - fine[:, None]) / np.hypot(1, slope)
+    light = np.where((columns >= u[0]) & (columns <= u[-1]), steel(across), GROUND)
+    return light.reshape(HEIGHT, SUBPIXELS, WIDTH).mean(axis=1), pixels
+
+
+def images(theta: float, first: int, n: int) -> tuple[list[Grey], Floats]:
+    light, pixels = drawn(theta)
+    return [SENSOR(light, np.random.default_rng(first + k)) for k in range(n)], pixels
+
+
+@cache
+def learned() -> BeamExtractor:
+    return learn_beam(images(0.0, 0, 4)[0], guide())
+
+
+def test_the_profile_of_steel_leaves_little_more_than_noise() -> None:
+    section = learned().appearance.section
+    assert learned().appearance.misfit < 2
+    # The search of a section has found none that leaves as little.
+    rest, pixels = images(0.0, 0, 4)
+    places = stations(pixels[::40], (HEIGHT, WIDTH))
+    columns = read_columns(rest, places, 6, Noise(1.0, 0.03), 255)
+    best = effective_profile(columns, 4.0, 1).table.value[0]
+    assert best.min() < -0.2 * best.max()
+    assert profile(section).value.min() >= 0
+
+
+@pytest.mark.parametrize("theta", [0.05, 0.15, 0.3])
+def test_a_bent_steel_beam_is_measured_to_a_fortieth_of_a_pixel(theta: float) -> None:
+    (image,), pixels = images(theta, 50, 1)
+    line = learned()(image)
+    assert len(line.points) > 0.8 * np.ptp(pixels[pixels[:, 1] > 0, 0])
+    order = np.argsort(pixels[:, 0])
+    error = line.points[:, 1] - np.interp(line.points[:, 0], *pixels[order].T)
+    # The axis is that of the whole beam, not of its highlight 0.2 px beside it.
+    assert abs(error.mean()) < 0.15
+    assert (error - error.mean()).std() < 0.025
+
+
+def test_the_course_is_that_of_the_beam() -> None:
+    """Started beside the beam and askew, the profile's fit finds its course."""
+    rest, pixels = images(0.0, 0, 4)
+    askew = pixels[::40] + np.column_stack([np.zeros(101), np.linspace(0.8, -0.6, 101)])
+    places = stations(askew, (HEIGHT, WIDTH))
+    columns = read_columns(rest, places, 6, Noise(1.0, 0.03), 255)
+    course = effective_profile(columns, 4.0, 1).off_path
+    expected = np.interp(places.along, pixels[:, 0], pixels[:, 1]) - places.start
+    error = places.sense * course - expected
+    assert abs(error.mean()) < 0.15
+    assert np.abs(error - error.mean()).max() < 0.03
+
+
+def test_a_section_is_sampled_as_it_is() -> None:
+    """A beam that a section describes has the same effective profile."""
+    section = Section(RADIUS_PX, 0.5, 1.0, 0.0)
+    table = profile(section)
+    light = np.full((HEIGHT, WIDTH), GROUND)
+    columns = np.arange(WIDTH)
+    centre = 60 + 0.02 * columns
+    half = table.value.shape[1] // 2
+    offset = (np.arange(HEIGHT)[:, None] - centre) * 64 + half
+    light += 0.5 * np.interp(offset, np.arange(2 * half + 1), table.value[0])
+    rest = [SENSOR(light, np.random.default_rng(k)) for k in range(4)]
+    path = np.column_stack([columns, centre]).astype(np.float64)
+    read = read_columns(rest, stations(path, light.shape), 6, Noise(1.0, 0.03), 255)
+    sampled = effective_profile(read, 4.0, 1).table.value[0]
+    middle = len(sampled) // 2
+    near = np.arange(-192, 193, 16)
+    assert np.abs(sampled[middle + near] - table.value[0][half + near]).max() < 0.03
