@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from solver.centreline.appearance import Section
 from solver.centreline.effective_profile import effective_profile, read_columns
 from solver.centreline.extractor import BeamExtractor, learn_beam
 from solver.centreline.noise import Noise
-from solver.centreline.profile import profile
+from solver.centreline.profile import Section, profile
 from solver.centreline.stations import stations
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import HEIGHT, WIDTH, Sensor, bent, guide
