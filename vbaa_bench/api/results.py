@@ -79,7 +79,8 @@ def solve(
     `methods` are names, "all", or "package.module:function", one or several; by default those that
     the dataset has readings for. Their estimates are written to the folder `predictions/`. Each
     frame is solved `repeats` times, and the median time is reported. `on_start` is called with the
-    name of each run before it starts, `on_output` with each line that a method prints.
+    name of each run before it starts, or with those of all runs that share the set-up of a
+    collection's rigs, `on_output` with each line that a method prints.
 
     Returns the runs by name: a method, or "method@centreline" if the centreline is not the default
     one. Raises InputError.
@@ -94,16 +95,20 @@ def solve(
     chosen = dict.fromkeys(
         name for entry in requested for name in (METHODS if entry == _ALL_METHODS else [entry])
     )
-    runs = {}
+    runs: dict[str, MethodRun] = {}
+    if rigs:
+        # Methods of the solver share a rig's set-up; each of the user's own has its own process.
+        groups = [[name for name in chosen if name in METHODS]]
+        groups += [[name] for name in chosen if name not in METHODS]
+        for group, centreline in product(filter(None, groups), dict.fromkeys(centrelines)):
+            named = {run_name(method, centreline): method for method in group}
+            on_start(", ".join(named))
+            limits = (repeats, memory_gb, MAX_FRAME_S)
+            runs |= solve_rigs(rigs, named, centreline, limits, cores(), on_rig, on_output)
+        return runs
     for method, centreline in product(chosen, dict.fromkeys(centrelines)):
         name = run_name(method, centreline)
         on_start(name)
-        if rigs:
-            limits = (repeats, memory_gb, MAX_FRAME_S)
-            runs[name] = solve_rigs(
-                rigs, method, name, centreline, limits, cores(), on_rig, on_output
-            )
-            continue
         target = results.predictions / f"{name}.csv"
         runs[name] = run_method(
             results.dataset,

@@ -1,4 +1,4 @@
-"""Run a method in its own process, which receives only a copy of the observations."""
+"""Run methods in their own processes, which receive only a copy of the observations."""
 
 import json
 import os
@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,6 +53,14 @@ class MethodRun:
     refusal: str = ""
 
 
+class Job(NamedTuple):
+    """A method, the dataset that it is run on, and the path of its table."""
+
+    method: str
+    layout: Layout
+    out: Path
+
+
 class _Pipes(NamedTuple):
     """Standard input and output of a supervisor."""
 
@@ -85,25 +93,26 @@ def solve(
     folder cannot be written.
     """
     limits = (repeats, memory_gb, frame_s)
-    (run,) = solve_each([(layout, out)], method, centreline, limits, hear)
+    (run,) = solve_each([Job(method, layout, out)], centreline, limits, hear)
     if run.refusal:
         raise InputError(run.refusal)
     return run
 
 
 def solve_each(
-    datasets: Sequence[tuple[Layout, Path]],
-    method: str,
+    jobs: Sequence[Job],
     centreline: str,
     limits: tuple[int, float, float],
     hear: Callable[[str], None] = lambda _line: None,
 ) -> Iterator[MethodRun]:
-    """Run a method on several datasets, as `solve` does, each with the path of its table.
+    """Run methods on datasets, as `solve` does.
 
-    One process runs them all, one after another; `limits` are the repeats, the memory [GB] and the
-    time for a frame [s]. The table of a dataset that is refused holds the reason in every row.
+    One process runs them all, one after another, and sets up a dataset once for consecutive jobs.
+    A method of the user's own needs a process of its own. `limits` are the repeats, the memory [GB]
+    and the time for a frame [s]. The table of a dataset that is refused holds the reason in every
+    row.
     """
-    remaining = list(datasets)
+    remaining = list(jobs)
     while remaining:
         with _temporary_folder() as folder:
 
@@ -112,33 +121,39 @@ def solve_each(
                 sources = f"{folder / _SOURCES}{os.sep}"
                 return text.replace(sources, "").replace(f"{folder}{os.sep}", "")
 
-            task = (str(folder), method, centreline, *map(str, limits))
-            with _supervisor(task, folder, lambda line: hear(restored_paths(line))) as pipes:
-                alive = True
+            task = (str(folder), centreline, *map(str, limits))
+            environment = _environment(remaining[0].method, folder)
+            with _supervisor(
+                task, folder, environment, lambda line: hear(restored_paths(line))
+            ) as pipes:
+                alive, copied, copy = True, None, folder
                 while alive and remaining:
-                    layout, out = remaining.pop(0)
-                    # Never the same name twice: the process remembers what it has read.
-                    copy = folder / f"observations_{len(remaining)}"
-                    run, alive = _solve(layout, out, copy, pipes, restored_paths)
+                    job = remaining.pop(0)
+                    prepare_output_path(job.out)
+                    if job.layout != copied:
+                        check_complete(job.layout)
+                        if copied is not None:
+                            shutil.rmtree(copy, ignore_errors=True)
+                        # Never the same name twice: the process remembers what it has read.
+                        copy = folder / f"observations_{len(remaining)}"
+                        _copy(job.layout, copy)
+                        copied = job.layout
+                    run, alive = _solve(job, copy, pipes, restored_paths)
                     yield run
 
 
 def _solve(
-    layout: Layout,
-    out: Path,
-    copy: Path,
-    pipes: "_Pipes",
-    restored_paths: Callable[[str], str],
+    job: Job, copy: Path, pipes: _Pipes, restored_paths: Callable[[str], str]
 ) -> tuple[MethodRun, bool]:
-    """Solve one dataset; return the run, and whether the process can solve another."""
-    prepare_output_path(out)
-    check_complete(layout)
-    observations = open_observations(layout.observations)
-    _copy(layout, copy)
+    """Do one job on a copy of its observations.
+
+    Return the run, and whether the process can do another.
+    """
+    observations = open_observations(job.layout.observations)
     solved: dict[int, Row] = {}
     traceback, refusal, alive = "", "", False
     with suppress(BrokenPipeError):  # its own output contains the reason
-        pipes.requests.write(f"{copy}\n".encode())
+        pipes.requests.write(f"{json.dumps([job.method, str(copy)])}\n".encode())
         pipes.requests.flush()
     for line in pipes.reports:
         report: dict[str, Any] = json.loads(line)
@@ -150,7 +165,6 @@ def _solve(
             continue
         solved[report["index"]] = report["row"]
         traceback = traceback or restored_paths(report.get("traceback", ""))
-    shutil.rmtree(copy, ignore_errors=True)
     lost = Estimate(Outcome.CRASHED, "the process that runs the method died")
     if refusal:
         lost = Estimate(Outcome.INVALID, refusal)
@@ -158,9 +172,9 @@ def _solve(
         solved.get(index) or row(frame.frame_id, lost, None)
         for index, frame in enumerate(observations.frames)
     ]
-    write(out, csv_text(rows).encode())
+    write(job.out, csv_text(rows).encode())
     crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
-    return MethodRun(out, len(rows), crashed, traceback, refusal), alive
+    return MethodRun(job.out, len(rows), crashed, traceback, refusal), alive
 
 
 @contextmanager
@@ -189,13 +203,15 @@ def _copy(layout: Layout, target: Path) -> None:
 
 @contextmanager
 def _supervisor(
-    task: tuple[str, ...], folder: Path, hear: Callable[[str], None]
+    task: tuple[str, ...],
+    folder: Path,
+    environment: Mapping[str, str],
+    hear: Callable[[str], None],
 ) -> Iterator[_Pipes]:
-    """Start the process that runs the method; yield its standard input and output.
+    """Start the process that runs the methods; yield its standard input and output.
 
     When its standard input ends, also because this process has ended, it ends with the method.
     """
-    environment = _environment(task[1], folder)
     # -P: nothing is imported from the folder where it starts.
     command = [sys.executable, "-P", "-m", "vbaa_bench.scoring.supervisor", *task]
     readable, writable = os.pipe()

@@ -15,7 +15,7 @@ from solver.instrument.files import write_bytes, write_text
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.child import MethodRun, solve_each
+from vbaa_bench.scoring.child import Job, MethodRun, solve_each
 from vbaa_bench.scoring.factors import factor_columns, factor_table, rig_factors
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
@@ -28,33 +28,44 @@ _CLEAR_SNR: Final = 10.0
 
 def solve_rigs(
     rigs: Mapping[int, Layout],
-    method: str,
-    name: str,
+    methods: Mapping[str, str],
     centreline: str,
     limits: tuple[int, float, float],
     workers: int,
     done: Callable[[], None],
     hear: Callable[[str], None],
-) -> MethodRun:
-    """Run a method on all rigs, in `workers` processes; write each rig's predictions under `name`.
+) -> dict[str, MethodRun]:
+    """Run methods on all rigs, in `workers` processes; write each rig's predictions by name.
 
-    `done` is called after each rig. Return the numbers of frames of all rigs together, with the
-    table of the first rig. Raises InputError if every rig is refused.
+    `methods` are by the names of their predictions. A rig is set up once for all of them, so that a
+    method of the user's own must be alone. `done` is called after each rig. Return the numbers of
+    frames of all rigs together, with the table of the first rig. Raises InputError if every rig is
+    refused.
     """
-    datasets = [
-        (layout, Results(layout.root).predictions / f"{name}.csv") for layout in rigs.values()
-    ]
 
-    def solve_share(share: Sequence[tuple[Layout, Path]]) -> list[MethodRun]:
+    def solve_share(share: Sequence[Layout]) -> list[MethodRun]:
+        jobs = [
+            Job(method, layout, Results(layout.root).predictions / f"{name}.csv")
+            for layout in share
+            for name, method in methods.items()
+        ]
         runs = []
-        for run in solve_each(share, method, centreline, limits, hear):
+        for run in solve_each(jobs, centreline, limits, hear):
             runs.append(run)
-            done()
+            if len(runs) % len(methods) == 0:
+                done()
         return runs
 
+    datasets = list(rigs.values())
     with ThreadPoolExecutor(workers) as threads:
         shares = [share for n in range(workers) if (share := datasets[n::workers])]
         runs = [run for share in threads.map(solve_share, shares) for run in share]
+    by_name = {name: runs[n :: len(methods)] for n, name in enumerate(methods)}
+    return {name: _together(of_method) for name, of_method in by_name.items()}
+
+
+def _together(runs: Sequence[MethodRun]) -> MethodRun:
+    """Add up the frames of a method's runs. Raises InputError if every rig is refused."""
     if all(run.refusal for run in runs):
         raise InputError(runs[0].refusal)
     traceback = next((run.traceback for run in runs if run.traceback), "")

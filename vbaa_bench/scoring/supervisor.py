@@ -1,11 +1,12 @@
-"""Run a method on datasets in worker processes, and continue after the loss of a worker.
+"""Run methods on datasets in worker processes, and continue after the loss of a worker.
 
-`python -m vbaa_bench.scoring.supervisor FOLDER METHOD CENTRELINE REPEATS MEMORY_GB FRAME_S`
+`python -m vbaa_bench.scoring.supervisor FOLDER CENTRELINE REPEATS MEMORY_GB FRAME_S`
 
-Each line on standard input names a folder of observations. For each of its frames, one line of JSON
-is printed on standard output: its `index`, its `row` and, if the method raised an error, the
-`traceback`; or one line `refused`. A line `end` follows. When standard input ends, the parent
-process has ended or needs no more: the workers are killed and FOLDER is removed.
+Each line on standard input is a JSON list of a method and a folder of observations, which is set up
+once for consecutive methods. For each of its frames, one line of JSON is printed on standard
+output: its `index`, its `row` and, if the method raised an error, the `traceback`; or one line
+`refused`. A line `end` follows. When standard input ends, the parent process has ended or needs no
+more: the workers are killed and FOLDER is removed.
 """
 
 import json
@@ -182,12 +183,13 @@ def _end(status: int | None) -> str:
 
 
 def main() -> None:
-    """Run the method given on the command line on every folder that standard input names."""
-    folder, method, centreline, repeats, memory_gb, frame_s = sys.argv[1:]
+    """Run each method that standard input names on the folder that is named with it."""
+    folder, centreline, repeats, memory_gb, frame_s = sys.argv[1:]
     workers, requests = _Workers(Path(folder)), SimpleQueue[str]()
     threading.Thread(target=workers.exit_with_parent, args=(requests,), daemon=True).start()
     while True:
-        observations = Path(requests.get())
+        method, path = json.loads(requests.get())
+        observations = Path(path)
         task = Task(
             observations, method, centreline, int(repeats), float(memory_gb), float(frame_s)
         )
@@ -197,7 +199,7 @@ def main() -> None:
                 print(json.dumps(message), flush=True)
         except InputError as error:
             print(json.dumps({"refused": str(error)}), flush=True)
-        print(json.dumps({"end": str(observations)}), flush=True)
+        print(json.dumps({"end": path}), flush=True)
 
 
 if __name__ == "__main__":
