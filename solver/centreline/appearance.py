@@ -226,8 +226,9 @@ class _RestImages:
         good &= look.amplitude * self.polarity > 0
         self._check_count(good)
         residual = np.mean([f.centre for f in fits], axis=0)[good] - places.start[good]
-        # The error of the interpolated ground is the same in all images.
-        variance_px = float(np.mean([f.sigma[good] ** 2 for f in fits]))
+        # The error of the interpolated ground is the same in all images. Where it is like the beam,
+        # a sigma may be of any size.
+        variance_px = float(np.median([f.sigma[good] for f in fits])) ** 2
         scatter = (1.4826 * np.median(np.abs(residual))) ** 2
         return Appearance(
             polarity=self.polarity,
