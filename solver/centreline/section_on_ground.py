@@ -21,6 +21,8 @@ DEGREE = 4
 EXPECTED = np.array([0.0, 0.3, 1.0, 0.0])
 SIGMAS = np.array([0.03, 0.5, 1.0, 0.3])
 STARTS = (0.1, 0.5)
+# Step of numerical derivatives. Chosen: all parameters are of the order of one.
+DIFFERENCE = 1e-6
 
 
 class _Columns(NamedTuple):
@@ -70,16 +72,38 @@ def section_on_ground(
             float(np.clip(skew, -0.9, 0.9)),
         )
 
-    def residuals(p: Floats) -> Floats:
-        # The amplitude is in units of the level: all parameters are of the order of one.
-        centre, amplitude = basis @ p[4 : 4 + terms], ground.level * (basis @ p[4 + terms :])
+    def deviation(section: Section, centre: Floats, amplitude: Floats) -> Floats:
+        """Compute the deviation (n, m) from the model; the amplitude is in units of the level."""
         offset = columns.sense * columns.row - centre[:, None]
-        shape = interpolated(profile(section(p)).value, columns.climb, offset)
-        cover = np.clip(2 * section(p).radius * shape, 0, 1)
+        shape = interpolated(profile(section).value, columns.climb, offset)
+        cover = np.clip(2 * section.radius * shape, 0, 1)
         model = columns.ground + cover * (ground.level - columns.ground)
-        model += amplitude[:, None] * shape
-        deviation = (columns.gray - model) / columns.sigma
-        return np.concatenate([deviation.ravel(), (p[:4] - EXPECTED) / SIGMAS])
+        model += ground.level * amplitude[:, None] * shape
+        return np.asarray((columns.gray - model) / columns.sigma)
+
+    def course(p: Floats) -> tuple[Floats, Floats]:
+        return basis @ p[4 : 4 + terms], basis @ p[4 + terms :]
+
+    def residuals(p: Floats) -> Floats:
+        prior = (p[:4] - EXPECTED) / SIGMAS
+        return np.concatenate([deviation(section(p), *course(p)).ravel(), prior])
+
+    def jacobian(p: Floats) -> Floats:
+        """Differentiate by the section's parameters, and by centre and amplitude of each column."""
+        centre, amplitude = course(p)
+        here = deviation(section(p), centre, amplitude)
+        by_section = [
+            (deviation(section(p + step), centre, amplitude) - here) / DIFFERENCE
+            for step in DIFFERENCE * np.eye(len(p))[:4]
+        ]
+        by_centre = (deviation(section(p), centre + DIFFERENCE, amplitude) - here) / DIFFERENCE
+        by_amplitude = (deviation(section(p), centre, amplitude + DIFFERENCE) - here) / DIFFERENCE
+        result = np.zeros((here.size + 4, len(p)))
+        result[:-4, :4] = np.stack(by_section, axis=-1).reshape(-1, 4)
+        result[:-4, 4 : 4 + terms] = (by_centre[..., None] * basis[:, None]).reshape(-1, terms)
+        result[:-4, 4 + terms :] = (by_amplitude[..., None] * basis[:, None]).reshape(-1, terms)
+        result[-4:, :4] = np.diag(1 / SIGMAS)
+        return result
 
     total = ((columns.gray - columns.ground).sum(axis=1)) / ground.level
     fits = []
@@ -87,7 +111,9 @@ def section_on_ground(
         start = np.zeros(4 + 2 * terms)
         start[:4] = 0.0, spread, 1.0, 0.0
         start[4 + terms] = np.median(total)
-        fits.append(least_squares(residuals, start, loss="soft_l1", f_scale=3.0, max_nfev=25))
+        fits.append(
+            least_squares(residuals, start, jacobian, loss="soft_l1", f_scale=3.0, max_nfev=25)
+        )
     p = min(fits, key=lambda fit: float(fit.cost)).x
     everywhere = np.polynomial.chebyshev.chebvander(_unit(places.length, length), DEGREE)
     return BeamOnGround(
