@@ -112,7 +112,15 @@ def section_on_ground(
         start[:4] = 0.0, spread, 1.0, 0.0
         start[4 + terms] = np.median(total)
         fits.append(
-            least_squares(residuals, start, jacobian, loss="soft_l1", f_scale=3.0, max_nfev=25)
+            least_squares(
+                residuals,
+                start,
+                jacobian,
+                tr_solver="lsmr",
+                loss="soft_l1",
+                f_scale=3.0,
+                max_nfev=25,
+            )
         )
     p = min(fits, key=lambda fit: float(fit.cost)).x
     everywhere = np.polynomial.chebyshev.chebvander(_unit(places.length, length), DEGREE)
