@@ -42,7 +42,7 @@ def flag_columns(
             brightness[i] < LIMITS.min_brightness
             or abs(amplitude[i]) < LIMITS.amplitude_sigmas * enlarged_sigma
         )
-        if faint or not np.isfinite(sigma[i]):
+        if faint or not sigma[i] < LIMITS.max_sigma_px:
             flags[i] = HIDDEN
         elif brightness[i] > LIMITS.max_brightness:
             flags[i] = FOREIGN

@@ -35,6 +35,8 @@ class CentrelineThresholds(NamedTuple):
     max_misfit: float = 3.0
     # A column's amplitude, in its sigmas. Chosen, as for candidates.
     amplitude_sigmas: float = 5.0
+    # Largest sigma [px] of a centre. Chosen: the profile fit moves a centre by few pixels.
+    max_sigma_px: float = 1.0
     # Relative deviation of the brightness from its smooth course. Chosen: an object near the beam
     # shades more.
     max_brightness_deviation: float = 0.012
