@@ -25,6 +25,8 @@ from solver.instrument.medians import median
 
 # Trial contact distances over the beam's length.
 DISTANCES = np.linspace(0.08, 1.0, 12)
+# Trials between them, over the best of them, and how much nearer their candidates must be. Chosen.
+BETWEEN, NEARER = np.linspace(0.85, 1.15, 9), 3
 # Places of a path over the beam's length.
 PLACES = np.linspace(0.0, 1.06, 96)
 # Number of candidates tried as points of the beam.
@@ -71,6 +73,11 @@ def find_path(
     load, tilt, x_c, score = _consensus(
         x, y, line, strength, anchors, distances, tolerance, max_tilt
     )
+    if bends and score > 0:
+        # Between the trial distances, a beam that bends far departs from their shapes by pixels.
+        load, tilt, x_c, _ = _consensus(
+            x, y, line, strength, anchors, x_c * BETWEEN, tolerance / NEARER, max_tilt
+        )
     agreed, n_lines = _agreeing(x, y, line, strength, tolerance, load, tilt, x_c)
     if score <= 0 or n_lines < LIMITS.min_lines:
         return None
