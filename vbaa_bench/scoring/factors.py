@@ -129,8 +129,11 @@ def _groups(scores: pl.DataFrame, factor: str) -> list[dict[str, Any]]:
 
 
 def _range(values: pl.Series) -> str:
-    low, high = np.min(values.to_numpy()), np.max(values.to_numpy())
-    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+    low, high = (
+        np.format_float_positional(float(end), 3, fractional=False, trim="-")
+        for end in (np.min(values.to_numpy()), np.max(values.to_numpy()))
+    )
+    return low if low == high else f"{low} to {high}"
 
 
 def _figures(part: pl.DataFrame) -> dict[str, Any]:
