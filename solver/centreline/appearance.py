@@ -102,12 +102,13 @@ def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, 
     if ground is not None:
         look = rest.appearance_before(ground, beam)
     else:
-        sampled = rest.sampled()
-        path = _moved(path, places, places.sense * sampled.off_path)
-        rest = replace(rest, places=stations(path, mean.shape))
-        # A beam along a row of pixels samples its profile at one place between them only.
-        is_sampled = np.ptp(rest.places.start) > 1
-        look = rest.appearance(sampled.table if is_sampled else None)
+        sampled, table = rest.sampled(), None
+        if sampled is not None:
+            path = _moved(path, places, places.sense * sampled.off_path)
+            rest = replace(rest, places=stations(path, mean.shape))
+            # A beam along a row of pixels samples its profile at one place between them only.
+            table = sampled.table if np.ptp(rest.places.start) > 1 else None
+        look = rest.appearance(table)
     x, y = guide.places(path).T
     slope = float(np.polyfit(x, y, 1)[0])
     antenna_from_beam = guide.antenna_from_beam @ turn_about_z(np.arctan(slope))
@@ -131,12 +132,18 @@ class _RestImages:
     radius: float
     full_scale: int
 
-    def sampled(self) -> EffectiveProfile:
-        """Sample the profile along the path, and the beam's distance (n,) from it."""
+    def sampled(self) -> EffectiveProfile | None:
+        """Sample the profile along the path, and the beam's distance (n,) from it.
+
+        Return None if too few columns are within the image and below full scale.
+        """
         half = _half(self._nominal)
         columns = read_columns(self.images, self.places, half, self.noise, self.full_scale)
-        table, off_path = effective_profile(columns, half - MARGIN, self.polarity)
-        return EffectiveProfile(table, np.interp(self.places.length, columns.length, off_path))
+        sampled = effective_profile(columns, half - MARGIN, self.polarity)
+        if sampled is None:
+            return None
+        off_path = np.interp(self.places.length, columns.length, sampled.off_path)
+        return EffectiveProfile(sampled.table, off_path)
 
     @property
     def _nominal(self) -> Section:

@@ -33,8 +33,8 @@ CONVERGED = 1e-3
 # Sigma of the spline's second differences, over its largest value. Chosen: details finer than a
 # pixel, which its average removes, remain small.
 ROUGHNESS = 0.3
-
-
+# Largest number of columns that are read, evenly along the beam. Chosen: a megabyte for each knot.
+MAX_COLUMNS = 1000
 # Relative weight that keeps the normal equations regular. Chosen: far below that of the data.
 RIDGE = 1e-6
 
@@ -56,11 +56,15 @@ class Columns(NamedTuple):
 def read_columns(
     images: Sequence[Grey], places: Stations, half: int, noise: Noise, full_scale: int
 ) -> Columns:
-    """Average images (height, width) in 2 half + 1 pixels of each column within the image."""
+    """Average images (height, width) in 2 half + 1 pixels of each column within the image.
+
+    Columns with too few pixels below full scale are left out.
+    """
     middle = np.rint(places.start).astype(np.int64)
     height, width = images[0].shape
     size = np.array([width, height])[places.upright.astype(np.int64)]
     used = np.flatnonzero((middle >= half) & (middle < size - half))
+    used = used[:: max(-(-len(used) // MAX_COLUMNS), 1)]
     across = middle[used, None] + np.arange(-half, half + 1)
     along = np.broadcast_to(places.along[used, None], across.shape)
     upright = places.upright[used, None]
@@ -69,9 +73,11 @@ def read_columns(
     gray = pixels.mean(axis=0)
     variance = np.array(noise.variance(gray)) / len(pixels)
     variance[(pixels >= full_scale).any(axis=0)] = np.inf
+    enough = np.isfinite(variance).sum(axis=1) >= LIMITS.min_pixels
+    used, across = used[enough], across[enough]
     return Columns(
-        gray=gray,
-        variance=variance,
+        gray=gray[enough],
+        variance=variance[enough],
         offset=places.sense[used, None] * (across - places.start[used, None]),
         climb=np.minimum(np.abs(places.climb[used, None]), 1.0),
         length=places.length[used],
@@ -85,11 +91,14 @@ class EffectiveProfile(NamedTuple):
     off_path: Floats
 
 
-def effective_profile(columns: Columns, reach: float, polarity: int) -> EffectiveProfile:
+def effective_profile(columns: Columns, reach: float, polarity: int) -> EffectiveProfile | None:
     """Fit a profile that extends `reach` [px] to both sides of the beam.
 
     Amplitudes have the sign of `polarity`. In each column, the background is a straight line.
+    Return None for fewer columns than `min_stations`.
     """
+    if len(columns.gray) < LIMITS.min_stations:
+        return None
     weight = 1 / np.sqrt(columns.variance)
     step = max(KNOT_PX, reach / KNOTS)
     knots = step * np.arange(-int(reach / step), int(reach / step) + 1)
@@ -120,7 +129,7 @@ def effective_profile(columns: Columns, reach: float, polarity: int) -> Effectiv
         values = _spline(design[good], gray[good], len(knots))
         residual = gray - design @ values
         misfit = (residual**2).mean(axis=1)
-        good = misfit < LIMITS.max_misfit * np.median(misfit)
+        good = misfit <= LIMITS.max_misfit * np.median(misfit)
         chi2 = float(np.median(misfit))
         if best is not None and chi2 > (1 - CONVERGED) * least:
             break

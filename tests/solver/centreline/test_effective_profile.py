@@ -59,7 +59,9 @@ def test_the_profile_of_steel_leaves_little_more_than_noise() -> None:
     rest, pixels = images(0.0, 0, 4)
     places = stations(pixels[::40], (HEIGHT, WIDTH))
     columns = read_columns(rest, places, 6, Noise(1.0, 0.03), 255)
-    best = effective_profile(columns, 4.0, 1).table.value[0]
+    sampled = effective_profile(columns, 4.0, 1)
+    assert sampled is not None
+    best = sampled.table.value[0]
     assert best.min() < -0.2 * best.max()
     assert profile(section).value.min() >= 0
 
@@ -82,7 +84,9 @@ def test_the_course_is_that_of_the_beam() -> None:
     askew = pixels[::40] + np.column_stack([np.zeros(101), np.linspace(0.8, -0.6, 101)])
     places = stations(askew, (HEIGHT, WIDTH))
     columns = read_columns(rest, places, 6, Noise(1.0, 0.03), 255)
-    course = effective_profile(columns, 4.0, 1).off_path
+    sampled = effective_profile(columns, 4.0, 1)
+    assert sampled is not None
+    course = sampled.off_path
     expected = np.interp(places.along, pixels[:, 0], pixels[:, 1]) - places.start
     error = places.sense * course - expected
     assert abs(error.mean()) < 0.15
@@ -102,7 +106,24 @@ def test_a_section_is_sampled_as_it_is() -> None:
     rest = [SENSOR(light, np.random.default_rng(k)) for k in range(4)]
     path = np.column_stack([columns, centre]).astype(np.float64)
     read = read_columns(rest, stations(path, light.shape), 6, Noise(1.0, 0.03), 255)
-    sampled = effective_profile(read, 4.0, 1).table.value[0]
+    effective = effective_profile(read, 4.0, 1)
+    assert effective is not None
+    sampled = effective.table.value[0]
     middle = len(sampled) // 2
     near = np.arange(-192, 193, 16)
     assert np.abs(sampled[middle + near] - table.value[0][half + near]).max() < 0.03
+
+
+@pytest.mark.parametrize("what", ["saturated", "beside the image", "without noise"])
+def test_columns_that_show_too_little_give_no_profile(what: str) -> None:
+    light, pixels = drawn(0.0)
+    gray = np.clip(255 * light, 0, 255).astype(np.uint8)
+    path = pixels[::40]
+    if what == "saturated":
+        gray[:] = 255
+    if what == "beside the image":
+        path = path - np.array([0.0, pixels[:, 1].max() - 5])
+    columns = read_columns([gray], stations(path, gray.shape), 6, Noise(1.0, 0.03), 255)
+    effective = effective_profile(columns, 4.0, 1)
+    assert (effective is None) == (what != "without noise")
+    assert effective is None or np.isfinite(effective.table.value).all()
