@@ -26,7 +26,7 @@ MAX_STEP_PX = 0.5
 EDGE = 0.1
 # Degree of the smooth course of centre and amplitude: bow and distortion have no finer detail.
 DEGREE = 4
-# Largest number of rounds in which profile and course are improved in turn. Chosen.
+# Largest number of rounds in which profile and course are improved together. Chosen.
 ROUNDS = 12
 # A round that improves chi^2 by less than this fraction is the last one. Chosen.
 CONVERGED = 1e-3

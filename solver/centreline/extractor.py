@@ -48,7 +48,7 @@ class BeamExtractor:
             ground = None
         else:
             flat = ground.flattened(image, gain, appearance.full_scale)
-        path = find_path(flat, guide, appearance.polarity, appearance.noise, max_tilt, bends=True)
+        path = find_path(flat, guide, appearance.polarity, appearance.noise, max_tilt)
         if path is None:
             return down_columns(np.empty((0, 2)), np.empty(0))
         line = self._measure(image, flat, ground, path)

@@ -34,28 +34,21 @@ ANCHORS = 60
 # Degree of the smooth curve beside the shape. A numpy scalar is compiled once, a literal anew.
 _DEGREE: Any = np.int64(3)
 _NONE: Any = np.int64(0)
-# Contact distance [m] that represents a beam that does not bend.
-STRAIGHT = 1e9
 
 
 @dataclass(frozen=True)
 class Path:
-    """Path of the beam, to about a pixel: places (n, 2) [m] of the beam's frame, evenly along x.
-
-    `contrast` [gray] is its median contrast, `support` the fraction of scan lines that agree on it.
-    """
+    """Path of the beam, to about a pixel: places (n, 2) [m] of the beam's frame, evenly along x."""
 
     places: Floats
-    contrast: float
-    support: float
 
 
 def find_path(
-    image: Grey, guide: Guide, polarity: int, noise: Noise, max_tilt: float, bends: bool
+    image: Grey, guide: Guide, polarity: int, noise: Noise, max_tilt: float
 ) -> Path | None:
     """Find the beam's path in an image (height, width); return None where there is none.
 
-    `max_tilt` [rad] is the largest turn of the beam about its clamp; `bends` also allows bending.
+    `max_tilt` [rad] is the largest turn of the beam about its clamp.
     """
     lines = guide.scan_lines
     core = max(2, round(2 * guide.radius_px))
@@ -67,18 +60,16 @@ def find_path(
         return None
     # Anchors far from the clamp constrain the shape most; the strongest come first.
     anchors = np.argsort(-strength * x)[:ANCHORS]
-    near_radii = LIMITS.near_radii if bends else LIMITS.near_radii_at_rest
-    tolerance = max(LIMITS.near_px, near_radii * guide.radius_px) * guide.pixel
-    distances = guide.length * DISTANCES if bends else np.array([STRAIGHT])
+    tolerance = max(LIMITS.near_px, LIMITS.near_radii * guide.radius_px) * guide.pixel
     load, tilt, x_c, score = _consensus(
-        x, y, line, strength, anchors, distances, tolerance, max_tilt
+        x, y, line, strength, anchors, guide.length * DISTANCES, tolerance, max_tilt
     )
-    if bends and score > 0:
+    if score > 0:
         # Between the trial distances, a beam that bends far departs from their shapes by pixels.
         load, tilt, x_c, _ = _consensus(
             x, y, line, strength, anchors, x_c * BETWEEN, tolerance / NEARER, max_tilt
         )
-    agreed, n_lines = _agreeing(x, y, line, strength, tolerance, load, tilt, x_c)
+    agreed, n_lines = _agreeing(x, y, line, tolerance, load, tilt, x_c)
     if score <= 0 or n_lines < LIMITS.min_lines:
         return None
     along = guide.length * PLACES
@@ -87,7 +78,7 @@ def find_path(
     correction = curve(agreed[0], agreed[1], half_px, along, _DEGREE, LIMITS.tukey_cut)
     if len(correction) > 0:
         across += correction
-    return Path(np.column_stack([along, across]), median(agreed[2]), n_lines / len(lines))
+    return Path(np.column_stack([along, across]))
 
 
 @njit
@@ -111,7 +102,6 @@ def _agreeing(
     x: Floats,
     y: Floats,
     line: Floats,
-    strength: Floats,
     tolerance: float,
     load: float,
     tilt: float,
@@ -119,13 +109,13 @@ def _agreeing(
 ) -> tuple[Floats, int]:
     """Select the candidates that agree on a shape, which are in the order of the scan lines.
 
-    Return x, distance from the shape and contrast of each (3, n), and their number of scan lines.
+    Return x and distance from the shape of each (2, n), and their number of scan lines.
     """
-    agreed, n, n_lines, last_line = np.empty((3, len(x))), 0, 0, -1.0
+    agreed, n, n_lines, last_line = np.empty((2, len(x))), 0, 0, -1.0
     offset = y - _shape(x, load, tilt, x_c)
     for k in range(len(x)):
         if abs(offset[k]) < tolerance:
-            agreed[0, n], agreed[1, n], agreed[2, n] = x[k], offset[k], strength[k]
+            agreed[0, n], agreed[1, n] = x[k], offset[k]
             n += 1
             n_lines += line[k] != last_line
             last_line = line[k]
@@ -142,9 +132,7 @@ def _shape(x: Floats, load: float, tilt: float, x_c: float) -> Floats:
 
 @njit
 def _unit_deflection(x: float, x_c: float) -> float:
-    """Compute the unit deflection of eqs. (9) and (10); 0 for a beam that does not bend."""
-    if x_c >= STRAIGHT:
-        return 0.0
+    """Compute the unit deflection of eqs. (9) and (10)."""
     return (3 * x_c - x) * x * x if x <= x_c else (3 * x - x_c) * x_c * x_c
 
 
@@ -170,7 +158,7 @@ def _consensus(
             unit[k] = _unit_deflection(x[k], x_c)
         for i in range(len(anchors)):
             # A pair of a candidate with itself gives the straight beam through it.
-            partners = len(anchors) if max_tilt > 0 and x_c < STRAIGHT else i + 1
+            partners = len(anchors) if max_tilt > 0 else i + 1
             for j in range(i, partners):
                 load, tilt = _load_and_tilt(x, y, unit, anchors[i], anchors[j], x_c, max_tilt)
                 if abs(tilt) > max_tilt:

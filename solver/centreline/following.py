@@ -49,7 +49,7 @@ def follow(points: Floats, guide: Guide, measure: Measure) -> Path | None:
     arc = _arc(places)
     even = np.linspace(0.0, min(arc[-1], end), len(PLACES))
     course = np.column_stack([np.interp(even, arc, places[:, i]) for i in (0, 1)])
-    return Path(course, 0.0, 0.0)
+    return Path(course)
 
 
 def _nodes(points: Floats) -> Floats:

@@ -58,9 +58,8 @@ def profile(section: Section) -> Profile:
 def spline_profile(values: Floats, step: float, reach: float) -> Profile:
     """Tabulate the profiles of a linear spline across the beam.
 
-    Its `values` are at knots `step` [px] apart, the middle one on the axis, and 0 beyond.
-
-    The table extends `reach` [px] to both sides, and what obliqueness and the pixel add to it.
+    Its `values` are at knots `step` [px] apart, the middle one on the axis, and 0 beyond. The table
+    extends `reach` [px] to both sides, and what obliqueness and the pixel add to it.
     """
     fine = _fine_grid(1.5 * reach + 1.5)
     last = len(values) // 2 + 1

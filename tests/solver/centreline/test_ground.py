@@ -102,15 +102,18 @@ def test_a_ground_that_moves_against_the_camera_is_not_subtracted() -> None:
 
 
 def test_a_change_of_light_scales_the_ground() -> None:
-    beam = learned()
     for light in (0.7, 1.3):
-        image, pixels = pushed(felt(0), light)
-        gain = known_ground(beam).gain(image)
-        assert gain is not None
-        assert abs(gain / light - 1) < 0.02
-        line = beam(image)
-        assert len(line.points) > 0.75 * columns(pixels)
-        assert np.median(np.abs(errors(line, pixels))) < 0.04
+        deviations = []
+        for seed in range(4):
+            beam = learned(seed)
+            image, pixels = pushed(felt(seed), light)
+            gain = known_ground(beam).gain(image)
+            assert gain is not None
+            assert abs(gain / light - 1) < 0.02
+            line = beam(image)
+            assert len(line.points) > 0.75 * columns(pixels)
+            deviations.append(np.median(np.abs(errors(line, pixels))))
+        assert np.mean(deviations) < 0.03
 
 
 def test_a_ground_without_structure_is_not_learned() -> None:

@@ -31,9 +31,9 @@ def test_a_speck_in_a_corner_does_not_hide_the_beam() -> None:
     image = np.full((240, 320), 20, np.uint8)
     line = guide.pixels(np.column_stack([np.linspace(0, 0.2, 400), np.zeros(400)]))
     image[np.rint(line[:, 1]).astype(int), np.rint(line[:, 0]).astype(int)] = 200
-    clean = find_path(image, guide, 1, Noise(1.0, 0.0), 0.0, bends=True)
+    clean = find_path(image, guide, 1, Noise(1.0, 0.0), 0.0)
     image[232:234, :30] = 200
-    specked = find_path(image, guide, 1, Noise(1.0, 0.0), 0.0, bends=True)
+    specked = find_path(image, guide, 1, Noise(1.0, 0.0), 0.0)
     assert clean is not None
     assert specked is not None
     assert np.abs(specked.places - clean.places).max() < guide.pixel
