@@ -9,6 +9,7 @@ DATASET/
     shard_00000/hashes.json          sha256 of each file of the shard
     manifest.json                    scene, seed, true rig, exposure, versions
     hashes.json                      sha256 of the files above, and of each shard's hashes.json
+  derived/        tables computed from the truth, see derived.py
   .lock                              identifies the writing process
 
 The shards of both trees are written first, then the manifest, truth/hashes.json and finally
@@ -36,6 +37,11 @@ class Layout:
     def truth(self) -> Path:
         """The tree a solver may not see."""
         return self.root / "truth"
+
+    @property
+    def derived(self) -> Path:
+        """The folder of tables that are computed from the truth."""
+        return self.root / "derived"
 
     @property
     def trees(self) -> tuple[Path, Path]:
