@@ -1,5 +1,8 @@
 """Write the report of a scored collection: all rigs together, and the factors that matter."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -7,59 +10,66 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes, write_text
 from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.report import calibration, figures, gallery
-from vbaa_bench.report.charts import png, svg, template
+from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.report import gallery
+from vbaa_bench.report.budget import read_budget
+from vbaa_bench.report.figures import speed_png, write_all
+from vbaa_bench.report.page import Contents, page
+from vbaa_bench.report.views import by_error
+from vbaa_bench.report.worst import Row
 from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.overlay import overlay
+from vbaa_bench.scoring.overlay import Overlay, overlay
 
-# Rows of tables and tiles of the gallery. Chosen: a page of a megabyte.
+# Factors of a table and pictures of rigs. Chosen: they stay below a megabyte.
 _FACTORS: Final = 6
-_WORST: Final = 30
 _TILES: Final = 24
-_MESSAGES: Final = 40
 
 
-def collection_report(root: Path) -> Path:
-    """Write the report of a scored collection; return the path of the page. Raises InputError."""
+def collection_report(root: Path, changes: Sequence[Mapping[str, Any]] = ()) -> Path:
+    """Write the report of a scored collection; return the path of the page.
+
+    `changes` are records of a comparison with a baseline, as for a dataset. Raises InputError.
+    """
     results, layout = Results(root), CollectionLayout(root)
     if not (results.scores / "summary.json").is_file():
         raise InputError(f"{results.scores}: holds no scores; score the collection first")
     summary, scene = read_json(results.scores / "summary.json"), read_json(layout.scene)
     scores = pl.read_parquet(results.scores / "scores.parquet")
     factors = pl.read_csv(results.scores / "factors.csv", infer_schema_length=None)
-    methods = list(summary["methods"])
-    colours = gallery.colours_of(methods)
-    css = {name: gallery.colour_name(colour) for name, colour in colours.items()}
-    speed = figures.speed_against_error(summary, css)
-    page = template("collection.html.jinja").render(
-        title=scene["title"],
-        seed=scene["seed"],
-        rigs=summary["rigs"],
-        frames=scores["frame_id"].n_unique(),
-        methods=summary["methods"],
-        speed=svg(speed),
-        most_factors=_FACTORS,
-        factors={name: _worst_factors(factors, name) for name in methods},
-        calibrations=[svg(chart) for chart in calibration.calibrations(scores, css)],
-        truth_colour=gallery.colour_name(gallery.TRUTH),
-        legend=css.items(),
-        gallery=_gallery(layout, scores, colours),
-        worst=_worst_frames(scores),
-        failures=_failures(scores),
-        environment={**summary["machine"], **summary["versions"]},
+    methods = by_error(scores)
+    rigs = _Rigs(layout, scores)
+    made = page(
+        Contents(
+            title=scene["title"],
+            facts=[
+                f"{summary['rigs']} rigs with {scores.unique(['rig', 'frame_id']).height} frames, "
+                f"seed {scene['seed']}.",
+                "Each rig has its own beam, camera, calibration and rest images. Errors are in % "
+                "of the rig's beam length.",
+            ],
+            scores=scores,
+            limits=rigs.limits(),
+            overlay_of=rigs.overlay_of,
+            environment={**summary["machine"], **summary["versions"]},
+            unmeasured="The centreline is measured in the reports of single rigs only",
+            budget=read_budget(results.dataset.derived / "budget.json"),
+            changes=changes,
+            factors={name: _worst_factors(factors, name) for name in methods},
+            rigs=rigs.tiles(),
+        )
     )
-    target = results.report / "report.html"
+    files = {
+        "report.html": made.html.encode(),
+        "speed_against_error.png": speed_png(made.speed, methods),
+    }
     try:
-        results.report.mkdir(parents=True, exist_ok=True)
-        write_text(target, page)
-        write_bytes(results.report / "speed_against_error.png", png(speed))
+        write_all(results.report, files)
     except OSError as error:
         raise InputError(f"{results.report}: cannot be written ({error.strerror})") from error
-    return target
+    return results.report / "report.html"
 
 
 def _worst_factors(factors: pl.DataFrame, method: str) -> list[dict[str, Any]]:
@@ -71,36 +81,47 @@ def _worst_factors(factors: pl.DataFrame, method: str) -> list[dict[str, Any]]:
     return rows.filter(pl.col("factor").is_in(names.to_list())).to_dicts()
 
 
-def _gallery(
-    layout: CollectionLayout, scores: pl.DataFrame, colours: gallery.Colours
-) -> list[dict[str, Any]]:
-    """Draw one frame each of rigs spread over the collection."""
-    rigs = layout.rigs()
-    numbers = list(rigs)
-    chosen = {numbers[int(i)] for i in np.linspace(0, len(numbers) - 1, _TILES)}
-    tiles = []
-    for number in sorted(chosen):
-        truth = open_truth(rigs[number].truth)
-        frame_id = truth.frames["frame_id"][number % truth.frames.height]
-        of_rig = scores.filter(pl.col("rig") == number)
-        drawn = overlay(Results(rigs[number].root), truth, of_rig, frame_id)
-        picture = gallery.strip(drawn, colours, 1, margin_px=max(drawn.image.shape))
-        tiles.append({"rig": number, "title": drawn.title, "picture": gallery.webp_uri(picture)})
-    return tiles
+class _Rigs:
+    """Truth, limits and pictures of the rigs of a collection, read when they are needed."""
 
+    def __init__(self, layout: CollectionLayout, scores: pl.DataFrame) -> None:
+        self._layouts, self._scores = layout.rigs(), scores
+        self._truth = cache(self._open)
 
-def _worst_frames(scores: pl.DataFrame) -> list[dict[str, Any]]:
-    outside = scores.filter(~pl.col("consistent") & pl.col("x_c_error_in_sigmas").is_not_null())
-    order = pl.col("x_c_error_in_sigmas").abs()
-    return outside.sort(order, descending=True).head(_WORST).to_dicts()
+    def _open(self, number: int) -> Truth:
+        return open_truth(self._layouts[number].truth)
 
+    def limits(self) -> pl.DataFrame | None:
+        """Read the information limits of all rigs for which they were computed."""
+        tables = [
+            table.with_columns(
+                rig=pl.lit(number),
+                length_mm=pl.lit(float(self._truth(number).manifest["true_rig"]["beam_length_mm"])),
+            )
+            for number, layout in self._layouts.items()
+            if (table := read_limits(layout)) is not None
+        ]
+        return pl.concat(tables, how="diagonal_relaxed") if tables else None
 
-def _failures(scores: pl.DataFrame) -> list[dict[str, Any]]:
-    """Count failures by method, outcome and message, whose numbers are left out."""
-    failed = scores.filter("failed").with_columns(
-        pl.col("message").str.replace_all(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "…")
-    )
-    groups = failed.group_by("method", "outcome", "message", maintain_order=True).agg(
-        frames=pl.len(), rigs=pl.col("rig").n_unique()
-    )
-    return groups.sort("frames", descending=True).head(_MESSAGES).to_dicts()
+    def overlay_of(self, row: Row) -> Overlay:
+        """Draw the frame of a row of the scores."""
+        return self._overlay(row["rig"], row["frame_id"])
+
+    def _overlay(self, number: int, frame_id: str) -> Overlay:
+        of_rig = self._scores.filter(pl.col("rig") == number)
+        return overlay(Results(self._layouts[number].root), self._truth(number), of_rig, frame_id)
+
+    def tiles(self) -> list[dict[str, str]]:
+        """Draw one frame each of rigs spread over the collection."""
+        numbers = list(self._layouts)
+        chosen = {numbers[int(i)] for i in np.linspace(0, len(numbers) - 1, _TILES)}
+        tiles = []
+        for number in sorted(chosen):
+            frames = self._truth(number).frames
+            drawn = self._overlay(number, frames["frame_id"][number % frames.height])
+            drawn = replace(drawn, estimates={})
+            picture = gallery.strip(drawn, {}, 1, margin_px=max(drawn.image.shape))
+            tiles.append(
+                {"caption": f"rig {number}: {drawn.title}", "picture": gallery.webp_uri(picture)}
+            )
+        return tiles

@@ -9,30 +9,15 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.centreline import Flag
+from vbaa_bench.report import palette
 from vbaa_bench.scoring.overlay import Overlay
 
-# BGR. Truth is green, measured points are yellow; methods use the colours of METHODS in order.
-TRUTH: Final = (90, 200, 60)
-POINTS: Final = (40, 220, 255)
+# BGR, of `palette`.
+TRUTH: Final = palette.bgr(palette.TRUTH)
+POINTS: Final = palette.bgr(palette.POINTS)
+TIP: Final = palette.bgr(palette.TIP)
 # Expected positions of the beam without a measured point, by reason.
-REJECTED: Final = {
-    Flag.HIDDEN: (255, 140, 40),
-    Flag.SATURATED: (0, 150, 255),
-    Flag.FOREIGN: (230, 60, 230),
-}
-TIP: Final = (255, 255, 80)
-METHODS: Final = (
-    (60, 60, 255),
-    (255, 150, 60),
-    (255, 80, 220),
-    (200, 200, 60),
-    (0, 130, 255),
-    (230, 70, 120),
-    (70, 100, 150),
-    (180, 130, 255),
-    (140, 140, 140),
-    (120, 60, 0),
-)
+REJECTED: Final = {flag: palette.bgr(palette.FLAGS[flag.name.lower()]) for flag in Flag}
 _FRACTION_BITS = 4
 
 
@@ -40,8 +25,8 @@ Colours = Mapping[str, tuple[int, int, int]]
 
 
 def colours_of(methods: Sequence[str]) -> dict[str, tuple[int, int, int]]:
-    """Assign a colour to each method, the same in every picture; they repeat after the tenth."""
-    return {name: METHODS[i % len(METHODS)] for i, name in enumerate(methods)}
+    """Return the colour of each method, by its name: bright, as images are dark."""
+    return {name: palette.bgr(style.dark) for name, style in palette.styles(methods).items()}
 
 
 def strip(overlay: Overlay, colours: Colours, scale: int = 2, margin_px: int = 14) -> np.ndarray:
@@ -87,15 +72,14 @@ def close_up(overlay: Overlay, colours: Colours, scale: int = 10, half_px: int =
 
 
 def webp_uri(canvas: np.ndarray) -> str:
-    """Encode an image (height, width, 3) as a data URI."""
+    """Encode an image (height, width) or (height, width, 3) as a data URI."""
     _, data = cv2.imencode(".webp", canvas, [cv2.IMWRITE_WEBP_QUALITY, 80])
     return "data:image/webp;base64," + base64.b64encode(bytes(data)).decode("ascii")
 
 
-def colour_name(colour: tuple[int, int, int]) -> str:
-    """Format a BGR colour for CSS."""
-    blue, green, red = colour
-    return f"rgb({red},{green},{blue})"
+def display(image: np.ndarray) -> np.ndarray:
+    """Apply the gamma of a display: linear sensor values appear too dark on a screen."""
+    return np.asarray(np.rint(255 * (image / 255.0) ** (1 / 2.2)), np.uint8)
 
 
 def _contacts(view: "_View", overlay: Overlay, colours: Colours, radius_px: float) -> None:
@@ -124,9 +108,7 @@ class _View:
     ) -> None:
         (left, top), (width, height) = corner, size
         part = image[top : top + height, left : left + width]
-        # Gamma of a display: linear sensor values appear too dark on a screen.
-        display = np.rint(255 * (part / 255.0) ** (1 / 2.2)).astype(np.uint8)
-        large = cv2.resize(display, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+        large = cv2.resize(display(part), None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
         self.canvas = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
         self._corner, self._scale = np.array(corner), scale
 

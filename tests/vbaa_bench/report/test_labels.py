@@ -1,10 +1,16 @@
+import re
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vbaa_bench.report.figures import LABEL_GAP_PX, speed_against_error
+from tests.vbaa_bench.report.synthetic import scores
+from vbaa_bench.report import speed_chart
 from vbaa_bench.report.labels import spread
+from vbaa_bench.report.limits import with_limits
+from vbaa_bench.report.palette import styles
+from vbaa_bench.report.statistics import statistics, with_groups
 
 PLACES = arrays(float, st.integers(0, 12), elements=st.floats(-1e3, 1e3))
 
@@ -27,21 +33,17 @@ def test_labels_that_are_apart_stay_where_they_are() -> None:
 
 
 def test_labels_of_ten_equal_methods_do_not_touch() -> None:
-    one = {
-        "ms_per_frame_median": 1.0,
-        "ms_per_frame_median_95": None,
-        "x_c_median_abs_pct_L": 0.03,
-        "x_c_median_abs_pct_L_95": None,
-    }
-    names = [f"method_{i}" for i in range(10)]
-    chart = speed_against_error(
-        {"methods": dict.fromkeys(names, one)}, dict.fromkeys(names, "black")
-    )
-    drawn = chart.to_dict()
-    (rows,) = drawn["datasets"].values()
-    low, high = drawn["layer"][0]["encoding"]["y"]["scale"]["domain"]
-    height = drawn["height"]
-    at = np.sort([height * np.log(row["label_at"] / low) / np.log(high / low) for row in rows])
-    assert len(at) == 10
-    assert np.diff(at).min() > LABEL_GAP_PX * 0.999
-    assert {row["error"] for row in rows} == {0.03}
+    one = statistics(with_limits(with_groups(scores(60, ("exact_fit",))), None))["exact_fit"]
+    names = [f"method_{n}_{'x' * 20}" for n in range(10)]
+    methods = {name: type(one)(**{**vars(one), "method": name}) for name in names}
+    scales = speed_chart.axes([methods], [])
+    for size in (speed_chart.WIDE, speed_chart.NARROW):
+        chart = speed_chart.speed_chart(
+            methods.values(), {}, styles(names), dict.fromkeys(names, "m"), scales, size
+        )
+        labels = re.findall(r'<text x="[\d.]+" y="([\d.]+)" class="m label">([^<]*)', chart)
+        heights = np.sort([float(height) for height, _ in labels])
+        assert len(heights) == 10
+        assert np.diff(heights).min() > speed_chart.LABEL_GAP_PX - 0.2
+        assert heights.max() < size[1]
+        assert all("…" in text for _, text in labels)

@@ -3,25 +3,28 @@
 import shutil
 from pathlib import Path
 
-import numpy as np
 import polars as pl
 import pytest
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import DamageError, InputError
 from tests.sealing import reseal
+from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.report import calibration, figures
-from vbaa_bench.report.charts import svg
+from vbaa_bench.report.page import CHANGES
 from vbaa_bench.report.report import report
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
 
 
-def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
-    dataset: Path, tmp_path: Path
-) -> None:
+@pytest.fixture
+def results(dataset: Path, tmp_path: Path) -> Results:
     shutil.copytree(dataset, tmp_path / "small")
-    results = Results(tmp_path / "small")
+    return Results(tmp_path / "small")
+
+
+def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
+    results: Results, tmp_path: Path
+) -> None:
     true = open_truth(results.dataset.truth).frames
     plain = true.select("frame_id", x_c_mm=pl.col("x_c_mm") + 0.1)
     plain.write_csv(tmp_path / "plain.csv")
@@ -34,62 +37,37 @@ def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
     more.write_csv(tmp_path / "more.csv")
     score(results, {"plain": tmp_path / "plain.csv"})
     page = report(results).read_text(encoding="utf-8")
-    for absent in ("psi RMSE", "Stated errors", "Inclination and stiffness", "false contact"):
+    for absent in ("psi RMSE", "claimed coverage", "Fig. 11", "false contacts"):
         assert absent not in page
+    assert "states no uncertainty" in page
+    assert "Not in the chart: plain (median error 0.042 % of L, no time was measured)" in page
     score(results, {name: tmp_path / f"{name}.csv" for name in ("plain", "more")})
-    page = report(results).read_text(encoding="utf-8")
-    assert "points of the profile fit" in page
-    for title in ("psi RMSE", "1/k_s, rigid", "Error of psi", "Stated errors of contact distance"):
-        assert title in page
-    # No spring, so no chart of compliance; psi's and x_c's stated errors; Fig. 8 and errors.
-    assert page.count("<svg") == 1 + 1 + 2 + 2 * 2 + 2
+    page = report(results, [dict.fromkeys(CHANGES, "unchanged")]).read_text(encoding="utf-8")
+    for present in ("points of the profile fit", "psi RMSE", "coverage of psi", "What changed"):
+        assert present in page
+    assert "error of x_c +0.042 % of L (+0.1 mm, 0.5 stated sigmas)" in page
     table = results.scores / "scores.parquet"
     pl.read_parquet(table).drop("consistent").write_parquet(table)
     with pytest.raises(InputError, match="score the dataset again"):
         report(results)
 
 
-def test_charts_of_many_frames_stay_small() -> None:
-    count = 6000  # beyond altair's limit of 5,000 rows
-    random = np.random.default_rng(0)
-    scores = pl.DataFrame(
-        {
-            "method": "exact_fit",
-            "failed": False,
-            "push": "10 %",
-            "deflection_pct": 10.0,
-            "pushing_angle_deg": 5.0,
-            "true_x_c_mm": random.uniform(80, 200, count),
-            "true_force_n": random.uniform(0.1, 1, count),
-            "x_c_mm": random.uniform(80, 200, count),
-            "x_c_error_pct_L": random.normal(size=count),
-            "force_n": random.uniform(0.1, 1, count),
-            "true_psi_deg": random.uniform(-30, 30, count),
-            "psi_error_deg": random.normal(size=count),
-            "k_s_n_m": 1.0,
-            "true_compliance_mm_per_n": random.uniform(1, 2, count),
-            "compliance_error_pct": random.normal(size=count),
-        }
-    )
-    charts = [
-        figures.error_against_distance(scores, "exact_fit"),
-        figures.fig8_contact_distance(scores, "exact_fit"),
-        figures.fig8_force(scores, "exact_fit", 240, 4000),
-        *calibration.further_errors(scores, {"exact_fit": "red"}),
-    ]
-    assert len(charts) == 5
-    for chart in charts:
-        assert 1e5 < len(svg(chart)) < 5e5
-    shown = figures.sample_dots(scores)
-    assert shown.height == figures.MAX_DOTS
-    assert shown.equals(figures.sample_dots(scores))
+def test_limits_of_another_truth_are_refused(results: Results, tmp_path: Path) -> None:
+    true = open_truth(results.dataset.truth).frames
+    true.select("frame_id", x_c_mm=pl.col("x_c_mm") + 0.2).write_csv(tmp_path / "mine.csv")
+    score(results, {"mine": tmp_path / "mine.csv"})
+    bounds = true.select("frame_id", information=pl.lit("planar"), x_c_limit_mm=pl.lit(0.1))
+    write_limits(results.dataset, bounds, {})
+    page = report(results).read_text(encoding="utf-8")
+    assert "uses <b>25\N{NO-BREAK SPACE}%</b> of the information in the image" in page
+    (results.dataset.derived / "limits.parquet").write_bytes(b"other")
+    with pytest.raises(DamageError, match="compute the limits again"):
+        report(results)
 
 
 def test_a_report_is_written_where_the_solver_cannot_be_set_up(
-    dataset: Path, tmp_path: Path
+    results: Results, tmp_path: Path
 ) -> None:
-    shutil.copytree(dataset, tmp_path / "small")
-    results = Results(tmp_path / "small")
     true = open_truth(results.dataset.truth).frames
     true.select("frame_id", "x_c_mm").write_csv(tmp_path / "plain.csv")
     score(results, {"plain": tmp_path / "plain.csv"})
@@ -98,5 +76,5 @@ def test_a_report_is_written_where_the_solver_cannot_be_set_up(
         report(results)
     reseal(results.dataset)
     page = report(results).read_text(encoding="utf-8")
-    assert "the solver cannot be set up" in page
+    assert "The solver cannot be set up" in page
     assert "points of the profile fit" not in page

@@ -1,0 +1,164 @@
+"""Statistics of the report against direct computations."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from tests.vbaa_bench.report.synthetic import METHODS, limits, scores
+from vbaa_bench.report import headline, speed_chart
+from vbaa_bench.report.coverage import calibrations
+from vbaa_bench.report.heat_map import heat_maps, with_bins
+from vbaa_bench.report.intervals import median_interval
+from vbaa_bench.report.limits import with_limits
+from vbaa_bench.report.outcomes import messages, outcomes
+from vbaa_bench.report.statistics import MethodStatistics, statistics, with_groups
+from vbaa_bench.report.strata import strata
+from vbaa_bench.scoring import summary
+
+
+@pytest.fixture(scope="module")
+def table() -> pl.DataFrame:
+    plain = scores(4000)
+    return with_limits(with_groups(plain), limits(plain))
+
+
+@pytest.fixture(scope="module")
+def methods(table: pl.DataFrame) -> dict[str, MethodStatistics]:
+    return statistics(table)
+
+
+def test_statistics_are_those_of_all_frames(
+    table: pl.DataFrame, methods: dict[str, MethodStatistics]
+) -> None:
+    second = methods["two_point"]
+    rows = table.filter(pl.col("method") == "two_point")
+    errors = rows["x_c_error_pct_L"].drop_nulls().to_numpy()
+    assert (second.frames, second.contacts, second.free) == (4000, 3600, 400)
+    assert second.answered == len(errors) == 3400
+    assert second.median == pytest.approx(np.median(np.abs(errors)))
+    assert second.p95 == pytest.approx(np.quantile(np.abs(errors), 0.95))
+    assert second.rmse == pytest.approx(np.sqrt(np.mean(errors**2)))
+    everything = np.concatenate([errors, np.full(200, 50.0)])
+    assert second.rmse_all == pytest.approx(np.sqrt(np.mean(everything**2)))
+    assert second.coverage_68 == pytest.approx(0.68, abs=0.03)
+    assert second.coverage_95 == pytest.approx(0.95, abs=0.015)
+    assert second.share_answered == pytest.approx(3400 / 3600)
+
+
+def test_efficiency_is_the_squared_ratio_of_limit_and_error(
+    methods: dict[str, MethodStatistics],
+) -> None:
+    # The first method attains the limit; the second has twice its error, a quarter of its use.
+    assert methods["exact_fit"].efficiency == pytest.approx(1, rel=0.08)
+    assert methods["two_point"].efficiency == pytest.approx(0.25, rel=0.08)
+    assert methods["two_point"].matched == 3400
+    without = statistics(with_limits(with_groups(scores(100)), None))
+    assert without["exact_fit"].efficiency is None
+
+
+def test_the_limit_line_is_the_median_error_of_an_efficient_method(
+    table: pl.DataFrame, methods: dict[str, MethodStatistics]
+) -> None:
+    lines = speed_chart.limit_lines(table)
+    assert lines["planar"] == pytest.approx(methods["exact_fit"].median, rel=0.05)
+
+
+def test_intervals_agree_with_those_of_scoring() -> None:
+    random = np.random.default_rng(3)
+    values = np.abs(random.normal(size=(30, 20)) * random.uniform(0.5, 2, (30, 1)))
+    groups = np.repeat(np.arange(30), 20)
+    fast, slow = median_interval(values.ravel(), groups), summary.median_interval(list(values))
+    assert fast is not None
+    assert slow is not None
+    assert fast == pytest.approx(slow, rel=0.05)
+    assert median_interval(np.arange(5.0), np.zeros(5, np.int64)) is None
+    many = np.abs(random.normal(size=20_000))
+    interval = median_interval(many, np.arange(20_000))
+    assert interval is not None
+    # The standard error of a median is 1 / (2 f sqrt(n)), f the density there.
+    error = 1 / (2 * 2 * np.exp(-(0.6745**2) / 2) / np.sqrt(2 * np.pi) * np.sqrt(20_000))
+    assert interval.high - interval.low == pytest.approx(2 * 1.96 * error, rel=0.25)
+    assert interval.low < np.median(many) < interval.high
+
+
+def test_strata_divide_the_frames(table: pl.DataFrame) -> None:
+    found = strata(table)
+    assert found[0].label == "all frames"
+    headings = dict.fromkeys(stratum.heading for stratum in found[1:])
+    assert {"deflection", "contact distance", "inclination psi", "availability ratio"} <= set(
+        headings
+    )
+    assert "hidden by" not in headings
+    for heading in headings:
+        parts = [table.filter(one.contains).height for one in found if one.heading == heading]
+        defined = (
+            table.height if heading != "contact distance" else table.filter(~pl.col("free")).height
+        )
+        if heading in ("deflection", "availability ratio", "contact distance"):
+            assert sum(parts) == defined
+        assert all(parts)
+    wide = table.with_columns(deflection_pct=pl.Series(np.linspace(1, 20, table.height)))
+    thirds = [one for one in strata(wide) if one.heading == "deflection"]
+    sizes = [wide.filter(one.contains).height for one in thirds]
+    assert sum(sizes) == table.height
+    assert max(sizes) - min(sizes) <= 1
+
+
+def test_heat_maps_show_the_error_over_the_limit(table: pl.DataFrame) -> None:
+    binned, bins = with_bins(table)
+    assert bins.relative
+    assert list(bins.rows) == ["5 %", "10 %", "20 %"]
+    assert list(bins.columns) == ["60", "100", "140", "180", "220"]
+    maps = {one.method: one for one in heat_maps(binned, bins, METHODS)}
+    cells = [cell for _, row in maps["two_point"].rows for cell in row]
+    assert len(cells) == 15
+    assert all(float(cell.text) == pytest.approx(2, rel=0.2) for cell in cells)
+    plain, absolute = with_bins(with_limits(with_groups(scores(4000)), None))
+    assert not absolute.relative
+    (first, *_) = heat_maps(plain, absolute, METHODS)
+    rmse = [[float(cell.text) for cell in row] for _, row in first.rows]
+    assert np.mean(rmse, axis=1) == pytest.approx([0.01, 0.02, 0.04], rel=0.1)
+
+
+def test_calibration_curves_are_actual_shares(table: pl.DataFrame) -> None:
+    found = {(one.method, one.quantity): one for one in calibrations(table, METHODS)}
+    right, narrow = found["exact_fit", "contact distance"], found["exact_fit", "force"]
+    assert right.at(0.68) == pytest.approx(68, abs=3)
+    assert right.at(0.95) == pytest.approx(95, abs=1.5)
+    assert narrow.at(0.95) == pytest.approx(67.3, abs=3)  # errors of two sigmas: erf(0.98 / sqrt 2)
+    assert narrow.nees == pytest.approx(4, rel=0.1)
+
+
+def test_equal_rows_of_outcomes_are_joined(table: pl.DataFrame) -> None:
+    found = outcomes(table, METHODS)
+    assert found.trivial == []
+    columns = [("contact", "contact", "right"), ("contact", "invalid", "wrong")]
+    assert list(found.columns) == [*columns, ("no contact", "no contact", "right")]
+    assert {tuple(row.methods): list(row.counts) for row in found.rows} == {
+        tuple(name for name in METHODS if name != "two_point"): [3600, 0, 400],
+        ("two_point",): [3400, 200, 400],
+    }
+    touched = table.filter(~pl.col("free"))
+    assert len(outcomes(touched, METHODS).trivial) == 5
+    (message,) = messages(table)
+    assert (message["frames"], message["methods"]) == (200, ["two_point"])
+
+
+def test_sentences_state_accuracy_speed_share_honesty_and_efficiency(
+    methods: dict[str, MethodStatistics],
+) -> None:
+    text = str(headline.headline(methods["two_point"])).replace("\N{NO-BREAK SPACE}", " ")
+    for part in (
+        "% of L</b> in <b>3 ms</b>",
+        "answers 94 %",
+        "0 false contacts in 400",
+        "intervals contain",
+    ):
+        assert part in text
+    assert "of the information in the image" in text
+    assert "not timed" in headline.headline(methods["yours"])
+    best = str(headline.summary(list(methods.values())))
+    assert "Most accurate: <b>exact_fit</b>" in best
+    assert "It is also the fastest" in best
+    assert "yours" in speed_chart.omitted(methods.values())
+    assert "no time was measured" in speed_chart.omitted(methods.values())

@@ -1,0 +1,58 @@
+"""The error budget of the methods, if `derived/budget.json` was computed."""
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from solver.instrument.errors import InputError
+from vbaa_bench.dataset.manifest import read_json
+
+_KEYS: Final = ("bias_pct_L", "rmse_pct_L", "low", "high")
+
+
+class Share(NamedTuple):
+    """Error of x_c that one cause contributes [% of L]; `low` and `high` limit its RMSE.
+
+    `width_pct` is the length of its bar, relative to the largest RMSE of all methods.
+    """
+
+    cause: str
+    bias_pct_L: float  # noqa: N815  (a unit, as in the file)
+    rmse_pct_L: float  # noqa: N815
+    low: float
+    high: float
+    width_pct: float
+
+
+def read_budget(path: Path) -> dict[str, list[Share]]:
+    """Read the shares of every method, the largest first; empty if the file does not exist.
+
+    Raises InputError for a missing or wrong value.
+    """
+    if not path.is_file():
+        return {}
+    methods = {name: _records(path, name, causes) for name, causes in read_json(path).items()}
+    largest = max((one["rmse_pct_L"] for m in methods.values() for one in m.values()), default=0.0)
+    return {
+        name: sorted(
+            (
+                Share(cause=cause, **one, width_pct=100 * one["rmse_pct_L"] / (largest or 1))
+                for cause, one in causes.items()
+            ),
+            key=lambda share: -share.rmse_pct_L,
+        )
+        for name, causes in methods.items()
+    }
+
+
+def _records(path: Path, method: str, causes: object) -> dict[str, dict[str, float]]:
+    records = {}
+    for cause, values in causes.items() if isinstance(causes, dict) else ():
+        if not isinstance(values, dict) or not all(
+            isinstance(values.get(key), int | float) for key in _KEYS
+        ):
+            raise InputError(
+                f"{path}: {method}, {cause} is {values!r}, allowed are numbers for "
+                f"{', '.join(_KEYS)}"
+            )
+        records[str(cause)] = {key: float(values[key]) for key in _KEYS}
+    return records

@@ -1,0 +1,150 @@
+"""Charts as SVG, small enough to repeat: classes for colours, which the page's style defines."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import Final, NamedTuple
+
+import numpy as np
+from markupsafe import Markup
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.report.axes import Axis
+from vbaa_bench.report.numbers import short
+
+# Half sizes are chosen for equal areas.
+_SHAPES: Final = {
+    "circle": "M-1 0a1 1 0 1 0 2 0a1 1 0 1 0-2 0z",
+    "square": "M-.9-.9h1.8v1.8h-1.8z",
+    "diamond": "M0-1.25 1.25 0 0 1.25-1.25 0z",
+    "triangle": "M0-1.3 1.2.85h-2.4z",
+}
+
+
+class Margins(NamedTuple):
+    """Space around the plotting area [px]."""
+
+    left: int = 46
+    top: int = 8
+    right: int = 14
+    bottom: int = 36
+
+
+class Plot:
+    """A chart of `size` px with two axes, to which marks are added.
+
+    `description` is the text for a screen reader.
+    """
+
+    def __init__(
+        self,
+        x: Axis,
+        y: Axis,
+        size: tuple[int, int],
+        description: str,
+        margins: Margins = Margins(),  # noqa: B008  (a named tuple cannot change)
+    ) -> None:
+        self.x, self.y, self.size = x, y, size
+        self._description, self._margins = description, margins
+        self._parts: list[str] = []
+
+    def place(self, x: Floats | float, y: Floats | float) -> tuple[Floats, Floats]:
+        """Convert values to pixels of the chart."""
+        left, top, right, bottom = self._margins
+        width, height = self.size
+        return (
+            left + self.x.share(x) * (width - left - right),
+            top + (1 - self.y.share(y)) * (height - top - bottom),
+        )
+
+    def add(self, tag: str, content: str = "", /, **attributes: object) -> None:
+        """Add an element; `_` at the end of a name is left out, other `_` are hyphens."""
+        self._parts.append(element(tag, content, **attributes))
+
+    def text(self, x: float, y: float, content: str, **attributes: object) -> None:
+        """Add text at pixels of the chart."""
+        self.add("text", escape(content), x=_n(x), y=_n(y), **attributes)
+
+    def marker(self, x: float, y: float, shape: str, radius: float, **attributes: object) -> None:
+        """Add a filled marker of one of the shapes of `palette`."""
+        u, v = self.place(x, y)
+        at = f"translate({_n(u)} {_n(v)})scale({_n(radius)})"
+        self.add("path", "", d=_SHAPES[shape], transform=at, fill="currentColor", **attributes)
+
+    def line(self, x: Floats, y: Floats, **attributes: object) -> None:
+        """Add a line through points (n,); values beyond an axis are clipped to its end."""
+        self.add("path", "", d=_path(*self.place(x, y)), fill="none", **attributes)
+
+    def band(self, x: Floats, low: Floats, high: Floats, **attributes: object) -> None:
+        """Add the area between two lines."""
+        (u, v_low), (_, v_high) = self.place(x, low), self.place(x, high)
+        outline = _path(np.concatenate([u, u[::-1]]), np.concatenate([v_low, v_high[::-1]]))
+        self.add("path", "", d=f"{outline}z", fill="currentColor", **attributes)
+
+    def across(self, y: float, **attributes: object) -> None:
+        """Add a horizontal line over the whole width."""
+        self.line(np.array([self.x.low, self.x.high]), np.array([y, y]), **attributes)
+
+    def svg(self) -> Markup:
+        """Return the chart."""
+        width, height = self.size
+        return Markup(
+            f'<svg viewBox="0 0 {width} {height}" role="group" '
+            f'aria-label="{escape(self._description)}">{self._frame()}{"".join(self._parts)}</svg>'
+        )
+
+    def _frame(self) -> str:
+        left, top, right, bottom = self._margins
+        width, height = self.size
+        grid, labels = [], []
+        for value in self.x.ticks():
+            u = float(self.place(value, self.y.low)[0])
+            grid.append(f"M{_n(u)} {top}V{height - bottom}")
+            labels.append(_label(u, height - bottom + 14, value, "middle"))
+        for value in self.y.ticks():
+            v = float(self.place(self.x.low, value)[1])
+            grid.append(f"M{left} {_n(v)}H{width - right}")
+            labels.append(_label(left - 5, v + 4, value, "end"))
+        middle = (left + width - right) / 2, (top + height - bottom) / 2
+        titles = [
+            element("text", escape(self.x.label), x=_n(middle[0]), y=height - 4, class_="name"),
+            element(
+                "text",
+                escape(self.y.label),
+                class_="name",
+                transform=f"translate(11 {_n(middle[1])})rotate(-90)",
+            ),
+        ]
+        ticks = f'<g aria-hidden="true">{"".join([*labels, *titles])}</g>'
+        return element("path", d="".join(grid), class_="grid") + ticks
+
+
+def element(tag: str, content: str = "", /, **attributes: object) -> str:
+    """Write an element of SVG; attributes that are None are left out."""
+    words = "".join(
+        f' {name.rstrip("_").replace("_", "-")}="{escape(str(value))}"'
+        for name, value in attributes.items()
+        if value is not None
+    )
+    return f"<{tag}{words}>{content}</{tag}>" if content else f"<{tag}{words}/>"
+
+
+def key(shape: str) -> Markup:
+    """Draw a marker for a legend, in the colour of the text around it."""
+    return Markup(
+        '<svg class="key" viewBox="-1.5 -1.5 3 3" aria-hidden="true">'
+        f'<path d="{_SHAPES[shape]}" fill="currentColor"/></svg>'
+    )
+
+
+def _label(u: float, v: float, value: float, anchor: str) -> str:
+    return element("text", short(value, 3), x=_n(u), y=_n(v), text_anchor=anchor)
+
+
+def _path(u: Floats, v: Floats) -> str:
+    points: Sequence[str] = [f"{_n(x)} {_n(y)}" for x, y in zip(u, v, strict=True)]
+    return "M" + "L".join(points)
+
+
+def _n(value: Floats | float) -> str:
+    """Format pixels with one decimal."""
+    return f"{float(value):.1f}".removesuffix(".0")

@@ -1,0 +1,151 @@
+"""Heat maps of the error over contact distance and deflection, as tables with coloured cells."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from vbaa_bench.report.numbers import short
+
+# Chosen: six columns of 44 px fit a telephone.
+_COLUMNS: Final = 6
+_MAX_ROWS: Final = 6
+# Upper ends of the classes of colour: RMSE over limit, and without limits RMSE in % of L.
+_RATIO_ENDS: Final = (1.2, 1.5, 2.0, 4.0, 10.0, 100.0)
+_ERROR_ENDS: Final = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell: its number as text, its class of colour (None without frames), and a tooltip."""
+
+    text: str
+    level: int | None
+    tip: str
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """The table of one method; `rows` are label and cells."""
+
+    method: str
+    rows: Sequence[tuple[str, Sequence[Cell]]]
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Classes of contact distance and of deflection that all heat maps share.
+
+    `relative` is whether cells contain RMSE over limit instead of the RMSE in % of L.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[str]
+    relative: bool
+
+    @property
+    def legend(self) -> list[tuple[int, str]]:
+        """Classes of colour, with their ranges as text."""
+        ends = _RATIO_ENDS if self.relative else _ERROR_ENDS
+        unit = "" if self.relative else " %"
+        texts = [f"≤ {short(end)}{unit}" for end in ends]
+        return list(enumerate([*texts, f"> {short(ends[-1])}{unit}"]))
+
+
+def with_bins(scores: pl.DataFrame) -> tuple[pl.DataFrame, Bins]:
+    """Add the columns `x_bin` and `y_bin` to scores, and describe the bins.
+
+    Each contact distance at rest and each deflection is a class; of more than six values there
+    are six classes of x_c, or five of the deflection, of equal width.
+    """
+    frames = scores.filter(~pl.col("free"))
+    relative = scores["x_c_limit_pct_L"].is_not_null().any()
+    if frames.is_empty():
+        nothing = pl.lit(None, pl.Int64)
+        return scores.with_columns(x_bin=nothing, y_bin=nothing), Bins([], [], relative)
+    columns, x_bin = _x_bins(frames)
+    deflection = "deflection_pct"
+    rows, y_bin = _values(frames, deflection, _MAX_ROWS) or _equal(
+        frames[deflection], pl.col(deflection), _MAX_ROWS - 1
+    )
+    rows = [f"{row} %" for row in rows]
+    binned = scores.with_columns(x_bin=x_bin.cast(pl.Int64), y_bin=y_bin.cast(pl.Int64))
+    return binned, Bins(columns, rows, bool(relative))
+
+
+def _x_bins(frames: pl.DataFrame) -> tuple[list[str], pl.Expr]:
+    """Choose the classes of contact distance: at rest if it has few values, else of equal width."""
+    share = "factor.x_c_over_L"
+    if share in frames.columns:
+        return _equal(100 * frames[share], 100 * pl.col(share), _COLUMNS)
+    return _values(frames, "contact_distance_at_rest_mm", _COLUMNS) or _equal(
+        frames["true_x_c_mm"], pl.col("true_x_c_mm"), _COLUMNS
+    )
+
+
+def _values(frames: pl.DataFrame, column: str, most: int) -> tuple[list[str], pl.Expr] | None:
+    """Make a class of each value, rounded to two digits; None if there are too many."""
+    values = frames[column].cast(pl.Float64).round_sig_figs(2).unique().sort()
+    if len(values) > most or values.null_count():
+        return None
+    order = {value: number for number, value in enumerate(values)}
+    rounded = pl.col(column).cast(pl.Float64).round_sig_figs(2)
+    return [short(value) for value in values], rounded.replace_strict(order, default=None)
+
+
+def _equal(values: pl.Series, column: pl.Expr, count: int) -> tuple[list[str], pl.Expr]:
+    low, high = np.min(values.to_numpy()), np.max(values.to_numpy())
+    width = (high - low) / count or 1.0
+    edges = low + width * np.arange(count + 1)
+    labels = [
+        f"{edge:.0f}–{upper:.0f}" if width >= 1 else f"{short(edge)}–{short(upper)}"
+        for edge, upper in pairwise(edges.tolist())
+    ]
+    return labels, ((column - low) / width).floor().clip(0, count - 1)
+
+
+def heat_maps(rows: pl.DataFrame, bins: Bins, methods: Sequence[str]) -> list[HeatMap]:
+    """Make the heat map of every method that estimates x_c, from scores with bins."""
+    error = pl.col("x_c_error_pct_L")
+    matched = error.is_not_null() & pl.col("x_c_limit_pct_L").is_not_null()
+    rmse = (error**2).mean().sqrt()
+    ratio = (
+        (error.filter(matched) ** 2).mean()
+        / (pl.col("x_c_limit_pct_L").filter(matched) ** 2).mean()
+    ).sqrt()
+    cells = (
+        rows.drop_nulls(["x_bin", "y_bin"])
+        .group_by("method", "y_bin", "x_bin")
+        .agg(frames=pl.len(), answered=error.count(), rmse=rmse, ratio=ratio)
+    )
+    found = {
+        (record["method"], record["y_bin"], record["x_bin"]): record for record in cells.to_dicts()
+    }
+    answering = set(rows.drop_nulls("x_c_error_pct_L")["method"])
+    return [
+        HeatMap(
+            name,
+            [
+                (label, [_cell(found.get((name, y, x)), bins) for x in range(len(bins.columns))])
+                for y, label in enumerate(bins.rows)
+            ],
+        )
+        for name in methods
+        if name in answering
+    ]
+
+
+def _cell(record: dict[str, Any] | None, bins: Bins) -> Cell:
+    if record is None:
+        return Cell("", None, "no frame")
+    value = record["ratio"] if bins.relative else record["rmse"]
+    if value is None:
+        return Cell("–", None, f"no estimate in {record['frames']} frames")
+    level = int(np.searchsorted(_RATIO_ENDS if bins.relative else _ERROR_ENDS, value))
+    tip = f"RMSE {short(record['rmse'], 3)} % of L"
+    if bins.relative:
+        tip += f", {short(value, 3)} times the limit"
+    return Cell(short(value), level, f"{tip}; {record['answered']} of {record['frames']} frames")

@@ -1,0 +1,108 @@
+"""The page of a report, for a dataset and for a collection alike."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import Any, Final
+
+import jinja2
+import polars as pl
+from markupsafe import Markup
+
+from vbaa_bench.report import numbers, palette
+from vbaa_bench.report.budget import Share
+from vbaa_bench.report.drawing import key
+from vbaa_bench.report.heat_map import with_bins
+from vbaa_bench.report.limits import with_limits
+from vbaa_bench.report.residuals import MAX_DOTS, figures, panels
+from vbaa_bench.report.statistics import with_groups
+from vbaa_bench.report.strata import strata
+from vbaa_bench.report.views import by_error, views
+from vbaa_bench.report.worst import Row, worst_frames
+from vbaa_bench.scoring.overlay import Overlay
+
+# Columns of the table "what changed", in the records of a comparison with a baseline.
+CHANGES: Final = (
+    "scene",
+    "method",
+    "stratum",
+    "quantity",
+    "old",
+    "new",
+    "verdict",
+    "smallest_detectable",
+)
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a report shows beside its statistics.
+
+    `facts` are sentences on the data. `limits` is None or as for `limits.with_limits`.
+    `unmeasured` is the reason why frames have no measured centreline, "" if they have. `changes`
+    are records with the keys CHANGES. `factors` and `rigs` are of collections only: groups of
+    factors by method, and pictures of rigs with captions.
+    """
+
+    title: str
+    facts: Sequence[str]
+    scores: pl.DataFrame
+    limits: pl.DataFrame | None
+    overlay_of: Callable[[Row], Overlay]
+    environment: Mapping[str, Any]
+    unmeasured: str = ""
+    budget: Mapping[str, Sequence[Share]] = field(default_factory=dict)
+    changes: Sequence[Mapping[str, Any]] = ()
+    factors: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
+    rigs: Sequence[Mapping[str, str]] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """The page as HTML, and its first chart as an SVG for other uses."""
+
+    html: str
+    speed: Markup
+
+
+def page(contents: Contents) -> Page:
+    """Compute and write the page."""
+    scores, bins = with_bins(with_limits(with_groups(contents.scores), contents.limits))
+    methods = by_error(scores)
+    styles = palette.styles(methods)
+    classes = {name: f"m{number}" for number, name in enumerate(methods)}
+    chosen = strata(scores)
+    shown = views(scores, methods, chosen, bins, styles, classes)
+    html = _template().render(
+        contents=contents,
+        views=shown,
+        menu=[(h, list(g)) for h, g in groupby(shown, key=lambda view: view.heading)],
+        bins=bins,
+        figures=[panels(scores, one, methods, classes, chosen) for one in figures(scores)],
+        most_dots=MAX_DOTS,
+        worst=worst_frames(scores, methods, chosen, contents.overlay_of),
+        methods=methods,
+        styles=styles,
+        classes=classes,
+        palette=palette,
+        changes=CHANGES,
+        limited=bool(bins.relative),
+    )
+    return Page(html, shown[0].wide)
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vbaa_bench.report", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {
+        "short": numbers.short,
+        "signed": numbers.signed,
+        "percent": numbers.percent,
+        "key": key,
+    }
+    return environment.get_template("page.html.jinja")

@@ -1,0 +1,161 @@
+"""Speed against error: the median error of x_c over the time per frame, with the limit."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from markupsafe import Markup
+from scipy.stats import halfnorm
+
+from vbaa_bench.report.axes import Axis, log_axis
+from vbaa_bench.report.drawing import Margins, Plot
+from vbaa_bench.report.labels import spread
+from vbaa_bench.report.limits import WORDS
+from vbaa_bench.report.numbers import short
+from vbaa_bench.report.palette import Style
+from vbaa_bench.report.statistics import MethodStatistics
+
+# Distance between the centres of labels, for letters 12 px high.
+LABEL_GAP_PX: Final = 16
+# The chart is drawn for wide and for narrow windows, so that its letters have the same size.
+WIDE: Final = (700, 440)
+NARROW: Final = (360, 340)
+_LABELS_PX: Final = {WIDE: 222, NARROW: 124}
+# Letters that fit beside the plot.
+_MAX_LETTERS: Final = {WIDE: 34, NARROW: 18}
+_SHORT: Final = {
+    "planar": "psi known",
+    "image": "psi unknown",
+    "moment": "moment sensor",
+    "force": "force sensor",
+}
+# Chosen: the median of 99 quantiles is exact to 1 %.
+_QUANTILES: Final = np.linspace(0.005, 0.995, 100)
+
+
+class Axes(NamedTuple):
+    """Axes that the charts of all strata share."""
+
+    x: Axis
+    y: Axis
+
+
+def limit_lines(rows: pl.DataFrame) -> dict[str, float]:
+    """Compute for each information set the median |error| of a method that attains the limit.
+
+    Errors of an efficient method are Gaussian with the sigma of each frame's limit; the median of
+    their absolute values over all frames of the set is returned, in % of L.
+    """
+    unique = rows.drop_nulls("x_c_limit_pct_L").unique(["information", *_frame_keys(rows)])
+    return {
+        str(name): float(
+            np.median(np.outer(part["x_c_limit_pct_L"].to_numpy(), halfnorm.ppf(_QUANTILES)))
+        )
+        for (name,), part in unique.sort("information").group_by("information", maintain_order=True)
+    }
+
+
+def _frame_keys(rows: pl.DataFrame) -> list[str]:
+    return [name for name in ("rig", "frame_id") if name in rows.columns]
+
+
+def axes(
+    strata: Sequence[Mapping[str, MethodStatistics]], limits: Sequence[Mapping[str, float]]
+) -> Axes:
+    """Choose the axes that contain the methods and limits of all strata."""
+    methods = [one for stratum in strata for one in stratum.values() if is_drawn(one)]
+    times = [t for one in methods for t in (one.ms, *(one.ms_95 or ())) if t]
+    errors = [e for one in methods for e in (one.median, *(one.median_95 or ())) if e]
+    errors += [value for lines in limits for value in lines.values()]
+    return Axes(
+        log_axis("time per frame, image to estimate [ms]", np.array(times)),
+        log_axis("median |error| of x_c [% of L]", np.array(errors)),
+    )
+
+
+def is_drawn(one: MethodStatistics) -> bool:
+    """Test whether a method has a time and a median error, and so a place in the chart."""
+    return bool(one.ms and one.median)
+
+
+def omitted(methods: Collection[MethodStatistics]) -> str:
+    """Name the methods that the chart leaves out, each with the reason, as a sentence."""
+    reasons = [
+        f"{one.method} ({_reason(one)})" for one in methods if not is_drawn(one) and one.frames
+    ]
+    return f"Not in the chart: {', '.join(reasons)}." if reasons else ""
+
+
+def _reason(one: MethodStatistics) -> str:
+    if one.median is None:
+        return "no estimate of x_c"
+    error = f"median error {short(one.median)} % of L"
+    return f"{error}, no time was measured" if not one.ms else f"{error}, {short(one.ms)} ms"
+
+
+def speed_chart(
+    methods: Collection[MethodStatistics],
+    limits: Mapping[str, float],
+    styles: Mapping[str, Style],
+    classes: Mapping[str, str],
+    scales: Axes,
+    size: tuple[int, int] = WIDE,
+) -> Markup:
+    """Draw the chart; labels are in a column beside the plot, joined to their markers by a line.
+
+    `classes` are the CSS classes of the methods, which define their colours.
+    """
+    drawn = [one for one in methods if is_drawn(one)]
+    margins = Margins(right=_LABELS_PX[size])
+    sentences = "; ".join(_sentence(one) for one in drawn)
+    plot = Plot(*scales, size, f"Median error of x_c against time per frame. {sentences}", margins)
+    for name, value in limits.items():
+        plot.across(value, class_="limit", data_t=f"limit, {WORDS.get(name, name)}: {value:.2g} %")
+    anchors = [plot.place(one.ms or 0.0, one.median or 0.0) for one in drawn]
+    anchors += [plot.place(scales.x.high, value) for value in limits.values()]
+    label_v = spread(np.array([float(v) for _, v in anchors]), LABEL_GAP_PX)
+    # All labels stay inside of the chart.
+    label_v -= max(label_v.max(initial=0.0) - (size[1] - 12), 0)
+    left = size[0] - _LABELS_PX[size]
+    for one, (u, v), at in zip(drawn, anchors, label_v, strict=False):
+        style = classes[one.method]
+        plot.add("path", d=f"M{u:.0f} {v:.1f}L{left} {at:.1f}", class_=f"leader {style}")
+        _bars(plot, one, style)
+        plot.marker(
+            one.ms or 0.0,
+            one.median or 0.0,
+            styles[one.method].shape,
+            5,
+            class_=style,
+            data_t=_sentence(one),
+            tabindex=0,
+            role="img",
+            aria_label=_sentence(one),
+        )
+        numbers = f" {short(one.median)} %, {short(one.ms)} ms" if size == WIDE else ""
+        room = _MAX_LETTERS[size] - len(numbers)
+        label = one.method if len(one.method) <= room else f"{one.method[: room - 1]}…"
+        plot.text(left + 4, float(at) + 4, label + numbers, class_=f"{style} label")
+    for (name, value), at in zip(limits.items(), label_v[len(drawn) :], strict=True):
+        numbers = f" {short(value)} %" if size == WIDE else ""
+        text = f"limit, {_SHORT.get(name, name)}{numbers}"
+        plot.text(left + 4, float(at) + 4, text, class_="ink label")
+    return plot.svg()
+
+
+def _bars(plot: Plot, one: MethodStatistics, style: str) -> None:
+    time, error = one.ms or 0.0, one.median or 0.0
+    for xs, ys in (
+        ((one.ms_95 or (time, time)), (error, error)),
+        ((time, time), (one.median_95 or (error, error))),
+    ):
+        plot.line(np.array(xs), np.array(ys), class_=f"bar {style}")
+
+
+def _sentence(one: MethodStatistics) -> str:
+    low, high = one.median_95 or (one.median, one.median)
+    return (
+        f"{one.method}: {short(one.median)} % of L ({short(low)} to {short(high)}), "
+        f"{short(one.ms)} ms"
+    )

@@ -1,0 +1,92 @@
+"""Views of the report: everything that is computed anew for each stratum of the frames."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+from markupsafe import Markup
+
+from vbaa_bench.report import headline, speed_chart
+from vbaa_bench.report.coverage import Calibration, calibrations, coverage_charts
+from vbaa_bench.report.heat_map import Bins, HeatMap, heat_maps
+from vbaa_bench.report.outcomes import OutcomeTable, messages, outcomes
+from vbaa_bench.report.palette import Style
+from vbaa_bench.report.statistics import MethodStatistics, statistics
+from vbaa_bench.report.strata import Stratum
+
+
+@dataclass(frozen=True)
+class View:
+    """Contents of the report for one stratum; `number` is 0 for all frames."""
+
+    number: int
+    heading: str
+    label: str
+    frames: int
+    methods: Sequence[MethodStatistics]
+    summary: Markup
+    sentences: Sequence[tuple[str, Markup]]
+    wide: Markup
+    narrow: Markup
+    omitted: str
+    heat_maps: Sequence[HeatMap]
+    calibrations: Sequence[Calibration]
+    coverage: Sequence[tuple[str, Markup]]
+    outcomes: OutcomeTable
+    messages: Sequence[Mapping[str, Any]]
+
+    def has(self, name: str) -> bool:
+        """Test whether any method has a value of a statistic."""
+        return any(getattr(one, name) is not None for one in self.methods)
+
+
+def by_error(scores: pl.DataFrame) -> list[str]:
+    """List the methods, the smallest median error of x_c first, those without an error last."""
+    table = scores.group_by("method", maintain_order=True).agg(
+        pl.col("x_c_error_pct_L").abs().median()
+    )
+    return table.sort("x_c_error_pct_L", nulls_last=True, maintain_order=True)["method"].to_list()
+
+
+def views(
+    scores: pl.DataFrame,
+    methods: Sequence[str],
+    strata: Sequence[Stratum],
+    bins: Bins,
+    styles: Mapping[str, Style],
+    classes: Mapping[str, str],
+) -> list[View]:
+    """Make the view of every stratum from scores with groups, limits and bins."""
+    parts = [scores.filter(one.contains) for one in strata]
+    numbers = [statistics(part) for part in parts]
+    limits = [speed_chart.limit_lines(part) for part in parts]
+    scales = speed_chart.axes(numbers, limits)
+    made = []
+    for number, (stratum, part) in enumerate(zip(strata, parts, strict=True)):
+        rows = [numbers[number][name] for name in methods if name in numbers[number]]
+        wide, narrow = (
+            speed_chart.speed_chart(rows, limits[number], styles, classes, scales, size)
+            for size in (speed_chart.WIDE, speed_chart.NARROW)
+        )
+        stated = calibrations(part, methods)
+        made.append(
+            View(
+                number=number,
+                heading=stratum.heading,
+                label=stratum.label,
+                frames=max((one.frames for one in rows), default=0),
+                methods=rows,
+                summary=headline.summary(rows),
+                sentences=[(one.method, headline.headline(one)) for one in rows],
+                wide=wide,
+                narrow=narrow,
+                omitted=speed_chart.omitted(rows),
+                heat_maps=heat_maps(part, bins, methods),
+                calibrations=stated,
+                coverage=coverage_charts(stated, styles, classes),
+                outcomes=outcomes(part, methods),
+                messages=messages(part),
+            )
+        )
+    return made

@@ -1,0 +1,202 @@
+"""The worst frames of every method: which they are, and their pictures with truth and estimate."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final, NamedTuple
+
+import cv2
+import numpy as np
+import polars as pl
+from markupsafe import Markup, escape
+
+from solver.instrument.arrays import Floats
+from solver.instrument.centreline import Flag
+from vbaa_bench.report.drawing import element
+from vbaa_bench.report.gallery import display, webp_uri
+from vbaa_bench.report.numbers import short, signed
+from vbaa_bench.report.strata import Stratum
+from vbaa_bench.scoring.overlay import Overlay
+
+# Chosen: 60 pictures of 8 kB for ten methods.
+_MAX_ERRORS: Final = 6
+_MAX_WRONG: Final = 2
+# Wider strips are reduced. Chosen: twice the width of a column of text.
+_MAX_WIDTH_PX: Final = 1024
+_MARGIN_PX: Final = 14
+_HALF_PX: Final = 24
+
+Row = dict[str, Any]
+
+
+class WorstFrame(NamedTuple):
+    """A frame for the viewer: its method, caption, the numbers of its strata, and two pictures."""
+
+    method: str
+    caption: str
+    strata: str
+    strip: Markup
+    close_up: Markup
+
+
+def worst_frames(
+    scores: pl.DataFrame,
+    methods: Sequence[str],
+    strata: Sequence[Stratum],
+    overlay_of: Callable[[Row], Overlay],
+) -> list[WorstFrame]:
+    """Draw the worst frames of every method.
+
+    They are the largest errors of x_c (of force, if x_c is not estimated) of six different pushes,
+    and one frame of each of two wrong outcomes. `scores` has the column `group`; `overlay_of`
+    makes the overlay of a row of it.
+    """
+    members = [one.contains.fill_null(value=False).alias(f"in_{n}") for n, one in enumerate(strata)]
+    return [
+        _drawn(row, overlay_of(row))
+        for name in methods
+        for row in _rows(scores.filter(pl.col("method") == name).with_columns(members))
+    ]
+
+
+def _rows(scores: pl.DataFrame) -> list[Row]:
+    error = "x_c_error_pct_L" if scores["x_c_error_pct_L"].count() else "force_error_pct"
+    order = [pl.col(error).abs(), pl.col("frame_id")]
+    largest = (
+        scores.drop_nulls(error)
+        .sort(order, descending=[True, False])
+        .unique("group", keep="first", maintain_order=True)
+        .head(_MAX_ERRORS)
+    )
+    wrong = (
+        scores.filter(pl.col("failed") & ~pl.col("rightly_refused"))
+        .sort("frame_id")
+        .unique("outcome", keep="first", maintain_order=True)
+        .head(_MAX_WRONG)
+    )
+    return [*wrong.to_dicts(), *largest.to_dicts()]
+
+
+def _drawn(row: Row, overlay: Overlay) -> WorstFrame:
+    caption = _caption(row)
+    numbers = [name.removeprefix("in_") for name, value in row.items() if _is_member(name, value)]
+    position = overlay.estimates.get(row["method"])
+    return WorstFrame(
+        row["method"],
+        caption,
+        " ".join(numbers),
+        _strip(overlay, position, f"Whole beam. {caption}"),
+        _close_up(overlay, position, f"Enlarged contact. {caption}"),
+    )
+
+
+def _is_member(name: str, value: object) -> bool:
+    return name.startswith("in_") and value is True
+
+
+def _caption(row: Row) -> str:
+    parts = [f"{row['method']}:"]
+    if row["failed"]:
+        truth = "no contact" if row["free"] else "a contact"
+        parts.append(f"{row['outcome']}, where the truth is {truth}.")
+    elif row["x_c_error_pct_L"] is not None:
+        parts.append(
+            f"error of x_c {signed(row['x_c_error_pct_L'])} % of L "
+            f"({signed(row['x_c_error_mm'])} mm"
+        )
+        sigmas = row["x_c_error_in_sigmas"]
+        parts[-1] += ")" if sigmas is None else f", {short(abs(sigmas))} stated sigmas)"
+    if row["force_error_pct"] is not None:
+        parts[-1] += f", of force {signed(row['force_error_pct'])} %"
+    parts[-1] += "" if parts[-1].endswith(".") else "."
+    if not row["free"]:
+        parts.append(
+            f"True x_c {short(row['true_x_c_mm'], 4)} mm, deflection "
+            f"{short(row['deflection_pct'])} %, force {short(1e3 * row['true_force_n'], 3)} mN."
+        )
+    rig = f"Rig {row['rig']}, frame" if row.get("rig") is not None else "Frame"
+    return " ".join([*parts, f"{rig} {row['frame_id']}."])
+
+
+def _strip(overlay: Overlay, position: Floats | None, text: str) -> Markup:
+    """Draw the part of the image that contains the beam; the truth is a line on both its sides."""
+    height, width = overlay.image.shape
+    inside = np.clip(overlay.centreline, 0, (width - 1, height - 1))
+    low, high = inside.min(axis=0) - _MARGIN_PX, inside.max(axis=0) + _MARGIN_PX
+    left, top = np.maximum(np.floor(low), 0).astype(int)
+    right, bottom = np.minimum(np.ceil(high) + 1, (width, height)).astype(int)
+    marks = [_polyline(overlay.centreline + np.array([0.0, offset]), "truth") for offset in (-3, 3)]
+    radius = max(right - left, bottom - top) / 90
+    return _picture(overlay, (left, top, right, bottom), marks, position, radius, text)
+
+
+def _close_up(overlay: Overlay, position: Floats | None, text: str) -> Markup:
+    """Draw the surroundings of the contact (of the tip, without contact) with measured points."""
+    middle = overlay.centreline[-1] if overlay.contact is None else overlay.contact
+    half = min(_HALF_PX, (min(overlay.image.shape) - 1) // 2)
+    corner = np.rint(middle).astype(int) - half
+    limits = np.array(overlay.image.shape[::-1]) - 2 * half - 1
+    left, top = np.clip(corner, 0, limits)
+    marks = [_polyline(overlay.centreline, "truth")]
+    if overlay.measured is not None:
+        marks += [_dot(point, "points", 0.16) for point in _near(overlay.measured.points, middle)]
+    side = 2 * half + 1
+    return _picture(overlay, (left, top, left + side, top + side), marks, position, 1.6, text)
+
+
+def _near(points: Floats, middle: Floats) -> Floats:
+    near: Floats = points[np.abs(points - middle).max(axis=1) < 2 * _HALF_PX]
+    return near
+
+
+def _picture(
+    overlay: Overlay,
+    box: tuple[int, int, int, int],
+    marks: list[str],
+    position: Floats | None,
+    radius: float,
+    text: str,
+) -> Markup:
+    """Draw a part of the image, and over it the marks in the image's own pixels."""
+    left, top, right, bottom = (int(edge) for edge in box)
+    part = display(overlay.image[top:bottom, left:right])
+    if right - left > _MAX_WIDTH_PX:
+        size = (_MAX_WIDTH_PX, round((bottom - top) * _MAX_WIDTH_PX / (right - left)))
+        part = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+    # The centre of a pixel has integer coordinates.
+    frame = {"x": left - 0.5, "y": top - 0.5, "width": right - left, "height": bottom - top}
+    image = element("image", "", href=webp_uri(part), preserveAspectRatio="none", **frame)
+    if overlay.measured is not None:
+        for point, flag in zip(overlay.measured.rejected, overlay.measured.flags, strict=True):
+            marks.append(_dot(point, Flag(int(flag)).name.lower(), radius / 5))
+        if overlay.measured.tip is not None:
+            marks.append(_dot(overlay.measured.tip, "tip", radius / 3))
+    if overlay.contact is not None:
+        u, v = overlay.contact
+        arms = f"M{u - radius:.2f} {v - radius:.2f}l{2 * radius:.2f} {2 * radius:.2f}"
+        arms += f"m0-{2 * radius:.2f}l-{2 * radius:.2f} {2 * radius:.2f}"
+        marks.append(element("path", d=arms, class_="truth"))
+    if position is not None:
+        marks += [
+            element(
+                "circle",
+                cx=f"{position[0]:.2f}",
+                cy=f"{position[1]:.2f}",
+                r=f"{radius:.2f}",
+                class_=name,
+            )
+            for name in ("halo", "estimate")
+        ]
+    view = f"{frame['x']} {frame['y']} {frame['width']} {frame['height']}"
+    return Markup(
+        f'<svg viewBox="{view}" role="img" aria-label="{escape(text)}">{image}'
+        f'<g class="overlay">{"".join(marks)}</g></svg>'
+    )
+
+
+def _polyline(points: Floats, name: str) -> str:
+    path = "L".join(f"{u:.2f} {v:.2f}" for u, v in points[:: max(len(points) // 60, 1)])
+    return element("path", d=f"M{path}", class_=name)
+
+
+def _dot(point: Floats, name: str, radius: float) -> str:
+    u, v = point
+    return element("circle", cx=f"{u:.2f}", cy=f"{v:.2f}", r=f"{radius:.2f}", class_=f"dot {name}")
