@@ -10,6 +10,8 @@ from vbaa_bench.report.statistics import MethodStatistics
 
 # Chosen: with 300 frames a method with right intervals is outside of these in 1 of 1,000 reports.
 _TOO_NARROW, _TOO_WIDE = 0.90, 0.99
+# Chosen: a method that leaves out the hardest tenth of the frames is still comparable.
+_NEARLY = 0.9
 # Chosen: smaller efficiencies differ in nothing that matters.
 _LEAST = 0.001
 
@@ -22,10 +24,16 @@ def headline(one: MethodStatistics) -> Markup:
 
 
 def summary(methods: Collection[MethodStatistics]) -> Markup:
-    """Name the most accurate and the fastest method among those that answer most contacts."""
-    complete = [one for one in methods if one.median is not None and _answers_most(one)]
+    """Name the most accurate and the fastest of the methods that answer nearly all they could.
+
+    These are methods with at least 90 % of the answers of the method that has most.
+    """
+    most = max((one.answered for one in methods), default=0)
+    complete = [
+        one for one in methods if one.median is not None and one.answered >= _NEARLY * most > 0
+    ]
     if not complete:
-        return Markup("No method answers half of the contacts.") if methods else Markup("")
+        return Markup("No method estimates x_c.")
     best = min(complete, key=lambda one: one.median or 0.0)
     text = Markup("Most accurate: <b>{}</b>, with a median error of <b>{} % of L</b>.").format(
         best.method, short(best.median)
@@ -49,10 +57,6 @@ def _unbroken(text: Markup) -> Markup:
     for unit in ("%", "ms"):
         text = text.replace(f" {unit}", f"\N{NO-BREAK SPACE}{unit}")
     return text
-
-
-def _answers_most(one: MethodStatistics) -> bool:
-    return one.contacts > 0 and one.answered + one.right_refusals >= one.contacts / 2
 
 
 def _accuracy(one: MethodStatistics) -> Markup:

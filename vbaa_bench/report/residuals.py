@@ -213,8 +213,8 @@ def _panel(
     for row, inside in zip(rows[shown].iter_rows(named=True), members[shown], strict=True):
         u, v = plot.place(row["x"], row["y"])
         tip = (
-            f"{signed(row['y'])} {figure.y_unit} at {short(row['x'], 3)}, deflection "
-            f"{short(row['deflection_pct'])} %"
+            f"{signed(row['y'])} {figure.y_unit}; {figure.x_label}: {short(row['x'], 3)}; "
+            f"deflection {short(row['deflection_pct'])} %"
         )
         numbers = " ".join(map(str, np.flatnonzero(inside)))
         plot.add(

@@ -36,6 +36,11 @@ class View:
     outcomes: OutcomeTable
     messages: Sequence[Mapping[str, Any]]
 
+    @property
+    def title(self) -> str:
+        """Heading and label, such as "deflection 5 % of L"."""
+        return f"{self.heading} {self.label}".strip()
+
     def has(self, name: str) -> bool:
         """Test whether any method has a value of a statistic."""
         return any(getattr(one, name) is not None for one in self.methods)
