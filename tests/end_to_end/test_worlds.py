@@ -187,12 +187,18 @@ def test_the_overlay_knows_where_the_camera_stands(hidden: tuple[Layout, Truth])
     assert seen.contact is not None
 
 
-def test_a_contact_sheet_shows_every_scene(small_scene: Path, variant: str, tmp_path: Path) -> None:
-    contact_sheet([small_scene] * 2, tmp_path / "sheet.png", variant, quiet)
+def test_a_contact_sheet_names_scenes_that_look_alike_below_one_picture(
+    small_scene: Path, variant: str, tmp_path: Path
+) -> None:
+    dark = tmp_path / "back.yaml"
+    text = small_scene.read_text(encoding="utf-8")
+    dark.write_text(f"{text}background: {{reflectance: 0.6}}\n", encoding="utf-8")
+    contact_sheet([small_scene, small_scene, dark], tmp_path / "sheet.png", variant, quiet)
     width, height, _ = png_head(tmp_path / "sheet.png")
-    assert width == 6 * 360
-    assert height == 386
+    assert (width, height) == (4 * (468 + 8), 26 + 120 + 15 + 8)
     sheet = read_grey(tmp_path / "sheet.png")
-    assert (sheet[:, :360] == sheet[:, 360:720]).all()
-    assert (sheet[:, 720:] == 245).all()
-    assert sheet[26:150, :360].max() > 150  # the beam
+    assert sheet[26:146, :348].max() > 150  # the beam
+    assert (sheet[146:161, :476] < 100).any()  # the second name
+    assert (sheet[146:161, 476:] == 245).all()
+    assert np.median(sheet[26:146, 476:824]) > np.median(sheet[26:146, :348]) + 30
+    assert (sheet[:, 2 * 476 :] == 245).all()
