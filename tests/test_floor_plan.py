@@ -17,6 +17,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"api", "benchmarks"},
         {"report"},
         {"scoring"},
+        {"limits"},
         {"generation"},
         {"assembly"},
         {"render", "sensor"},
