@@ -6,7 +6,7 @@ from typing import Annotated, Final
 import typer
 
 from solver.instrument.errors import InputError
-from vbaa_bench.scoring.conditions import CONDITIONS
+from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 
 # Copied for help texts, because importing the originals takes seconds. A test compares them.
@@ -137,6 +137,7 @@ Predictions = Annotated[
     typer.Option(help="your own CSV or Parquet with frame_id and x_c_mm or force_n; repeatable"),
 ]
 By = Annotated[
-    str | None, typer.Option(help=f"one row per value of this condition: {', '.join(CONDITIONS)}")
+    str | None,
+    typer.Option(help=f"one row per value of this condition: {', '.join((*CONDITIONS, *STRATA))}"),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object only")]

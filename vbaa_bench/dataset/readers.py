@@ -64,9 +64,10 @@ def check_complete(layout: Layout) -> None:
     raise InputError(f"{layout.root}: is not a dataset, observations/{HASHES} is missing")
 
 
-def open_truth(root: Path | str) -> Truth:
+def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     """Open the truth tree of a dataset at `root`; its observations are beside it.
 
+    Without `centrelines`, the columns `centreline_*` are left out: they take 99 % of the memory.
     Only files listed in its hashes.json are read, and they must match their hashes. Raises
     InputError if the tree is missing, damaged or incomplete.
     """
@@ -84,11 +85,18 @@ def open_truth(root: Path | str) -> Truth:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
     try:
         # A column that is null in a whole shard has no type there, and random sections differ.
-        shards = [pl.read_parquet(io.BytesIO(read_bytes(table))) for table in tables]
+        shards = [_table(read_bytes(table), centrelines) for table in tables]
         frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
     return Truth(root, manifest, frames)
+
+
+def _table(data: bytes, centrelines: bool) -> pl.DataFrame:
+    names = pl.read_parquet_schema(io.BytesIO(data))
+    left_out = () if centrelines else ("centreline_",)
+    columns = [name for name in names if not name.startswith(left_out)]
+    return pl.read_parquet(io.BytesIO(data), columns=columns)
 
 
 def _check_manifest(path: Path, manifest: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from vbaa_bench.dataset.column import Column, unit
 from vbaa_bench.generation.columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
-from vbaa_bench.scoring.columns import FACTORS, PREDICTIONS, SCORES
+from vbaa_bench.scoring.columns import FACTORS, PREDICTIONS, SCORES, STRATA_TABLE
 
 
 class Section(NamedTuple):
@@ -23,6 +23,7 @@ SECTIONS: Final = (
     Section("rigs.csv of a collection", RIGS),
     Section("predictions/METHOD.csv", PREDICTIONS),
     Section("scores/scores.parquet", SCORES),
+    Section("scores/strata.csv", STRATA_TABLE),
     Section("scores/factors.csv of a collection", FACTORS),
 )
 

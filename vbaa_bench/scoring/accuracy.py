@@ -9,10 +9,11 @@ from polars import selectors
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scoring.conditions import CONDITIONS
+from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.score import read_scores
+from vbaa_bench.scoring.strata import class_order
 from vbaa_bench.scoring.summary import summarise_method
 
 Row = dict[str, Any]
@@ -37,15 +38,16 @@ _STATED: Final = ("x_c", "psi", "compliance_last")
 
 
 def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
-    """Tabulate each method's accuracy on each dataset; `by` splits by one of CONDITIONS.
+    """Tabulate each method's accuracy on each dataset; `by` splits by a condition or stratum.
 
     A row contains the values of `summary.facts`. Separate columns repeat the fractions of x_c, psi
     and a push's last compliance within three stated sigmas [%], and the ratio of stated sigma to
     RMSE for x_c. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
     InputError for a dataset that is not scored, and for an unknown condition.
     """
-    if by is not None and by not in CONDITIONS:
-        raise InputError(f"'{by}' is unknown, allowed is one of {', '.join(CONDITIONS)}")
+    if by is not None and by not in (*CONDITIONS, *STRATA):
+        allowed = ", ".join((*CONDITIONS, *STRATA))
+        raise InputError(f"'{by}' is unknown, allowed is one of {allowed}")
     return [row for dataset in datasets for row in _rows(Results(dataset), by)]
 
 
@@ -60,7 +62,9 @@ def _rows(results: Results, by: str | None) -> list[Row]:
     order = scores["method"].unique(maintain_order=True).to_list()
     keys = ["method"] if by is None else ["method", by]
     parts = dict(scores.group_by(keys, maintain_order=True))
-    ordered = sorted(parts, key=lambda key: (_sortable(key[1:]), order.index(key[0])))
+    ordered = sorted(
+        parts, key=lambda key: ([class_order(value) for value in key[1:]], order.index(key[0]))
+    )
     return [
         {
             "scene": results.root.resolve().name,
@@ -124,18 +128,3 @@ def markdown(rows: Sequence[Row], by: str | None = None) -> str:
 
 def _percent(fraction: float | None) -> float | None:
     return None if fraction is None else 100 * fraction
-
-
-def _sortable(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Make a sort key: numbers by size, texts such as '10 %' by their first number, None last."""
-
-    def key(value: Any) -> tuple[int, float, str]:
-        if value is None:
-            return (2, 0.0, "")
-        first = str(value).rstrip("°").split()[0] if str(value) else ""
-        try:
-            return (0, float(first), str(value))
-        except ValueError:
-            return (1, 0.0, str(value))
-
-    return tuple(key(value) for value in values)

@@ -1,7 +1,5 @@
 """Solve and score a collection: every rig's dataset, then all their frames together."""
 
-import io
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -11,15 +9,17 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes, write_text
+from solver.instrument.files import write_text
 from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.child import Job, MethodRun, solve_each
 from vbaa_bench.scoring.factors import factor_columns, factor_table, rig_factors
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
-from vbaa_bench.scoring.score import found_predictions
+from vbaa_bench.scoring.parameters import parameter_rows
+from vbaa_bench.scoring.score import found_predictions, write_scores
 from vbaa_bench.scoring.summary import CONTACTS, summarise
 
 # SNR above which a contact should be found. From the requirement on collections.
@@ -74,7 +74,7 @@ def _together(runs: Sequence[MethodRun]) -> MethodRun:
 
 
 def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]:
-    """Score the predictions of all rigs; write scores.parquet, summary.json and factors.csv.
+    """Score the predictions of all rigs; write the tables of `score` and factors.csv.
 
     `names` are those of methods, by default all that have predictions. Each row has the number of
     its rig, and the values in which rigs and frames differ. Intervals are over rigs. Raises
@@ -82,28 +82,30 @@ def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]
     """
     scored: list[pl.DataFrame] = []
     for number, layout in CollectionLayout(root).rigs().items():
-        results, truth = Results(layout.root), open_truth(layout.truth)
+        results, truth = Results(layout.root), open_truth(layout.truth, centrelines=False)
+        limits = read_limits(layout)
         columns = factor_columns(truth)
         for name, path in found_predictions(results).items():
             if names is None or name in names:
                 table = checked_predictions(parsed(read_file(path), path), str(path))
-                rows = score_frames(truth, table, name, str(path))
+                rows = score_frames(truth, table, name, str(path), limits)
                 rows = rows.join(columns, on="frame_id", how="left")
                 scored.append(rows.with_columns(rig=pl.lit(number), **rig_factors(truth)))
     if not scored:
         raise InputError(f"{root}: no rig has predictions; solve the collection first")
     scores = pl.concat(scored, how="diagonal_relaxed")
-    summary = {**summarise(scores, over=("rig",)), "rigs": scores["rig"].n_unique(), "warnings": []}
+    parameters = parameter_rows(scores, over=("rig",))
+    summary = {
+        **summarise(scores, parameters, over=("rig",)),
+        "rigs": scores["rig"].n_unique(),
+        "warnings": [],
+    }
     for (name,), rows in scores.group_by("method", maintain_order=True):
         summary["methods"][name] |= _over_rigs(rows)
     folder = Results(root).scores
-    parquet = io.BytesIO()
-    scores.write_parquet(parquet)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_bytes(folder / "scores.parquet", parquet.getvalue())
+        write_scores(folder, scores, parameters, summary)
         write_text(folder / "factors.csv", factor_table(scores).write_csv())
-        write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror})") from error
     return summary

@@ -7,7 +7,14 @@ from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column
 from vbaa_bench.generation.columns import JOINED, TRUTH
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.factors import PREFIX
-from vbaa_bench.scoring.scored_quantities import COMPONENTS, NUMBERS, SCORED_QUANTITIES, VECTORS
+from vbaa_bench.scoring.parameters import RATIOS
+from vbaa_bench.scoring.scored_quantities import (
+    COMPONENTS,
+    LIMITED,
+    NUMBERS,
+    SCORED_QUANTITIES,
+    VECTORS,
+)
 
 _NOT_ESTIMATED: Final = "the method does not estimate it in this frame"
 _FAILED: Final = "the frame has failed, or the method does not estimate it"
@@ -73,6 +80,14 @@ def _truths_and_errors() -> dict[str, Column]:
         columns[quantity.in_sigmas] = Column(
             f"this error over the stated standard deviation of {quantity.column}", "", _FAILED
         )
+    for quantity in LIMITED:
+        columns[quantity.limit] = Column(
+            f"information limit of {quantity.column}: least standard deviation without bias",
+            PREDICTIONS[quantity.column].frame,
+            "the limits were not computed, or the data do not determine it",
+        )
+    for name in ("true_stiffness_n_per_m", "true_friction"):
+        columns[name] = columns[name]._replace(null="the object does not have it")
     # The motor always has an angle.
     columns["true_motor_angle_deg"] = TRUTH["true_motor_angle_deg"]
     for name, unit, true in VECTORS:
@@ -96,6 +111,15 @@ SCORES: Final = {
         "",
         f"the object is rigid, or {_FAILED}",
     ),
+    "deflection_class": Column("class of deflection_pct"),
+    "contact_distance_class": Column("class of the true contact distance in % of L"),
+    "availability_class": Column("class of the availability ratio (eq. 32)"),
+    "psi_class": Column("class of the absolute true psi"),
+    "light": Column("kind of the first light"),
+    "noise_class": Column("class of a pixel's noise, in % of the beam's peak"),
+    "scene": Column("title of the scene"),
+    "information": Column("information set of the limits: planar, image, moment, force or push"),
+    "true_state": Column("contact, no contact, or the first reason for which a refusal is right"),
     "snr": Column("signal-to-noise ratio of the bend in the image"),
     "method": Column("method, with its centreline after @ if it is not the default"),
     "last_step": Column("whether this is the last step of its push"),
@@ -111,6 +135,47 @@ SCORES: Final = {
         "",
         "the rig has no such value",
     ),
+}
+
+# Columns of strata.csv. Its figures are in the unit of the row's quantity.
+_NO_ANSWER: Final = "no sigma is stated, or no limit was computed"
+_RATIO_MEANINGS: Final = {
+    "bias": "mean error",
+    "rmse": "root mean square error",
+    "bias_over_limit": "mean of error over information limit, frame by frame",
+    "rmse_over_limit": "root mean square of error over information limit, frame by frame",
+    "coverage_68": "share of errors within one stated sigma; 0.683 if these are right",
+    "coverage_95": "share of errors within 1.96 stated sigmas; 0.95 if these are right",
+    "nees": "mean squared error in stated sigmas; 1 if these are right",
+}
+STRATA_TABLE: Final = {
+    "method": SCORES["method"],
+    "stratum": Column("column of the scores by which frames are classified, or all"),
+    "value": Column("class of the frames"),
+    "quantity": Column("column of the predictions; its suffix is the unit of the figures"),
+    "frames": Column("number of frames in the class"),
+    "failed": Column("frames that failed, among all of the class"),
+    "crashed": Column("frames that crashed or have no prediction"),
+    "refused": Column("frames whose outcome states no values, although something is touched"),
+    "answered": Column("frames with an error of this quantity"),
+    "median_abs": Column("median of the absolute error"),
+    "p95_abs": Column("95th percentile of the absolute error"),
+    "worst_abs": Column("largest absolute error"),
+    "worst_frame": Column("frame_id of the largest absolute error"),
+    **{
+        f"{name}{suffix}": Column(
+            f"{head}{_RATIO_MEANINGS[name]}",
+            "",
+            "frames of one push only" if suffix and name in ("bias", "rmse") else null,
+        )
+        for name in RATIOS
+        for null in ["" if name in ("bias", "rmse") else _NO_ANSWER]
+        for suffix, head in (("", ""), ("_low", "2.5 % limit of "), ("_high", "97.5 % limit of "))
+    },
+    "sigma_over_rmse": Column("mean stated sigma over RMSE", "", "no sigma is stated"),
+    "ms_median": Column("median of image_ms", "", "no time is stated"),
+    "ms_p05": Column("5th percentile of image_ms", "", "no time is stated"),
+    "ms_p95": Column("95th percentile of image_ms", "", "no time is stated"),
 }
 
 # Columns of factors.csv.

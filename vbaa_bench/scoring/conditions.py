@@ -17,3 +17,13 @@ CONDITIONS: Final = (
     "hidden_place",
     "availability_asked",
 )
+# Columns of the scores, too: classes of conditions, which `strata` makes.
+STRATA: Final = (
+    "deflection_class",
+    "contact_distance_class",
+    "availability_class",
+    "psi_class",
+    "light",
+    "noise_class",
+    "scene",
+)

@@ -10,7 +10,9 @@ from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scoring.conditions import CONDITIONS
+from vbaa_bench.scoring.information import check_information, information_of, with_limits
 from vbaa_bench.scoring.refusals import right_refusals
+from vbaa_bench.scoring.scene_values import scene_value
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
     NUMBERS,
@@ -19,8 +21,9 @@ from vbaa_bench.scoring.scored_quantities import (
     ScoredQuantity,
     components,
 )
+from vbaa_bench.scoring.strata import strata
 
-_TEXTS = ("outcome", "message")
+_TEXTS = ("outcome", "message", "information")
 _QUANTITIES = (*SCORED_QUANTITIES, *COMPONENTS)
 _MAX_MAGNITUDE = 1e12
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
@@ -115,7 +118,13 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
     ).select("frame_id", *NUMBERS, *_TEXTS)
 
 
-def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: str) -> pl.DataFrame:
+def score_frames(
+    truth: Truth,
+    predictions: pl.DataFrame,
+    method: str,
+    source: str,
+    limits: pl.DataFrame | None = None,
+) -> pl.DataFrame:
     """Score predictions: one row per true frame with truth, estimates and errors.
 
     A frame without a prediction has crashed. A frame that lacks a quantity which the method
@@ -125,18 +134,27 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
     "no contact", and an x_c within three stated sigmas. Errors are computed for frames that have
     not failed: each scored quantity, including components of vectors, in its own unit and in
     stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in %, and the
-    norms of vector errors. Raises InputError for frames that are not in this dataset or are
-    predicted twice.
+    norms of vector errors. `limits` are the dataset's information limits; each frame gets those of
+    the information set that the predictions state, or else of the method's. Raises InputError for
+    frames that are not in this dataset or are predicted twice, and for an unknown outcome or
+    information set.
     """
     _check_frame_ids(truth, predictions, source)
-    true = truth.frames.select(
-        "frame_id",
-        *CONDITIONS,
-        # If no frame has a contact, the columns have no type.
-        *(quantity.true.cast(pl.Float64).alias(quantity.truth) for quantity in _QUANTITIES),
-    ).join(right_refusals(truth), on="frame_id")
+    true = (
+        truth.frames.with_columns(friction=scene_value(truth, "object.friction").cast(pl.Float64))
+        .select(
+            "frame_id",
+            *CONDITIONS,
+            # If no frame has a contact, the columns have no type.
+            *(quantity.true.cast(pl.Float64).alias(quantity.truth) for quantity in _QUANTITIES),
+        )
+        .join(strata(truth), on="frame_id")
+        .join(right_refusals(truth), on="frame_id")
+    )
+    information = information_of(method, truth.manifest["scene"])
     joined = true.join(predictions, on="frame_id", how="left").with_columns(
         pl.lit(method).alias("method"),
+        pl.col("information").fill_null(information),
         pl.col("outcome").fill_null(str(Outcome.CRASHED)),
         pl.when(pl.col("outcome").is_null())
         .then(pl.lit("no prediction for this frame"))
@@ -150,7 +168,10 @@ def score_frames(truth: Truth, predictions: pl.DataFrame, method: str, source: s
             f"{source}: outcome {quoted(min(unknown_outcomes))} is unknown, allowed is one of "
             f"{', '.join(str(outcome) for outcome in Outcome)}"
         )
-    scored = joined.with_columns(**_verdicts(predictions)).with_columns(map(_error, _QUANTITIES))
+    for name in joined["information"].unique():
+        check_information(name, source)
+    scored = with_limits(joined, limits).with_columns(**_verdicts(predictions))
+    scored = scored.with_columns(map(_error, _QUANTITIES))
     within_3_sigma = (pl.col("x_c_error_mm").abs() <= 3 * pl.col("x_c_sigma_mm")).fill_null(
         value=False
     )

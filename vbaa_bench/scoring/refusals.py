@@ -13,16 +13,16 @@ truth:
   "not identifiable".
 """
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import polars as pl
 
+from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
-from solver.instrument.transforms import apply, invert
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.dataset.readers import Truth
-from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
+from vbaa_bench.scoring.camera_frame import camera_frames_from_clamp
 
 # Signal-to-noise ratio: the tip's shift over the standard error of the mean of all columns, if one
 # column has a sigma of COLUMN_SIGMA_PX, as the paper's area-weighted average has. Below 5 a bend
@@ -37,61 +37,96 @@ EDGE_ON_DEG: Final = 15.0
 
 
 def right_refusals(truth: Truth) -> pl.DataFrame:
-    """Compute for each frame_id the `snr` of its bend and `may_say`, the right refusals."""
-    rows = [
-        {"frame_id": row["frame_id"], "snr": snr, "may_say": _allowed_outcomes(truth, row, snr)}
-        for row in truth.frames.iter_rows(named=True)
-        for snr in [_snr(truth, row)]
-    ]
-    schema = pl.Schema(
-        {"frame_id": pl.String(), "snr": pl.Float64(), "may_say": pl.List(pl.String())}
-    )
-    return pl.DataFrame(rows, schema=schema)
+    """Compute for each frame_id the `snr` of its bend, its `true_state` and `may_say`.
 
-
-def _snr(truth: Truth, row: dict[str, Any]) -> float:
-    """Compute the tip's shift in the image over the standard error of all visible columns."""
-    length = truth.manifest["true_rig"]["beam_length_mm"] * MILLIMETRE
-    psi = (row["psi_deg"] or 0.0) * DEGREE
-    shift = row["deflection_pct"] / 100 * length * np.array([np.cos(psi), np.sin(psi)])
-    points = np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0], [length, *shift]])
-    frame_from_clamp = camera_frame_from_clamp(truth, row["true_motor_angle_deg"] * DEGREE)
-    clamp, tip, deflected_tip = truth.camera.project(apply(frame_from_clamp, points))
-    visible_columns = np.linalg.norm(tip - clamp) * _visible_fraction(row)
-    return float(np.linalg.norm(deflected_tip - tip) * np.sqrt(visible_columns) / COLUMN_SIGMA_PX)
-
-
-def _allowed_outcomes(truth: Truth, row: dict[str, Any], snr: float) -> list[str]:
-    if row["x_c_mm"] is None:
-        return [str(Outcome.NO_CONTACT)]
-    allowed = set[Outcome]()
-    if snr < MIN_SNR:
-        allowed |= {Outcome.NO_CONTACT}
-    if snr < SURE_SNR or _visible_fraction(row) < MIN_VISIBLE:
-        allowed |= {Outcome.NOT_IDENTIFIABLE}
-    if _sight_against_plane_deg(truth, row) < EDGE_ON_DEG:
-        allowed |= {Outcome.EDGE_ON, Outcome.NOT_IDENTIFIABLE}
+    `may_say` lists the right refusals. `true_state` names the first reason for one, in the order of
+    `_STATES`, or "contact".
+    """
+    frames = truth.frames
+    visible = _visible_fractions(frames)
+    snr = _snr(truth, visible)
+    touched = frames["x_c_mm"].is_not_null().to_numpy()
     # Older manifests do not have the key.
-    if any(truth.manifest["scene"].get("camera", {}).get("knock_px", ())):
-        allowed |= {Outcome.CAMERA_MOVED}
-    if row["second_s_c_mm"] is not None:
-        allowed |= {Outcome.INVALID, Outcome.NOT_IDENTIFIABLE}
-    return sorted(map(str, allowed))
+    knocked = any(truth.manifest["scene"].get("camera", {}).get("knock_px", ()))
+    holds = {
+        "no contact": ~touched,
+        "two contacts": touched & frames["second_s_c_mm"].is_not_null().to_numpy(),
+        "camera moved": touched & knocked,
+        "edge-on": touched & (_sights_against_plane_deg(truth) < EDGE_ON_DEG),
+        "hardly visible": touched & (visible < MIN_VISIBLE),
+        "bend below the noise": touched & (snr < MIN_SNR),
+        "weak bend": touched & (snr < SURE_SNR),
+    }
+    table = pl.DataFrame({"frame_id": frames["frame_id"], "snr": snr, **holds})
+    allowed = pl.concat_list(
+        pl.when(pl.any_horizontal(state for state, right in _STATES.items() if outcome in right))
+        .then(pl.lit(str(outcome)))
+        .otherwise(None)
+        for outcome in sorted({outcome for right in _STATES.values() for outcome in right})
+    )
+    states = pl.coalesce(pl.when(state).then(pl.lit(state)) for state in _STATES)
+    return table.select(
+        "frame_id",
+        "snr",
+        true_state=states.fill_null("contact"),
+        may_say=allowed.list.drop_nulls(),
+    )
 
 
-def _visible_fraction(row: dict[str, Any]) -> float:
-    """Return the visible fraction of the beam; 1 if it was not recorded."""
-    fraction = row.get("visible_share")
-    return 1.0 if fraction is None else float(fraction)
+# States of a frame in which a refusal is right, and the right outcomes.
+_STATES: Final = {
+    "no contact": (Outcome.NO_CONTACT,),
+    "two contacts": (Outcome.INVALID, Outcome.NOT_IDENTIFIABLE),
+    "camera moved": (Outcome.CAMERA_MOVED,),
+    "edge-on": (Outcome.EDGE_ON, Outcome.NOT_IDENTIFIABLE),
+    "hardly visible": (Outcome.NOT_IDENTIFIABLE,),
+    "bend below the noise": (Outcome.NO_CONTACT, Outcome.NOT_IDENTIFIABLE),
+    "weak bend": (Outcome.NOT_IDENTIFIABLE,),
+}
 
 
-def _sight_against_plane_deg(truth: Truth, row: dict[str, Any]) -> float:
-    """Compute the angle [deg] between the ray to the contact and the deformation plane."""
-    frame_from_clamp = camera_frame_from_clamp(truth, row["true_motor_angle_deg"] * DEGREE)
-    viewpoint = invert(frame_from_clamp) @ truth.camera.viewpoint
-    psi = row["psi_deg"] * DEGREE
-    across = np.array([-np.sin(psi), np.cos(psi)])
+def _visible_fractions(frames: pl.DataFrame) -> Floats:
+    """Return the visible fractions (n,) of the beam; 1 where it was not recorded."""
+    if "visible_share" not in frames.columns:
+        return np.ones(frames.height)
+    return frames["visible_share"].cast(pl.Float64).fill_null(1.0).to_numpy()
+
+
+def _snr(truth: Truth, visible: Floats) -> Floats:
+    """Compute the tip's shift in the image over the standard error of all visible columns, (n,)."""
+    frames = truth.frames
+    length = truth.manifest["true_rig"]["beam_length_mm"] * MILLIMETRE
+    psi = frames["psi_deg"].cast(pl.Float64).fill_null(0.0).to_numpy() * DEGREE
+    shift = frames["deflection_pct"].to_numpy() / 100 * length
+    straight = np.tile([length, 0.0, 0.0], (frames.height, 1))
+    bent = np.column_stack([straight[:, 0], shift * np.cos(psi), shift * np.sin(psi)])
+    transforms = camera_frames_from_clamp(truth, _motor_angles(truth))
+    clamp, tip, deflected_tip = (
+        truth.camera.project(
+            np.einsum("nij,nj->ni", transforms[:, :3, :3], points) + transforms[:, :3, 3]
+        )
+        for points in (np.zeros_like(straight), straight, bent)
+    )
+    columns = np.linalg.norm(tip - clamp, axis=1) * visible
+    snr = np.linalg.norm(deflected_tip - tip, axis=1) * np.sqrt(columns) / COLUMN_SIGMA_PX
+    return np.asarray(snr)
+
+
+def _sights_against_plane_deg(truth: Truth) -> Floats:
+    """Compute the angles (n,) [deg] of the rays to the contacts with plane D; NaN without one."""
+    frames = truth.frames
+    transforms = camera_frames_from_clamp(truth, _motor_angles(truth))
+    viewpoint = truth.camera.viewpoint
+    from_clamp = viewpoint[:3] - viewpoint[3] * transforms[:, :3, 3]
+    in_clamp = np.einsum("nji,nj->ni", transforms[:, :3, :3], from_clamp)
+    psi = frames["psi_deg"].cast(pl.Float64).to_numpy() * DEGREE
     base = np.array(truth.manifest["true_rig"]["base_position_mm"])
-    contact = (np.array(row["contact_antenna_mm"]) - base) * MILLIMETRE
-    sight = viewpoint[:3] - viewpoint[3] * contact
-    return float(np.arcsin(abs(sight[1:] @ across) / np.linalg.norm(sight)) / DEGREE)
+    points = frames["contact_antenna_mm"].cast(pl.List(pl.Float64))
+    contacts = np.column_stack([points.list.get(i).to_numpy() for i in range(3)])
+    sight = in_clamp - viewpoint[3] * (contacts - base) * MILLIMETRE
+    across = -np.sin(psi) * sight[:, 1] + np.cos(psi) * sight[:, 2]
+    return np.asarray(np.arcsin(np.abs(across) / np.linalg.norm(sight, axis=1)) / DEGREE)
+
+
+def _motor_angles(truth: Truth) -> Floats:
+    return np.asarray(truth.frames["true_motor_angle_deg"].to_numpy() * DEGREE)

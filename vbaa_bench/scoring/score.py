@@ -4,7 +4,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import polars as pl
 
@@ -12,22 +12,29 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes, write_text
 from solver.lab.writing import write
 from solver.methods import METHODS
+from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
+from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
 from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES
 from vbaa_bench.scoring.summary import summarise
 
+# Chosen: a CSV of more rows exceeds 100 MB, and no spreadsheet opens it.
+MAX_CSV_ROWS: Final = 50_000
+
 
 def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
-    """Score named prediction files; write scores.parquet, scores.csv and summary.json.
+    """Score named prediction files; write scores.parquet, scores.csv, strata.csv and summary.json.
 
     Return the summary; its `warnings` are sentences on columns and magnitudes that seem to be
-    mistakes. Files from elsewhere are copied to `predictions/` under their names, so that they are
-    included in the next scoring. Raises InputError, also if the truth is not what was generated.
+    mistakes. More than MAX_CSV_ROWS scores are written to scores.parquet only. Files from elsewhere
+    are copied to `predictions/` under their names, so that they are included in the next scoring.
+    Raises InputError, also if the truth is not what was generated.
     """
-    truth = open_truth(results.dataset.truth)
+    truth = open_truth(results.dataset.truth, centrelines=False)
+    limits = read_limits(results.dataset)
     if not predictions:
         raise InputError(
             f"{results.predictions}: holds no predictions; solve the dataset or name a file"
@@ -37,23 +44,39 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     contents = {name: read_file(path) for name, path in predictions.items()}
     for name, path in predictions.items():
         table = parsed(contents[name], path)
-        rows = score_frames(truth, checked_predictions(table, str(path)), name, str(path))
+        rows = score_frames(truth, checked_predictions(table, str(path)), name, str(path), limits)
         warnings += [*unknown_columns(table.columns, str(path)), *doubtful_units(rows, str(path))]
         scored.append(rows)
     scores = pl.concat(scored)
-    summary = {**summarise(scores), "warnings": warnings}
-    parquet = io.BytesIO()
-    scores.write_parquet(parquet)
+    parameters = parameter_rows(scores)
+    summary = {**summarise(scores, parameters), "warnings": warnings}
     for name, path in predictions.items():
         _copy_predictions(results, name, path, contents[name])
     try:
-        results.scores.mkdir(parents=True, exist_ok=True)
-        write_bytes(results.scores / "scores.parquet", parquet.getvalue())
-        write_text(results.scores / "scores.csv", scores.write_csv())
-        write_text(results.scores / "summary.json", json.dumps(summary, indent=2) + "\n")
+        write_scores(results.scores, scores, parameters, summary)
+        if scores.height <= MAX_CSV_ROWS:
+            write_text(results.scores / "scores.csv", scores.write_csv())
+        else:
+            (results.scores / "scores.csv").unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{results.scores}: cannot be written ({error.strerror})") from error
     return summary
+
+
+def write_scores(
+    folder: Path,
+    scores: pl.DataFrame,
+    parameters: Sequence[Mapping[str, Any]],
+    summary: Mapping[str, Any],
+) -> None:
+    """Write scores.parquet, strata.csv and summary.json into a folder. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    parquet = io.BytesIO()
+    scores.write_parquet(parquet)
+    write_bytes(folder / "scores.parquet", parquet.getvalue())
+    table = pl.DataFrame(parameters, infer_schema_length=None)
+    write_text(folder / "strata.csv", table.write_csv())
+    write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
 
 
 def _copy_predictions(results: Results, name: str, path: Path, data: bytes) -> None:

@@ -8,9 +8,11 @@ import polars as pl
 
 @dataclass(frozen=True)
 class ScoredQuantity:
-    """Scored quantity: its columns in a predictions table, and its true value from `Truth.frames`.
+    """Scored quantity: its columns in a predictions table, and its true value.
 
-    Names of its columns in the scores end with `unit`: `<name>_error_<unit>`.
+    `true` is an expression of the columns of `Truth.frames` and of the friction coefficient.
+
+    Names of its columns in the scores end with `unit`, if it has one: `<name>_error_<unit>`.
     """
 
     name: str
@@ -20,12 +22,12 @@ class ScoredQuantity:
     @property
     def column(self) -> str:
         """Column of the estimate."""
-        return f"{self.name}_{self.unit}"
+        return self._with_unit(self.name)
 
     @property
     def sigma(self) -> str:
         """Column of the estimate's stated standard deviation."""
-        return f"{self.name}_sigma_{self.unit}"
+        return self._with_unit(f"{self.name}_sigma")
 
     @property
     def truth(self) -> str:
@@ -35,7 +37,15 @@ class ScoredQuantity:
     @property
     def error(self) -> str:
         """Column of the error, estimate minus truth."""
-        return f"{self.name}_error_{self.unit}"
+        return self._with_unit(f"{self.name}_error")
+
+    @property
+    def limit(self) -> str:
+        """Column of the information limit, the least standard deviation without bias."""
+        return self._with_unit(f"{self.name}_limit")
+
+    def _with_unit(self, name: str) -> str:
+        return f"{name}_{self.unit}" if self.unit else name
 
     @property
     def in_sigmas(self) -> str:
@@ -47,15 +57,31 @@ class ScoredQuantity:
 _HAS_CONTACT = pl.col("x_c_mm").is_not_null()
 _COMPLIANCE = pl.when(_HAS_CONTACT).then((1e3 / pl.col("k_s_n_m")).fill_null(0.0))
 COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", _COMPLIANCE)
+X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"))
+# The motor turns by minus the pushing angle from first contact on.
+_ONSET = pl.when(_HAS_CONTACT).then(pl.col("true_motor_angle_deg") + pl.col("pushing_angle_deg"))
+# A column without any contact has no type.
+_Y_C, _PSI = pl.col("y_c_mm").cast(pl.Float64), pl.col("psi_deg").cast(pl.Float64).radians()
 
-SCORED_QUANTITIES: Final = (
-    ScoredQuantity("x_c", "mm", pl.col("x_c_mm")),
+# Quantities that may have an information limit.
+LIMITED: Final = (
+    X_C,
     ScoredQuantity("s_c", "mm", pl.col("s_c_mm")),
-    ScoredQuantity("theta_c", "deg", pl.col("theta_c_deg")),
     ScoredQuantity("force", "n", pl.col("force_n")),
-    ScoredQuantity("f", "n", pl.col("f_n")),
     ScoredQuantity("psi", "deg", pl.col("psi_deg")),
     COMPLIANCE,
+)
+SCORED_QUANTITIES: Final = (
+    *LIMITED,
+    ScoredQuantity("y_c", "mm", pl.col("y_c_mm")),
+    ScoredQuantity("theta_c", "deg", pl.col("theta_c_deg")),
+    ScoredQuantity("f", "n", pl.col("f_n")),
+    # Eqs. (28), (29): the deflection at the contact, turned by psi.
+    ScoredQuantity("displacement_y", "mm", _Y_C * _PSI.cos()),
+    ScoredQuantity("displacement_z", "mm", _Y_C * _PSI.sin()),
+    ScoredQuantity("stiffness", "n_per_m", pl.col("k_s_n_m")),
+    ScoredQuantity("friction", "", pl.when(_HAS_CONTACT).then(pl.col("friction"))),
+    ScoredQuantity("onset_angle", "deg", _ONSET),
     ScoredQuantity("motor_angle", "deg", pl.col("true_motor_angle_deg")),
 )
 # Vectors: (name, unit, the truth's column of three numbers).

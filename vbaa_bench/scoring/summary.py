@@ -4,19 +4,22 @@ import os
 import platform
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import polars as pl
-from scipy.stats import bootstrap
 
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
 from vbaa_bench.dataset.manifest import versions
+from vbaa_bench.scoring.bootstrap import group_numbers, median_interval
+from vbaa_bench.scoring.efficiency import efficiency
+from vbaa_bench.scoring.parameters import ALL
 from vbaa_bench.scoring.refusals import SURE_SNR
 from vbaa_bench.scoring.scored_quantities import (
     COMPLIANCE,
     COMPONENTS,
+    LIMITED,
     SCORED_QUANTITIES,
     ScoredQuantity,
 )
@@ -28,22 +31,44 @@ _TWO_SIDED_95 = 1.96
 _FAILURE_ERROR_PCT_L = 50.0
 
 
-# Columns that identify a push: same object, same place, same pushing distance.
-_PUSH: Final = ("push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
-
-
-def summarise(scores: pl.DataFrame, over: Sequence[str] = _PUSH) -> dict[str, Any]:
+def summarise(
+    scores: pl.DataFrame,
+    parameters: Sequence[dict[str, Any]] = (),
+    over: Sequence[str] | None = None,
+) -> dict[str, Any]:
     """Summarise errors, failure rate and time as `methods.<name>`; add machine and versions.
 
     Failures count in `failure_rate` and `n`; errors are computed from frames with an estimate, null
     if there is none. Intervals are 95 % bootstrap intervals of the medians over pushes, or over
-    groups of the columns `over`.
+    groups of the columns `over`. From `parameters`, the rows of `parameter_rows`, each method gets
+    its `parameters` by quantity over all frames, and its `efficiency` by quantity.
     """
     methods = {
-        str(name): summarise_method(rows) | _intervals(rows, over)
+        str(name): summarise_method(rows)
+        | _intervals(rows, over)
+        | _parameters(rows, [row for row in parameters if row["method"] == name])
         for (name,), rows in scores.group_by("method", maintain_order=True)
     }
     return {"methods": methods, "machine": machine(), "versions": versions()}
+
+
+def _parameters(rows: pl.DataFrame, parameters: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    overall = {row["quantity"]: row for row in parameters if row["stratum"] == ALL}
+    heads = ("method", "stratum", "value", "quantity")
+    (information, *others) = rows["information"].unique(maintain_order=True)
+    used = {
+        quantity.column: efficiency(information, overall[quantity.column])
+        for quantity in LIMITED
+        # Frames of different information sets have no share in common.
+        if quantity.column in overall and not others
+    }
+    return {
+        "parameters": {
+            quantity: {key: value for key, value in row.items() if key not in heads}
+            for quantity, row in overall.items()
+        },
+        "efficiency": {quantity: share for quantity, share in used.items() if share},
+    }
 
 
 def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
@@ -59,7 +84,9 @@ def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
     `x_c_rmse_all_pct_L` is an RMSE in which a frame without an estimate counts as an error of half
     the beam's length, unless it has no contact or is rightly refused; null for a method that
     estimates only forces. `compliance_last_rmse_pct` and other `last` values are computed from the
-    last frames of pushes.
+    last frames of pushes. `<quantity>_bias_over_limit` and `<quantity>_rmse_over_limit` are the
+    mean and the root mean square of errors over information limits, null without limits.
+    `outcome_confusion` counts outcomes by the true state of the frame, `refusals.right_refusals`.
     """
     x_c, force = np.abs(_values(rows, "x_c_error_pct_L")), _values(rows, "force_error_pct")
     psi, compliance = _values(rows, "psi_error_deg"), _values(rows, "compliance_error_pct")
@@ -90,6 +117,7 @@ def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
         "contact_antenna_rmse_mm": _rms(_values(rows, "contact_antenna_vector_error_mm")),
         "contact_world_rmse_mm": _rms(_values(rows, "contact_world_vector_error_mm")),
         "force_vector_rmse_n": _rms(_values(rows, "force_vector_error_n")),
+        **_over_limits(rows),
         "calibration": {
             **{
                 quantity.name: calibration(rows, quantity)
@@ -107,7 +135,10 @@ def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
         "free_frames": rows.height - with_contact.height,
         "detection_rate": _fraction(detectable, pl.col("outcome").is_in(CONTACTS)),
         "outcomes": dict(counts.iter_rows()),
+        "outcome_confusion": _confusion(rows),
         "ms_per_frame_median": _quantile(times, 0.5),
+        "ms_per_frame_p05": _quantile(times, 0.05),
+        "ms_per_frame_p95": _quantile(times, 0.95),
         "n": rows.height,
     }
 
@@ -115,9 +146,10 @@ def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
 def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | None:
     """Compare stated standard deviations with errors; return None if none is stated.
 
-    For consistent Gaussian errors `coverage_95`, the fraction within 1.96 sigmas, is 0.95,
-    `within_3_sigma` 0.997 and `nees`, the mean squared error in sigmas, 1. `sigma_over_rmse` is
-    the mean stated sigma over the RMSE: 1 if all frames have the same sigma, else less.
+    For consistent Gaussian errors `coverage_68`, the fraction within one sigma, is 0.683,
+    `coverage_95`, within 1.96 sigmas, 0.95, `within_3_sigma` 0.997 and `nees`, the mean squared
+    error in sigmas, 1. `sigma_over_rmse` is the mean stated sigma over the RMSE: 1 if all frames
+    have the same sigma, else less.
     """
     stated = rows.drop_nulls(one.in_sigmas)
     if stated.is_empty():
@@ -126,6 +158,7 @@ def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | Non
     rmse, sigma = _rms(error), float(np.mean(_values(stated, one.sigma)))
     return {
         "n": stated.height,
+        "coverage_68": float(np.mean(in_sigmas <= 1)),
         "coverage_95": float(np.mean(in_sigmas <= _TWO_SIDED_95)),
         "within_3_sigma": float(np.mean(in_sigmas <= 3)),
         "nees": float(np.mean(in_sigmas**2)),
@@ -157,44 +190,41 @@ def _fraction(rows: pl.DataFrame, condition: str | pl.Expr) -> float | None:
     return None if rows.is_empty() else rows.filter(condition).height / rows.height
 
 
-def _intervals(rows: pl.DataFrame, over: Sequence[str]) -> dict[str, Any]:
+def _over_limits(rows: pl.DataFrame) -> dict[str, float | None]:
+    figures: dict[str, float | None] = {}
+    for quantity in LIMITED:
+        errors = rows.select(pl.col(quantity.error) / pl.col(quantity.limit)).to_series()
+        in_limits = _known(errors)
+        figures[f"{quantity.name}_bias_over_limit"] = (
+            float(np.mean(in_limits)) if len(in_limits) else None
+        )
+        figures[f"{quantity.name}_rmse_over_limit"] = _rms(in_limits)
+    return figures
+
+
+def _confusion(rows: pl.DataFrame) -> dict[str, dict[str, int]]:
+    """Count the outcomes by true state; a frame without a prediction counts as crashed."""
+    counts = rows.group_by("true_state", "outcome").len().sort("true_state", "outcome")
+    confusion: dict[str, dict[str, int]] = {}
+    for state, outcome, count in counts.iter_rows():
+        confusion.setdefault(state, {})[outcome] = count
+    return confusion
+
+
+def _intervals(rows: pl.DataFrame, over: Sequence[str] | None) -> dict[str, Any]:
+    groups = group_numbers(rows, over)
+    intervals = {}
+    for name in ("x_c_error_pct_L", "image_ms"):
+        known = rows[name].is_not_null().to_numpy()
+        intervals[name] = median_interval(_known(rows[name]), groups[known])
     return {
-        "x_c_median_abs_pct_L_95": median_interval(_grouped(rows, "x_c_error_pct_L", over)),
-        "ms_per_frame_median_95": median_interval(_grouped(rows, "image_ms", over)),
+        "x_c_median_abs_pct_L_95": _listed(intervals["x_c_error_pct_L"]),
+        "ms_per_frame_median_95": _listed(intervals["image_ms"]),
     }
 
 
-def median_interval(groups: Sequence[Floats]) -> list[float] | None:
-    """Compute the 95 % bootstrap interval of the median of |values|; None for fewer than 2 groups.
-
-    Whole groups are resampled, each the repeats of one push: errors of repeats are correlated, and
-    treating them as independent would make the interval too narrow.
-    """
-    if len(groups) < 2:
-        return None
-    magnitudes = [np.abs(group) for group in groups]
-    pooled = np.concatenate(magnitudes)
-    if np.ptp(pooled) == 0:
-        return [float(pooled[0])] * 2
-
-    def median(indices: Floats) -> float:
-        return float(np.median(np.concatenate([magnitudes[int(index)] for index in indices])))
-
-    interval = bootstrap(
-        (np.arange(len(magnitudes)),),
-        median,
-        n_resamples=1000,
-        vectorized=False,
-        method="percentile",
-        rng=np.random.default_rng(0),
-    ).confidence_interval
-    return [float(interval.low), float(interval.high)]
-
-
-def _grouped(rows: pl.DataFrame, column: str, over: Sequence[str]) -> list[Floats]:
-    """Group the values of a column by the values of other columns."""
-    groups = rows.drop_nulls(column).group_by(*over, maintain_order=True)
-    return [_values(group, column) for _, group in groups]
+def _listed(ends: Sequence[float] | None) -> list[float] | None:
+    return None if ends is None else list(ends)
 
 
 def machine() -> dict[str, Any]:
@@ -213,7 +243,11 @@ def machine() -> dict[str, Any]:
 
 
 def _values(rows: pl.DataFrame, column: str) -> Floats:
-    return np.asarray(rows[column].drop_nulls().to_numpy(), dtype=np.float64)
+    return _known(rows[column])
+
+
+def _known(values: pl.Series) -> Floats:
+    return np.asarray(values.drop_nulls().to_numpy(), dtype=np.float64)
 
 
 def _rms(values: Floats) -> float | None:

@@ -26,9 +26,10 @@ from vbaa_bench.scene.frames import frame_specs
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
 from vbaa_bench.scoring.collection import score_rigs
-from vbaa_bench.scoring.columns import FACTORS, PREDICTIONS, SCORES
+from vbaa_bench.scoring.columns import FACTORS, PREDICTIONS, SCORES, STRATA_TABLE
 from vbaa_bench.scoring.factors import PREFIX, factor_table
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.parameters import parameter_rows
 
 PAGE = Path(__file__).parents[3] / "docs" / "data_dictionary.md"
 
@@ -134,6 +135,9 @@ def test_columns_of_predictions_and_scores_are_described(dataset: Path) -> None:
     scores = score_frames(truth, table, "own", "")
     assert set(scores.columns) == set(SCORES) - {"rig", f"{PREFIX}*"}
     assert undescribed_nulls(scores, SCORES) == []
+    strata = pl.DataFrame(parameter_rows(scores), infer_schema_length=None)
+    assert strata.columns == list(STRATA_TABLE)
+    assert undescribed_nulls(strata, STRATA_TABLE) == []
 
 
 def test_columns_of_a_scored_collection_are_described(dataset: Path, tmp_path: Path) -> None:

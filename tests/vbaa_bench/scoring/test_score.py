@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import polars as pl
 import pytest
 
@@ -18,7 +17,6 @@ from vbaa_bench.scoring.child import solve
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import read_predictions
 from vbaa_bench.scoring.score import found_predictions, score, with_own
-from vbaa_bench.scoring.summary import median_interval
 
 
 @pytest.fixture
@@ -331,24 +329,3 @@ def test_a_changed_file_is_noticed(results: Results) -> None:
         solve(results.dataset, "two_point", results.root / "answers.csv", 1)
     with pytest.raises(InputError, match=table.name):
         score(results, {"oracle": path})
-
-
-def test_intervals_of_the_median() -> None:
-    values = np.random.default_rng(0).normal(5, 1, 400)
-    found = median_interval([np.array([value]) for value in values])
-    assert found is not None
-    low, high = found
-    assert low < np.median(values) < high
-    # The median's standard error for a normal sample: 1.253 sigma / sqrt(n).
-    assert high - low == pytest.approx(2 * 1.96 * 1.253 / 20, rel=0.35)
-    assert median_interval([np.array([1.0])]) is None
-    assert median_interval([np.full(5, 2.0), np.full(5, -2.0)]) == [2.0, 2.0]
-
-
-def test_repeats_of_a_push_do_not_narrow_the_interval() -> None:
-    values = np.random.default_rng(1).normal(5, 1, 30)
-    once = median_interval([np.array([value]) for value in values])
-    ten_times = median_interval([np.full(10, value) for value in values])
-    assert once is not None
-    assert ten_times is not None
-    assert ten_times[1] - ten_times[0] == pytest.approx(once[1] - once[0], rel=0.3)

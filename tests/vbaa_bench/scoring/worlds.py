@@ -57,6 +57,7 @@ TOUCHED: dict[str, Any] = {
     "availability_asked": None,
     "true_motor_angle_deg": -5.0,
     "x_c_mm": 120.0,
+    "y_c_mm": 8.0,
     "s_c_mm": 121.0,
     "theta_c_deg": 8.0,
     "psi_deg": 0.0,
@@ -68,10 +69,11 @@ TOUCHED: dict[str, Any] = {
     "second_s_c_mm": None,
     "visible_share": 1.0,
 }
-_NOTHING = ("x_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_n", "f_n", "contact_antenna_mm")
+_NOTHING = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_n", "f_n")
+_NO_PLACES = ("contact_antenna_mm", "contact_world_mm", "force_antenna_n")
 FREE = {
     **TOUCHED,
-    **dict.fromkeys((*_NOTHING, "contact_world_mm", "force_antenna_n")),
+    **dict.fromkeys((*_NOTHING, *_NO_PLACES)),
     "deflection_pct": 0.0,
 }
 

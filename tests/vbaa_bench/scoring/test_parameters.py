@@ -1,0 +1,182 @@
+"""Figures by quantity and stratum, in units of the information limit, and the share of it."""
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from solver.instrument.errors import InputError
+from tests.vbaa_bench.scoring.worlds import FREE, truth
+from vbaa_bench.scoring.efficiency import efficiency
+from vbaa_bench.scoring.information import information_of
+from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.parameters import ALL, parameter_rows
+from vbaa_bench.scoring.scored_quantities import LIMITED
+from vbaa_bench.scoring.summary import summarise, summarise_method
+
+
+def limits(rows: int, information: str, x_c_mm: list[float | None]) -> pl.DataFrame:
+    nothing = pl.Series([None] * rows, dtype=pl.Float64)
+    return pl.DataFrame(
+        {
+            "frame_id": [f"f{i}" for i in range(rows)],
+            "information": information,
+            **{quantity.limit: nothing for quantity in LIMITED},
+            "x_c_limit_mm": pl.Series(x_c_mm, dtype=pl.Float64),
+        }
+    )
+
+
+def scored(
+    answers: list[dict[str, Any]],
+    true: list[dict[str, Any]] | None = None,
+    limits: pl.DataFrame | None = None,
+    method: str = "exact_fit",
+) -> pl.DataFrame:
+    rows = [{"frame_id": f"f{i}", "x_c_mm": None, **row} for i, row in enumerate(answers)]
+    table = checked_predictions(pl.DataFrame(rows, infer_schema_length=None), "mine")
+    world = truth(*(true or [{}] * len(answers)))
+    return score_frames(world, table, method, "mine", limits).sort("frame_id")
+
+
+def separate(count: int) -> list[dict[str, Any]]:
+    """Pushes at places of their own, so that each is a group."""
+    return [{"contact_distance_at_rest_mm": float(i)} for i in range(count)]
+
+
+def of(rows: list[dict[str, Any]], quantity: str, stratum: str = ALL) -> dict[str, dict[str, Any]]:
+    chosen = [row for row in rows if (row["quantity"], row["stratum"]) == (quantity, stratum)]
+    return {row["value"]: row for row in chosen}
+
+
+def test_each_error_is_divided_by_its_own_limit_before_it_is_averaged() -> None:
+    answers = [{"x_c_mm": 120 + error} for error in (1.0, -0.02, 0.5)]
+    rows = scored(answers, limits=limits(3, "planar", [0.5, 0.02, None]))
+    figures = of(parameter_rows(rows), "x_c_mm")[ALL]
+    assert figures["bias_over_limit"] == pytest.approx((2 - 1) / 2)
+    assert figures["rmse_over_limit"] == pytest.approx(np.sqrt((4 + 1) / 2))
+    assert figures["bias"] == pytest.approx(1.48 / 3)
+    assert (figures["frames"], figures["answered"]) == (3, 3)
+    assert summarise_method(rows)["x_c_rmse_over_limit"] == figures["rmse_over_limit"]
+    assert summarise_method(rows)["force_rmse_over_limit"] is None
+
+
+def test_limits_are_those_of_the_method_s_information_set() -> None:
+    both = pl.concat([limits(1, "planar", [1.0]), limits(1, "image", [4.0])])
+    answer = {"x_c_mm": 120.0}
+    assert scored([answer], limits=both)["x_c_limit_mm"].to_list() == [1.0]
+    assert scored([answer], limits=both, method="mine")["x_c_limit_mm"].to_list() == [4.0]
+    declared = scored([answer | {"information": "planar"}], limits=both, method="mine")
+    assert declared["x_c_limit_mm"].to_list() == [1.0]
+    assert scored([answer], limits=both, method="push_fit")["x_c_limit_mm"].to_list() == [None]
+    assert scored([answer])["x_c_limit_mm"].to_list() == [None]
+    with pytest.raises(InputError, match="information 'all' is unknown, allowed is one of planar"):
+        scored([answer | {"information": "all"}])
+
+
+def test_the_information_of_a_fit_in_space_follows_from_the_sensors() -> None:
+    sensor: dict[str, Any] = {"moment_sensor": {"sigma_pct": 1}}
+    assert information_of("exact_fit_3d@area_weighted", {}) == "image"
+    assert information_of("exact_fit_3d", sensor) == "moment"
+    assert information_of("two_point@area_weighted", sensor) == "planar"
+    assert information_of("my_method.f", sensor) == "image"
+
+
+def test_failures_count_in_the_stratum_of_their_frame() -> None:
+    true: list[dict[str, Any]] = [
+        {},
+        {"deflection_pct": 20.0},
+        {"deflection_pct": 20.0},
+        FREE,
+        {"visible_share": None},
+    ]
+    answers: list[dict[str, Any]] = [
+        {"x_c_mm": 121.0},
+        {"x_c_mm": 118.0},
+        {"outcome": "invalid"},
+        {"outcome": "contact", "x_c_mm": 100.0},
+        {"x_c_mm": None},
+    ]
+    rows = of(parameter_rows(scored(answers, true)), "x_c_mm", "deflection_class")
+    assert list(rows) == ["7 to 14 %", "14 to 28 %"]  # the free beam has no error of x_c
+    steep = rows["14 to 28 %"]
+    assert (steep["frames"], steep["answered"], steep["failed"], steep["refused"]) == (2, 1, 1, 1)
+    assert (steep["worst_abs"], steep["worst_frame"]) == (2.0, "f1")
+    assert (rows["7 to 14 %"]["frames"], rows["7 to 14 %"]["crashed"]) == (2, 1)
+
+
+def test_outcomes_are_counted_by_the_true_state() -> None:
+    true: list[dict[str, Any]] = [{}, FREE, FREE, {"deflection_pct": 0.001}]
+    answers: list[dict[str, Any]] = [
+        {"x_c_mm": 120.0},
+        {"outcome": "no contact"},
+        {"x_c_mm": 100.0},
+        {"outcome": "no contact"},
+    ]
+    confusion = summarise_method(scored(answers, true))["outcome_confusion"]
+    assert confusion == {
+        "contact": {"contact": 1},
+        "no contact": {"contact": 1, "no contact": 1},
+        "bend below the noise": {"no contact": 1},
+    }
+
+
+@pytest.fixture(scope="module")
+def gaussian() -> np.ndarray:
+    return np.random.default_rng(3).normal(0, 0.1, 400)
+
+
+def test_intervals_contain_the_expected_figures(gaussian: np.ndarray) -> None:
+    answers = [{"x_c_mm": 120 + error, "x_c_sigma_mm": 0.1} for error in gaussian]
+    table = limits(400, "planar", [0.1] * 400)
+    figures = of(parameter_rows(scored(answers, separate(400), table)), "x_c_mm")[ALL]
+    expected = {"rmse": 0.1, "rmse_over_limit": 1, "coverage_68": 0.683, "coverage_95": 0.95}
+    for name, value in {**expected, "bias": 0, "bias_over_limit": 0, "nees": 1}.items():
+        assert figures[f"{name}_low"] < figures[name] < figures[f"{name}_high"]
+        assert figures[f"{name}_low"] < value < figures[f"{name}_high"]
+    # The relative standard error of an RMSE of n Gaussian errors: 1 / sqrt(2 n).
+    width = figures["rmse_over_limit_high"] - figures["rmse_over_limit_low"]
+    assert width == pytest.approx(2 * 1.96 / np.sqrt(800), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("limit", "percent", "impossible"), [(0.1, 100, False), (0.08, 64, False), (0.13, 169, True)]
+)
+def test_the_share_of_the_information_is_a_sentence(
+    gaussian: np.ndarray, limit: float, percent: float, impossible: bool
+) -> None:
+    answers = [{"x_c_mm": 120 + error} for error in gaussian]
+    rows = scored(answers, separate(400), limits(400, "planar", [limit] * 400))
+    parameters = parameter_rows(rows)
+    share = summarise(rows, parameters)["methods"]["exact_fit"]["efficiency"]["x_c_mm"]
+    assert share["efficiency_pct"] == pytest.approx(percent, rel=0.1)
+    low, high = share["efficiency_pct_95"]
+    assert low < percent < high
+    assert "in the image and the known plane about the contact" in share["sentence"]
+    assert ("impossible" in share["sentence"]) is impossible
+    few = {**of(parameters, "x_c_mm")[ALL], "answered": 19}
+    assert "impossible" not in (efficiency("planar", few) or {})["sentence"]
+
+
+def test_without_limits_there_is_no_share() -> None:
+    rows = scored([{"x_c_mm": 120.1}, {"x_c_mm": 120.2}])
+    found = summarise(rows, parameter_rows(rows))["methods"]["exact_fit"]
+    assert found["efficiency"] == {}
+    assert found["parameters"]["x_c_mm"]["rmse_over_limit"] is None
+    assert found["parameters"]["x_c_mm"]["answered"] == 2
+
+
+def test_friction_is_compared_with_the_scene() -> None:
+    world = truth({}, FREE)
+    scene = {**world.manifest["scene"], "object": {"friction": 0.3}}
+    world.manifest["scene"], before = scene, world.manifest["scene"]
+    try:
+        table = pl.DataFrame(
+            {"frame_id": ["f0", "f1"], "x_c_mm": [120.0, None], "friction": [0.32, None]}
+        )
+        rows = score_frames(world, checked_predictions(table, ""), "mine", "").sort("frame_id")
+    finally:
+        world.manifest["scene"] = before
+    assert rows["true_friction"].to_list() == [0.3, None]
+    assert rows["friction_error"].to_list() == [pytest.approx(0.02), None]

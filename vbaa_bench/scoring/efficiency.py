@@ -1,0 +1,42 @@
+"""Share of the information in its data that a method uses, in words."""
+
+from typing import Any, Final
+
+from vbaa_bench.scoring.information import SETS
+
+_QUANTITIES: Final = {
+    "x_c_mm": "the contact distance",
+    "s_c_mm": "the contact arc length",
+    "force_n": "the force",
+    "psi_deg": "the inclination psi",
+    "compliance_mm_per_n": "the compliance",
+}
+# A share above 100 % is called impossible only with this many answered frames. Chosen: bootstrap
+# intervals of fewer are too narrow; with 20 Gaussian errors by a tenth.
+_MIN_FRAMES: Final = 20
+
+
+def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
+    """Compute the share of the information that is used, from a row of `parameter_rows`.
+
+    It is (RMS of error / limit)^-2 over the answered frames, as `efficiency_pct`, with the 95 %
+    interval `efficiency_pct_95` and a `sentence`. None without limits. An unbiased method cannot
+    use more than all information (Cramer and Rao); the sentence says so where the whole interval
+    is above 100 %.
+    """
+    rmse = row["rmse_over_limit"]
+    if not rmse:
+        return None
+    low, high = row["rmse_over_limit_low"], row["rmse_over_limit_high"]
+    percent, ends = 100 / rmse**2, None if not low else [100 / high**2, 100 / low**2]
+    span = f" ({ends[0]:.3g} to {ends[1]:.3g} %)" if ends else ""
+    about, data = _QUANTITIES[row["quantity"]], SETS[information]
+    sentence = f"uses {percent:.3g} %{span} of the information in {data} about {about}"
+    if ends and ends[0] > 100 and row["answered"] >= _MIN_FRAMES:
+        sentence += (
+            ". More than 100 % is impossible for an unbiased method: either it uses data or priors "
+            f'that the information set "{information}" lacks, or its bias '
+            f"({row['bias_over_limit']:.2g} of the limit) or its choice of answered frames "
+            f"({row['answered']} of {row['frames']}) reduces its errors, or the limit is wrong"
+        )
+    return {"efficiency_pct": percent, "efficiency_pct_95": ends, "sentence": sentence}

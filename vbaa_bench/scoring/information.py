@@ -1,0 +1,68 @@
+"""Information sets: what each method may use, and so the limit with which it is compared."""
+
+from typing import Any, Final
+
+import polars as pl
+
+from solver.instrument.errors import InputError, quoted
+from vbaa_bench.scoring.scored_quantities import LIMITED
+
+# Information sets, as in the table of limits, in words.
+SETS: Final = {
+    "planar": "the image and the known plane",
+    "image": "the image",
+    "moment": "the image and the moment sensor",
+    "force": "the image and the force sensor",
+    "push": "the images of the push",
+}
+# The set of each method of the solver. Others use "image", unless they declare another one.
+_OF_METHOD: Final = {
+    "two_point": "planar",
+    "three_point": "image",
+    "moment_sensor": "moment",
+    "stiffness": "push",
+    "linear_fit": "planar",
+    "exact_fit": "planar",
+    "exact_fit_3d": "image",
+    "push_fit": "push",
+    "push_fit_friction": "push",
+    "force_sensor": "force",
+}
+# Methods that use a moment sensor where there is one.
+_WITH_SENSOR: Final = ("exact_fit_3d",)
+
+
+def information_of(method: str, scene: dict[str, Any]) -> str:
+    """Return the information set of a method by its name, of which the centreline is no part."""
+    name = method.partition("@")[0]
+    if name in _WITH_SENSOR and scene.get("moment_sensor") is not None:
+        return "moment"
+    return _OF_METHOD.get(name, "image")
+
+
+def check_information(name: str, source: str) -> None:
+    """Raise InputError unless `name`, which `source` declares, is an information set."""
+    if name not in SETS:
+        raise InputError(
+            f"{source}: information {quoted(name)} is unknown, allowed is one of {', '.join(SETS)}"
+        )
+
+
+def with_limits(scores: pl.DataFrame, limits: pl.DataFrame | None) -> pl.DataFrame:
+    """Add the information limits of each frame; null where there are none.
+
+    `limits` has one row per `frame_id` and `information`, see `dataset.derived`. A limit that is
+    not a positive number counts as null.
+    """
+    columns = [quantity.limit for quantity in LIMITED]
+    if limits is None:
+        return scores.with_columns(pl.lit(None, pl.Float64).alias(name) for name in columns)
+    positive = limits.select(
+        "frame_id",
+        "information",
+        *(
+            pl.when(pl.col(name).is_finite() & (pl.col(name) > 0)).then(pl.col(name))
+            for name in columns
+        ),
+    )
+    return scores.join(positive, on=["frame_id", "information"], how="left", validate="m:1")
