@@ -107,17 +107,24 @@ def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
 def table(
     datasets: Annotated[list[Path], typer.Argument(help="folders of scored datasets")],
     by: By = None,
+    table_format: Annotated[
+        str, typer.Option("--format", help="markdown; latex, with booktabs; or csv")
+    ] = "markdown",
     as_json: AsJson = False,
 ) -> None:
-    """Print the scores of several datasets as one Markdown table, followed by remarks."""
+    """Print the scores of several datasets as one table, with the bound if limits were computed."""
     with importing():
-        from vbaa_bench.scoring.accuracy import accuracy, markdown
+        from solver.instrument.errors import InputError
+        from vbaa_bench.scoring.accuracy import accuracy
+        from vbaa_bench.scoring.tables import FORMATS
 
+    if table_format not in FORMATS:
+        raise InputError(f"--format is {table_format}, allowed is one of {', '.join(FORMATS)}")
     rows = accuracy(datasets, by)
     if as_json:
         print_result({"rows": rows}, "", True)
     else:
-        print(markdown(rows, by))
+        print(FORMATS[table_format](rows, by))
 
 
 def dictionary() -> None:

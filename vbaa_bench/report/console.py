@@ -90,6 +90,10 @@ def show_scores(summary: dict[str, Any], record: dict[str, Any], as_json: bool) 
         cells = ("–" if value is None else f"{value:.3g}" for value in numbers)
         rows.append((name, *cells, str(values["n"])))
     show_table("scores", (*heads, "force RMSE, %", "failed, %", "ms / frame", "n"), rows)
+    for name, values in summary["methods"].items():
+        for quantity, share in values["efficiency"].items():
+            if quantity == "x_c_mm" or share["impossible"]:
+                print(f"{name} {share['sentence']}")
 
 
 def outcomes(table: Path) -> str:

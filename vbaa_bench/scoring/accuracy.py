@@ -1,6 +1,8 @@
-"""Accuracy table of scored datasets: one row per scene and method."""
+"""Accuracy of methods on scored datasets: one row per scene and method, and one for the bound."""
 
+import math
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,26 +15,14 @@ from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.score import read_scores
+from vbaa_bench.scoring.scored_quantities import LIMITED
 from vbaa_bench.scoring.strata import class_order
 from vbaa_bench.scoring.summary import summarise_method
 
 Row = dict[str, Any]
 
-# Headings of the Markdown table, and the keys of their numbers in a row.
-_COLUMNS: Final = {
-    "x_c RMSE, % of L": "x_c_rmse_pct_L",
-    "failures as L/2": "x_c_rmse_all_pct_L",
-    "median": "x_c_median_abs_pct_L",
-    "force, %": "force_rmse_pct",
-    "psi, deg": "psi_rmse_deg",
-    "psi in 3 sigma, %": "psi_within_3_sigma_pct",
-    "1/k at end of push, %": "compliance_last_rmse_pct",
-    "1/k at end, rigid, mm/N": "compliance_rigid_last_rmse_mm_per_n",
-    "1/k at end in 3 sigma, %": "compliance_last_within_3_sigma_pct",
-    "x_c in 3 sigma, %": "x_c_within_3_sigma_pct",
-    "sigma / RMSE": "x_c_sigma_over_rmse",
-    "consistent, %": "consistent_pct",
-}
+# Name of the rows of the information limits.
+BOUND: Final = "bound"
 # Quantities whose stated sigmas are compared with errors in the table.
 _STATED: Final = ("x_c", "psi", "compliance_last")
 
@@ -40,9 +30,12 @@ _STATED: Final = ("x_c", "psi", "compliance_last")
 def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
     """Tabulate each method's accuracy on each dataset; `by` splits by a condition or stratum.
 
-    A row contains the values of `summary.facts`. Separate columns repeat the fractions of x_c, psi
-    and a push's last compliance within three stated sigmas [%], and the ratio of stated sigma to
-    RMSE for x_c. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
+    Where information limits were computed, a row follows for each information set that the methods
+    use, "bound (image)": the RMSE of an unbiased method that attains the limit in every frame with
+    contact. A row contains the values of `summarise_method`. Separate columns repeat the fractions
+    of x_c, psi and a push's last compliance within three stated sigmas [%], and for x_c the ratio
+    of stated sigma to RMSE, the fraction within 1.96 sigmas and the share of the information that
+    is used [%]. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
     InputError for a dataset that is not scored, and for an unknown condition.
     """
     if by is not None and by not in (*CONDITIONS, *STRATA):
@@ -57,25 +50,66 @@ def _rows(results: Results, by: str | None) -> list[Row]:
         # Conditions are computed from equilibria; those of one setting differ in the last digits.
         scores = scores.with_columns((selectors.by_name(by) & selectors.float()).round_sig_figs(9))
         scores = scores.with_columns(_label(by))
-    scene = open_truth(results.dataset.truth).manifest["scene"]
+    truth = open_truth(results.dataset.truth, centrelines=False)
+    scene = truth.manifest["scene"]
     remark = " ".join(remarks(scene))
+    length = truth.manifest["true_rig"]["beam_length_mm"]
     order = scores["method"].unique(maintain_order=True).to_list()
     keys = ["method"] if by is None else ["method", by]
     parts = dict(scores.group_by(keys, maintain_order=True))
     ordered = sorted(
         parts, key=lambda key: ([class_order(value) for value in key[1:]], order.index(key[0]))
     )
-    return [
-        {
-            "scene": results.root.resolve().name,
-            "title": scene["title"],
-            "method": str(key[0]),
-            **({} if by is None else {by: key[1]}),
-            **_row(parts[key]),
-            "remark": remark,
+    rows: list[Row] = []
+    for values, keys_of_part in groupby(ordered, key=lambda key: key[1:]):
+        methods = {str(key[0]): parts[key] for key in keys_of_part}
+        figures = {name: _row(part) for name, part in methods.items()}
+        figures |= _bounds(list(methods.values()), length)
+        rows += [
+            {
+                "scene": results.root.resolve().name,
+                "title": scene["title"],
+                "method": name,
+                **({} if by is None else {by: values[0]}),
+                **row,
+                "remark": remark,
+            }
+            for name, row in figures.items()
+        ]
+    return rows
+
+
+def _bounds(methods: Sequence[pl.DataFrame], length_mm: float) -> dict[str, Row]:
+    """Make a row for each information set of the methods for which there are limits."""
+    figures = {}
+    frames = pl.concat(methods).unique(["frame_id", "information"], maintain_order=True)
+    touched = frames.filter(~pl.col("free"))
+    limits = [quantity.limit for quantity in LIMITED]
+    touched = touched.filter(pl.any_horizontal(pl.col(limits).is_not_null()))
+    for (information,), rows in touched.group_by("information", maintain_order=True):
+        last = rows.filter("last_step")
+        springs = last.drop_nulls("k_s_n_m")
+        rigid = last.filter(pl.col("k_s_n_m").is_null())
+        relative_force = pl.col("force_limit_n") / pl.col("true_force_n")
+        compliance = pl.col("compliance_limit_mm_per_n")
+        figures[f"{BOUND} ({information})"] = dict.fromkeys(_row(methods[0].clear())) | {
+            "x_c_rmse_pct_L": _rms(rows, 100 / length_mm * pl.col("x_c_limit_mm")),
+            "s_c_rmse_pct_L": _rms(rows, 100 / length_mm * pl.col("s_c_limit_mm")),
+            "force_rmse_pct": _rms(rows, 100 * relative_force),
+            "psi_rmse_deg": _rms(rows, pl.col("psi_limit_deg")),
+            "compliance_last_rmse_pct": _rms(
+                springs, 100 * compliance / pl.col("true_compliance_mm_per_n")
+            ),
+            "compliance_rigid_last_rmse_mm_per_n": _rms(rigid, compliance),
+            "n": rows.height,
+            "outcomes": {},
         }
-        for key in ordered
-    ]
+    return figures
+
+
+def _rms(rows: pl.DataFrame, values: pl.Expr) -> float | None:
+    mean: float | None = rows.select((values**2).mean()).item()
+    return None if mean is None else math.sqrt(mean)
 
 
 def _label(by: str) -> pl.Expr:
@@ -100,30 +134,14 @@ def _row(rows: pl.DataFrame) -> Row:
         f"{name}_within_3_sigma_pct": _percent(coverage.get("within_3_sigma"))
         for name, coverage in stated.items()
     }
+    over_limit = values["x_c_rmse_over_limit"]
     return values | {
         **percentages,
         "x_c_sigma_over_rmse": stated["x_c"].get("sigma_over_rmse"),
+        "x_c_coverage_95_pct": _percent(stated["x_c"].get("coverage_95")),
+        "x_c_efficiency_pct": None if not over_limit else 100 / over_limit**2,
         "consistent_pct": _percent(values["consistent_rate"]),
     }
-
-
-def markdown(rows: Sequence[Row], by: str | None = None) -> str:
-    """Format the table without empty columns, followed by the remarks on its scenes."""
-    columns = {
-        head: key for head, key in _COLUMNS.items() if any(row[key] is not None for row in rows)
-    }
-    texts = ["scene", *([] if by is None else [by]), "method"]
-    heads = [*texts, *columns, "n", "outcomes"]
-    lines = [heads, ["---" if head in (*texts, "outcomes") else "---:" for head in heads]]
-    for row in rows:
-        labels = ["–" if row[key] is None else f"{row[key]}" for key in texts]
-        numbers = ["–" if row[key] is None else f"{row[key]:.3g}" for key in columns.values()]
-        counts = ", ".join(f"{count} {outcome}" for outcome, count in row["outcomes"].items())
-        lines.append([*labels, *numbers, str(row["n"]), counts])
-    text = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-    sentences = {row["scene"]: row["remark"] for row in rows if row["remark"]}
-    notes = [f"- `{scene}`: {sentence}" for scene, sentence in sentences.items()]
-    return "\n".join([text, "", *notes]) if notes else text
 
 
 def _percent(fraction: float | None) -> float | None:

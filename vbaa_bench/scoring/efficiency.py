@@ -21,8 +21,8 @@ def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
 
     It is (RMS of error / limit)^-2 over the answered frames, as `efficiency_pct`, with the 95 %
     interval `efficiency_pct_95` and a `sentence`. None without limits. An unbiased method cannot
-    use more than all information (Cramer and Rao); the sentence says so where the whole interval
-    is above 100 %.
+    use more than all information (Cramer and Rao); where the whole interval is above 100 %, the
+    result is `impossible`, and the sentence names the likely reasons.
     """
     rmse = row["rmse_over_limit"]
     if not rmse:
@@ -32,11 +32,17 @@ def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
     span = f" ({ends[0]:.3g} to {ends[1]:.3g} %)" if ends else ""
     about, data = _QUANTITIES[row["quantity"]], SETS[information]
     sentence = f"uses {percent:.3g} %{span} of the information in {data} about {about}"
-    if ends and ends[0] > 100 and row["answered"] >= _MIN_FRAMES:
+    impossible = bool(ends and ends[0] > 100 and row["answered"] >= _MIN_FRAMES)
+    if impossible:
         sentence += (
             ". More than 100 % is impossible for an unbiased method: either it uses data or priors "
             f'that the information set "{information}" lacks, or its bias '
             f"({row['bias_over_limit']:.2g} of the limit) or its choice of answered frames "
             f"({row['answered']} of {row['frames']}) reduces its errors, or the limit is wrong"
         )
-    return {"efficiency_pct": percent, "efficiency_pct_95": ends, "sentence": sentence}
+    return {
+        "efficiency_pct": percent,
+        "efficiency_pct_95": ends,
+        "impossible": impossible,
+        "sentence": sentence,
+    }

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Floats
@@ -54,4 +55,5 @@ def doubtful_units(scores: pl.DataFrame, source: str) -> Iterator[str]:
 
 
 def _median(values: Floats) -> float:
-    return float(sorted(values)[len(values) // 2])
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])

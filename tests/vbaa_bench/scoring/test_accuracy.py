@@ -1,6 +1,7 @@
 """The table over several datasets, and what is said below it."""
 
 import json
+import re
 from pathlib import Path
 
 import polars as pl
@@ -12,9 +13,10 @@ from tests.vbaa_bench.scoring.worlds import FREE, MANIFEST, truth
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scoring.accuracy import accuracy, markdown
+from vbaa_bench.scoring.accuracy import accuracy
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
 from vbaa_bench.scoring.remarks import remarks
+from vbaa_bench.scoring.tables import csv_table, latex, markdown
 
 SCENES = Path(__file__).parents[3] / "scenes"
 
@@ -138,6 +140,53 @@ def test_the_markdown_is_a_table_with_remarks_below(scored: Path) -> None:
     assert lines[4].startswith("| taper | good |")
     assert lines[6] == ""
     assert [line for line in lines[7:] if "tapered" in line] == lines[7:]
+
+
+def test_the_bound_is_a_row_after_the_methods(scored: Path) -> None:
+    path = scored / "scores" / "scores.parquet"
+    scores = pl.read_parquet(path)
+    limits = {"x_c_limit_mm": 0.12, "force_limit_n": 0.002}
+    scores.with_columns(**{name: pl.lit(value) for name, value in limits.items()}).write_parquet(
+        path
+    )
+    rows = accuracy([scored], "push")
+    bounds = [row for row in rows if row["method"] == "bound (image)"]
+    assert [(row["push"], row["n"]) for row in bounds] == [("10 %", 1), ("20 %", 2)]
+    assert bounds[1]["x_c_rmse_pct_L"] == pytest.approx(0.05)
+    assert bounds[1]["force_rmse_pct"] == pytest.approx(2)
+    assert bounds[1]["psi_rmse_deg"] is None
+    good = next(row for row in rows if (row["push"], row["method"]) == ("20 %", "good"))
+    assert good["x_c_rmse_over_limit"] == pytest.approx(2)
+    assert good["x_c_bias_over_limit"] == pytest.approx(0, abs=1e-9)
+    assert good["x_c_efficiency_pct"] == pytest.approx(25)
+    assert "| taper | 20 % | bound (image) | 0.05 |" in markdown(rows, "push")
+
+
+def test_latex_is_a_tabular_with_escaped_texts(scored: Path) -> None:
+    rows = [row | {"scene": "50%_{a}\\b"} for row in accuracy([scored])]
+    lines = latex([*rows, *accuracy([scored])]).splitlines()
+    assert lines[0].startswith(r"\begin{tabular}{llr")
+    assert lines[1::2][:2] == [r"\toprule", r"\midrule"]
+    end = lines.index(r"\end{tabular}")
+    assert lines[end - 1] == r"\bottomrule"
+    assert all(line.startswith("% ") for line in lines[end + 1 :])
+    columns = len(lines[0].rpartition("{")[2].rstrip("}"))
+    body = [line for line in lines[2:end] if not line.endswith("rule")]
+    assert len(body) == 5
+    for line in body:
+        assert line.endswith(r" \\")
+        assert len(re.findall(r"(?<!\\)&", line)) == columns - 1
+        assert re.search(r"(?<!\\)[%_#]", line) is None
+    assert body[1].startswith(r"50\%\_\{a\}\textbackslash{}b & good & 0.1 &")
+
+
+def test_csv_has_every_number_under_its_key(scored: Path) -> None:
+    rows = accuracy([scored])
+    table = pl.read_csv(csv_table(rows).encode())
+    assert table["method"].to_list() == ["good", "bad"]
+    assert table["x_c_rmse_pct_L"][0] == rows[0]["x_c_rmse_pct_L"]
+    assert table["outcomes"][1] == "3 contact, 1 crashed"
+    assert "calibration" not in table.columns
 
 
 def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ def test_the_share_of_the_information_is_a_sentence(
     low, high = share["efficiency_pct_95"]
     assert low < percent < high
     assert "in the image and the known plane about the contact" in share["sentence"]
-    assert ("impossible" in share["sentence"]) is impossible
+    assert ("impossible" in share["sentence"]) is share["impossible"] is impossible
     few = {**of(parameters, "x_c_mm")[ALL], "answered": 19}
     assert "impossible" not in (efficiency("planar", few) or {})["sentence"]
 
