@@ -11,7 +11,6 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.collection import CollectionLayout
-from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report import gallery
@@ -51,7 +50,6 @@ def collection_report(root: Path, changes: Sequence[Mapping[str, Any]] = ()) -> 
                 "of the rig's beam length.",
             ],
             scores=scores,
-            limits=rigs.limits(),
             overlay_of=rigs.overlay_of,
             environment={**summary["machine"], **summary["versions"]},
             unmeasured="The centreline is measured in the reports of single rigs only",
@@ -82,7 +80,7 @@ def _worst_factors(factors: pl.DataFrame, method: str) -> list[dict[str, Any]]:
 
 
 class _Rigs:
-    """Truth, limits and pictures of the rigs of a collection, read when they are needed."""
+    """Truth and pictures of the rigs of a collection, read when they are needed."""
 
     def __init__(self, layout: CollectionLayout, scores: pl.DataFrame) -> None:
         self._layouts, self._scores = layout.rigs(), scores
@@ -90,18 +88,6 @@ class _Rigs:
 
     def _open(self, number: int) -> Truth:
         return open_truth(self._layouts[number].truth)
-
-    def limits(self) -> pl.DataFrame | None:
-        """Read the information limits of all rigs for which they were computed."""
-        tables = [
-            table.with_columns(
-                rig=pl.lit(number),
-                length_mm=pl.lit(float(self._truth(number).manifest["true_rig"]["beam_length_mm"])),
-            )
-            for number, layout in self._layouts.items()
-            if (table := read_limits(layout)) is not None
-        ]
-        return pl.concat(tables, how="diagonal_relaxed") if tables else None
 
     def overlay_of(self, row: Row) -> Overlay:
         """Draw the frame of a row of the scores."""

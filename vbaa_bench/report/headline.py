@@ -4,9 +4,9 @@ from collections.abc import Collection
 
 from markupsafe import Markup, escape
 
-from vbaa_bench.report.limits import WORDS
 from vbaa_bench.report.numbers import percent, short
 from vbaa_bench.report.statistics import MethodStatistics
+from vbaa_bench.scoring.information import SETS
 
 # Chosen: with 300 frames a method with right intervals is outside of these in 1 of 1,000 reports.
 _TOO_NARROW, _TOO_WIDE = 0.90, 0.99
@@ -92,6 +92,6 @@ def _honesty(one: MethodStatistics) -> Markup:
 def _efficiency(one: MethodStatistics) -> Markup:
     if one.efficiency is None or one.information is None:
         return Markup("")
-    where = WORDS.get(one.information, one.information)
+    where = SETS[one.information]
     share = "less than 0.1" if one.efficiency < _LEAST else percent(one.efficiency)
     return Markup("uses <b>{} %</b> of the information in {}").format(share, where)

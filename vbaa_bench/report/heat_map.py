@@ -110,12 +110,8 @@ def _equal(values: pl.Series, column: pl.Expr, count: int) -> tuple[list[str], p
 def heat_maps(rows: pl.DataFrame, bins: Bins, methods: Sequence[str]) -> list[HeatMap]:
     """Make the heat map of every method that estimates x_c, from scores with bins."""
     error = pl.col("x_c_error_pct_L")
-    matched = error.is_not_null() & pl.col("x_c_limit_pct_L").is_not_null()
     rmse = (error**2).mean().sqrt()
-    ratio = (
-        (error.filter(matched) ** 2).mean()
-        / (pl.col("x_c_limit_pct_L").filter(matched) ** 2).mean()
-    ).sqrt()
+    ratio = ((error / pl.col("x_c_limit_pct_L")) ** 2).mean().sqrt()
     cells = (
         rows.drop_nulls(["x_bin", "y_bin"])
         .group_by("method", "y_bin", "x_bin")

@@ -13,7 +13,6 @@ from vbaa_bench.report import numbers, palette
 from vbaa_bench.report.budget import Share
 from vbaa_bench.report.drawing import key
 from vbaa_bench.report.heat_map import with_bins
-from vbaa_bench.report.limits import with_limits
 from vbaa_bench.report.residuals import MAX_DOTS, figures, panels
 from vbaa_bench.report.statistics import with_groups
 from vbaa_bench.report.strata import strata
@@ -38,7 +37,7 @@ CHANGES: Final = (
 class Contents:
     """What a report shows beside its statistics.
 
-    `facts` are sentences on the data. `limits` is None or as for `limits.with_limits`.
+    `facts` are sentences on the data.
     `unmeasured` is the reason why frames have no measured centreline, "" if they have. `changes`
     are records with the keys CHANGES. `factors` and `rigs` are of collections only: groups of
     factors by method, and pictures of rigs with captions.
@@ -47,7 +46,6 @@ class Contents:
     title: str
     facts: Sequence[str]
     scores: pl.DataFrame
-    limits: pl.DataFrame | None
     overlay_of: Callable[[Row], Overlay]
     environment: Mapping[str, Any]
     unmeasured: str = ""
@@ -67,7 +65,7 @@ class Page:
 
 def page(contents: Contents) -> Page:
     """Compute and write the page."""
-    scores, bins = with_bins(with_limits(with_groups(contents.scores), contents.limits))
+    scores, bins = with_bins(with_groups(contents.scores))
     methods = by_error(scores)
     styles = palette.styles(methods)
     classes = {name: f"m{number}" for number, name in enumerate(methods)}

@@ -8,7 +8,6 @@ from typing import Any
 import polars as pl
 
 from solver.instrument.errors import InputError
-from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report.budget import read_budget
@@ -25,17 +24,14 @@ def report(results: Results, changes: Sequence[Mapping[str, Any]] = ()) -> Path:
     """Write the report of a scored dataset; return the path of the page.
 
     `changes` are records of a comparison with a baseline, with the keys `page.CHANGES`. The
-    information limits and the error budget in `derived/` are shown if they were computed. Raises
-    InputError.
+    information limits are shown if the scores hold them, and the error budget if it was computed.
+    Raises InputError.
     """
     truth = open_truth(results.dataset.truth)
     if not (results.scores / "summary.json").is_file():
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
     summary, scores = read_json(results.scores / "summary.json"), read_scores(results)
     antenna, reason = antenna_of(results)
-    rig = truth.manifest["true_rig"]
-    length = rig["beam_length_mm"]
-    limits = read_limits(results.dataset)
 
     @cache
     def drawn(frame_id: str) -> Overlay:
@@ -46,9 +42,6 @@ def report(results: Results, changes: Sequence[Mapping[str, Any]] = ()) -> Path:
             title=truth.manifest["scene"]["title"],
             facts=_facts(truth),
             scores=scores,
-            limits=None
-            if limits is None
-            else limits.with_columns(pl.lit(float(length)).alias("length_mm")),
             overlay_of=lambda row: drawn(row["frame_id"]),
             environment={**summary["machine"], **summary["versions"]},
             unmeasured=reason

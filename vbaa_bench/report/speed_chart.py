@@ -11,10 +11,10 @@ from scipy.stats import halfnorm
 from vbaa_bench.report.axes import Axis, log_axis
 from vbaa_bench.report.drawing import Margins, Plot
 from vbaa_bench.report.labels import spread
-from vbaa_bench.report.limits import WORDS
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.palette import Style
 from vbaa_bench.report.statistics import MethodStatistics
+from vbaa_bench.scoring.information import SETS
 
 # Distance between the centres of labels, for letters 12 px high.
 LABEL_GAP_PX: Final = 16
@@ -111,7 +111,7 @@ def speed_chart(
     sentences = "; ".join(_sentence(one) for one in drawn)
     plot = Plot(*scales, size, f"Median error of x_c against time per frame. {sentences}", margins)
     for name, value in limits.items():
-        plot.across(value, class_="limit", data_t=f"limit, {WORDS.get(name, name)}: {value:.2g} %")
+        plot.across(value, class_="limit", data_t=f"limit, {SETS[name]}: {value:.2g} %")
     anchors = [plot.place(one.ms or 0.0, one.median or 0.0) for one in drawn]
     anchors += [plot.place(scales.x.high, value) for value in limits.values()]
     label_v = spread(np.array([float(v) for _, v in anchors]), LABEL_GAP_PX)

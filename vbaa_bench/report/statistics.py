@@ -6,12 +6,10 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from vbaa_bench.report.intervals import Interval, median_interval
+from vbaa_bench.scoring.bootstrap import Interval, group_numbers, median_interval
 from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES
 from vbaa_bench.scoring.summary import CONTACTS
 
-# Columns of the scores that the report reads beside the conditions of the frames.
-_PUSH: Final = ("rig", "push", "contact_distance_at_rest_mm", "normal_deg", "k_s_n_m")
 # The RMSE over all frames counts a frame without an estimate as half the beam, as in `scoring`.
 _FAILURE_ERROR_PCT_L: Final = 50.0
 # Two-sided quantiles of the normal distribution.
@@ -25,8 +23,8 @@ class MethodStatistics:
     `contacts` and `free` count the frames with and without contact; `answered` those contacts that
     have an estimate; `right_refusals` contacts without, where this is right according to `scoring`;
     `false_contacts` free frames with an estimate. `coverage_68` and `coverage_95` are the fractions
-    of the stated intervals of x_c with the truth. `limit` is the RMS of the information limit over
-    the matched frames, those with an estimate and a limit, and `matched_rmse` the RMSE over these.
+    of the stated intervals of x_c with the truth. `rmse_over_limit` is the RMS of the errors over
+    the information limits of their frames, `matched` frames that have both.
     """
 
     method: str
@@ -49,8 +47,7 @@ class MethodStatistics:
     coverage_95: float | None
     ms: float | None
     matched: int
-    matched_rmse: float | None
-    limit: float | None
+    rmse_over_limit: float | None
     information: str | None
     median_95: Interval | None
     ms_95: Interval | None
@@ -61,23 +58,16 @@ class MethodStatistics:
         return self.answered / self.contacts if self.contacts else None
 
     @property
-    def rmse_over_limit(self) -> float | None:
-        """RMSE over information limit, both over the matched frames."""
-        if not self.limit or self.matched_rmse is None:
-            return None
-        return self.matched_rmse / self.limit
-
-    @property
     def efficiency(self) -> float | None:
-        """Fraction of the available information that the method uses, (limit / RMSE)^2."""
+        """Fraction of the available information that the method uses, as in `scoring`."""
         ratio = self.rmse_over_limit
         return 1 / ratio**2 if ratio else None
 
 
 def with_groups(scores: pl.DataFrame) -> pl.DataFrame:
     """Add the column `group`, the number of the push (in a collection: of the rig)."""
-    keys = ["rig"] if "rig" in scores.columns else list(_PUSH[1:])
-    return scores.with_columns(group=pl.struct(keys).rank("dense").cast(pl.Int64))
+    over = ["rig"] if "rig" in scores.columns else None
+    return scores.with_columns(group=group_numbers(scores, over))
 
 
 def statistics(rows: pl.DataFrame) -> dict[str, MethodStatistics]:
@@ -129,8 +119,7 @@ def _aggregates() -> dict[str, pl.Expr]:
         "coverage_95": (size <= _SIGMAS_95).mean(),
         "ms": pl.col("image_ms").median(),
         "matched": matched.sum(),
-        "matched_rmse": _rms(error.filter(matched)),
-        "limit": _rms(limit.filter(matched)),
+        "rmse_over_limit": _rms(error / limit),
         "information": pl.col("information").first(),
     }
 

@@ -103,6 +103,7 @@ SCORES: Final = {
     **{name: PREDICTIONS[name] for name in (*NUMBERS, "outcome", "message")},
     **_truths_and_errors(),
     "x_c_error_pct_L": Column("error of x_c", SIGMA_D, _FAILED),
+    "x_c_limit_pct_L": Column("information limit of x_c", SIGMA_D, "there is no limit"),
     "s_c_error_pct_L": Column("error of s_c", "along the beam", _FAILED),
     "force_error_pct": Column("error of force_n, relative to its true value", "", _FAILED),
     "f_error_pct": Column("error of f_n, relative to its true value", SIGMA_D, _FAILED),

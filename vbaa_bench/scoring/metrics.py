@@ -233,10 +233,11 @@ def _in_sigmas(quantity: ScoredQuantity) -> pl.Expr:
 
 
 def _percentages(length_mm: float) -> list[pl.Expr]:
-    """Make the expressions of the errors in per cent."""
+    """Make the expressions of the errors, and of the limit of x_c, in per cent."""
     spring = pl.col("k_s_n_m").is_not_null()
     return [
         (100 * pl.col("x_c_error_mm") / length_mm).alias("x_c_error_pct_L"),
+        (100 * pl.col("x_c_limit_mm") / length_mm).alias("x_c_limit_pct_L"),
         (100 * pl.col("s_c_error_mm") / length_mm).alias("s_c_error_pct_L"),
         (100 * pl.col("force_error_n") / pl.col("true_force_n")).alias("force_error_pct"),
         (100 * pl.col("f_error_n") / pl.col("true_f_n")).alias("f_error_pct"),

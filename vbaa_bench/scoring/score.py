@@ -123,6 +123,8 @@ def read_scores(results: Results) -> pl.DataFrame:
         raise InputError(f"{table}: cannot be read") from error
     if not {
         "consistent",
+        "information",
+        "x_c_limit_pct_L",
         *(quantity.in_sigmas for quantity in (*SCORED_QUANTITIES, *COMPONENTS)),
     } <= set(scores.columns):
         raise InputError(f"{table}: is from an older version; score the dataset again")

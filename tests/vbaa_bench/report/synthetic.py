@@ -42,6 +42,11 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
         {
             "frame_id": [f"f{i:06d}" for i in index],
             "method": name,
+            "push_id": [f"p{i:06d}" for i in index],
+            "step": 0,
+            "hidden_place": "middle",
+            "information": "planar",
+            "x_c_limit_pct_L": pl.Series([None] * frames, dtype=pl.Float64),
             "push": [f"{value:.0f} %" for value in deflection],
             "contact_distance_at_rest_mm": x_c,
             "deflection_pct": np.where(free, 0.0, deflection),
@@ -74,15 +79,10 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
     )
 
 
-def limits(table: pl.DataFrame) -> pl.DataFrame:
-    """Limits that the first method attains."""
-    frames = table.filter((pl.col("method") == METHODS[0]) & ~pl.col("free"))
-    return frames.select(
-        "frame_id",
-        information=pl.lit("planar"),
-        x_c_limit_mm=240 * 0.01 / 100 * pl.col("deflection_pct") / 5,
-        length_mm=pl.lit(240.0),
-    )
+def limited(table: pl.DataFrame) -> pl.DataFrame:
+    """Scores with limits that the first method attains."""
+    limit = pl.when(~pl.col("free")).then(0.01 * pl.col("deflection_pct") / 5)
+    return table.with_columns(x_c_limit_pct_L=limit)
 
 
 def overlay_of(row: dict[str, Any]) -> Overlay:
@@ -104,5 +104,5 @@ def contents(table: pl.DataFrame, **more: Any) -> Contents:
         scores=table,
         overlay_of=overlay_of,
         environment={"python": "3"},
-        **{"limits": None, **more},
+        **more,
     )

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.vbaa_bench.report.synthetic import contents, limits, scores
+from tests.vbaa_bench.report.synthetic import contents, limited, scores
 from vbaa_bench.report.page import page
 
 BROWSER = next(
@@ -110,7 +110,7 @@ def browse(html: str, folder: Path) -> tuple[list[dict[str, Any]], str]:
 @pytest.fixture(scope="module")
 def big() -> str:
     table = scores(10_000)
-    return page(contents(table, limits=limits(table))).html
+    return page(contents(limited(table))).html
 
 
 def test_ten_thousand_frames_are_less_than_eight_megabytes(big: str) -> None:

@@ -8,7 +8,6 @@ from hypothesis.extra.numpy import arrays
 from tests.vbaa_bench.report.synthetic import scores
 from vbaa_bench.report import speed_chart
 from vbaa_bench.report.labels import spread
-from vbaa_bench.report.limits import with_limits
 from vbaa_bench.report.palette import styles
 from vbaa_bench.report.statistics import statistics, with_groups
 
@@ -33,7 +32,7 @@ def test_labels_that_are_apart_stay_where_they_are() -> None:
 
 
 def test_labels_of_ten_equal_methods_do_not_touch() -> None:
-    one = statistics(with_limits(with_groups(scores(60, ("exact_fit",))), None))["exact_fit"]
+    one = statistics(with_groups(scores(60, ("exact_fit",))))["exact_fit"]
     names = [f"method_{n}_{'x' * 20}" for n in range(10)]
     methods = {name: type(one)(**{**vars(one), "method": name}) for name in names}
     scales = speed_chart.axes([methods], [])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from solver.instrument.errors import InputError
-from tests.vbaa_bench.report.synthetic import METHODS, contents, limits, scores
+from tests.vbaa_bench.report.synthetic import METHODS, contents, limited, scores
 from vbaa_bench.report.budget import read_budget
 from vbaa_bench.report.page import CHANGES, page
 from vbaa_bench.report.residuals import MAX_DOTS
@@ -51,7 +51,7 @@ def read(html: str) -> Reader:
 @pytest.fixture(scope="module")
 def html() -> str:
     table = scores(2000)
-    return page(contents(table, limits=limits(table))).html
+    return page(contents(limited(table))).html
 
 
 def test_tables_charts_and_pictures_are_described(html: str) -> None:

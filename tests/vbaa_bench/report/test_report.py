@@ -55,14 +55,16 @@ def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
 def test_limits_of_another_truth_are_refused(results: Results, tmp_path: Path) -> None:
     true = open_truth(results.dataset.truth).frames
     true.select("frame_id", x_c_mm=pl.col("x_c_mm") + 0.2).write_csv(tmp_path / "mine.csv")
+    bounds = true.select("frame_id", information=pl.lit("image"), x_c_limit_mm=pl.lit(0.1))
+    empty = ("s_c_limit_mm", "force_limit_n", "psi_limit_deg", "compliance_limit_mm_per_n")
+    none = (pl.lit(None, pl.Float64).alias(name) for name in empty)
+    write_limits(results.dataset, bounds.with_columns(none), {})
     score(results, {"mine": tmp_path / "mine.csv"})
-    bounds = true.select("frame_id", information=pl.lit("planar"), x_c_limit_mm=pl.lit(0.1))
-    write_limits(results.dataset, bounds, {})
     page = report(results).read_text(encoding="utf-8")
     assert "uses <b>25\N{NO-BREAK SPACE}%</b> of the information in the image" in page
     (results.dataset.derived / "limits.parquet").write_bytes(b"other")
     with pytest.raises(DamageError, match="compute the limits again"):
-        report(results)
+        score(results, {"mine": tmp_path / "mine.csv"})
 
 
 def test_a_report_is_written_where_the_solver_cannot_be_set_up(

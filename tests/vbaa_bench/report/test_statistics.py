@@ -4,22 +4,18 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tests.vbaa_bench.report.synthetic import METHODS, limits, scores
+from tests.vbaa_bench.report.synthetic import METHODS, limited, scores
 from vbaa_bench.report import headline, speed_chart
 from vbaa_bench.report.coverage import calibrations
 from vbaa_bench.report.heat_map import heat_maps, with_bins
-from vbaa_bench.report.intervals import median_interval
-from vbaa_bench.report.limits import with_limits
 from vbaa_bench.report.outcomes import messages, outcomes
 from vbaa_bench.report.statistics import MethodStatistics, statistics, with_groups
 from vbaa_bench.report.strata import strata
-from vbaa_bench.scoring import summary
 
 
 @pytest.fixture(scope="module")
 def table() -> pl.DataFrame:
-    plain = scores(4000)
-    return with_limits(with_groups(plain), limits(plain))
+    return with_groups(limited(scores(4000)))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +48,7 @@ def test_efficiency_is_the_squared_ratio_of_limit_and_error(
     assert methods["exact_fit"].efficiency == pytest.approx(1, rel=0.08)
     assert methods["two_point"].efficiency == pytest.approx(0.25, rel=0.08)
     assert methods["two_point"].matched == 3400
-    without = statistics(with_limits(with_groups(scores(100)), None))
+    without = statistics(with_groups(scores(100)))
     assert without["exact_fit"].efficiency is None
 
 
@@ -61,24 +57,6 @@ def test_the_limit_line_is_the_median_error_of_an_efficient_method(
 ) -> None:
     lines = speed_chart.limit_lines(table)
     assert lines["planar"] == pytest.approx(methods["exact_fit"].median, rel=0.05)
-
-
-def test_intervals_agree_with_those_of_scoring() -> None:
-    random = np.random.default_rng(3)
-    values = np.abs(random.normal(size=(30, 20)) * random.uniform(0.5, 2, (30, 1)))
-    groups = np.repeat(np.arange(30), 20)
-    fast, slow = median_interval(values.ravel(), groups), summary.median_interval(list(values))
-    assert fast is not None
-    assert slow is not None
-    assert fast == pytest.approx(slow, rel=0.05)
-    assert median_interval(np.arange(5.0), np.zeros(5, np.int64)) is None
-    many = np.abs(random.normal(size=20_000))
-    interval = median_interval(many, np.arange(20_000))
-    assert interval is not None
-    # The standard error of a median is 1 / (2 f sqrt(n)), f the density there.
-    error = 1 / (2 * 2 * np.exp(-(0.6745**2) / 2) / np.sqrt(2 * np.pi) * np.sqrt(20_000))
-    assert interval.high - interval.low == pytest.approx(2 * 1.96 * error, rel=0.25)
-    assert interval.low < np.median(many) < interval.high
 
 
 def test_strata_divide_the_frames(table: pl.DataFrame) -> None:
@@ -113,7 +91,7 @@ def test_heat_maps_show_the_error_over_the_limit(table: pl.DataFrame) -> None:
     cells = [cell for _, row in maps["two_point"].rows for cell in row]
     assert len(cells) == 15
     assert all(float(cell.text) == pytest.approx(2, rel=0.2) for cell in cells)
-    plain, absolute = with_bins(with_limits(with_groups(scores(4000)), None))
+    plain, absolute = with_bins(with_groups(scores(4000)))
     assert not absolute.relative
     (first, *_) = heat_maps(plain, absolute, METHODS)
     rmse = [[float(cell.text) for cell in row] for _, row in first.rows]

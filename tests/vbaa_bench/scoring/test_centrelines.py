@@ -76,7 +76,7 @@ def test_all_scores_stand_side_by_side(solved: Results) -> None:
     lines = said("table", solved.root).splitlines()[2:]
     assert [line.split(" | ")[1] for line in lines] == ["two_point", PAPER]
     page = Path(json.loads(said("report", solved.root, "--json"))["report"])
-    assert f"<td>{PAPER}</td>" in page.read_text(encoding="utf-8")
+    assert f"{PAPER}</span></th>" in page.read_text(encoding="utf-8")
 
 
 def test_a_frame_that_one_centreline_cannot_measure_is_an_outcome(solved: Results) -> None:
