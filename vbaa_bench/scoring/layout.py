@@ -4,7 +4,7 @@ DATASET/
   predictions/<method>.csv      one row per frame, see solver/table.py; with another centreline
                                 than the default, <method>@<centreline>.csv; and a user's own
                                 files, CSV or Parquet, unchanged
-  scores/scores.parquet, scores.csv, summary.json
+  scores/scores.parquet, scores.csv, strata.csv, summary.json
   report/report.html and the figures of the README
 """
 
