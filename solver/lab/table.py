@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+from collections.abc import Sequence
 from typing import Final
 
 from solver.instrument.estimate import Estimate
@@ -48,10 +49,10 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
     }
 
 
-def csv_text(rows: list[Row]) -> str:
+def csv_text(rows: list[Row], columns: Sequence[str] = COLUMNS) -> str:
     """Format the table as CSV, floats in full precision."""
     stream = io.StringIO()
-    writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+    writer = csv.DictWriter(stream, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return stream.getvalue()

@@ -8,7 +8,16 @@ from rich.console import Console
 from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, ScenePath, Variant, Workers
+from vbaa_bench.cli.options import (
+    MEMORY_GB,
+    METHODS,
+    AsJson,
+    DatasetPath,
+    Memory,
+    ScenePath,
+    Variant,
+    Workers,
+)
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 
@@ -119,6 +128,41 @@ def learned(
         return
     title = f"trained on {record['training_frames']} frames of {record['train']}"
     show_table(title, regressor.HEADS, regressor.cells(record))
+
+
+def check_method(
+    method: Annotated[str, typer.Argument(help="package.module:function, or a name of the solver")],
+    dataset: Annotated[
+        Path | None,
+        typer.Argument(
+            help="dataset folder, from generate or run", show_default="three pushes, rendered once"
+        ),
+    ] = None,
+    memory: Memory = MEMORY_GB,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a method on a dozen frames; say what is missing or wrong before a long run.
+
+    Units, frame of reference, values that are not finite, covariance, errors, time, memory, and
+    whether a second run gives the same results. The exit status is 1 if something is wrong.
+    """
+    with importing():
+        from vbaa_bench.benchmarks import check_method as checks
+        from vbaa_bench.generation.workers import cores
+        from vbaa_bench.render.variant import choose
+
+    root = dataset
+    if root is None:
+        with console.status("rendering three pushes into runs/check_method"):
+            root = checks.built_in_dataset(Path("runs/check_method"), choose(variant), cores())
+    with console.status(f"solving {checks.FRAMES} frames twice"):
+        findings = checks.check_method(method, root, memory)
+    record = {"findings": [finding._asdict() for finding in findings]}
+    lines = [f"{finding.status:5}  {finding.sentence}" for finding in findings]
+    print_result(record, "\n".join(lines), as_json)
+    if any(finding.status == "wrong" for finding in findings):
+        raise typer.Exit(1)
 
 
 def leaks(dataset: DatasetPath, as_json: AsJson = False) -> None:

@@ -7,16 +7,17 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
-from solver.lab.table import Row, csv_text, row
+from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path, write
 from solver.methods import METHODS
 from vbaa_bench.dataset.layout import Layout
@@ -43,7 +44,9 @@ _MAX_REST_S: Final = 2.0
 class MethodRun:
     """Result of running a method: its table, number of frames, of crashed ones, first traceback.
 
-    `refusal` says why no frame could be solved, if the rig cannot be used.
+    `refusal` says why no frame could be solved, if the rig cannot be used. `faults` counts the
+    frames with each fault of `estimate_faults`; `peak_mb` is the largest memory of the method's
+    process [MB], None if it is unknown.
     """
 
     table: Path
@@ -51,14 +54,17 @@ class MethodRun:
     crashed: int
     traceback: str
     refusal: str = ""
+    faults: Mapping[str, int] = field(default_factory=dict)
+    peak_mb: float | None = None
 
 
 class Job(NamedTuple):
-    """A method, the dataset that it is run on, and the path of its table."""
+    """A method, the dataset that it is run on, the path of its table, and the frames, or all."""
 
     method: str
     layout: Layout
     out: Path
+    frames: Sequence[int] | None = None
 
 
 class _Pipes(NamedTuple):
@@ -78,8 +84,11 @@ def solve(
     memory_gb: float = MEMORY_GB,
     frame_s: float = MAX_FRAME_S,
     hear: Callable[[str], None] = lambda _line: None,
+    frames: Sequence[int] | None = None,
 ) -> MethodRun:
     """Run a method on every frame of a dataset's observations; write its estimates to `out` as CSV.
+
+    With `frames`, only the frames with these indices are solved, and only they are in the table.
 
     A frame has the outcome "crashed" if the method raises an error, terminates its process or takes
     longer than `frame_s`; other frames keep their estimates. After three consecutive frames that
@@ -93,7 +102,7 @@ def solve(
     folder cannot be written.
     """
     limits = (repeats, memory_gb, frame_s)
-    (run,) = solve_each([Job(method, layout, out)], centreline, limits, hear)
+    (run,) = solve_each([Job(method, layout, out, frames)], centreline, limits, hear)
     if run.refusal:
         raise InputError(run.refusal)
     return run
@@ -151,9 +160,10 @@ def _solve(
     """
     observations = open_observations(job.layout.observations)
     solved: dict[int, Row] = {}
-    traceback, refusal, alive = "", "", False
+    traceback, refusal, information, alive = "", "", "", False
+    faults, peaks = Counter[str](), list[float]()
     with suppress(BrokenPipeError):  # its own output contains the reason
-        pipes.requests.write(f"{json.dumps([job.method, str(copy)])}\n".encode())
+        pipes.requests.write(f"{json.dumps([job.method, str(copy), job.frames])}\n".encode())
         pipes.requests.flush()
     for line in pipes.reports:
         report: dict[str, Any] = json.loads(line)
@@ -165,16 +175,24 @@ def _solve(
             continue
         solved[report["index"]] = report["row"]
         traceback = traceback or restored_paths(report.get("traceback", ""))
+        information = report.get("information", information)
+        faults.update(report.get("faults", ()))
+        peaks += [report["peak_mb"]] if report.get("peak_mb") else []
     lost = Estimate(Outcome.CRASHED, "the process that runs the method died")
     if refusal:
         lost = Estimate(Outcome.INVALID, refusal)
+    chosen = range(len(observations.frames)) if job.frames is None else job.frames
     rows = [
-        solved.get(index) or row(frame.frame_id, lost, None)
-        for index, frame in enumerate(observations.frames)
+        solved.get(index) or row(observations.frames[index].frame_id, lost, None)
+        for index in chosen
     ]
-    write(job.out, csv_text(rows).encode())
+    # Only where it differs from what the scoring assumes.
+    declared: Row = {"information": information} if information else {}
+    text = csv_text([entry | declared for entry in rows], (*COLUMNS, *declared))
+    write(job.out, text.encode())
     crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
-    return MethodRun(job.out, len(rows), crashed, traceback, refusal), alive
+    peak = max(peaks, default=None)
+    return MethodRun(job.out, len(rows), crashed, traceback, refusal, faults, peak), alive
 
 
 @contextmanager

@@ -2,9 +2,9 @@
 
 `python -m vbaa_bench.scoring.supervisor FOLDER CENTRELINE REPEATS MEMORY_GB FRAME_S`
 
-Each line on standard input is a JSON list of a method and a folder of observations, which is set up
-once for consecutive methods. For each of its frames, one line of JSON is printed on standard
-output: its `index`, its `row` and, if the method raised an error, the `traceback`; or one line
+Each line on standard input is a JSON list of a method, a folder of observations, which is set up
+once for consecutive methods, and the indices of the frames to solve, or null for all. For each
+frame, one line of JSON is printed on standard output, the message `row` of a worker; or one line
 `refused`. A line `end` follows. When standard input ends, the parent process has ended or needs no
 more: the workers are killed and FOLDER is removed.
 """
@@ -17,7 +17,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.context import ForkContext, SpawnContext
 from pathlib import Path
@@ -123,11 +123,13 @@ class _Workers:
             os._exit(1)
 
 
-def supervise(task: Task, observations: Observations, workers: _Workers) -> Iterator[Message]:
-    """Solve all frames; yield one message per frame, an estimate or the reason of its loss."""
+def supervise(
+    task: Task, observations: Observations, workers: _Workers, chosen: Sequence[int] | None = None
+) -> Iterator[Message]:
+    """Solve the chosen frames, by default all; yield an estimate or a reason of loss for each."""
     frames = observations.frames
     outcomes: dict[int, Outcome] = {}  # frames with a message from a worker
-    remaining = set(range(len(frames)))
+    remaining = set(range(len(frames)) if chosen is None else chosen)
     push, reason, losses, warm = "", "", 0, True
     while remaining:
         # The push in which a worker was lost is replayed from its start.
@@ -188,14 +190,14 @@ def main() -> None:
     workers, requests = _Workers(Path(folder)), SimpleQueue[str]()
     threading.Thread(target=workers.exit_with_parent, args=(requests,), daemon=True).start()
     while True:
-        method, path = json.loads(requests.get())
+        method, path, chosen = json.loads(requests.get())
         observations = Path(path)
         task = Task(
             observations, method, centreline, int(repeats), float(memory_gb), float(frame_s)
         )
         try:
             opened_observations, _ = opened(observations, centreline)
-            for message in supervise(task, opened_observations, workers):
+            for message in supervise(task, opened_observations, workers, chosen):
                 print(json.dumps(message), flush=True)
         except InputError as error:
             print(json.dumps({"refused": str(error)}), flush=True)

@@ -21,9 +21,11 @@ from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import solve_shots, warm_up
 from solver.lab.shots import Files, Shot
 from solver.lab.table import Row
-from solver.methods import Method
+from solver.methods import METHODS, Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
+from vbaa_bench.scoring.estimate_faults import estimate_faults
+from vbaa_bench.scoring.information import check_information
 
 GIGABYTE: Final = 1e9
 # Length limits of texts [characters]. Chosen: a message is one cell of a table, a traceback one
@@ -67,8 +69,9 @@ def work(
 
     Frames in `replayed` have been solved before: the method is not called for them; they only
     serve as previous frames of their push. Messages: `ready`; for each other frame `begin`, and
-    `row` with its `index` and the `traceback` if the method raised an error; `refused` for a method
-    that cannot be found.
+    `row` with its `index`, the `traceback` if the method raised an error, the `faults` of its
+    estimate, the `information` set that the method declares, and the `peak_mb` of memory;
+    `refused` for a method that cannot be found.
     """
     if hasattr(os, "setsid"):
         os.setsid()  # processes started by the method are killed with this group
@@ -82,7 +85,11 @@ def work(
     if task.memory_gb:
         _limit_memory(task.memory_gb)
     try:
-        method = _MethodWrapper(find_method(task.method), task.memory_gb)
+        function = find_method(task.method)
+        information = "" if task.method in METHODS else getattr(function, "information", "")
+        if information:
+            check_information(information, f"method '{task.method}'")
+        method = _MethodWrapper(function, task.memory_gb)
     except InputError as error:
         send(refused=str(error))
         return
@@ -109,20 +116,27 @@ def work(
         faulthandler.cancel_dump_traceback_later()
         index = indices[answer.shot.number]
         if index not in replayed:
-            send(index=index, row=_sendable(answer.row), traceback=method.traceback)
+            send(
+                index=index,
+                row=_sendable(answer.row),
+                traceback=method.traceback,
+                faults=method.faults,
+                information=information,
+                peak_mb=_peak_mb(),
+            )
 
 
 class _MethodWrapper:
-    """Wrapper that stores the traceback of a method's last error and skips replayed frames."""
+    """Wrapper that stores the last traceback and faults of a method, and skips replayed frames."""
 
     def __init__(self, method: Method, memory_gb: float) -> None:
         self._method, self._memory_gb, self._process = method, memory_gb, os.getpid()
         self._replayed: Outcome | None = None
-        self.traceback = ""
+        self.traceback, self.faults = "", list[str]()
 
     def expect(self, replayed: Outcome | None) -> None:
         """Announce the next frame: a replayed one with this outcome, or None for a new one."""
-        self._replayed, self.traceback = replayed, ""
+        self._replayed, self.traceback, self.faults = replayed, "", []
 
     def __call__(self, measurement: Measurement) -> Estimate:
         if self._replayed is not None:
@@ -130,7 +144,9 @@ class _MethodWrapper:
             no_contact = self._replayed is Outcome.NO_CONTACT
             return Estimate(Outcome.NO_CONTACT if no_contact else Outcome.INVALID)
         try:
-            return self._method(measurement)
+            estimate = self._method(measurement)
+            self.faults = estimate_faults(estimate)
+            return estimate
         except (Exception, SystemExit) as error:
             trace = error.__traceback__
             lines = traceback.format_exception(error.with_traceback(trace and trace.tb_next))
@@ -160,6 +176,17 @@ def _shortened(text: str, max_length: int) -> str:
     """Shorten a text to about `max_length` characters by leaving out its middle."""
     half = max_length // 2
     return text if len(text) <= max_length else f"{text[:half]} ... {text[-half:]}"
+
+
+def _peak_mb() -> float | None:
+    """Return the largest memory of this process so far [MB]; None on Windows."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    # In bytes on macOS, in units of 1024 bytes elsewhere.
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
 def _limit_memory(gigabytes: float) -> None:
