@@ -1,0 +1,59 @@
+"""Information of an image: a straight line's closed form, and two parameters that are one."""
+
+import numpy as np
+import pytest
+
+from solver.instrument.arrays import Floats
+from tests.vbaa_bench.limits.test_image_shape import imaged
+from vbaa_bench.limits.frame_information import frame_information, tip_information
+from vbaa_bench.limits.image_shape import image_shape
+from vbaa_bench.limits.profile import SHIFT, SurfaceProfile, information
+from vbaa_bench.mechanics.loaded import Load
+
+ACROSS_ROWS = np.array([0.0, 1.0])
+BAR = SurfaceProfile(np.full(100, 3.0), 1.0, 2.0, ACROSS_ROWS)
+# A pixel in the image of the beam's plane [px/m].
+SCALE = 700 / 0.36
+
+
+def steady(mean: Floats) -> Floats:
+    """Noise with the same variance, 0.01, in all pixels."""
+    return np.full_like(mean, 0.01)
+
+
+def test_a_straight_line_has_the_information_of_linear_regression() -> None:
+    shape = image_shape(imaged(Load(0.14, 1e-9)), ["clamp_y", "tilt"])
+    total = frame_information(shape, [BAR] * 200, steady, np.ones(200), tip_is_visible=False)
+    per_metre = information(BAR, steady)[SHIFT, SHIFT] * SCALE
+    # The integrals of 1, x and x^2 over the length, times the squared scale.
+    integrals = np.array([[0.24, 0.24**2 / 2], [0.24**2 / 2, 0.24**3 / 3]])
+    np.testing.assert_allclose(total[:2, :2], SCALE**2 * per_metre * integrals, rtol=1e-4)
+
+
+def test_hidden_places_inform_on_nothing() -> None:
+    shape = image_shape(imaged(), ["s_c", "normal_force"])
+    half = (np.arange(200) < 100).astype(float)
+    parts = [
+        frame_information(shape, [BAR] * 200, steady, visible, tip_is_visible=False)
+        for visible in (half, 1 - half, np.ones(200))
+    ]
+    np.testing.assert_allclose(parts[0] + parts[1], parts[2], rtol=1e-12)
+    assert np.linalg.eigvalsh(parts[0][:2, :2]).min() > 0
+
+
+def test_an_image_informs_on_force_over_rigidity_only() -> None:
+    names = ["s_c", "normal_force", "rigidity"]
+    shape = image_shape(imaged(), names)
+    total = frame_information(shape, [BAR] * 200, steady, np.ones(200), tip_is_visible=False)
+    beam = imaged()
+    unit = np.array([beam.unit(name) for name in names])
+    relative = total[:3, :3] * np.outer(unit, unit)
+    together = np.array([0.0, 1.0, 1.0])  # force and rigidity larger by the same factor
+    assert together @ relative @ together < 1e-6 * relative[1, 1]
+
+
+def test_the_tip_of_a_bar_is_an_edge_as_wide_as_the_bar() -> None:
+    # Of a sharp edge over w pixels, each changes by the contrast: A^2 w / sigma^2. The sides are
+    # blurred by a pixel: of a bar 4 px wide, 3 px with the full contrast and two ramps of 1 px.
+    wide = tip_information(BAR, steady)
+    assert wide == pytest.approx(2.0**2 * (3 + 2 / 3) / 0.01, rel=0.01)
