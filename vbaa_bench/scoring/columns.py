@@ -56,7 +56,7 @@ def _quantities() -> dict[str, Column]:
     return columns
 
 
-# Made by the solver, see solver/lab/table.py.
+# Made by the solver, see solver/lab/table.py, with the time of the reference kernel.
 PREDICTIONS: Final = {
     "frame_id": JOINED["frame_id"],
     "outcome": Column("outcome of the estimate, see solver/README.md"),
@@ -66,6 +66,11 @@ PREDICTIONS: Final = {
     "dof": Column("degrees of freedom of chi2", "", _NOT_ESTIMATED),
     "iterations": Column("iterations of the fit", "", _NOT_ESTIMATED),
     "image_ms": Column("time from the image in memory to the estimate", "", "it was not measured"),
+    "reference_ms": Column(
+        "time of a fixed computation after this frame, to which image_ms is compared",
+        "",
+        "it was not measured",
+    ),
 }
 
 

@@ -108,4 +108,5 @@ NUMBERS: Final = (
         for name in (quantity.column, quantity.sigma)
     ),
     "image_ms",
+    "reference_ms",
 )

@@ -26,6 +26,7 @@ from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from vbaa_bench.scoring.estimate_faults import estimate_faults
 from vbaa_bench.scoring.information import check_information
+from vbaa_bench.scoring.reference_kernel import REFERENCE_COLUMN, time_reference_ms
 
 GIGABYTE: Final = 1e9
 # Length limits of texts [characters]. Chosen: a message is one cell of a table, a traceback one
@@ -95,6 +96,7 @@ def work(
         return
     if warm:
         warm_up(antenna, method, next(observations.read_rest_images()))
+    time_reference_ms()  # compile it, or load its compiled code
     send(ready=True)
 
     class Resumed:
@@ -116,9 +118,10 @@ def work(
         faulthandler.cancel_dump_traceback_later()
         index = indices[answer.shot.number]
         if index not in replayed:
+            timed = answer.row | {REFERENCE_COLUMN: time_reference_ms()}
             send(
                 index=index,
-                row=_sendable(answer.row),
+                row=_sendable(timed),
                 traceback=method.traceback,
                 faults=method.faults,
                 information=information,

@@ -123,13 +123,15 @@ def test_every_key_of_a_rig_is_described(dataset: Path) -> None:
 def predictions(dataset: Path) -> pl.DataFrame:
     """A table of a method, with all columns: right to 1 mm, the last frame refused."""
     ids = sorted(open_truth(Layout(dataset).truth).frames["frame_id"])
-    rows = [dict.fromkeys(COLUMNS, 1.0) | {"frame_id": name, "outcome": "contact"} for name in ids]
+    rows = [
+        dict.fromkeys(PREDICTIONS, 1.0) | {"frame_id": name, "outcome": "contact"} for name in ids
+    ]
     rows[-1] |= dict.fromkeys(("x_c_mm", "force_n")) | {"outcome": "invalid"}
     return pl.DataFrame(rows, infer_schema_length=None).with_columns(message=pl.lit("text"))
 
 
 def test_columns_of_predictions_and_scores_are_described(dataset: Path) -> None:
-    assert tuple(PREDICTIONS) == COLUMNS
+    assert tuple(PREDICTIONS) == (*COLUMNS, "reference_ms")
     truth = open_truth(Layout(dataset).truth)
     table = checked_predictions(predictions(dataset), "")
     scores = score_frames(truth, table, "own", "")
