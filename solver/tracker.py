@@ -27,12 +27,14 @@ MAX_PUSH_FRAMES = 32
 class FrameSolution:
     """One frame's estimate, the centreline it came from, and the time it took [s].
 
-    `line` is None where the image could not be used; the time starts with the image in memory.
+    `line` is None where the image could not be used; times start with the image in memory.
+    `processor_seconds` leaves out the time in which other programs ran.
     """
 
     estimate: Estimate
     line: Centreline | None
     seconds: float
+    processor_seconds: float
 
 
 class PushTracker:
@@ -54,7 +56,7 @@ class PushTracker:
         if push_id != self._push_id:
             self._push, self._push_id = [], push_id
         line, measurement = None, None
-        start = time.perf_counter()
+        start, processor_start = time.perf_counter(), time.process_time()
         try:
             line = extract_centreline(self._antenna, image)
             refusal = reject_moved_camera(self._antenna, image)
@@ -68,12 +70,13 @@ class PushTracker:
         except Exception as error:  # noqa: BLE001 - any failure is a row in the table
             estimate = Estimate(Outcome.CRASHED, f"{type(error).__name__}: {error}")
         seconds = time.perf_counter() - start
+        processor_seconds = time.process_time() - processor_start
         if measurement is not None:
             if estimate.outcome is Outcome.NO_CONTACT and not push_id:
                 self._push = []
             else:
                 self._remember(measurement)
-        return FrameSolution(estimate, line, seconds)
+        return FrameSolution(estimate, line, seconds, processor_seconds)
 
     def update(
         self,

@@ -16,6 +16,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"cli"},
         {"api", "benchmarks"},
         {"report"},
+        {"regression"},
         {"scoring"},
         {"limits"},
         {"generation"},

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from solver.instrument.errors import InputError
-from vbaa_bench.cli import data, measure, results
+from vbaa_bench.cli import data, measure, regression, results
 from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.generation.workers import WorkerDiedError
 
@@ -23,6 +23,9 @@ app.command()(results.score)
 app.command()(results.report)
 app.command()(results.table)
 app.command()(results.dictionary)
+app.command()(regression.baseline)
+app.command()(regression.compare)
+app.command()(regression.alarms)
 app.command()(data.contact_sheet)
 app.command()(data.outside)
 app.command()(data.check_camera)

@@ -23,7 +23,7 @@ from solver.methods import METHODS
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
-from vbaa_bench.scoring.reference_kernel import REFERENCE_COLUMN
+from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
 from vbaa_bench.scoring.user_modules import copy_sources
 
 # Time limit for one frame, repeats included [s]; a method that exceeds it has crashed.
@@ -189,7 +189,10 @@ def _solve(
     ]
     # Only where it differs from what the scoring assumes.
     declared: Row = {"information": information} if information else {}
-    text = csv_text([entry | declared for entry in rows], (*COLUMNS, REFERENCE_COLUMN, *declared))
+    text = csv_text(
+        [entry | declared for entry in rows],
+        (*COLUMNS, PROCESSOR_COLUMN, REFERENCE_COLUMN, *declared),
+    )
     write(job.out, text.encode())
     crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
     peak = max(peaks, default=None)

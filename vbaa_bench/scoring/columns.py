@@ -66,8 +66,13 @@ PREDICTIONS: Final = {
     "dof": Column("degrees of freedom of chi2", "", _NOT_ESTIMATED),
     "iterations": Column("iterations of the fit", "", _NOT_ESTIMATED),
     "image_ms": Column("time from the image in memory to the estimate", "", "it was not measured"),
+    "processor_ms": Column(
+        "processor time from the image in memory to the estimate, the least of all repeats",
+        "",
+        "it was not measured",
+    ),
     "reference_ms": Column(
-        "time of a fixed computation after this frame, to which image_ms is compared",
+        "processor time of a fixed computation after this frame, to compare processor_ms with",
         "",
         "it was not measured",
     ),

@@ -108,5 +108,6 @@ NUMBERS: Final = (
         for name in (quantity.column, quantity.sigma)
     ),
     "image_ms",
+    "processor_ms",
     "reference_ms",
 )

@@ -26,7 +26,11 @@ from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from vbaa_bench.scoring.estimate_faults import estimate_faults
 from vbaa_bench.scoring.information import check_information
-from vbaa_bench.scoring.reference_kernel import REFERENCE_COLUMN, time_reference_ms
+from vbaa_bench.scoring.reference_kernel import (
+    PROCESSOR_COLUMN,
+    REFERENCE_COLUMN,
+    time_reference_ms,
+)
 
 GIGABYTE: Final = 1e9
 # Length limits of texts [characters]. Chosen: a message is one cell of a table, a traceback one
@@ -118,7 +122,10 @@ def work(
         faulthandler.cancel_dump_traceback_later()
         index = indices[answer.shot.number]
         if index not in replayed:
-            timed = answer.row | {REFERENCE_COLUMN: time_reference_ms()}
+            timed = answer.row | {
+                PROCESSOR_COLUMN: 1e3 * answer.solved.processor_seconds or None,
+                REFERENCE_COLUMN: time_reference_ms(),
+            }
             send(
                 index=index,
                 row=_sendable(timed),

@@ -131,7 +131,7 @@ def predictions(dataset: Path) -> pl.DataFrame:
 
 
 def test_columns_of_predictions_and_scores_are_described(dataset: Path) -> None:
-    assert tuple(PREDICTIONS) == (*COLUMNS, "reference_ms")
+    assert tuple(PREDICTIONS) == (*COLUMNS, "processor_ms", "reference_ms")
     truth = open_truth(Layout(dataset).truth)
     table = checked_predictions(predictions(dataset), "")
     scores = score_frames(truth, table, "own", "")
