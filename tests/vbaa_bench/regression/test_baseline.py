@@ -1,0 +1,88 @@
+"""Baseline files: what they keep, why they are replaced, and what they refuse."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from solver.instrument.errors import InputError
+from tests.vbaa_bench.regression.runs import METHODS, Drawn, changed
+from vbaa_bench.regression.baseline import history, read_baseline, write_baseline
+from vbaa_bench.regression.cells import PairedScene
+from vbaa_bench.regression.comparison import table
+from vbaa_bench.regression.pairing import pair
+
+
+def test_a_baseline_is_small_and_equals_its_run(tmp_path: Path) -> None:
+    run, path = Drawn(0).run(), tmp_path / "new" / "drawn.json"
+    write_baseline(run, path)
+    # 270 frames of two methods; fig8_rigid has five.
+    assert path.stat().st_size < 200_000 * len(METHODS) / 5
+    kept = read_baseline(path).run
+    assert (kept.title, kept.scene, kept.images) == (run.title, run.scene, run.images)
+    assert kept.methods == run.methods
+    paired = pair(kept, run, path)
+    assert paired.height == run.frames.height
+    assert paired["push_id"].n_unique() == run.frames["push_id"].n_unique()
+    comparison = table({"drawn": PairedScene("drawn", paired, True, True, False)})
+    assert {change.verdict for change in comparison.changes} == {"same"}
+    assert max(abs(c.new / c.old - 1) for c in comparison.changes) < 1e-3
+
+
+def test_a_baseline_is_replaced_only_with_a_reason_and_remembers_it(tmp_path: Path) -> None:
+    run, path = Drawn(0).run(), tmp_path / "drawn.json"
+    write_baseline(run, path)
+    better = changed(run, "force_error_pct", 0.5, pl.col("method") == "first")
+    for why in (None, " "):
+        with pytest.raises(InputError, match="state with --why"):
+            write_baseline(better, path, why)
+    write_baseline(better, path, "a better start of the fit")
+    records = history(tmp_path)
+    first = [record for record in records if record["version"] == 0]
+    assert {record["why"] for record in first} == {"first baseline"}
+    assert all(record["old"] is None for record in first)
+    assert {record["method"] for record in first} == set(METHODS)
+    (change,) = (record for record in records if record["version"] == 1)
+    assert change["why"] == "a better start of the fit"
+    assert (change["baseline"], change["method"]) == ("drawn", "first")
+    assert (change["quantity"], change["unit"]) == ("force error", "%")
+    assert change["new"] == pytest.approx(change["old"] / 2, rel=0.01)
+    write_baseline(replace(run, frames=run.frames.filter(method="first")), path, "one is gone")
+    gone = [record for record in history(tmp_path) if record["version"] == 2]
+    assert all(record["new"] is None for record in gone if record["method"] == "second")
+
+
+def test_another_scene_is_refused_by_its_key(tmp_path: Path) -> None:
+    run, path = Drawn(0).run(), tmp_path / "drawn.json"
+    write_baseline(run, path)
+    other = replace(run, title="Other", scene={**run.scene, "light": {"side_mm": 5}})
+    with pytest.raises(InputError, match=r"'Drawn' and 'Other'; light differs"):
+        write_baseline(other, path, "by mistake")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": 2}, "format is 2, allowed is 1"),
+        ({"methods": {"first": {"outcome": ["contact"]}}}, "is not a baseline"),
+        ({"methods": {}}, "is not a baseline"),
+        ({"frames": None}, "is not a baseline"),
+        ({"history": None}, "is not a baseline"),
+    ],
+)
+def test_a_file_that_is_no_baseline_is_refused(
+    tmp_path: Path, change: dict[str, object], message: str
+) -> None:
+    path = tmp_path / "drawn.json"
+    write_baseline(Drawn(0, 1).run(), path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=message):
+        read_baseline(path)
+
+
+def test_a_baseline_that_cannot_be_written_is_an_input_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_baseline(Drawn(0, 1).run(), tmp_path / "file" / "drawn.json")

@@ -1,0 +1,77 @@
+"""The permutation test: its rate of false alarms, its power, and what pushes share."""
+
+import numpy as np
+import pytest
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.regression.swaps import FALSE_ALARM, Changes, swap_test
+
+TABLES = 200
+
+
+def unshared(pushes: Floats) -> Changes:
+    count = pushes.shape[1]
+    return Changes(pushes, np.zeros(count), np.arange(count))
+
+
+def alarms(tables: list[Changes]) -> int:
+    rng = np.random.default_rng(5)
+    return sum(
+        bool((swap_test(table, FALSE_ALARM, rng).p <= FALSE_ALARM).any()) for table in tables
+    )
+
+
+@pytest.mark.parametrize("pushes", [9, 60])
+def test_a_whole_table_of_correlated_heavy_tails_rarely_alarms(pushes: int) -> None:
+    rng = np.random.default_rng(1)
+    tables = []
+    for _ in range(TABLES):
+        d = rng.standard_t(2, size=(pushes, 3)) @ rng.standard_normal((3, 40))
+        d += 0.3 * rng.standard_t(2, size=d.shape)
+        d[rng.random(d.shape) < 0.2] = np.nan  # not every push is in every stratum
+        tables.append(unshared(d))
+    assert alarms(tables) <= 5
+
+
+def test_what_all_pushes_share_is_no_alarm_if_it_is_stated() -> None:
+    rng = np.random.default_rng(2)
+    shared, cells = 0.5, 6
+    drawn = [
+        rng.standard_normal((60, cells)) + shared * rng.standard_normal(cells)
+        for _ in range(TABLES)
+    ]
+    stated = [Changes(d, np.full(cells, shared), np.arange(cells)) for d in drawn]
+    assert alarms(stated) <= 5
+    assert alarms([unshared(d) for d in drawn]) > TABLES / 2
+
+
+def test_equal_changes_of_all_of_nine_pushes_are_significant() -> None:
+    d = np.zeros((9, 50))
+    d[:, 7] = 0.02
+    p = swap_test(unshared(d), FALSE_ALARM, np.random.default_rng(0)).p
+    # All signs are equal in two of 512 swaps.
+    assert p[7] == pytest.approx(2 / 512, abs=0.003)
+    assert (np.delete(p, 7) == 1).all()
+    d = d[:7]
+    assert swap_test(unshared(d), FALSE_ALARM, np.random.default_rng(0)).p[7] > FALSE_ALARM
+
+
+def test_the_smallest_change_is_the_one_that_becomes_significant() -> None:
+    rng = np.random.default_rng(3)
+    noise = rng.standard_normal((80, 30))
+    noise -= noise.mean(axis=0)
+    smallest = swap_test(unshared(noise), FALSE_ALARM, np.random.default_rng(0)).smallest
+    for factor, significant in ((0.85, False), (1.15, True)):
+        moved = noise.copy()
+        moved[:, 4] += factor * smallest[4]
+        assert (
+            swap_test(unshared(moved), FALSE_ALARM, np.random.default_rng(0)).p[4] <= 0.01
+        ) is np.bool_(significant)
+
+
+def test_a_cell_that_can_never_be_significant_has_no_smallest_change() -> None:
+    d = np.random.default_rng(4).standard_normal((60, 40))
+    d[8:, 0] = np.nan
+    smallest = swap_test(unshared(d), FALSE_ALARM, np.random.default_rng(0)).smallest
+    assert smallest[0] == np.inf
+    assert np.isfinite(smallest[1:]).all()

@@ -1,0 +1,127 @@
+"""Commands that compare results with earlier ones: baseline, compare, alarms."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vbaa_bench.cli.interrupt import importing
+from vbaa_bench.cli.options import AsJson
+from vbaa_bench.report.console import console, print_line, print_result, show_table
+
+if TYPE_CHECKING:
+    from vbaa_bench.regression.comparison import Change
+
+Run = Annotated[Path, typer.Argument(help="folder of a scored dataset or collection")]
+
+
+def baseline(
+    run: Run,
+    out: Annotated[Path, typer.Option("--out", "-o", help="baseline file to write, NAME.json")],
+    why: Annotated[
+        str | None, typer.Option(help="why an existing baseline is replaced; it is stored")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Store the errors of every frame of a scored run, for `compare`."""
+    with importing():
+        from vbaa_bench.regression.baseline import write_baseline
+        from vbaa_bench.regression.scored_run import read_run
+
+    scored = read_run(run)
+    write_baseline(scored, out, why)
+    record = {"baseline": str(out), "bytes": out.stat().st_size, "methods": scored.methods}
+    print_result(record, f"{out}: {len(scored.methods)} methods", as_json)
+
+
+def compare(
+    run: Annotated[Path, typer.Argument(help="folder of a scored run, or of several")],
+    baseline: Annotated[Path, typer.Argument(help="baseline file, or folder of several")],
+    everything: Annotated[
+        bool, typer.Option("--all", help="also print what has not changed")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compare a scored run with its baseline; report what became better or worse.
+
+    A folder of baselines is compared with the runs of the same names. The exit status is 1 if any
+    result is worse, and 2 if nothing can be compared.
+    """
+    with importing():
+        from vbaa_bench.regression.comparison import compare as compare_runs
+        from vbaa_bench.regression.comparison import pairs_of
+
+    with console.status("comparing"):
+        comparison = compare_runs(pairs_of(run, baseline))
+    worse, better = comparison.worse, comparison.better
+    sentence = (
+        f"{len(comparison.changes)} results compared: {len(worse)} worse, {len(better)} better"
+    )
+    if as_json:
+        record = {
+            "worse": len(worse),
+            "better": len(better),
+            "notes": list(comparison.notes),
+            "changes": comparison.records(),
+        }
+        print_result(record, "", True)
+    else:
+        shown = comparison.changes if everything else [*worse, *better]
+        if shown:
+            show_table("changes", _HEADS, map(_cells, shown))
+        for note in comparison.notes:
+            print_line(note)
+        print_result({}, sentence, False)
+    if worse:
+        raise typer.Exit(1)
+
+
+_HEADS = (
+    "scene",
+    "method",
+    "quantity",
+    "stratum",
+    "pushes",
+    "old",
+    "new",
+    "smallest change",
+    "p",
+    "",
+)
+
+
+def _cells(change: "Change") -> tuple[str, ...]:
+    unit = f", {change.unit}" if change.unit else ""
+    smallest = "–" if change.smallest is None else f"{change.smallest:.2g}"
+    return (
+        change.scene,
+        change.method,
+        f"{change.quantity}{unit}",
+        change.stratum,
+        str(change.pushes),
+        f"{change.old:.4g}",
+        f"{change.new:.4g}",
+        smallest,
+        f"{change.p:.2g}",
+        change.verdict,
+    )
+
+
+def alarms(
+    runs: Annotated[list[Path], typer.Argument(help="scored runs of one scene, unchanged methods")],
+    as_json: AsJson = False,
+) -> None:
+    """Count the false alarms of `compare` between runs, and how often it finds known changes.
+
+    The runs may differ in the seed, or repeat the same images. Changes are errors that are 2 %
+    larger, and times that are 30 % longer, one method at a time.
+    """
+    with importing():
+        from vbaa_bench.benchmarks.alarms import HEADS, lines, measure
+
+    with console.status("comparing all pairs of runs"):
+        record = measure(runs)
+    if as_json:
+        print_result(record, "", True)
+    else:
+        show_table(f"{record['title']}: {record['runs']} runs", HEADS, lines(record))

@@ -1,0 +1,185 @@
+"""Baseline files: the errors of every frame of a run, and how they have changed over time.
+
+A baseline is JSON with one column per line, so that it is small and its changes can be read:
+`title`, `scene`, `images` and `processor` as in ScoredRun; `frames`, the columns that all methods
+share; `methods`, the columns of each; and `history`, one entry per version of the baseline with
+`why` it was written and the `typical` value of every quantity and method.
+"""
+
+import json
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import polars as pl
+
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_text
+from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.regression.compared import COMPARED
+from vbaa_bench.regression.scored_run import PARAMETERS, PLACE, RESULTS, TEXTS, ScoredRun
+from vbaa_bench.regression.typical import of_push, of_set
+
+# Version of the format.
+_FORMAT: Final = 1
+_FIRST: Final = "first baseline"
+_INTEGERS: Final = PLACE
+_STRINGS: Final = (*TEXTS, "outcome")
+
+
+class Baseline(NamedTuple):
+    """Baseline file: the run that it holds, and its history, the latest entry last."""
+
+    run: ScoredRun
+    history: list[dict[str, Any]]
+
+
+def write_baseline(run: ScoredRun, path: Path, why: str | None = None) -> None:
+    """Write a run as a baseline; `why` states why an existing one is replaced.
+
+    Raises InputError without a reason, for a baseline of another scene, and if `path` cannot be
+    written.
+    """
+    history: list[dict[str, Any]] = []
+    if path.exists():
+        if not (why or "").strip():
+            raise InputError(f"{path}: exists; state with --why why it is replaced")
+        previous = read_baseline(path)
+        check_same_scene(previous.run, run, path)
+        history = previous.history
+    document = {
+        "format": _FORMAT,
+        "title": run.title,
+        "scene": run.scene,
+        "images": run.images,
+        "processor": run.processor,
+        "history": [*history, {"why": why or _FIRST, "typical": _typical(run)}],
+        **_columns(run),
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, _text(document) + "\n")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def read_baseline(path: Path) -> Baseline:
+    """Read a baseline. Raises InputError if it is not one."""
+    document = read_json(path)
+    if document.get("format") != _FORMAT:
+        raise InputError(
+            f"{path}: format is {document.get('format')!r}, allowed is {_FORMAT}; "
+            "write it with vbaa-bench baseline"
+        )
+    try:
+        shared = document["frames"]
+        tables = [
+            pl.DataFrame(
+                {**shared, **dict.fromkeys(RESULTS), **values, "method": name},
+                schema_overrides=_SCHEMA,
+            )
+            for name, values in document["methods"].items()
+        ]
+        frames = pl.concat([table.select(list(_SCHEMA)) for table in tables])
+        run = ScoredRun(
+            document["title"],
+            document["scene"],
+            document["images"],
+            document["processor"],
+            frames.drop_nulls("outcome"),
+        )
+        return Baseline(run, list(document["history"]))
+    except (KeyError, TypeError, ValueError, AttributeError, pl.exceptions.PolarsError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: is not a baseline ({reason})") from error
+
+
+def check_same_scene(old: ScoredRun, new: ScoredRun, path: Path) -> None:
+    """Raise InputError if a run's scene is not that of the baseline at `path`."""
+    keys = sorted(old.scene.keys() | new.scene.keys())
+    different = [key for key in keys if old.scene.get(key) != new.scene.get(key)]
+    if different:
+        raise InputError(
+            f"{path}: is of another scene than the run, '{old.title}' and '{new.title}'; "
+            f"{different[0]} differs"
+        )
+
+
+def history(folder: Path) -> list[dict[str, Any]]:
+    """List how the baselines in a folder have changed, oldest first, one record per value.
+
+    A record has `baseline`, the name of its file; `version`, from 0; `why`; `method`; `quantity`;
+    `unit`; and `old` and `new`, the typical values before and after, of which one may be None.
+    Values that did not change are left out. Raises InputError for a file that is no baseline.
+    """
+    labels = {quantity.column: quantity for quantity in COMPARED}
+    records = []
+    for path in sorted(folder.glob("*.json")):
+        before: dict[str, dict[str, float]] = {}
+        for version, entry in enumerate(read_baseline(path).history):
+            after: dict[str, dict[str, float]] = entry["typical"]
+            for method in [*after, *(before.keys() - after.keys())]:
+                old, new = before.get(method, {}), after.get(method, {})
+                records += [
+                    {
+                        "baseline": path.stem,
+                        "version": version,
+                        "why": entry["why"],
+                        "method": method,
+                        "quantity": labels[column].label,
+                        "unit": labels[column].unit,
+                        "old": old.get(column),
+                        "new": new.get(column),
+                    }
+                    for column in labels
+                    if old.get(column) != new.get(column)
+                ]
+            before = after
+    return records
+
+
+_SCHEMA: Final = {
+    name: pl.Int64() if name in _INTEGERS else pl.String() if name in _STRINGS else pl.Float64()
+    for name in (*PLACE, *PARAMETERS, *RESULTS)
+} | {"method": pl.String()}
+
+
+def _columns(run: ScoredRun) -> dict[str, Any]:
+    """Split a run's frames into the columns that all methods share and those of each method."""
+    shared = run.frames.select(*PLACE, *PARAMETERS).unique(PLACE).sort(PLACE)
+    methods = {}
+    for name in run.methods:
+        rows = shared.select(PLACE).join(
+            run.frames.filter(method=name), on=PLACE, how="left", maintain_order="left"
+        )
+        methods[name] = {
+            column: rows[column].to_list() for column in RESULTS if rows[column].is_not_null().any()
+        }
+    return {"frames": shared.to_dict(as_series=False), "methods": methods}
+
+
+def _typical(run: ScoredRun) -> dict[str, dict[str, float]]:
+    """Compute the typical value of every quantity of each method, to four digits."""
+    typical: dict[str, dict[str, float]] = {method: {} for method in run.methods}
+    for quantity in COMPARED:
+        rows = run.frames.drop_nulls(quantity.column)
+        pushes = rows.group_by("method", "rig", "push_id", maintain_order=True).agg(
+            value=of_push(quantity, quantity.column)
+        )
+        for (method,), values in pushes.group_by("method", maintain_order=True):
+            value = of_set(quantity, values["value"].to_numpy())
+            typical[str(method)][quantity.column] = float(f"{value:.4g}")
+    return typical
+
+
+def _text(value: Any, indent: str = "") -> str:
+    """Format a value as JSON, with each list of plain values on one line."""
+    inner = indent + " "
+    if isinstance(value, dict) and any(isinstance(part, dict | list) for part in value.values()):
+        items = [f"{json.dumps(name)}: {_text(part, inner)}" for name, part in value.items()]
+        opening, closing = "{", "}"
+    elif isinstance(value, list) and any(isinstance(part, dict) for part in value):
+        items = [_text(part, inner) for part in value]
+        opening, closing = "[", "]"
+    else:
+        return json.dumps(value, separators=(",", ":"))
+    return f"{opening}\n{inner}" + f",\n{inner}".join(items) + f"\n{indent}{closing}"
