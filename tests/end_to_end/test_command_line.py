@@ -79,8 +79,8 @@ def test_the_report_fetches_nothing_and_shows_everything(finished: Path) -> None
     assert "@import" not in page
     for title in ("Speed against error", "Fig. 8 (a)", "Fig. 8 (b)", "Worst frames", "Outcomes"):
         assert title in page
-    # Four frames of two pushes: their worst frames, for both methods.
-    assert page.count('<figure class="worst') == 2 * 4
+    # Two pushes of two steps: the worst frame of each push, for both methods.
+    assert page.count('<figure class="worst') == 2 * 2
     for name in ("overlay.png", "speed_against_error.png"):
         assert (finished / "report" / name).read_bytes().startswith(b"\x89PNG")
 
