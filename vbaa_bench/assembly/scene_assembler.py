@@ -123,13 +123,17 @@ class SceneAssembler:
 
     def calibration_board(self, view: int) -> World:
         """Build the world of the calibration board: in plane C in view 0, tilted in the others."""
-        antenna_from_board = self.rig.antenna_from_board @ self._tilt(view)
+        antenna_from_board = self.antenna_from_board(view)
         target = nominal_rig(self.scene).board
         white, black = (_placed(mesh, antenna_from_board) for mesh in board(target))
         edges = PrintedEdges.of(*cells(target), antenna_from_board, self.rig.camera)
         surfaces = {"white": Surface(white, WHITE), "black": Surface(black, BLACK)}
         # A luminous panel would be at the board's position.
         return self._world(surfaces, lights(self.scene, self.folder, panels=False), edges)
+
+    def antenna_from_board(self, view: int) -> Floats:
+        """Compute the true pose (4, 4) of the calibration board in a view."""
+        return self.rig.antenna_from_board @ self._tilt(view)
 
     def _tilt(self, view: int) -> Floats:
         """Draw a view's board pose relative to view 0: tilted about its own x and y axes."""

@@ -49,6 +49,7 @@ from vbaa_bench.sensor.from_spec import (
 )
 from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.sensor.sensor import Sensor
+from vbaa_bench.sensor.vignetting import relative_illumination
 
 # Noise target of the image for metering the exposure, relative to its radiance.
 METERING_NOISE = 0.05
@@ -337,8 +338,6 @@ class FrameRenderer:
     def _vignetting(self) -> Floats:
         """Relative illumination (height, width): fraction of the light that the lens transmits."""
         camera = self.rig.camera
-        rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
-        across, down = columns - (camera.width - 1) / 2, rows - (camera.height - 1) / 2
-        corner = np.hypot(camera.width, camera.height) / 2
+        rows, columns = np.mgrid[0 : camera.height, 0 : camera.width].astype(np.float64)
         darker = self.scene.optics.vignetting_pct * PERCENT
-        return np.asarray(1 - darker * (across**2 + down**2) / corner**2)
+        return relative_illumination(columns, rows, (camera.height, camera.width), darker)

@@ -5,13 +5,14 @@ background, and on the beam's width (`profile`). The position depends on contact
 camera (`image_shape`). The sum over all visible places is the information of the image.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.limits.image_shape import ImageShape
+from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.profile import (
     BACKGROUND,
     BRIGHTNESS,
@@ -20,7 +21,6 @@ from vbaa_bench.limits.profile import (
     WIDTH,
     SurfaceProfile,
     gray_profile,
-    information,
 )
 
 # Relative changes of the whole beam's brightness, the background's, and the beam's width. They
@@ -29,32 +29,23 @@ APPEARANCE: Final = ("brightness", "background", "width")
 
 
 def frame_information(
-    shape: ImageShape,
-    surfaces: Sequence[SurfaceProfile],
-    variance: Callable[[Floats], Floats],
-    visible: Floats,
-    *,
-    tip_is_visible: bool,
-) -> Floats:
-    """Compute the information (p + 3, p + 3) on the p parameters of a shape and on APPEARANCE.
+    shape: ImageShape, of_places: Floats, visible: Floats, of_tip: float = 0.0
+) -> Information:
+    """Compute the information on the parameters of a shape and on APPEARANCE.
 
-    `surfaces` and `visible` (n,), the visible fraction of each place, belong to its n places;
-    `variance` maps mean radiances of pixels to those of the sensor's noise.
+    `of_places` (n, 4, 4) is the information of one pixel of the length at the shape's n places, see
+    `profile.information`, and `visible` (n,) the visible fraction of each. `of_tip` [1/px^2] is
+    that on the position of the beam's end along its image, 0 if it cannot be seen.
     """
     parameters, places = shape.across.shape
-    total = np.zeros((parameters + len(APPEARANCE),) * 2)
-    change = np.zeros((4, parameters + len(APPEARANCE)))
-    for row, column in zip((BRIGHTNESS, BACKGROUND, WIDTH), range(3), strict=True):
-        change[row, parameters + column] = 1.0
-    for i in range(places):
-        if visible[i] > 0:
-            change[SHIFT, :parameters] = shape.across[:, i]
-            of_pixel = information(surfaces[i], variance)
-            total += visible[i] * shape.steps[i] * (change.T @ of_pixel @ change)
-    if tip_is_visible:
-        along = np.append(shape.tip_along, np.zeros(len(APPEARANCE)))
-        total += tip_information(surfaces[-1], variance) * np.outer(along, along)
-    return total
+    change = np.zeros((places, 4, parameters + len(APPEARANCE)))
+    change[:, SHIFT, :parameters] = shape.across.T
+    for column, row in enumerate((BRIGHTNESS, BACKGROUND, WIDTH)):
+        change[:, row, parameters + column] = 1.0
+    weighted = (visible * shape.steps)[:, None, None] * of_places
+    total = np.einsum("nap,nab,nbq->pq", change, weighted, change, optimize=True)
+    along = np.append(shape.tip_along, np.zeros(len(APPEARANCE)))
+    return Information((*shape.names, *APPEARANCE), total + of_tip * np.outer(along, along))
 
 
 def tip_information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -> float:
@@ -65,15 +56,27 @@ def tip_information(surface: SurfaceProfile, variance: Callable[[Floats], Floats
     end is the one of the beam.
     """
     profile = gray_profile(surface)
-    contrast = profile.mean - surface.background
-    # An edge along the beam is the side of a wide strip of constant radiance, turned by 90 degrees.
+    # The end is turned by 90 degrees against the profile.
     along = np.array([-surface.normal[1], surface.normal[0]])
-    strip = SurfaceProfile(np.ones(3), 0.0, 20.0, along, surface.point_spread)
-    edge = gray_profile(strip)
+    levels = profile.mean[profile.cover > 0]
+    ends = edge_information(surface.background, levels, along, surface.point_spread, variance)
+    return float(ends.sum() * STEP)
+
+
+def edge_information(
+    dark: float,
+    light: Floats,
+    normal: Floats,
+    point_spread: float,
+    variance: Callable[[Floats], Floats],
+) -> Floats:
+    """Compute the information (n,) [1/px^2] of a pixel's length of an edge on its position.
+
+    `dark` and `light` (n,) are the radiances beside it, `normal` (2,) is across it.
+    """
+    # The side of a wide strip of constant radiance.
+    edge = gray_profile(SurfaceProfile(np.ones(3), 0.0, 20.0, normal, point_spread))
     side = edge.offset > 0
-    cover, slope = edge.mean[side], edge.slopes[SHIFT][side]
-    total = 0.0
-    for level, weight in zip(cover, slope**2, strict=True):
-        mean = surface.background + level * contrast
-        total += float((weight * contrast**2 / variance(mean)).sum())
-    return total * STEP**2
+    contrast = (light - dark)[:, None]
+    slopes = edge.slopes[SHIFT][side] * contrast
+    return np.asarray((slopes**2 / variance(dark + edge.mean[side] * contrast)).sum(axis=1) * STEP)

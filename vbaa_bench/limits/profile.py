@@ -49,12 +49,14 @@ class SurfaceProfile:
 class GrayProfile(NamedTuple):
     """Mean radiance (n,) in pixels whose centres have `offset` (n,) [px] from the beam's centre.
 
-    `slopes` (4, n) are its derivatives: by a shift of the beam [1/px], by the relative brightness
-    of beam and of background, and by the relative width.
+    `cover` (n,) is the fraction of a pixel that the beam covers. `slopes` (4, n) are derivatives of
+    `mean`: by a shift of the beam [1/px], by the relative brightness of beam and of background, and
+    by the relative width.
     """
 
     offset: Floats
     mean: Floats
+    cover: Floats
     slopes: Floats
 
 
@@ -67,19 +69,19 @@ def gray_profile(surface: SurfaceProfile) -> GrayProfile:
     offset: Floats = STEP * np.arange(-count, count + 1, dtype=np.float64)
 
     def images(half_width: float) -> tuple[Floats, Floats]:
-        """Convolve beam and background, each alone."""
+        """Convolve the beam's radiance and its cover."""
         beam, cover = _cell_means(surface.radiance, half_width, offset)
-        lit = np.convolve(beam, kernel, mode="same")
-        # Beyond the grid there is background.
-        return lit, surface.background * (1 - np.convolve(cover, kernel, mode="same"))
+        return np.convolve(beam, kernel, mode="same"), np.convolve(cover, kernel, mode="same")
 
-    beam, ground = images(surface.half_width)
-    narrow, wide = (
-        np.sum(images(surface.half_width * (1 + sign * _WIDER)), axis=0) for sign in (-1, 1)
-    )
-    mean = beam + ground
+    def total(beam: Floats, cover: Floats) -> Floats:
+        # Beyond the grid there is background.
+        return beam + surface.background * (1 - cover)
+
+    beam, cover = images(surface.half_width)
+    narrow, wide = (total(*images(surface.half_width * (1 + sign * _WIDER))) for sign in (-1, 1))
+    mean, ground = total(beam, cover), surface.background * (1 - cover)
     slopes = [-np.gradient(mean, STEP), beam, ground, (wide - narrow) / (2 * _WIDER)]
-    return GrayProfile(offset, mean, np.array(slopes))
+    return GrayProfile(offset, mean, cover, np.array(slopes))
 
 
 def information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -> Floats:

@@ -5,12 +5,13 @@ where the a_i are badly approximable numbers. Each point is uniformly random, so
 is unbiased. The points leave few gaps, so the mean has low variance.
 """
 
-from typing import Any
+from typing import Any, Final
 
 import drjit as dr
 import mitsuba as mi
 
-_GOLDEN = 2 / (1 + 5**0.5)
+# Step of the Fibonacci lattice.
+GOLDEN: Final = 2 / (1 + 5**0.5)
 
 
 def steps(dimensions: int) -> list[float]:
@@ -30,7 +31,7 @@ def pair(shift: Any, number: Any, count: Any) -> Any:
     Its rows are regular and all its column coordinates differ. It therefore samples edges along
     either axis evenly, such as a beam along the rows of an image and its shadow across a lamp.
     """
-    return _kronecker_point(shift, (_GOLDEN, 1 / mi.Float(count)), number)
+    return _kronecker_point(shift, (GOLDEN, 1 / mi.Float(count)), number)
 
 
 def _kronecker_point(shift: Any, step: tuple[Any, Any], number: Any) -> Any:

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
-from tests.vbaa_bench.limits.test_image_shape import imaged
+from tests.vbaa_bench.limits.test_image_shape import imaged, shape_of
 from vbaa_bench.limits.frame_information import frame_information, tip_information
-from vbaa_bench.limits.image_shape import image_shape
 from vbaa_bench.limits.profile import SHIFT, SurfaceProfile, information
 from vbaa_bench.mechanics.loaded import Load
 
@@ -21,33 +20,35 @@ def steady(mean: Floats) -> Floats:
     return np.full_like(mean, 0.01)
 
 
+OF_BAR = np.tile(information(BAR, steady), (200, 1, 1))
+
+
 def test_a_straight_line_has_the_information_of_linear_regression() -> None:
-    shape = image_shape(imaged(Load(0.14, 1e-9)), ["clamp_y", "tilt"])
-    total = frame_information(shape, [BAR] * 200, steady, np.ones(200), tip_is_visible=False)
+    shape = shape_of(imaged(Load(0.14, 1e-9)), ["clamp_y", "motor_angle"])
+    total = frame_information(shape, OF_BAR, np.ones(200))
     per_metre = information(BAR, steady)[SHIFT, SHIFT] * SCALE
     # The integrals of 1, x and x^2 over the length, times the squared scale.
     integrals = np.array([[0.24, 0.24**2 / 2], [0.24**2 / 2, 0.24**3 / 3]])
-    np.testing.assert_allclose(total[:2, :2], SCALE**2 * per_metre * integrals, rtol=1e-4)
+    np.testing.assert_allclose(total.matrix[:2, :2], SCALE**2 * per_metre * integrals, rtol=1e-4)
 
 
 def test_hidden_places_inform_on_nothing() -> None:
-    shape = image_shape(imaged(), ["s_c", "normal_force"])
+    shape = shape_of(imaged(), ["s_c", "normal_force"])
     half = (np.arange(200) < 100).astype(float)
     parts = [
-        frame_information(shape, [BAR] * 200, steady, visible, tip_is_visible=False)
-        for visible in (half, 1 - half, np.ones(200))
+        frame_information(shape, OF_BAR, visible) for visible in (half, 1 - half, np.ones(200))
     ]
-    np.testing.assert_allclose(parts[0] + parts[1], parts[2], rtol=1e-12)
-    assert np.linalg.eigvalsh(parts[0][:2, :2]).min() > 0
+    np.testing.assert_allclose(parts[0].matrix + parts[1].matrix, parts[2].matrix, rtol=1e-12)
+    assert np.linalg.eigvalsh(parts[0].matrix[:2, :2]).min() > 0
 
 
 def test_an_image_informs_on_force_over_rigidity_only() -> None:
     names = ["s_c", "normal_force", "rigidity"]
-    shape = image_shape(imaged(), names)
-    total = frame_information(shape, [BAR] * 200, steady, np.ones(200), tip_is_visible=False)
+    shape = shape_of(imaged(), names)
+    total = frame_information(shape, OF_BAR, np.ones(200))
     beam = imaged()
     unit = np.array([beam.unit(name) for name in names])
-    relative = total[:3, :3] * np.outer(unit, unit)
+    relative = total.matrix[:3, :3] * np.outer(unit, unit)
     together = np.array([0.0, 1.0, 1.0])  # force and rigidity larger by the same factor
     assert together @ relative @ together < 1e-6 * relative[1, 1]
 

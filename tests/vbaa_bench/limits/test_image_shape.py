@@ -1,5 +1,7 @@
 """Changes of the beam's image: known cases, the closed form, and independence of the step."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -10,7 +12,7 @@ from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
 from vbaa_bench.limits import image_shape as module
-from vbaa_bench.limits.image_shape import PARAMETERS, ImagedBeam, image_shape
+from vbaa_bench.limits.image_shape import PARAMETERS, ImagedBeam, ImageShape, image_shape
 from vbaa_bench.mechanics.loaded import Load
 from vbaa_bench.mechanics.rod import Rod
 
@@ -25,6 +27,10 @@ def imaged(load: Load = LOAD) -> ImagedBeam:
     return ImagedBeam(Rod(BEAM), (load,), CAMERA, np.eye(4))
 
 
+def shape_of(beam: ImagedBeam, names: Sequence[str]) -> ImageShape:
+    return image_shape(beam, beam.neighbours(names))
+
+
 def exact_line(q: float, lever: float, x: Floats) -> Floats:
     """Compute y of the closed form at x up to the contact, in metres."""
     (theta, *_), (x_c, *_), (y_c, *_), _ = contact_at(q, lever)
@@ -36,13 +42,13 @@ def exact_line(q: float, lever: float, x: Floats) -> Floats:
 
 
 def test_the_image_has_its_length() -> None:
-    shape = image_shape(imaged(Load(0.14, 1e-9)), ["s_c"])
+    shape = shape_of(imaged(Load(0.14, 1e-9)), ["s_c"])
     assert shape.steps.sum() == pytest.approx(700 * 0.24 / 0.36, rel=1e-6)
 
 
 def test_a_moved_clamp_moves_the_image_of_a_straight_beam() -> None:
-    names = ["clamp_x", "clamp_y", "tilt", "cx", "cy"]
-    shape = image_shape(imaged(Load(0.14, 1e-9)), names)
+    names = ["clamp_x", "clamp_y", "motor_angle", "cx", "cy"]
+    shape = shape_of(imaged(Load(0.14, 1e-9)), names)
     scale = 700 / 0.36
     x = (np.arange(200) + 0.5) / 200 * 0.24
     sign = np.sign(shape.normals[0, 1]) * np.sign(
@@ -62,8 +68,8 @@ def test_changes_with_the_force_agree_with_the_closed_form() -> None:
         lever = brentq(lambda value: contact_at(q, value)[3][0] - LOAD.s, 0.05, LOAD.s)
         return exact_line(q, lever, x)
 
-    shape = image_shape(imaged(), ["normal_force"])
-    beam = imaged().pixels((np.arange(200) + 0.5) / 200)
+    shape = shape_of(imaged(), ["normal_force"])
+    beam = imaged().pixels
     before = shape.pixels[:, 0] < 0.5 * (beam[0, 0] + beam[-1, 0])  # well before the contact
     points = (shape.pixels - 255.5) * 0.36 / 700  # about the camera's axis
     flip = np.sign(CAMERA.project(np.array([[0.12, 0.019, 0.0]]))[0, 1] - 255.5)
@@ -79,9 +85,9 @@ def test_changes_with_the_force_agree_with_the_closed_form() -> None:
 def test_derivatives_do_not_depend_on_the_step(
     factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    chosen = image_shape(imaged(), PARAMETERS, 50)
-    monkeypatch.setattr(module, "_STEP", factor * module._STEP)
-    other = image_shape(imaged(), PARAMETERS, 50)
+    chosen = shape_of(imaged(), PARAMETERS)
+    monkeypatch.setattr(module, "STEP", factor * module.STEP)
+    other = shape_of(imaged(), PARAMETERS)
     units = [imaged().unit(name) for name in PARAMETERS]
     for one, two, unit in zip(chosen.across, other.across, units, strict=True):
         # A direction in plane C hardly changes the image: 0.2 px per radian across it.
@@ -89,7 +95,7 @@ def test_derivatives_do_not_depend_on_the_step(
 
 
 def test_the_force_and_the_rigidity_are_one_parameter_of_the_image() -> None:
-    shape = image_shape(imaged(), ["normal_force", "rigidity"])
+    shape = shape_of(imaged(), ["normal_force", "rigidity"])
     by_force, by_rigidity = shape.across
     ratio = -LOAD.normal_force / BEAM.flexural_rigidity
     np.testing.assert_allclose(by_rigidity, ratio * by_force, rtol=1e-4, atol=1e-3)

@@ -1,0 +1,111 @@
+"""Information limits of one frame: least standard deviations, for each information set."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.limits.image_shape import (
+    BEAM,
+    CLAMP,
+    CONTACT,
+    FRICTION,
+    SECOND_CONTACT,
+    SHAPE,
+    ImagedBeam,
+    Neighbours,
+)
+from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.of_frame import imaged_beam
+from vbaa_bench.limits.quantities import Gradients, gradients
+from vbaa_bench.limits.rig_information import RigInformation
+from vbaa_bench.scene.rigs import nominal_rig
+
+# Ratio of friction to normal force that counts as friction. Chosen: above rounding errors.
+_FRICTION = 1e-6
+
+
+@dataclass(frozen=True)
+class FrameLimits:
+    """Limits of a frame with a contact: of its pose, with the rig's data before any contact.
+
+    `visible` (n,) is the visible fraction of n equal parts of the beam's length.
+    """
+
+    rig: RigInformation
+    pose: Pose
+    visible: Floats
+
+    def by_set(self) -> Iterator[tuple[str, Floats]]:
+        """Yield each information set, and the limits (4,) of `quantities.QUANTITIES` in it.
+
+        Infinite ones cannot be determined from these data. Raises EquilibriumError.
+        """
+        yield "planar", self._limits(self.image.without({CONTACT[2]}))
+        yield "image", self._limits(self.image)
+        sensors = nominal_rig(self.rig.scene).sensors
+        _, readings = self.gradients
+        if sensors.moment_y is not None:
+            yield "moment", self._limits(self.image + self._read([4], [sensors.moment_y]))
+        if sensors.base_force is not None and sensors.base_moment is not None:
+            sigmas = [sensors.base_force] * 3 + [sensors.base_moment] * 3
+            yield "force", self._limits(self.image + self._read(list(range(len(readings))), sigmas))
+
+    @cached_property
+    def image(self) -> Information:
+        """Information of the image and of all data before it."""
+        level = self.pose.spec.scene.light_level
+        image = self.rig.of_image(
+            self._imaged, self.pose.state, self._neighbours, self.visible, level
+        )
+        # The light may have changed since the rest images.
+        own = image.eliminated({"brightness", "background"})
+        return (own + self.rig.before_contact).without(self.rig.known)
+
+    @cached_property
+    def gradients(self) -> Gradients:
+        """Gradients of quantities and readings with respect to `self._bending`."""
+        line, s = self.pose.experiment.rest.centreline, self.pose.state.contact.s
+        at_rest = np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
+        return gradients({name: self._neighbours[name] for name in self._bending}, at_rest)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Parameters of this frame alone."""
+        names: tuple[str, ...] = CONTACT
+        load = self._imaged.loads[0]
+        for name, ratio in zip(FRICTION, load.friction, strict=True):
+            names += (name,) if abs(ratio) > _FRICTION else ()
+        if len(self._imaged.loads) > 1:
+            names += SECOND_CONTACT
+        if self.rig.scene.camera.mount == "world":
+            names += (CLAMP[3],)  # no encoder reads it
+        return names
+
+    @property
+    def _bending(self) -> tuple[str, ...]:
+        """Parameters on which the beam's shape depends."""
+        shape = {*CONTACT, *FRICTION, *SECOND_CONTACT, *BEAM, *SHAPE}
+        return tuple(name for name in self._neighbours if name in shape)
+
+    @cached_property
+    def _neighbours(self) -> dict[str, Neighbours]:
+        names = (*self.parameters, *self.rig.parameters(self._imaged.camera))
+        return self._imaged.neighbours(names)
+
+    @cached_property
+    def _imaged(self) -> ImagedBeam:
+        return imaged_beam(self.pose, self.rig.rig.knocked(self.rig.scene).camera)
+
+    def _read(self, rows: list[int], sigmas: list[float]) -> Information:
+        """Return the information of readings of the sensors at the clamp."""
+        return Information.of_readings(
+            self._bending, self.gradients.readings[rows], np.array(sigmas)
+        )
+
+    def _limits(self, information: Information) -> Floats:
+        rows = [dict(zip(self._bending, row, strict=True)) for row in self.gradients.quantities]
+        return information.sigmas(information.gradients(rows))

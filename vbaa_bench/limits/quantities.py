@@ -1,0 +1,45 @@
+"""Quantities that are limited, and their change with the parameters of the loaded beam."""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from vbaa_bench.limits.image_shape import ImagedBeam, Neighbours
+
+# Contact distance x_c and arc length s_c [m], size of the force [N], inclination psi [rad] of the
+# plane in which the contact has moved; then what sensors at the clamp read: force [N] and moment
+# [N m] of the clamp on the beam, each (3,).
+QUANTITIES: Final = ("x_c", "s_c", "force", "psi")
+
+
+class Gradients(NamedTuple):
+    """Gradients with respect to p parameters: of QUANTITIES (4, p), and of the readings (6, p)."""
+
+    quantities: Floats
+    readings: Floats
+
+
+def gradients(neighbours: Mapping[str, Neighbours], at_rest: Floats) -> Gradients:
+    """Differentiate QUANTITIES and readings by p parameters. Raises EquilibriumError.
+
+    `at_rest` (3,) [m] is the place of the contact on the beam before contact.
+    """
+    columns = []
+    for one in neighbours.values():
+        difference = _values(one.ahead, at_rest) - _values(one.behind, at_rest)
+        # psi is an angle.
+        difference[3] = (difference[3] + np.pi) % (2 * np.pi) - np.pi
+        columns.append(difference / one.difference)
+    together = np.array(columns).T
+    return Gradients(together[: len(QUANTITIES)], together[len(QUANTITIES) :])
+
+
+def _values(imaged: ImagedBeam, at_rest: Floats) -> Floats:
+    beam = imaged.beam
+    point, force = beam.points[0], beam.forces[0]
+    _, y, z = point - at_rest
+    size, psi = float(np.linalg.norm(force)), float(np.arctan2(z, y))
+    quantities = [point[0], imaged.loads[0].s, size, psi]
+    return np.array([*quantities, *-beam.forces.sum(axis=0), *beam.base_moment])

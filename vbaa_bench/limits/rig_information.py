@@ -1,0 +1,149 @@
+"""Fisher information on a rig before any contact: board, beam at rest, and stated tolerances."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.camera import Camera
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
+from vbaa_bench.limits.board_information import BOARD, board_information
+from vbaa_bench.limits.camera_parameters import camera_parameters
+from vbaa_bench.limits.frame_information import frame_information, tip_information
+from vbaa_bench.limits.image_shape import (
+    BEAM,
+    CLAMP,
+    FRACTIONS,
+    PLACES,
+    SHAPE,
+    ImagedBeam,
+    Neighbours,
+    image_shape,
+)
+from vbaa_bench.limits.lit_beam import LitBeam
+from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.of_frame import beam_at_rest, beam_places
+from vbaa_bench.limits.profile import information
+from vbaa_bench.mechanics.state import State
+from vbaa_bench.scene.frames import Push
+from vbaa_bench.scene.rigs import TrueRig, nominal_rig
+from vbaa_bench.scene.schema import Scene
+from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure
+
+# Places along the beam at which the information of its profile is computed; it is smooth in
+# between. Measured: with twice as many, limits change by less than 1 %.
+_PROFILES: Final = 12
+
+
+@dataclass(frozen=True)
+class RigInformation:
+    """What the images before any contact inform on. `folder` contains the scene's files."""
+
+    scene: Scene
+    rig: TrueRig
+    folder: Path
+
+    @cached_property
+    def before_contact(self) -> Information:
+        """Information of board, rest images and tolerances on clamp, beam, camera and width."""
+        imaged, state = self._at_rest
+        neighbours = imaged.neighbours(self.parameters(self.rig.camera))
+        image = self.of_image(imaged, state, neighbours, np.ones(PLACES))
+        rest = image.eliminated({"brightness", "background"})
+        board = board_information(self._assembler, self.exposure)
+        return self._tolerances + board + rest.times(self.scene.sensor.rest_images)
+
+    def of_image(
+        self,
+        imaged: ImagedBeam,
+        state: State,
+        neighbours: Mapping[str, Neighbours],
+        visible: Floats,
+        level: float = 1.0,
+    ) -> Information:
+        """Compute the information of one image on the parameters of `neighbours` and APPEARANCE.
+
+        `visible` (n,) is the visible fraction of PLACES equal parts of the beam's length; `level`
+        is that of the light.
+        """
+        shape, camera = image_shape(imaged, neighbours), imaged.camera
+        of_places, of_tip = self._of_profile(imaged, state, level)
+        inside = ((shape.pixels > -0.5) & (shape.pixels < _size(camera) - 0.5)).all(axis=1)
+        visible = visible * inside
+        return frame_information(shape, of_places, visible, of_tip * visible[-1])
+
+    def parameters(self, camera: Camera) -> tuple[str, ...]:
+        """List the parameters of the rig on which an image depends."""
+        return (*self._beam_parameters, *camera_parameters(camera))
+
+    @cached_property
+    def exposure(self) -> float:
+        """Exposure as metered on the beam at rest."""
+        imaged, state = self._at_rest
+        places = beam_places(imaged, state, np.linspace(0.05, 0.95, _PROFILES))
+        peak = self._lit.peak_radiance(imaged.rod, self.rig.camera, places)
+        return metered_exposure(self.scene.sensor, peak)
+
+    @property
+    def _beam_parameters(self) -> tuple[str, ...]:
+        """Parameters of clamp and beam that are uncertain in this scene."""
+        tolerances = nominal_rig(self.scene).tolerances
+        names = [*(CLAMP[:3] if tolerances.base_position else ())]
+        names += [BEAM[0]] if tolerances.beam_length else []
+        names += [BEAM[1]] if tolerances.flexural_rigidity else []
+        # No datasheet states these; a beam that has none of them is not suspected of it.
+        names += [SHAPE[0]] if self.scene.beam.tip_ratio != 1 else []
+        names += [SHAPE[1]] if self.scene.beam.bow_mm else []
+        return tuple(names)
+
+    @property
+    def _tolerances(self) -> Information:
+        """The stated accuracy of clamp, beam and board."""
+        stated = nominal_rig(self.scene).tolerances
+        sigmas = dict.fromkeys(CLAMP[:3], stated.base_position)
+        sigmas |= {"length": stated.beam_length, "rigidity": stated.flexural_rigidity}
+        sigmas |= dict.fromkeys(BOARD[:3], stated.board_rotation)
+        sigmas |= dict.fromkeys(BOARD[3:], stated.board_translation)
+        return Information.of_priors({name: sigma for name, sigma in sigmas.items() if sigma})
+
+    @property
+    def known(self) -> frozenset[str]:
+        """Parameters of the board's pose that are stated to be exact."""
+        return frozenset(BOARD) - set(self._tolerances.names)
+
+    def _of_profile(self, imaged: ImagedBeam, state: State, level: float) -> tuple[Floats, float]:
+        """Compute the information (n, 4, 4) of the profile at PLACES, and of the tip."""
+        at = np.linspace(0.0, 1.0, _PROFILES)
+        surfaces = self._lit.surfaces(imaged.rod, imaged.camera, beam_places(imaged, state, at))
+        sensor = image_sensor(self.scene.sensor, self.exposure * level)
+
+        def variance(mean: Floats) -> Floats:
+            return sensor.noise_sigma(mean) ** 2
+
+        known = np.array([information(surface, variance) for surface in surfaces])
+        flat = known.reshape(len(at), -1)
+        of_places = np.column_stack([np.interp(FRACTIONS[1:-1], at, column) for column in flat.T])
+        return of_places.reshape(PLACES, 4, 4), tip_information(surfaces[-1], variance)
+
+    @cached_property
+    def _at_rest(self) -> tuple[ImagedBeam, State]:
+        still = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), self.scene.gravity_m_s2)
+        experiment = Experiment(self.scene, self.rig, still, self.folder)
+        return beam_at_rest(experiment, self.rig.camera), experiment.rest
+
+    @cached_property
+    def _lit(self) -> LitBeam:
+        return LitBeam(self.scene, self.rig, self.folder)
+
+    @cached_property
+    def _assembler(self) -> SceneAssembler:
+        return SceneAssembler(self.scene, self.rig, self.folder)
+
+
+def _size(camera: Camera) -> Floats:
+    return np.array([camera.width, camera.height], dtype=np.float64)
