@@ -20,7 +20,7 @@ from vbaa_bench.limits.image_shape import (
 )
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam
-from vbaa_bench.limits.quantities import Gradients, gradients
+from vbaa_bench.limits.quantities import QUANTITIES, Gradients, gradients
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.scene.rigs import nominal_rig
 
@@ -42,9 +42,11 @@ class FrameLimits:
     def by_set(self) -> Iterator[tuple[str, Floats]]:
         """Yield each information set, and the limits (4,) of `quantities.QUANTITIES` in it.
 
-        Infinite ones cannot be determined from these data. Raises EquilibriumError.
+        Infinite ones cannot be determined from these data; psi is NaN where it is known. Raises
+        EquilibriumError.
         """
-        yield "planar", self._limits(self.image.without({CONTACT[2]}))
+        planar = self._limits(self.image.without({CONTACT[2]}))
+        yield "planar", np.where(np.array(QUANTITIES) == "psi", np.nan, planar)
         yield "image", self._limits(self.image)
         sensors = nominal_rig(self.rig.scene).sensors
         _, readings = self.gradients
@@ -57,20 +59,23 @@ class FrameLimits:
     @cached_property
     def image(self) -> Information:
         """Information of the image and of all data before it."""
-        level = self.pose.spec.scene.light_level
+        return (self.of_image + self.rig.before_contact).without(self.rig.known)
+
+    @cached_property
+    def of_image(self) -> Information:
+        """Information of the image alone."""
         image = self.rig.of_image(
-            self._imaged, self.pose.state, self._neighbours, self.visible, level
+            self._imaged, self.pose.state, self._neighbours, self.visible, self.pose.spec.scene
         )
         # The light may have changed since the rest images.
-        own = image.eliminated({"brightness", "background"})
-        return (own + self.rig.before_contact).without(self.rig.known)
+        return image.eliminated({"brightness", "background"})
 
     @cached_property
     def gradients(self) -> Gradients:
-        """Gradients of quantities and readings with respect to `self._bending`."""
+        """Gradients of quantities and readings with respect to `self.bending`."""
         line, s = self.pose.experiment.rest.centreline, self.pose.state.contact.s
         at_rest = np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
-        return gradients({name: self._neighbours[name] for name in self._bending}, at_rest)
+        return gradients({name: self._neighbours[name] for name in self.bending}, at_rest)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -86,7 +91,7 @@ class FrameLimits:
         return names
 
     @property
-    def _bending(self) -> tuple[str, ...]:
+    def bending(self) -> tuple[str, ...]:
         """Parameters on which the beam's shape depends."""
         shape = {*CONTACT, *FRICTION, *SECOND_CONTACT, *BEAM, *SHAPE}
         return tuple(name for name in self._neighbours if name in shape)
@@ -103,9 +108,9 @@ class FrameLimits:
     def _read(self, rows: list[int], sigmas: list[float]) -> Information:
         """Return the information of readings of the sensors at the clamp."""
         return Information.of_readings(
-            self._bending, self.gradients.readings[rows], np.array(sigmas)
+            self.bending, self.gradients.readings[rows], np.array(sigmas)
         )
 
     def _limits(self, information: Information) -> Floats:
-        rows = [dict(zip(self._bending, row, strict=True)) for row in self.gradients.quantities]
+        rows = [dict(zip(self.bending, row, strict=True)) for row in self.gradients.quantities]
         return information.sigmas(information.gradients(rows))

@@ -64,15 +64,15 @@ class RigInformation:
         state: State,
         neighbours: Mapping[str, Neighbours],
         visible: Floats,
-        level: float = 1.0,
+        scene: Scene | None = None,
     ) -> Information:
         """Compute the information of one image on the parameters of `neighbours` and APPEARANCE.
 
-        `visible` (n,) is the visible fraction of PLACES equal parts of the beam's length; `level`
-        is that of the light.
+        `visible` (n,) is the visible fraction of PLACES equal parts of the beam's length. `scene`
+        has the light and the paints of this image, by default those at rest.
         """
         shape, camera = image_shape(imaged, neighbours), imaged.camera
-        of_places, of_tip = self._of_profile(imaged, state, level)
+        of_places, of_tip = self._of_profile(imaged, state, scene or self.scene)
         inside = ((shape.pixels > -0.5) & (shape.pixels < _size(camera) - 0.5)).all(axis=1)
         visible = visible * inside
         return frame_information(shape, of_places, visible, of_tip * visible[-1])
@@ -116,11 +116,12 @@ class RigInformation:
         """Parameters of the board's pose that are stated to be exact."""
         return frozenset(BOARD) - set(self._tolerances.names)
 
-    def _of_profile(self, imaged: ImagedBeam, state: State, level: float) -> tuple[Floats, float]:
+    def _of_profile(self, imaged: ImagedBeam, state: State, scene: Scene) -> tuple[Floats, float]:
         """Compute the information (n, 4, 4) of the profile at PLACES, and of the tip."""
         at = np.linspace(0.0, 1.0, _PROFILES)
-        surfaces = self._lit.surfaces(imaged.rod, imaged.camera, beam_places(imaged, state, at))
-        sensor = image_sensor(self.scene.sensor, self.exposure * level)
+        lit = self._lit if scene is self.scene else LitBeam(scene, self.rig, self.folder)
+        surfaces = lit.surfaces(imaged.rod, imaged.camera, beam_places(imaged, state, at))
+        sensor = image_sensor(self.scene.sensor, self.exposure * scene.light_level)
 
         def variance(mean: Floats) -> Floats:
             return sensor.noise_sigma(mean) ** 2

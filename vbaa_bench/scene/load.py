@@ -145,6 +145,21 @@ def check_scene(keys: Mapping[str, Any]) -> SceneFile:
     return _checked(Path("Scene"), _as_document(keys), {})
 
 
+def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
+    """Return the scene of a dataset from its manifest's values.
+
+    `folder` contains the files that the scene names. Raises InputError.
+    """
+    path = folder / "scene"
+    try:
+        scene = Scene.model_validate(_Plain(path).of(_as_document(values)))
+    except ValidationError as error:
+        # Such as a dataset of a version in which other scenes were allowed.
+        mistakes = listed_mistakes(path, CommentedMap(), error.errors())
+        raise InputError("\n".join(mistakes)) from error
+    return SceneFile(path, scene, CommentedMap())
+
+
 def _as_document(value: Any) -> Any:
     """Convert mappings and sequences to the parser's types, without places in a file."""
     if isinstance(value, Mapping):

@@ -1,0 +1,117 @@
+"""Information limits of all frames of a scene as a table."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeVar
+
+import numpy as np
+import polars as pl
+
+from solver.instrument.arrays import Floats
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.limits.frame_limits import FrameLimits
+from vbaa_bench.limits.push_limits import PushLimits
+from vbaa_bench.limits.rig_information import RigInformation
+from vbaa_bench.mechanics.state import EquilibriumError
+from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.rigs import TrueRig
+from vbaa_bench.scene.schema import Scene
+
+T = TypeVar("T")
+
+SCHEMA: Final = {
+    "frame_id": pl.String,
+    "information": pl.String,
+    "x_c_limit_mm": pl.Float64,
+    "s_c_limit_mm": pl.Float64,
+    "force_limit_n": pl.Float64,
+    "psi_limit_deg": pl.Float64,
+    "compliance_limit_mm_per_n": pl.Float64,
+}
+# SI units of these columns.
+_UNITS: Final = (MILLIMETRE, MILLIMETRE, 1.0, DEGREE, MILLIMETRE)
+
+
+class Limit(NamedTuple):
+    """Limits (5,) of a frame in an information set: those of QUANTITIES, and of the compliance."""
+
+    step: int
+    information: str
+    values: Floats
+
+    def row(self, frame_id: str) -> dict[str, Any]:
+        """Return a row with the columns of SCHEMA; a limit that is not finite is null."""
+        in_units = self.values / _UNITS
+        limits = [float(value) if np.isfinite(value) else None for value in in_units]
+        names = (frame_id, self.information)
+        return dict(zip(SCHEMA, (*names, *limits), strict=True))
+
+
+@dataclass
+class LimitsOfPushes:
+    """Computation of the limits of a scene's frames, push by push.
+
+    `folder` contains the files that the scene names.
+    """
+
+    scene: Scene
+    rig: TrueRig
+    folder: Path
+
+    def __post_init__(self) -> None:
+        self._rig = RigInformation(self.scene, self.rig, self.folder)
+        # Repetitions of a push differ in nothing that matters here.
+        self._repeated: dict[object, list[Limit]] = {}
+
+    def rows(
+        self, specs: Sequence[FrameSpec], visible: Callable[[Pose], Floats]
+    ) -> list[dict[str, Any]]:
+        """Return the rows of the frames of one push; none of a frame without contact.
+
+        `visible` computes the visible fraction (n,) of PLACES equal parts of the beam.
+        """
+        key = self._key(specs[0])
+        limits = self._repeated.get(key)
+        if limits is None or key is None:
+            limits = list(self._limits(specs, visible))
+            self._repeated[key] = limits
+        names = {spec.step: spec.frame_id for spec in specs}
+        return [limit.row(names[limit.step]) for limit in limits]
+
+    def _limits(
+        self, specs: Sequence[FrameSpec], visible: Callable[[Pose], Floats]
+    ) -> Iterator[Limit]:
+        first = specs[0]
+        experiment = Experiment(first.scene, self.rig, first.push, self.folder)
+        states, frames = experiment.states(), []
+        for spec in specs:
+            pose = Pose(experiment, spec, states[spec.step])
+            if pose.state.contacts:
+                frames.append(FrameLimits(self._rig, pose, visible(pose)))
+        for frame in frames:
+            for name, values in _solvable(frame.by_set()):
+                yield Limit(frame.pose.spec.step, name, np.append(values, np.nan))
+        together = _solvable(PushLimits(frames).limits())
+        for frame, values in zip(frames, together, strict=False):
+            yield Limit(frame.pose.spec.step, "push", values)
+
+    def _key(self, spec: FrameSpec) -> object:
+        """Return what distinguishes pushes; None if every push differs."""
+        if self.scene.random_keys or spec.cover is not None:
+            return None
+        # A camera that is fixed in the world sees the motor's angle.
+        return spec.push, spec.onset if self.scene.camera.mount == "world" else None
+
+
+def _solvable(values: Iterable[T]) -> Iterator[T]:
+    """Yield values until there is no equilibrium next to a frame's own, from which to derive one.
+
+    At the edge of what is possible a limit does not exist.
+    """
+    try:
+        yield from values
+    except EquilibriumError:
+        return
