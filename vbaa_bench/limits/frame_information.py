@@ -6,7 +6,7 @@ camera (`image_shape`). The sum over all visible places is the information of th
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -28,24 +28,30 @@ from vbaa_bench.limits.profile import (
 APPEARANCE: Final = ("brightness", "background", "width")
 
 
-def frame_information(
-    shape: ImageShape, of_places: Floats, visible: Floats, of_tip: float = 0.0
-) -> Information:
-    """Compute the information on the parameters of a shape and on APPEARANCE.
+class PlacesInformation(NamedTuple):
+    """Information of the visible places on the beam's image.
 
-    `of_places` (n, 4, 4) is the information of one pixel of the length at the shape's n places, see
-    `profile.information`, and `visible` (n,) the visible fraction of each. `of_tip` [1/px^2] is
-    that on the position of the beam's end along its image, 0 if it cannot be seen.
+    `of_length` (n, 4, 4) is that of one pixel of the length at n places, see `profile.information`,
+    times their visible fraction. `of_tip` [1/px^2] is that on the position of the beam's end along
+    its image, 0 if it cannot be seen.
     """
+
+    of_length: Floats
+    of_tip: float = 0.0
+
+
+def frame_information(shape: ImageShape, of_places: PlacesInformation) -> Information:
+    """Compute the information on the parameters of a shape and on APPEARANCE."""
     parameters, places = shape.across.shape
     change = np.zeros((places, 4, parameters + len(APPEARANCE)))
     change[:, SHIFT, :parameters] = shape.across.T
     for column, row in enumerate((BRIGHTNESS, BACKGROUND, WIDTH)):
         change[:, row, parameters + column] = 1.0
-    weighted = (visible * shape.steps)[:, None, None] * of_places
+    weighted = shape.steps[:, None, None] * of_places.of_length
     total = np.einsum("nap,nab,nbq->pq", change, weighted, change, optimize=True)
     along = np.append(shape.tip_along, np.zeros(len(APPEARANCE)))
-    return Information((*shape.names, *APPEARANCE), total + of_tip * np.outer(along, along))
+    total += of_places.of_tip * np.outer(along, along)
+    return Information((*shape.names, *APPEARANCE), total)
 
 
 def tip_information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -> float:

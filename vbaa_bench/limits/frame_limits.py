@@ -65,7 +65,7 @@ class FrameLimits:
     def of_image(self) -> Information:
         """Information of the image alone."""
         image = self.rig.of_image(
-            self._imaged, self.pose.state, self._neighbours, self.visible, self.pose.spec.scene
+            self.imaged, self.pose.state, self._neighbours, self.visible, self.pose.spec.scene
         )
         # The light may have changed since the rest images.
         return image.eliminated({"brightness", "background"})
@@ -73,18 +73,23 @@ class FrameLimits:
     @cached_property
     def gradients(self) -> Gradients:
         """Gradients of quantities and readings with respect to `self.bending`."""
+        bending = {name: self._neighbours[name] for name in self.bending}
+        return gradients(bending, self.contact_at_rest)
+
+    @property
+    def contact_at_rest(self) -> Floats:
+        """Place (3,) [m] of the contact on the beam before contact."""
         line, s = self.pose.experiment.rest.centreline, self.pose.state.contact.s
-        at_rest = np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
-        return gradients({name: self._neighbours[name] for name in self.bending}, at_rest)
+        return np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Parameters of this frame alone."""
         names: tuple[str, ...] = CONTACT
-        load = self._imaged.loads[0]
+        load = self.imaged.loads[0]
         for name, ratio in zip(FRICTION, load.friction, strict=True):
             names += (name,) if abs(ratio) > _FRICTION else ()
-        if len(self._imaged.loads) > 1:
+        if len(self.imaged.loads) > 1:
             names += SECOND_CONTACT
         if self.rig.scene.camera.mount == "world":
             names += (CLAMP[3],)  # no encoder reads it
@@ -98,11 +103,12 @@ class FrameLimits:
 
     @cached_property
     def _neighbours(self) -> dict[str, Neighbours]:
-        names = (*self.parameters, *self.rig.parameters(self._imaged.camera))
-        return self._imaged.neighbours(names)
+        names = (*self.parameters, *self.rig.parameters(self.imaged.camera))
+        return self.imaged.neighbours(names)
 
     @cached_property
-    def _imaged(self) -> ImagedBeam:
+    def imaged(self) -> ImagedBeam:
+        """The loaded beam before the camera of the frames."""
         return imaged_beam(self.pose, self.rig.rig.knocked(self.rig.scene).camera)
 
     def _read(self, rows: list[int], sigmas: list[float]) -> Information:

@@ -85,7 +85,7 @@ class ImagedBeam:
         if name in (*CONTACT, *FRICTION, *SECOND_CONTACT):
             return self._with_load(name.removeprefix(_SECOND), change, name.startswith(_SECOND))
         if name in (*BEAM, *SHAPE):
-            return replace(self, rod=_changed_rod(self.rod, name, change))
+            return replace(self, rod=_changed_rod(self.rod, name, change), shape=None)
         if name == "motor_angle":
             turned = self.frame_from_clamp @ turn_about_z(change)
             return replace(self, frame_from_clamp=turned, shape=self.beam)
@@ -124,7 +124,7 @@ class ImagedBeam:
         else:
             key = "s" if name == "s_c" else name
             loads[number] = replace(load, **{key: getattr(load, key) + change})
-        return replace(self, loads=tuple(loads))
+        return replace(self, loads=tuple(loads), shape=None)
 
 
 def _changed_rod(rod: Rod, name: str, change: float) -> Rod:

@@ -82,9 +82,7 @@ class Information:
         out = [i for i, name in enumerate(self.names) if name in unknown]
         kept = [i for i in range(len(self.names)) if i not in out]
         mixed = self.matrix[np.ix_(out, kept)]
-        scaled, scale = _scaled(self.matrix[np.ix_(out, out)])
-        inverse = np.linalg.pinv(scaled, rcond=_UNDETERMINED, hermitian=True)
-        inverse *= np.outer(scale, scale)
+        inverse = pseudo_inverse(self.matrix[np.ix_(out, out)])
         reduced = self.matrix[np.ix_(kept, kept)] - mixed.T @ inverse @ mixed
         return Information(tuple(self.names[i] for i in kept), (reduced + reduced.T) / 2)
 
@@ -108,6 +106,13 @@ class Information:
         """Arrange gradients by parameter as an array (q, p); a missing one is zero."""
         rows = [[quantity.get(name, 0.0) for name in self.names] for quantity in quantities]
         return np.array(rows).reshape(-1, len(self.names))
+
+
+def pseudo_inverse(matrix: Floats) -> Floats:
+    """Invert a symmetric matrix (p, p) on the combinations of parameters that it determines."""
+    scaled, scale = _scaled(matrix)
+    inverse = np.linalg.pinv(scaled, rcond=_UNDETERMINED, hermitian=True)
+    return np.asarray(inverse * np.outer(scale, scale))
 
 
 def _scaled(matrix: Floats) -> tuple[Floats, Floats]:

@@ -26,14 +26,19 @@ def gradients(neighbours: Mapping[str, Neighbours], at_rest: Floats) -> Gradient
 
     `at_rest` (3,) [m] is the place of the contact on the beam before contact.
     """
-    columns = []
-    for one in neighbours.values():
-        difference = _values(one.ahead, at_rest) - _values(one.behind, at_rest)
-        # psi is an angle.
-        difference[3] = (difference[3] + np.pi) % (2 * np.pi) - np.pi
-        columns.append(difference / one.difference)
+    columns = [
+        difference(one.ahead, one.behind, at_rest) / one.difference for one in neighbours.values()
+    ]
     together = np.array(columns).T
     return Gradients(together[: len(QUANTITIES)], together[len(QUANTITIES) :])
+
+
+def difference(one: ImagedBeam, other: ImagedBeam, at_rest: Floats) -> Floats:
+    """Subtract QUANTITIES and readings (10,) of two beams. Raises EquilibriumError."""
+    change = _values(one, at_rest) - _values(other, at_rest)
+    # psi is an angle.
+    change[3] = (change[3] + np.pi) % (2 * np.pi) - np.pi
+    return change
 
 
 def _values(imaged: ImagedBeam, at_rest: Floats) -> Floats:

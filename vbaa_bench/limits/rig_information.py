@@ -14,7 +14,11 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import camera_parameters
-from vbaa_bench.limits.frame_information import frame_information, tip_information
+from vbaa_bench.limits.frame_information import (
+    PlacesInformation,
+    frame_information,
+    tip_information,
+)
 from vbaa_bench.limits.image_shape import (
     BEAM,
     CLAMP,
@@ -68,14 +72,27 @@ class RigInformation:
     ) -> Information:
         """Compute the information of one image on the parameters of `neighbours` and APPEARANCE.
 
+        Arguments are those of `of_places`.
+        """
+        places = self.of_places(imaged, state, visible, scene)
+        return frame_information(image_shape(imaged, neighbours), places)
+
+    def of_places(
+        self, imaged: ImagedBeam, state: State, visible: Floats, scene: Scene | None = None
+    ) -> PlacesInformation:
+        """Compute the information of the places on one image of the beam.
+
         `visible` (n,) is the visible fraction of PLACES equal parts of the beam's length. `scene`
         has the light and the paints of this image, by default those at rest.
         """
-        shape, camera = image_shape(imaged, neighbours), imaged.camera
-        of_places, of_tip = self._of_profile(imaged, state, scene or self.scene)
-        inside = ((shape.pixels > -0.5) & (shape.pixels < _size(camera) - 0.5)).all(axis=1)
+        scene, camera = scene or self.scene, imaged.camera
+        of_profile, of_tip = self._of_profile(imaged, state, scene)
+        pixels = imaged.pixels[1:-1]
+        inside = ((pixels > -0.5) & (pixels < [camera.width - 0.5, camera.height - 0.5])).all(
+            axis=1
+        )
         visible = visible * inside
-        return frame_information(shape, of_places, visible, of_tip * visible[-1])
+        return PlacesInformation(visible[:, None, None] * of_profile, float(of_tip * visible[-1]))
 
     def parameters(self, camera: Camera) -> tuple[str, ...]:
         """List the parameters of the rig on which an image depends."""
@@ -144,7 +161,3 @@ class RigInformation:
     @cached_property
     def _assembler(self) -> SceneAssembler:
         return SceneAssembler(self.scene, self.rig, self.folder)
-
-
-def _size(camera: Camera) -> Floats:
-    return np.array([camera.width, camera.height], dtype=np.float64)

@@ -15,6 +15,7 @@ from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.push_limits import PushLimits
 from vbaa_bench.limits.rig_information import RigInformation
+from vbaa_bench.limits.simple_model import SimpleFit, SimpleModel
 from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.rigs import TrueRig
@@ -30,24 +31,43 @@ SCHEMA: Final = {
     "force_limit_n": pl.Float64,
     "psi_limit_deg": pl.Float64,
     "compliance_limit_mm_per_n": pl.Float64,
+    # What a method reaches that assumes a uniform beam and one contact without friction, in frames
+    # without these: its bias, and its standard deviation about it.
+    "x_c_simple_bias_mm": pl.Float64,
+    "s_c_simple_bias_mm": pl.Float64,
+    "force_simple_bias_n": pl.Float64,
+    "psi_simple_bias_deg": pl.Float64,
+    "x_c_simple_sigma_mm": pl.Float64,
+    "s_c_simple_sigma_mm": pl.Float64,
+    "force_simple_sigma_n": pl.Float64,
+    "psi_simple_sigma_deg": pl.Float64,
 }
 # SI units of these columns.
-_UNITS: Final = (MILLIMETRE, MILLIMETRE, 1.0, DEGREE, MILLIMETRE)
+_UNITS: Final = (MILLIMETRE, MILLIMETRE, 1.0, DEGREE)
+_COMPLIANCE_UNIT: Final = MILLIMETRE
 
 
 class Limit(NamedTuple):
-    """Limits (5,) of a frame in an information set: those of QUANTITIES, and of the compliance."""
+    """Limits of a frame in an information set.
+
+    `quantities` (4,) are those of QUANTITIES, `compliance` [m/N] that of the object's. `simple` is
+    what the simple model reaches, if the frame breaks its assumptions.
+    """
 
     step: int
     information: str
-    values: Floats
+    quantities: Floats
+    compliance: float = np.nan
+    simple: SimpleModel | None = None
 
     def row(self, frame_id: str) -> dict[str, Any]:
         """Return a row with the columns of SCHEMA; a limit that is not finite is null."""
-        in_units = self.values / _UNITS
-        limits = [float(value) if np.isfinite(value) else None for value in in_units]
-        names = (frame_id, self.information)
-        return dict(zip(SCHEMA, (*names, *limits), strict=True))
+        missing = np.full(len(_UNITS), np.nan)
+        bias, sigmas = self.simple or SimpleModel(missing, missing)
+        limits, bias, sigmas = (values / _UNITS for values in (self.quantities, bias, sigmas))
+        values = (*limits, self.compliance / _COMPLIANCE_UNIT, *bias, *sigmas)
+        numbers = (float(value) if np.isfinite(value) else None for value in values)
+        return dict(zip(SCHEMA, (frame_id, self.information, *numbers), strict=True))
 
 
 @dataclass
@@ -93,10 +113,11 @@ class LimitsOfPushes:
                 frames.append(FrameLimits(self._rig, pose, visible(pose)))
         for frame in frames:
             for name, values in _solvable(frame.by_set()):
-                yield Limit(frame.pose.spec.step, name, np.append(values, np.nan))
+                simple = _simple_model(frame, name)
+                yield Limit(frame.pose.spec.step, name, values, simple=simple)
         together = _solvable(PushLimits(frames).limits())
         for frame, values in zip(frames, together, strict=False):
-            yield Limit(frame.pose.spec.step, "push", values)
+            yield Limit(frame.pose.spec.step, "push", values[:-1], float(values[-1]))
 
     def _key(self, spec: FrameSpec) -> object:
         """Return what distinguishes pushes; None if every push differs."""
@@ -104,6 +125,19 @@ class LimitsOfPushes:
             return None
         # A camera that is fixed in the world sees the motor's angle.
         return spec.push, spec.onset if self.scene.camera.mount == "world" else None
+
+
+def _simple_model(frame: FrameLimits, information: str) -> SimpleModel | None:
+    """Fit the simple model of an information set; None if it needs none, or does not fit."""
+    if information not in ("planar", "image"):
+        return None
+    fit = SimpleFit(frame, planar=information == "planar")
+    if not fit.is_needed:
+        return None
+    try:
+        return fit.result()
+    except EquilibriumError:
+        return None
 
 
 def _solvable(values: Iterable[T]) -> Iterator[T]:
