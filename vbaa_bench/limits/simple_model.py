@@ -93,7 +93,7 @@ class SimpleFit:
         for _ in range(_STEPS):
             step = pseudo_inverse(self._information(fit)) @ self._score(fit)
             largest = np.abs(step / units).max()
-            fit = fit.moved(step * min(1.0, _LONGEST / largest))
+            fit = fit.moved(step / max(1.0, largest / _LONGEST))
             if largest < _CONVERGED:
                 return fit
         raise EquilibriumError("the simple model does not fit this image")
@@ -109,18 +109,22 @@ class SimpleFit:
     def _curvature(self, fit: "_Fit", information: Floats) -> Floats:
         """Compute minus the derivative (p, p) of the score.
 
-        Beside the information it has second derivatives times residuals. Those of the beam's bend
-        are computed; an image is nearly linear in the other parameters.
+        Beside the information it has second derivatives of the image times residuals. Those by the
+        beam's bend are computed; an image is nearly linear in the other parameters.
         """
-        curvature = information.copy()
-        for row, name in enumerate(self._names):
-            if name in _BENDING:
-                one = fit.neighbours[name]
-                ends = (_Fit(beam, fit.moves) for beam in (one.behind, one.ahead))
-                behind, ahead = (self._score(end) for end in ends)
-                of_image = (behind - ahead) / one.difference
-                curvature[row] = curvature[:, row] = of_image + self._before[row]
-        return curvature
+        residual, at_tip = _residuals(fit.shape, fit.imaged, self.frame.imaged)
+        weighted = fit.shape.steps * self._places.of_length[:, SHIFT, SHIFT] * residual
+        bends = [row for row, name in enumerate(self._names) if name in _BENDING]
+        others = [row for row in range(len(self._names)) if row not in bends]
+        second = np.zeros_like(information)
+        for row in bends:
+            one = fit.neighbours[self._names[row]]
+            behind, ahead = (_Fit(beam, fit.moves).shape for beam in (one.behind, one.ahead))
+            change = (ahead.across - behind.across) @ weighted
+            change += self._places.of_tip * at_tip * (ahead.tip_along - behind.tip_along)
+            second[row] = change / one.difference
+        second[np.ix_(others, bends)] = second[np.ix_(bends, others)].T
+        return information - (second + second.T) / 2
 
     def _information(self, fit: "_Fit") -> Floats:
         """Compute the information (p, p) of the image and of all data before it."""
