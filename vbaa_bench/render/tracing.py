@@ -28,9 +28,10 @@ _LAMP_POINTS = 2
 # Maximum number of sets per call. Memory does not depend on samples per set: they are sequential.
 LARGEST_WAVEFRONT = 1 << 20
 
-# whole: radiance of the complete scene. still: radiance of the still scene alone. change: their
-# difference; exactly zero where no moving surface is on a sample's way to the surface or to a lamp.
-Quantity = Literal["whole", "still", "change"]
+# whole: radiance of the complete scene. beam: the beam's part of it. still: radiance of the still
+# scene alone. change: whole minus still; exactly zero where no moving surface is on a sample's way
+# to the surface or to a lamp.
+Quantity = Literal["whole", "beam", "still", "change"]
 
 
 @dataclass(frozen=True)
@@ -104,30 +105,47 @@ def _wavefront(
     return np.array([np.asarray(one).reshape(-1, sets).T for one in (value, coverage)], np.float64)
 
 
-def _whole(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
+def _whole(
+    world: World, column: Any, row: Any, sampler: Any, count: Any, *, beam_only: bool = False
+) -> tuple[Any, Any]:
     """Estimate the radiance of the complete scene; also the fraction that the beam covers."""
     edges = world.silhouette or world.printed
     strata = None if edges is None else edges.strata(column, row, count)
-    return _mean(world, world.scene, column, row, sampler, count, strata)
+    return _mean(world, world.scene, column, row, sampler, count, strata, beam_only)
+
+
+def _beam(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
+    """Estimate the beam's part of the radiance of the complete scene."""
+    return _whole(world, column, row, sampler, count, beam_only=True)
 
 
 def _still(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
     """Estimate the radiance of the still scene alone."""
-    return _mean(world, world.still, column, row, sampler, count, None)
+    return _mean(world, world.still, column, row, sampler, count, None, False)
 
 
 @dr.syntax
 def _mean(
-    world: World, scene: Any, column: Any, row: Any, sampler: Any, count: Any, strata: Strata | None
+    world: World,
+    scene: Any,
+    column: Any,
+    row: Any,
+    sampler: Any,
+    count: Any,
+    strata: Strata | None,
+    beam_only: bool,
 ) -> tuple[Any, Any]:
-    """Average radiance over `count` samples, and the fraction of the pixel that the beam covers."""
+    """Average radiance over `count` samples, and the fraction of the pixel that the beam covers.
+
+    If `beam_only`, samples that meet other surfaces have the radiance 0.
+    """
     shifts = _shifts(world, scene, sampler)
     value, coverage, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
     while number < count:
         u = lattice.point(shifts, number, count)
         u[0], weight = place(strata, u[0])
         radiance, beam = _sample(world, scene, column, row, u)
-        value += weight * radiance
+        value += weight * (beam * radiance if beam_only else radiance)
         coverage += weight * beam
         number += 1
     return value / mi.Float(count), coverage / mi.Float(count)
@@ -232,4 +250,4 @@ def _cover(world: World, si: Any) -> Any:
     return dr.select(world.index_of(si) == world.names.index("beam") + 1, mi.Float(1), 0)
 
 
-_ESTIMATES = {"whole": _whole, "still": _still, "change": _change}
+_ESTIMATES = {"whole": _whole, "beam": _beam, "still": _still, "change": _change}

@@ -131,7 +131,8 @@ class World:
     these surfaces, such as a patterned ground that turns under the camera; `sliding` holds them as
     they are in the still scene. `bounces` is the number of bounces of light. `lens` is in metres.
     `shadow_places` is the number of places in a pixel at which a set of samples measures shadows.
-    `printed` are the edges in an image of a calibration board.
+    `printed` are the edges in an image of a calibration board. `arc_length` [m] is that of the
+    beam's vertices, if the scene has a beam.
     """
 
     def __init__(
@@ -163,6 +164,7 @@ class World:
         self.sliding = frozenset(sliding or ())
         self.vertices = {name: np.asarray(s.mesh.vertices) for name, s in surfaces.items()}
         self._surfaces = dict(surfaces)
+        self.arc_length = surfaces["beam"].arc_length if "beam" in surfaces else None
         self._meshes = {name: _mesh(name, surface, unit) for name, surface in surfaces.items()}
         self.scene = self._scene(self._meshes)
         fixed = {name: s for name, s in surfaces.items() if name in still} | dict(sliding or {})
@@ -307,6 +309,7 @@ class World:
         for name in ("silhouette", "hidden_strips"):  # of the beam before
             vars(self).pop(name, None)
         if arc_length is not None:
+            self.arc_length = arc_length
             texcoords = self._surfaces["beam"].beam_texcoords(arc_length)
             self.parameters["beam.vertex_texcoords"] = device_array(texcoords)
         self.parameters.update()
