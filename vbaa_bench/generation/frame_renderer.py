@@ -171,7 +171,7 @@ class FrameRenderer:
         seed = render_seed(self.scene, "exposure")
         target = self._noise_target(lambda radiance: METERING_NOISE * radiance)
         rendered = render_frame(self.rest_world(0), None, target, seed)
-        light = self._vignetting * rendered.radiance
+        light = self.vignetting * rendered.radiance
         beam = float(np.quantile(light[rendered.core], 0.99))
         peak = max(beam, float(np.quantile(light, 0.9)))
         tick()
@@ -220,7 +220,7 @@ class FrameRenderer:
         target = self._noise_target(self.sensor(exposure).noise_sigma).scaled(_BOARD_NOISE)
         rendered = render_frame(self.assembler.calibration_board(view), None, target, seed)
         lit = self._exposed([rendered], "board sensor", view)
-        peak = float(np.quantile(self._vignetting * rendered.radiance, _BOARD_PEAK))
+        peak = float(np.quantile(self.vignetting * rendered.radiance, _BOARD_PEAK))
         exposure = unsaturated_exposure(self.scene.sensor, exposure, peak)
         return self._expose(lit, exposure, "board sensor", view)
 
@@ -323,19 +323,22 @@ class FrameRenderer:
         self, images: Sequence[RenderedRadiance], stream: str, number: int
     ) -> RenderedRadiance:
         """Integrate the poses of one image over its exposure; the phase of flicker is random."""
+        return average_poses(images, self.exposure_weights(len(images), stream, number))
+
+    def exposure_weights(self, poses: int, stream: str, number: int) -> Floats | None:
+        """Compute the weights (rows, poses) of an image's poses; None if all are equal."""
         random = random_generator(self.scene, f"{stream} flicker", number)
-        light = flicker(self.scene.flicker, random)
-        return average_poses(images, pose_weights(self.scene, len(images), light))
+        return pose_weights(self.scene, poses, flicker(self.scene.flicker, random))
 
     def _expose(
         self, rendered: RenderedRadiance, exposure: float, stream: str, number: int
     ) -> Grey:
-        noise, light = random_generator(self.scene, stream, number), self._vignetting
+        noise, light = random_generator(self.scene, stream, number), self.vignetting
         sensor = self.sensor(exposure)
         return sensor.expose(light * rendered.radiance, noise, light**2 * rendered.variance)
 
     @cached_property
-    def _vignetting(self) -> Floats:
+    def vignetting(self) -> Floats:
         """Relative illumination (height, width): fraction of the light that the lens transmits."""
         camera = self.rig.camera
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width].astype(np.float64)

@@ -24,6 +24,15 @@ class Ideal:
         """Expose one frame (h, w) to a radiance image (h, w); `random` is not used."""
         return quantise(radiance * self.exposure, self.bits)
 
+    def radiance(self, gray: Grey) -> Floats:
+        """Convert gray values (h, w) to the radiance whose mean they are."""
+        return np.asarray(gray / (full_scale(self.bits) * self.exposure))
+
+    @property
+    def largest_radiance(self) -> float:
+        """Radiance from which on a pixel is saturated."""
+        return 1 / self.exposure
+
     def noise_sigma(self, radiance: Floats) -> Floats:
         """Compute the rounding noise (h, w) in radiance: error uniform over one gray value."""
         step = 1 / (full_scale(self.bits) * self.exposure)

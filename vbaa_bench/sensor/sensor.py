@@ -86,7 +86,7 @@ class Sensor:
         shot: Image = mean
         read: Image | float = self.read_noise
         if render_variance is not None:
-            missing = mean - render_variance.astype(np.float32) * self._response**2
+            missing = mean - render_variance.astype(np.float32) * self.electrons_per_radiance**2
             shot = np.maximum(missing, 0.0)
             read = np.sqrt(np.maximum(self.read_noise**2 + np.minimum(missing, 0.0), 0.0))
         electrons = mean - shot + poisson(shot, random)
@@ -109,10 +109,22 @@ class Sensor:
         """Compute the standard deviation (h, w) in radiance: shot noise, read noise, rounding."""
         mean = self._mean_electrons(radiance)
         variance = mean + self.read_noise**2 + self._step(mean) ** 2 / 12
-        return np.asarray(np.sqrt(variance) / self._response, dtype=np.float64)
+        return np.asarray(np.sqrt(variance) / self.electrons_per_radiance, dtype=np.float64)
+
+    def radiance(self, gray: Grey) -> Floats:
+        """Convert gray values (h, w) to the radiance whose mean they are; not with a mosaic."""
+        linear = (gray / full_scale(self.bits)) ** self.gamma * full_scale(self.bits)
+        electrons = (linear - self.black_level) * self._gain
+        return np.asarray((electrons - self.dark_signal) / self.electrons_per_radiance)
 
     @property
-    def _response(self) -> float:
+    def largest_radiance(self) -> float:
+        """Radiance from which on a pixel is saturated, in its well or at full scale."""
+        full_scale_e = self._gain * (full_scale(self.bits) - self.black_level)
+        return (min(self.full_well, full_scale_e) - self.dark_signal) / self.electrons_per_radiance
+
+    @property
+    def electrons_per_radiance(self) -> float:
         """Electrons per unit of radiance."""
         return self.exposure * self.quantum_efficiency
 
@@ -123,7 +135,7 @@ class Sensor:
 
     def _mean_electrons(self, radiance: Floats) -> Image:
         """Compute the mean electrons of light plus dark current, together one Poisson process."""
-        light = np.maximum(radiance.astype(np.float32), 0.0) * self._response
+        light = np.maximum(radiance.astype(np.float32), 0.0) * self.electrons_per_radiance
         return np.asarray(light + self.dark_signal, dtype=np.float32)
 
     def _linear(self, electrons: Image) -> Image:
