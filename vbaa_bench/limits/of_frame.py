@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import Pose
@@ -38,6 +38,17 @@ def beam_places(imaged: ImagedBeam, state: State, fractions: Floats) -> BeamPlac
     axes = np.stack([first, np.cross(tangents, first)], axis=1)
     turn, move = imaged.frame_from_clamp[:3, :3], imaged.frame_from_clamp[:3, 3]
     return BeamPlaces(s, points @ turn.T + move, tangents @ turn.T, axes @ turn.T)
+
+
+def is_removed(pose: Pose, camera: Camera, pixels: Floats) -> Mask:
+    """Test whether places (n, 2) [px] are in the stretch of x on plane C declared as missing."""
+    cover, hidden = pose.spec.cover, pose.hidden
+    if cover is None or hidden is None or cover.kind != "removed":
+        return np.zeros(len(pixels), np.bool_)
+    ideal = camera.normalised(np.asarray(pixels, np.float64))
+    x, _, w = camera.plane_from_normalised @ np.column_stack([ideal, np.ones(len(ideal))]).T
+    start, end = hidden
+    return np.asarray((start <= x / w) & (x / w <= end))
 
 
 def _imaged(experiment: Experiment, state: State, motor_angle: float, camera: Camera) -> ImagedBeam:
