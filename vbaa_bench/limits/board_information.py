@@ -22,6 +22,7 @@ from vbaa_bench.limits.camera_parameters import (
 )
 from vbaa_bench.limits.frame_information import edge_information
 from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.reflection import Reflection
 from vbaa_bench.scene.paint import PaintedPart
@@ -119,9 +120,7 @@ def _per_pixel(assembler: SceneAssembler, exposure: float) -> Floats:
     )
     sensor = image_sensor(scene.sensor, unsaturated_exposure(scene.sensor, exposure, white))
     light, blur = np.array([white]), scene.optics.point_spread_px
-
-    def variance(mean: Floats) -> Floats:
-        return sensor.noise_sigma(mean) ** 2
+    variance = PixelNoise.of(scene.sensor, sensor).variance
 
     angles = np.linspace(0, np.pi, _DIRECTIONS)
     directions = np.column_stack([np.cos(angles), np.sin(angles)])

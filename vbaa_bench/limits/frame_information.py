@@ -33,7 +33,7 @@ class PlacesInformation(NamedTuple):
 
     `of_length` (n, 4, 4) is that of one pixel of the length at n places, see `profile.information`,
     times their visible fraction. `of_tip` [1/px^2] is that on the position of the beam's end along
-    its image, 0 if it cannot be seen.
+    its image, see `tip.tip_information`, 0 if it cannot be seen.
     """
 
     of_length: Floats
@@ -52,21 +52,6 @@ def frame_information(shape: ImageShape, of_places: PlacesInformation) -> Inform
     along = np.append(shape.tip_along, np.zeros(len(APPEARANCE)))
     total += of_places.of_tip * np.outer(along, along)
     return Information((*shape.names, *APPEARANCE), total)
-
-
-def tip_information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -> float:
-    """Compute the information [1/px^2] on the position of the beam's flat end along its image.
-
-    Along the beam the end is an edge between the profile and the background, blurred by a pixel and
-    the point spread. As across the beam, sums over pixels are integrals, and the profile across the
-    end is the one of the beam.
-    """
-    profile = gray_profile(surface)
-    # The end is turned by 90 degrees against the profile.
-    along = np.array([-surface.normal[1], surface.normal[0]])
-    levels = profile.mean[profile.cover > 0]
-    ends = edge_information(surface.background, levels, along, surface.point_spread, variance)
-    return float(ends.sum() * STEP)
 
 
 def edge_information(

@@ -17,7 +17,6 @@ from vbaa_bench.limits.camera_parameters import camera_parameters
 from vbaa_bench.limits.frame_information import (
     PlacesInformation,
     frame_information,
-    tip_information,
 )
 from vbaa_bench.limits.image_shape import (
     BEAM,
@@ -32,7 +31,9 @@ from vbaa_bench.limits.image_shape import (
 from vbaa_bench.limits.lit_beam import LitBeam
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import beam_at_rest, beam_places
+from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import information
+from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.frames import Push
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
@@ -139,14 +140,12 @@ class RigInformation:
         lit = self._lit if scene is self.scene else LitBeam(scene, self.rig, self.folder)
         surfaces = lit.surfaces(imaged.rod, imaged.camera, beam_places(imaged, state, at))
         sensor = image_sensor(self.scene.sensor, self.exposure * scene.light_level)
-
-        def variance(mean: Floats) -> Floats:
-            return sensor.noise_sigma(mean) ** 2
-
-        known = np.array([information(surface, variance) for surface in surfaces])
+        noise = PixelNoise.of(self.scene.sensor, sensor)
+        known = np.array([information(surface, noise.variance) for surface in surfaces])
         flat = known.reshape(len(at), -1)
         of_places = np.column_stack([np.interp(FRACTIONS[1:-1], at, column) for column in flat.T])
-        return of_places.reshape(PLACES, 4, 4), tip_information(surfaces[-1], variance)
+        of_tip = tip_information(surfaces[-1], BeamEnd.of(imaged), noise.variance)
+        return of_places.reshape(PLACES, 4, 4), of_tip
 
     @cached_property
     def _at_rest(self) -> tuple[ImagedBeam, State]:

@@ -1,14 +1,12 @@
 """Information of an image: a straight line's closed form, and two parameters that are one."""
 
 import numpy as np
-import pytest
 
 from solver.instrument.arrays import Floats
 from tests.vbaa_bench.limits.test_image_shape import imaged, shape_of
 from vbaa_bench.limits.frame_information import (
     PlacesInformation,
     frame_information,
-    tip_information,
 )
 from vbaa_bench.limits.profile import SHIFT, SurfaceProfile, information
 from vbaa_bench.mechanics.loaded import Load
@@ -56,10 +54,3 @@ def test_an_image_informs_on_force_over_rigidity_only() -> None:
     relative = total.matrix[:3, :3] * np.outer(unit, unit)
     together = np.array([0.0, 1.0, 1.0])  # force and rigidity larger by the same factor
     assert together @ relative @ together < 1e-6 * relative[1, 1]
-
-
-def test_the_tip_of_a_bar_is_an_edge_as_wide_as_the_bar() -> None:
-    # Of a sharp edge over w pixels, each changes by the contrast: A^2 w / sigma^2. The sides are
-    # blurred by a pixel: of a bar 4 px wide, 3 px with the full contrast and two ramps of 1 px.
-    wide = tip_information(BAR, steady)
-    assert wide == pytest.approx(2.0**2 * (3 + 2 / 3) / 0.01, rel=0.01)

@@ -10,7 +10,7 @@ from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.displacement import displacements
-from vbaa_bench.limits.frame_information import frame_information
+from vbaa_bench.limits.frame_information import PlacesInformation, frame_information
 from vbaa_bench.limits.image_shape import image_shape
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam, is_removed
@@ -87,7 +87,8 @@ def test_the_closed_form_agrees(small: Small, change: ImageChange) -> None:
     variance = PixelNoise.of(renderer.scene.sensor, renderer.sensor(EXPOSURE)).variance
     of_places = np.array([information(surface, variance) for surface in profiles.surfaces])
     of_tip = tip_information(profiles.surfaces[-1], BeamEnd.of(imaged), variance)
-    closed = frame_information(shape, of_places, profiles.visible, of_tip)
+    visible = profiles.visible[:, None, None] * of_places
+    closed = frame_information(shape, PlacesInformation(visible, of_tip))
     for names in (("s_c",), ("cy",), ("s_c", "normal_force"), (*NAMES[:3], "width")):
         ratio = sigmas(change.information, names) / sigmas(closed, names)
         np.testing.assert_allclose(ratio, 1.0, atol=0.05)
@@ -119,7 +120,7 @@ def test_render_noise_does_not_raise_the_information(small: Small, change: Image
     assert abs(np.mean(product) / expected - 1) < 0.25 * excess
 
 
-def test_brightness_changes_the_beams_part_of_a_pixel(small: Small, change: ImageChange) -> None:
+def test_brightness_changes_the_beams_part_of_a_pixel(change: ImageChange) -> None:
     beam, background = change.slopes.mean(axis=0)[len(NAMES) :][:2]
     np.testing.assert_allclose(beam + background, change.mean, rtol=1e-3)
     # Beside the beam nothing is the beam's; the beam is ten times as bright as the background.
