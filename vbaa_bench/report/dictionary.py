@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from vbaa_bench.dataset.column import Column, unit
 from vbaa_bench.generation.columns import READINGS, RIG, RIGS, TRUE_RIG, TRUTH
-from vbaa_bench.scoring.columns import FACTORS, PREDICTIONS, SCORES, STRATA_TABLE
+from vbaa_bench.scoring.columns import FACTORS, LIMITS, PREDICTIONS, SCORES, STRATA_TABLE
 
 
 class Section(NamedTuple):
@@ -21,6 +21,7 @@ SECTIONS: Final = (
     Section("truth/shard_00000/truth.parquet", TRUTH),
     Section("truth/manifest.json: true_rig", TRUE_RIG),
     Section("rigs.csv of a collection", RIGS),
+    Section("derived/limits.parquet", LIMITS),
     Section("predictions/METHOD.csv", PREDICTIONS),
     Section("scores/scores.parquet", SCORES),
     Section("scores/strata.csv", STRATA_TABLE),

@@ -23,6 +23,9 @@ Row = dict[str, Any]
 
 # Name of the rows of the information limits.
 BOUND: Final = "bound"
+# And of what a method reaches that assumes a uniform beam and one contact without friction, where
+# every frame breaks these assumptions.
+SIMPLE_MODEL: Final = "simple model"
 # Quantities whose stated sigmas are compared with errors in the table.
 _STATED: Final = ("x_c", "psi", "compliance_last")
 
@@ -32,10 +35,13 @@ def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
 
     Where information limits were computed, a row follows for each information set that the methods
     use, "bound (image)": the RMSE of an unbiased method that attains the limit in every frame with
-    contact. A row contains the values of `summarise_method`. Separate columns repeat the fractions
-    of x_c, psi and a push's last compliance within three stated sigmas [%], and for x_c the ratio
-    of stated sigma to RMSE, the fraction within 1.96 sigmas and the share of the information that
-    is used [%]. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
+    contact. Where all frames break the assumptions of the simple model, "simple model (planar)" is
+    what the best method with that model reaches.
+
+    A row contains the values of `summarise_method`. Separate columns repeat the fractions of x_c,
+    psi and a push's last compliance within three stated sigmas [%], and for x_c the ratio of stated
+    sigma to RMSE, the fraction within 1.96 sigmas and the share of the information that is used
+    [%]. Stiffness ratios are grouped by decade, because they differ in every frame. Raises
     InputError for a dataset that is not scored, and for an unknown condition.
     """
     if by is not None and by not in (*CONDITIONS, *STRATA):
@@ -104,6 +110,14 @@ def _bounds(methods: Sequence[pl.DataFrame], length_mm: float) -> dict[str, Row]
             "n": rows.height,
             "outcomes": {},
         }
+        if rows["x_c_simple_rms_mm"].null_count() == 0:
+            relative_force = pl.col("force_simple_rms_n") / pl.col("true_force_n")
+            figures[f"{SIMPLE_MODEL} ({information})"] = dict.fromkeys(_row(methods[0].clear())) | {
+                "x_c_rmse_pct_L": _rms(rows, 100 / length_mm * pl.col("x_c_simple_rms_mm")),
+                "force_rmse_pct": _rms(rows, 100 * relative_force),
+                "n": rows.height,
+                "outcomes": {},
+            }
     return figures
 
 

@@ -18,6 +18,9 @@ from vbaa_bench.scoring.scored_quantities import (
 
 _NOT_ESTIMATED: Final = "the method does not estimate it in this frame"
 _FAILED: Final = "the frame has failed, or the method does not estimate it"
+# A uniform beam and one contact without friction.
+_SIMPLE: Final = "with the simple model"
+_HOLDS: Final = "the limits were not computed, or the simple model holds"
 _QUANTITIES: Final = (*SCORED_QUANTITIES, *COMPONENTS)
 
 # Quantities that are not in the truth under the same name.
@@ -107,11 +110,37 @@ def _truths_and_errors() -> dict[str, Column]:
     return columns
 
 
+def _limits() -> dict[str, Column]:
+    columns = {
+        "frame_id": JOINED["frame_id"],
+        "information": Column("information set: planar, image, moment, force or push"),
+    }
+    for quantity in LIMITED:
+        described = PREDICTIONS[quantity.column]
+        columns[quantity.limit] = Column(
+            f"least standard deviation of {quantity.column} without bias (Cramer and Rao)",
+            described.frame,
+            "these data do not determine it",
+        )
+    for kind, meaning in (("bias", "bias"), ("sigma", "standard deviation")):
+        for name, unit in (("x_c", "mm"), ("s_c", "mm"), ("force", "n"), ("psi", "deg")):
+            columns[f"{name}_simple_{kind}_{unit}"] = Column(
+                f"{meaning} of {name}_{unit} {_SIMPLE} (White 1982)",
+                PREDICTIONS[f"{name}_{unit}"].frame,
+                "this model holds, or it does not fit",
+            )
+    return columns
+
+
+LIMITS: Final = _limits()
+
 SCORES: Final = {
     "frame_id": JOINED["frame_id"],
     **{name: TRUTH[name] for name in CONDITIONS},
     **{name: PREDICTIONS[name] for name in (*NUMBERS, "outcome", "message")},
     **_truths_and_errors(),
+    "x_c_simple_rms_mm": Column(f"least RMS of errors of x_c {_SIMPLE}", SIGMA_D, _HOLDS),
+    "force_simple_rms_n": Column(f"least RMS of errors of force_n {_SIMPLE}", SIGMA_A, _HOLDS),
     "x_c_error_pct_L": Column("error of x_c", SIGMA_D, _FAILED),
     "x_c_limit_pct_L": Column("information limit of x_c", SIGMA_D, "there is no limit"),
     "s_c_error_pct_L": Column("error of s_c", "along the beam", _FAILED),

@@ -36,7 +36,8 @@ def efficiency(information: str, row: dict[str, Any]) -> dict[str, Any] | None:
     if impossible:
         sentence += (
             ". More than 100 % is impossible for an unbiased method: either it uses data or priors "
-            f'that the information set "{information}" lacks, or its bias '
+            f'that the information set "{information}" lacks, or the true rig is nearer to the '
+            "nominal one than its tolerances state, or its bias "
             f"({row['bias_over_limit']:.2g} of the limit) or its choice of answered frames "
             f"({row['answered']} of {row['frames']}) reduces its errors, or the limit is wrong"
         )

@@ -28,6 +28,12 @@ _OF_METHOD: Final = {
     "push_fit_friction": "push",
     "force_sensor": "force",
 }
+# Root mean square of the errors of a method that attains the limit of the simple model, where a
+# frame breaks its assumptions: from its bias and its standard deviation in the table of limits.
+SIMPLE: Final = {
+    "x_c_simple_rms_mm": ("x_c_simple_bias_mm", "x_c_simple_sigma_mm"),
+    "force_simple_rms_n": ("force_simple_bias_n", "force_simple_sigma_n"),
+}
 # Methods that use a moment sensor where there is one.
 _WITH_SENSOR: Final = ("exact_fit_3d",)
 
@@ -49,20 +55,24 @@ def check_information(name: str, source: str) -> None:
 
 
 def with_limits(scores: pl.DataFrame, limits: pl.DataFrame | None) -> pl.DataFrame:
-    """Add the information limits of each frame; null where there are none.
+    """Add the information limits of each frame, and SIMPLE; null where there are none.
 
     `limits` has one row per `frame_id` and `information`, see `dataset.derived`. A limit that is
     not a positive number counts as null.
     """
     columns = [quantity.limit for quantity in LIMITED]
     if limits is None:
-        return scores.with_columns(pl.lit(None, pl.Float64).alias(name) for name in columns)
+        return scores.with_columns(pl.lit(None, pl.Float64).alias(n) for n in (*columns, *SIMPLE))
     positive = limits.select(
         "frame_id",
         "information",
         *(
             pl.when(pl.col(name).is_finite() & (pl.col(name) > 0)).then(pl.col(name))
             for name in columns
+        ),
+        *(
+            (pl.col(bias) ** 2 + pl.col(sigma) ** 2).sqrt().alias(name)
+            for name, (bias, sigma) in SIMPLE.items()
         ),
     )
     return scores.join(positive, on=["frame_id", "information"], how="left", validate="m:1")

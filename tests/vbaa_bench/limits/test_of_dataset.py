@@ -12,6 +12,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.limits.of_dataset import limits_of_dataset
 from vbaa_bench.limits.table import SCHEMA
+from vbaa_bench.scoring.columns import LIMITS
 
 
 def test_limits_are_stored_beside_the_truth_and_belong_to_it(
@@ -23,6 +24,7 @@ def test_limits_are_stored_beside_the_truth_and_belong_to_it(
     table = limits_of_dataset(root, tmp_path, variant, 1, lambda *count: done.append(count))
     assert done[-1] == (2, 2)
     assert dict(table.schema) == SCHEMA
+    assert list(SCHEMA) == list(LIMITS)
     frames = open_truth(root / "truth").frames
     sets = {"planar", "image", "push"}
     assert set(table.select("frame_id", "information").iter_rows()) == {

@@ -12,6 +12,7 @@ from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.report.page import CHANGES
 from vbaa_bench.report.report import report
+from vbaa_bench.scoring.columns import LIMITS
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import score
 
@@ -56,7 +57,7 @@ def test_limits_of_another_truth_are_refused(results: Results, tmp_path: Path) -
     true = open_truth(results.dataset.truth).frames
     true.select("frame_id", x_c_mm=pl.col("x_c_mm") + 0.2).write_csv(tmp_path / "mine.csv")
     bounds = true.select("frame_id", information=pl.lit("image"), x_c_limit_mm=pl.lit(0.1))
-    empty = ("s_c_limit_mm", "force_limit_n", "psi_limit_deg", "compliance_limit_mm_per_n")
+    empty = LIMITS.keys() - set(bounds.columns)
     none = (pl.lit(None, pl.Float64).alias(name) for name in empty)
     write_limits(results.dataset, bounds.with_columns(none), {})
     score(results, {"mine": tmp_path / "mine.csv"})

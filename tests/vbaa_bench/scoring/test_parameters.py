@@ -8,11 +8,11 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.vbaa_bench.scoring.worlds import FREE, truth
+from vbaa_bench.scoring.columns import LIMITS
 from vbaa_bench.scoring.efficiency import efficiency
 from vbaa_bench.scoring.information import information_of
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
 from vbaa_bench.scoring.parameters import ALL, parameter_rows
-from vbaa_bench.scoring.scored_quantities import LIMITED
 from vbaa_bench.scoring.summary import summarise, summarise_method
 
 
@@ -22,7 +22,7 @@ def limits(rows: int, information: str, x_c_mm: list[float | None]) -> pl.DataFr
         {
             "frame_id": [f"f{i}" for i in range(rows)],
             "information": information,
-            **{quantity.limit: nothing for quantity in LIMITED},
+            **dict.fromkeys(list(LIMITS)[2:], nothing),
             "x_c_limit_mm": pl.Series(x_c_mm, dtype=pl.Float64),
         }
     )
