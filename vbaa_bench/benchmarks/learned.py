@@ -10,9 +10,12 @@ The pushes of the training dataset are divided into five folds. Five models are 
 without the pushes of one fold, which are then its held-out frames. All five are tried on all frames
 of the other datasets. Thus all errors belong to models that were trained on equally many frames,
 none of which is among those estimated. Needs the extra `learned` (scikit-learn).
+
+The model is also an entrant of the benchmark: it can write predictions files, see docs/entrants.md.
 """
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,7 +25,10 @@ import polars as pl
 
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
+from solver.lab.table import csv_text, row
+from solver.lab.writing import write
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.layout import Results
@@ -45,6 +51,9 @@ REFERENCES: Final = ("exact_fit", "exact_fit_3d")
 HEADS: Final = ("dataset", "estimator", "answered", "x_c, RMSE % of L", "force, RMS of ln")
 LEARNED: Final = "learned"
 CONSTANT: Final = "constant"
+
+# Estimates labels (n, 2) from features (n, blocks).
+Model = Callable[[Floats], Floats]
 
 
 class Frames(NamedTuple):
@@ -80,12 +89,17 @@ class Errors(NamedTuple):
 
 
 def measure(
-    train: Path, others: Sequence[Path], on_fold: Callable[[], None] = lambda: None
+    train: Path,
+    others: Sequence[Path],
+    on_fold: Callable[[], None] = lambda: None,
+    *,
+    with_predictions: bool = False,
 ) -> dict[str, Any]:
     """Train on one dataset, and try the models on its held-out frames and on other datasets.
 
-    `on_fold` is called after each of the FOLDS models is trained. Returns numbers that JSON can
-    hold. Raises InputError, also if scikit-learn is missing.
+    `on_fold` is called after each of the FOLDS models is trained. `with_predictions` also writes a
+    predictions file for each dataset. Returns numbers that JSON can hold. Raises InputError, also
+    if scikit-learn is missing.
     """
     _require_sklearn()
     own, *foreign = (read(root) for root in (train, *others))
@@ -102,6 +116,7 @@ def measure(
         )
     held_out, tried = np.empty_like(own.labels), [list[Floats]() for _ in foreign]
     constant = np.empty_like(own.labels)
+    models = []
     for fold in range(FOLDS):
         rest = _folds(own.pushes) != fold
         model = trained(own.features[rest], own.labels[rest], own.pushes[rest])
@@ -109,7 +124,13 @@ def measure(
         constant[~rest] = own.labels[rest].mean(axis=0)
         for estimates, frames in zip(tried, foreign, strict=True):
             estimates.append(model(frames.features))
+        models.append(model)
         on_fold()
+    if with_predictions:
+        held = dict(zip(own.pushes.tolist(), _folds(own.pushes).tolist(), strict=True))
+        write_predictions(train, models, held)
+        for root in others:
+            write_predictions(root, models, {})
     rows = [_errors(own, LEARNED, held_out), _errors(own, CONSTANT, constant)]
     rows += _references(own)
     for estimates, frames in zip(tried, foreign, strict=True):
@@ -121,6 +142,32 @@ def measure(
         "training_frames": len(own.labels) * (FOLDS - 1) // FOLDS,
         "rows": [row._asdict() for row in rows],
     }
+
+
+def write_predictions(root: Path, models: Sequence[Model], folds: Mapping[str, int]) -> Path:
+    """Write the estimates of all frames of a dataset to its predictions/learned.csv.
+
+    `folds` are the numbers of the models that were trained without these pushes; frames of other
+    pushes get the mean of all models. Nothing of the truth is read. Returns the path. Raises
+    InputError.
+    """
+    observations = open_observations(Layout(root).observations)
+    rows = []
+    for frame in observations:
+        image, start = frame.image(), time.perf_counter()
+        described = features(image)[None]
+        fold = folds.get(frame.push_id)
+        chosen = models if fold is None else [models[fold]]
+        place, ln_force = np.mean([model(described)[0] for model in chosen], axis=0)
+        values = {
+            "x_c_m": float(place) * observations.rig.beam.length,
+            "force_n": float(np.exp(ln_force)),
+        }
+        milliseconds = 1e3 * (time.perf_counter() - start)
+        rows.append(row(frame.frame_id, Estimate(Outcome.CONTACT, values=values), milliseconds))
+    path = Results(root).predictions / f"{LEARNED}.csv"
+    write(path, csv_text(rows).encode())
+    return path
 
 
 def read(root: Path) -> Frames:
@@ -169,7 +216,7 @@ def features(image: Grey) -> Floats:
     return np.ravel(blocks / sums)
 
 
-def trained(inputs: Floats, labels: Floats, pushes: np.ndarray) -> Callable[[Floats], Floats]:
+def trained(inputs: Floats, labels: Floats, pushes: np.ndarray) -> Model:
     """Train a model on features (n, blocks) and labels (n, 2); return its estimation of labels.
 
     The number of principal components, the width of the kernel and the ridge are chosen by

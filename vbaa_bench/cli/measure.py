@@ -103,8 +103,13 @@ def stress(
 
 def learned(
     train: DatasetPath,
-    others: Annotated[list[Path], typer.Argument(help="folders of other datasets")],
+    others: Annotated[
+        list[Path] | None, typer.Argument(help="folders of other datasets", show_default="none")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
+    predictions: Annotated[
+        bool, typer.Option("--predictions", help="also write predictions/learned.csv, to be scored")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Train a regressor on one dataset; measure its errors there and on other datasets.
@@ -120,7 +125,9 @@ def learned(
         prepare_output_path(out)
     with progress_bars() as progress:
         task = progress.add_task("training", total=regressor.FOLDS)
-        record = regressor.measure(train, others, lambda: progress.advance(task))
+        record = regressor.measure(
+            train, others or (), lambda: progress.advance(task), with_predictions=predictions
+        )
     if out:
         write(out, regressor.markdown(record).encode())
     if as_json:

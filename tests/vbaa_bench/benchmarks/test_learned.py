@@ -6,7 +6,9 @@ import pytest
 
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
+from solver.instrument.observation import open_observations
 from vbaa_bench.benchmarks import learned
+from vbaa_bench.scoring.metrics import read_predictions
 
 
 def beam(contact: float, deflection: float, ground: float = 20.0, peak: float = 150.0) -> Grey:
@@ -61,6 +63,21 @@ def test_labels_are_those_of_the_truth(dataset: Path) -> None:
     assert sorted(np.round(frames.labels[:, 0], 1)) == [0.4, 0.4, 0.8, 0.8]
     assert frames.image_px == (512, 176)
     assert frames.estimates == {}
+
+
+def test_a_model_is_an_entrant(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "observations").symlink_to(dataset / "observations")
+    frames = list(open_observations(dataset / "observations"))
+    models = [lambda tried, x=x: np.tile([x, np.log(0.2)], (len(tried), 1)) for x in (0.4, 0.6)]
+    path = learned.write_predictions(tmp_path, models, {frames[0].push_id: 1})
+    table = read_predictions(path)
+    x_c = dict(table.select("frame_id", "x_c_mm").iter_rows())
+    assert set(x_c) == {frame.frame_id for frame in frames}
+    for frame in frames:  # a held-out push, and the mean of all models
+        expected = 0.6 if frame.push_id == frames[0].push_id else 0.5
+        assert x_c[frame.frame_id] == pytest.approx(240 * expected)
+    assert table["force_n"].to_numpy() == pytest.approx(0.2)
+    assert (table["image_ms"].to_numpy() > 0).all()
 
 
 def test_an_absent_library_is_one_sentence(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
