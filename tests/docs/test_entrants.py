@@ -1,0 +1,81 @@
+"""The page for entrants and its example say what the code does."""
+
+import importlib.util
+import io
+import re
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import polars as pl
+import pytest
+
+from solver.instrument.estimate import Outcome
+from tests.simulated import columns, measurement, pushed_points
+from vbaa_bench.scoring.information import SETS
+from vbaa_bench.scoring.metrics import checked_predictions
+from vbaa_bench.scoring.plausible import unknown_columns
+from vbaa_bench.scoring.scored_quantities import NUMBERS
+
+# Error of a point [m]: a third of that on the paper's rig, so that the models' own errors show.
+SIGMA = 1e-6
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "entrants.md").read_text(encoding="utf-8")
+
+
+def test_the_example_of_a_predictions_file_is_read() -> None:
+    (text,) = re.findall(r"```csv\n(.*?)```", PAGE, re.DOTALL)
+    raw = pl.read_csv(io.StringIO(text), infer_schema=False)
+    table = checked_predictions(raw, "the page")
+    assert list(unknown_columns(raw.columns, "the page")) == []
+    assert table["outcome"].to_list() == ["contact", "no contact", "not identifiable"]
+    assert table["x_c_sigma_mm"].to_list() == [0.05, None, None]
+
+
+def test_the_columns_outcomes_and_information_sets_of_the_page_exist() -> None:
+    rows = re.findall(r"^\| (`.*?) \|", PAGE.partition("**Outcomes.**")[0], re.MULTILINE)
+    names = [name for row in rows for name in re.findall(r"`([^`<>]+)`", row)]
+    assert len(names) > 10
+    texts = {"frame_id", "outcome", "message", "information"}
+    assert set(names) <= {*NUMBERS, *texts}
+    outcomes = PAGE.partition("**Outcomes.**")[2].partition("**Failures**")[0]
+    assert set(re.findall(r'"([^"]+)"', outcomes)) == {str(outcome) for outcome in Outcome}
+    information = PAGE.partition("**Information.**")[2].partition("A column states")[0]
+    assert set(re.findall(r'"([^"]+)"', information)) == set(SETS)
+
+
+def _entrant(name: str) -> ModuleType:
+    path = DOCS / "entrants" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+ENTRANTS = [_entrant("spline_curvature"), _entrant("consistent_sections")]
+
+
+# Errors of a linear theory in the force would be 10 % at the larger deflection.
+@pytest.mark.parametrize("contact", [0.08, 0.12, 0.18])
+@pytest.mark.parametrize("deflection", [0.1, 0.2])
+@pytest.mark.parametrize("entrant", ENTRANTS)
+def test_contact_and_force_of_a_pushed_beam(
+    entrant: ModuleType, contact: float, deflection: float
+) -> None:
+    points, x_c, force = pushed_points(contact, deflection)
+    points[:, 1] += np.random.default_rng(1).normal(0, SIGMA, len(points))
+    estimate = entrant.estimate(measurement(points, SIGMA))
+    assert estimate.x_c_mm == pytest.approx(1e3 * x_c, abs=0.01 * 240)
+    assert estimate.force_n == pytest.approx(force, rel=0.05)
+
+
+@pytest.mark.parametrize("entrant", ENTRANTS)
+def test_a_straight_beam_has_no_contact(entrant: ModuleType) -> None:
+    rest = np.column_stack([np.zeros(500), np.linspace(0, 0.24, 500), np.zeros((500, 2))])
+    points = columns(rest)
+    points[:, 1] += np.random.default_rng(2).normal(0, SIGMA, len(points))
+    assert entrant.estimate(measurement(points, SIGMA)).outcome is Outcome.NO_CONTACT
+    few = measurement(points[:10], SIGMA)
+    assert entrant.estimate(few).outcome is Outcome.NOT_IDENTIFIABLE
