@@ -54,9 +54,6 @@ def compare(
     with console.status("comparing"):
         comparison = compare_runs(pairs_of(run, baseline))
     worse, better = comparison.worse, comparison.better
-    sentence = (
-        f"{len(comparison.changes)} results compared: {len(worse)} worse, {len(better)} better"
-    )
     if as_json:
         record = {
             "worse": len(worse),
@@ -71,7 +68,7 @@ def compare(
             show_table("changes", _HEADS, map(_cells, shown))
         for note in comparison.notes:
             print_line(note)
-        print_result({}, sentence, False)
+        print_result({}, comparison.sentence, False)
     if worse:
         raise typer.Exit(1)
 

@@ -98,9 +98,15 @@ def score(dataset: DatasetPath, predictions: Predictions = None, as_json: AsJson
     show_scores(summary, summary, as_json)
 
 
-def report(dataset: DatasetPath, as_json: AsJson = False) -> None:
+def report(
+    dataset: DatasetPath,
+    baseline: Annotated[
+        Path | None, typer.Option(help="baseline file; the report shows what changed since")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Write the HTML report of a scored dataset."""
-    page = _report(dataset)
+    page = _report(dataset, baseline)
     print_result({"report": str(page)}, str(page), as_json)
 
 
@@ -170,13 +176,15 @@ def _solve(
         )
 
 
-def _report(root: Path) -> Path:
+def _report(root: Path, baseline: Path | None = None) -> Path:
     with importing():
         from vbaa_bench.dataset.collection import is_collection
         from vbaa_bench.report.collection import collection_report
         from vbaa_bench.report.report import report as write_report
 
-    return collection_report(root) if is_collection(root) else write_report(Results(root))
+    if is_collection(root):
+        return collection_report(root, baseline)
+    return write_report(Results(root), baseline)
 
 
 def _warn(summary: Mapping[str, Any]) -> None:

@@ -33,6 +33,26 @@ class Baseline(NamedTuple):
     history: list[dict[str, Any]]
 
 
+class Revised(NamedTuple):
+    """Typical value of a method before and after a new version of a baseline; None if it had none.
+
+    `quantity` is the label of the quantity, `unit` that of both values.
+    """
+
+    method: str
+    quantity: str
+    unit: str
+    old: float | None
+    new: float | None
+
+
+class Version(NamedTuple):
+    """Version of a baseline: why it was written, and the values that differ from those before."""
+
+    why: str
+    revised: list[Revised]
+
+
 def write_baseline(run: ScoredRun, path: Path, why: str | None = None) -> None:
     """Write a run as a baseline; `why` states why an existing one is replaced.
 
@@ -104,37 +124,26 @@ def check_same_scene(old: ScoredRun, new: ScoredRun, path: Path) -> None:
         )
 
 
-def history(folder: Path) -> list[dict[str, Any]]:
-    """List how the baselines in a folder have changed, oldest first, one record per value.
-
-    A record has `baseline`, the name of its file; `version`, from 0; `why`; `method`; `quantity`;
-    `unit`; and `old` and `new`, the typical values before and after, of which one may be None.
-    Values that did not change are left out. Raises InputError for a file that is no baseline.
-    """
-    labels = {quantity.column: quantity for quantity in COMPARED}
-    records = []
-    for path in sorted(folder.glob("*.json")):
-        before: dict[str, dict[str, float]] = {}
-        for version, entry in enumerate(read_baseline(path).history):
-            after: dict[str, dict[str, float]] = entry["typical"]
-            for method in [*after, *(before.keys() - after.keys())]:
-                old, new = before.get(method, {}), after.get(method, {})
-                records += [
-                    {
-                        "baseline": path.stem,
-                        "version": version,
-                        "why": entry["why"],
-                        "method": method,
-                        "quantity": labels[column].label,
-                        "unit": labels[column].unit,
-                        "old": old.get(column),
-                        "new": new.get(column),
-                    }
-                    for column in labels
-                    if old.get(column) != new.get(column)
-                ]
-            before = after
-    return records
+def versions(baseline: Baseline) -> list[Version]:
+    """List the versions of a baseline, oldest first, each with the values that it changed."""
+    listed = []
+    before: dict[str, dict[str, float]] = {}
+    for entry in baseline.history:
+        after: dict[str, dict[str, float]] = entry["typical"]
+        revised = [
+            Revised(
+                method,
+                quantity.label,
+                quantity.unit,
+                before.get(method, {}).get(quantity.column),
+                after.get(method, {}).get(quantity.column),
+            )
+            for method in [*after, *(before.keys() - after.keys())]
+            for quantity in COMPARED
+        ]
+        listed.append(Version(entry["why"], [one for one in revised if one.old != one.new]))
+        before = after
+    return listed
 
 
 _SCHEMA: Final = {

@@ -73,6 +73,12 @@ class Comparison:
         """The changes for the better."""
         return [change for change in self.changes if change.verdict == "better"]
 
+    @property
+    def sentence(self) -> str:
+        """The number of results that were compared, and of those that changed."""
+        worse, better = len(self.worse), len(self.better)
+        return f"{len(self.changes)} results compared: {worse} worse, {better} better"
+
     def records(self) -> list[dict[str, Any]]:
         """Convert the changes to records of plain values, for JSON and tables."""
         return [asdict(change) for change in self.changes]

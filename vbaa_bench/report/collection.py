@@ -1,6 +1,5 @@
 """Write the report of a scored collection: all rigs together, and the factors that matter."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -15,6 +14,7 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report import gallery
 from vbaa_bench.report.budget import read_budget
+from vbaa_bench.report.changes import changes_since
 from vbaa_bench.report.figures import speed_png, write_all
 from vbaa_bench.report.page import Contents, page
 from vbaa_bench.report.views import by_error
@@ -27,10 +27,10 @@ _FACTORS: Final = 6
 _TILES: Final = 24
 
 
-def collection_report(root: Path, changes: Sequence[Mapping[str, Any]] = ()) -> Path:
+def collection_report(root: Path, baseline: Path | None = None) -> Path:
     """Write the report of a scored collection; return the path of the page.
 
-    `changes` are records of a comparison with a baseline, as for a dataset. Raises InputError.
+    With a baseline file, the page shows what changed. Raises InputError.
     """
     results, layout = Results(root), CollectionLayout(root)
     if not (results.scores / "summary.json").is_file():
@@ -54,7 +54,7 @@ def collection_report(root: Path, changes: Sequence[Mapping[str, Any]] = ()) -> 
             environment={**summary["machine"], **summary["versions"]},
             unmeasured="The centreline is measured in the reports of single rigs only",
             budget=read_budget(results.dataset.derived / "budget.json"),
-            changes=changes,
+            changes=changes_since(baseline, root) if baseline else None,
             factors={name: _worst_factors(factors, name) for name in methods},
             rigs=rigs.tiles(),
         )

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from typing import Any, Final
+from typing import Any
 
 import jinja2
 import polars as pl
@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from vbaa_bench.report import numbers, palette
 from vbaa_bench.report.budget import Share
+from vbaa_bench.report.changes import Changes
 from vbaa_bench.report.drawing import key
 from vbaa_bench.report.heat_map import with_bins
 from vbaa_bench.report.residuals import MAX_DOTS, figures, panels
@@ -20,18 +21,6 @@ from vbaa_bench.report.views import by_error, views
 from vbaa_bench.report.worst import Row, worst_frames
 from vbaa_bench.scoring.overlay import Overlay
 
-# Columns of the table "what changed", in the records of a comparison with a baseline.
-CHANGES: Final = (
-    "scene",
-    "method",
-    "stratum",
-    "quantity",
-    "old",
-    "new",
-    "verdict",
-    "smallest_detectable",
-)
-
 
 @dataclass(frozen=True)
 class Contents:
@@ -39,8 +28,8 @@ class Contents:
 
     `facts` are sentences on the data.
     `unmeasured` is the reason why frames have no measured centreline, "" if they have. `changes`
-    are records with the keys CHANGES. `factors` and `rigs` are of collections only: groups of
-    factors by method, and pictures of rigs with captions.
+    is a comparison with a baseline. `factors` and `rigs` are of collections only: groups of factors
+    by method, and pictures of rigs with captions.
     """
 
     title: str
@@ -50,7 +39,7 @@ class Contents:
     environment: Mapping[str, Any]
     unmeasured: str = ""
     budget: Mapping[str, Sequence[Share]] = field(default_factory=dict)
-    changes: Sequence[Mapping[str, Any]] = ()
+    changes: Changes | None = None
     factors: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
     rigs: Sequence[Mapping[str, str]] = ()
 
@@ -83,7 +72,6 @@ def page(contents: Contents) -> Page:
         styles=styles,
         classes=classes,
         palette=palette,
-        changes=CHANGES,
         limited=bool(bins.relative),
     )
     return Page(html, shown[0].wide)

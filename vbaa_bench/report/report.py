@@ -1,9 +1,7 @@
 """Write the report of a scored dataset: report.html, and the figures of the README."""
 
-from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 
@@ -11,6 +9,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.report.budget import read_budget
+from vbaa_bench.report.changes import changes_since
 from vbaa_bench.report.figures import overlay_png, speed_png, write_all
 from vbaa_bench.report.gallery import colours_of
 from vbaa_bench.report.page import Contents, page
@@ -20,12 +19,11 @@ from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
 from vbaa_bench.scoring.score import read_scores
 
 
-def report(results: Results, changes: Sequence[Mapping[str, Any]] = ()) -> Path:
+def report(results: Results, baseline: Path | None = None) -> Path:
     """Write the report of a scored dataset; return the path of the page.
 
-    `changes` are records of a comparison with a baseline, with the keys `page.CHANGES`. The
-    information limits are shown if the scores hold them, and the error budget if it was computed.
-    Raises InputError.
+    With a baseline file, the page shows what changed. The information limits are shown if the
+    scores hold them, and the error budget if it was computed. Raises InputError.
     """
     truth = open_truth(results.dataset.truth)
     if not (results.scores / "summary.json").is_file():
@@ -47,7 +45,7 @@ def report(results: Results, changes: Sequence[Mapping[str, Any]] = ()) -> Path:
             unmeasured=reason
             and f"The solver cannot be set up, so the centreline is not measured ({reason})",
             budget=read_budget(results.dataset.derived / "budget.json"),
-            changes=changes,
+            changes=changes_since(baseline, results.root) if baseline else None,
         )
     )
     methods = by_error(scores)

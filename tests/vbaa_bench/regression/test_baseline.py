@@ -9,7 +9,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.vbaa_bench.regression.runs import METHODS, Drawn, changed
-from vbaa_bench.regression.baseline import history, read_baseline, write_baseline
+from vbaa_bench.regression.baseline import read_baseline, versions, write_baseline
 from vbaa_bench.regression.cells import PairedScene
 from vbaa_bench.regression.comparison import table
 from vbaa_bench.regression.pairing import pair
@@ -39,19 +39,17 @@ def test_a_baseline_is_replaced_only_with_a_reason_and_remembers_it(tmp_path: Pa
         with pytest.raises(InputError, match="state with --why"):
             write_baseline(better, path, why)
     write_baseline(better, path, "a better start of the fit")
-    records = history(tmp_path)
-    first = [record for record in records if record["version"] == 0]
-    assert {record["why"] for record in first} == {"first baseline"}
-    assert all(record["old"] is None for record in first)
-    assert {record["method"] for record in first} == set(METHODS)
-    (change,) = (record for record in records if record["version"] == 1)
-    assert change["why"] == "a better start of the fit"
-    assert (change["baseline"], change["method"]) == ("drawn", "first")
-    assert (change["quantity"], change["unit"]) == ("force error", "%")
-    assert change["new"] == pytest.approx(change["old"] / 2, rel=0.01)
     write_baseline(replace(run, frames=run.frames.filter(method="first")), path, "one is gone")
-    gone = [record for record in history(tmp_path) if record["version"] == 2]
-    assert all(record["new"] is None for record in gone if record["method"] == "second")
+    first, second, third = versions(read_baseline(path))
+    assert first.why == "first baseline"
+    assert all(value.old is None for value in first.revised)
+    assert {value.method for value in first.revised} == set(METHODS)
+    assert second.why == "a better start of the fit"
+    (value,) = second.revised
+    assert (value.method, value.quantity, value.unit) == ("first", "force error", "%")
+    assert value.old is not None
+    assert value.new == pytest.approx(value.old / 2, rel=0.01)
+    assert all(value.new is None for value in third.revised if value.method == "second")
 
 
 def test_another_scene_is_refused_by_its_key(tmp_path: Path) -> None:

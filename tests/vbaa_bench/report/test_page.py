@@ -5,12 +5,19 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
+from tests.vbaa_bench.regression.runs import Drawn, changed
 from tests.vbaa_bench.report.synthetic import METHODS, contents, limited, scores
+from vbaa_bench.regression.baseline import read_baseline, versions, write_baseline
+from vbaa_bench.regression.cells import PairedScene
+from vbaa_bench.regression.comparison import table
+from vbaa_bench.regression.pairing import pair
 from vbaa_bench.report.budget import read_budget
-from vbaa_bench.report.page import CHANGES, page
+from vbaa_bench.report.changes import changes_of
+from vbaa_bench.report.page import page
 from vbaa_bench.report.residuals import MAX_DOTS
 
 VOID = {"meta", "link", "br", "img", "input"}
@@ -108,16 +115,42 @@ def test_optional_parts_are_shown_where_there_are_data(html: str, tmp_path: Path
     cause = {"bias_pct_L": 0.01, "rmse_pct_L": 0.02, "low": 0.01, "high": 0.03}
     file = tmp_path / "budget.json"
     file.write_text(json.dumps({"exact_fit": {"calibration": cause, "noise": cause}}))
-    record = dict.fromkeys(CHANGES, "same") | {"old": 0.5, "new": 0.25}
     table = scores(60, ("exact_fit", "mine"))
-    full = page(contents(table, budget=read_budget(file), changes=[record])).html
+    full = page(contents(table, budget=read_budget(file))).html
     read(full)
-    assert "<td>0.25</td>" in full
     assert full.count('class="share" style="width: 100.0%"') == 2
     assert read_budget(tmp_path / "none.json") == {}
     file.write_text(json.dumps({"exact_fit": {"noise": {"low": 1}}}))
     with pytest.raises(InputError, match=r"exact_fit, noise is .* allowed are numbers for bias"):
         read_budget(file)
+
+
+def test_what_changed_since_a_baseline_is_shown_with_its_history(tmp_path: Path) -> None:
+    run, path = Drawn(0).run(), tmp_path / "drawn.json"
+    write_baseline(changed(run, "force_error_pct", 2.0, pl.col("method") == "first"), path)
+    write_baseline(run, path, "the fit starts <nearer>")
+    now = changed(run, "x_c_error_pct_L", 1.1, pl.col("method") == "second")
+    kept = read_baseline(path)
+    paired = PairedScene("drawn", pair(kept.run, now, path), True, True, False)
+    comparison = table({"drawn": paired}, ["drawn: 3 of 270 frames have no partner"])
+    assert comparison.worse
+    changes = changes_of("drawn", comparison, versions(kept))
+    html = page(contents(scores(60, ("exact_fit", "mine")), changes=changes)).html
+    read(html)
+    section = html.partition('<section id="changes">')[2].partition("</section>")[0]
+    assert f"compared: {len(comparison.worse)} worse, 0 better. drawn: 3 of 270" in section
+    short_table, _, rest = section.partition("<details>")
+    assert re.findall(r'<th scope="row">(\w+)</th>', short_table) == (
+        ["second"] * len(comparison.worse)
+    )
+    assert short_table.count(">worse<") == len(comparison.worse)
+    everything, history = rest.split("History of the baseline")
+    assert everything.count("<tr><th") == 1 + len(comparison.changes)
+    assert "Version 2: the fit starts &lt;nearer&gt;" in history
+    last = history.partition("Version 2")[2]
+    assert re.findall(r'<th scope="row">(.*?)</th><td class="words">(.*?)</td>', last) == [
+        ("first", "force error, %")
+    ]
 
 
 def test_without_limits_errors_are_in_per_cent(html: str) -> None:

@@ -10,7 +10,8 @@ from solver.instrument.errors import DamageError, InputError
 from tests.sealing import reseal
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.report.page import CHANGES
+from vbaa_bench.regression.baseline import write_baseline
+from vbaa_bench.regression.scored_run import read_run
 from vbaa_bench.report.report import report
 from vbaa_bench.scoring.columns import LIMITS
 from vbaa_bench.scoring.layout import Results
@@ -43,9 +44,12 @@ def test_psi_and_stated_errors_are_shown_where_a_method_answers_them(
     assert "states no uncertainty" in page
     assert "Not in the chart: plain (median error 0.042 % of L, no time was measured)" in page
     score(results, {name: tmp_path / f"{name}.csv" for name in ("plain", "more")})
-    page = report(results, [dict.fromkeys(CHANGES, "unchanged")]).read_text(encoding="utf-8")
-    for present in ("points of the profile fit", "psi RMSE", "coverage of psi", "What changed"):
+    page = report(results).read_text(encoding="utf-8")
+    for present in ("points of the profile fit", "psi RMSE", "coverage of psi"):
         assert present in page
+    write_baseline(read_run(results.root), tmp_path / "first.json")
+    with pytest.raises(InputError, match="every set of paired frames has fewer than nine pushes"):
+        report(results, tmp_path / "first.json")
     assert "error of x_c +0.042 % of L (+0.1 mm, 0.5 stated sigmas)" in page
     table = results.scores / "scores.parquet"
     pl.read_parquet(table).drop("consistent").write_parquet(table)
