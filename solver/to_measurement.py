@@ -14,16 +14,10 @@ from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.measurement import Measurement, Tip, View
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
+from solver.shading import shading_of
 
 # Number of last points before the tip, which give the direction of the beam's straight end.
 TIP_POINTS = 30
-# Where the light comes from along the beam, at a tangent of 1 to the camera's direction, the middle
-# of the shading moves by this many radii per radian by which the beam turns. Derived, for a matt
-# cylinder: the brightness sqrt(1 - x^2) + t x has its middle at t (2/3) / (pi/2).
-SHADING = 4 / (3 * math.pi)
-# Its relative sigma. Measured: matt, glossy and bare beams lit from the side moved by 1.0 to 1.6
-# times as much.
-SHADING_SIGMA = 0.3
 
 
 def to_measurement(
@@ -49,11 +43,9 @@ def to_measurement(
     if course is not None:
         normals = course.normals
         across = np.maximum(np.abs((sigmas * normals).sum(axis=1)), 1e-15)
-        # The shading's middle moves away from the light's side as the beam turns.
-        shift = SHADING * antenna.at_rest.shading * rig.beam.radius * course.turn
-        points = points + (rig.light_slope * shift - course.bow)[:, None] * normals
-        slope_sigma = math.hypot(rig.light_slope_sigma, SHADING_SIGMA * rig.light_slope)
-        errors = np.column_stack([course.bow_errors, slope_sigma * shift])
+        shading = shading_of(antenna, points, course.turn)
+        points = points - (shading.shift + course.bow)[:, None] * normals
+        errors = np.column_stack([course.bow_errors, shading.errors])
         shared = errors / across[:, None]
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
     bow_error = _bow_error(points, rest)

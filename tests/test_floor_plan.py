@@ -31,6 +31,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"lab"},
         {"tracker"},
         {"to_measurement", "set_up"},
+        {"shading"},
         {"antenna", "first_start"},
         {"at_rest"},
         {"calibrate", "centreline", "methods"},

@@ -33,6 +33,8 @@ BITS = (8, 16)
 # Slope of the light where rig.json does not state it. Chosen: lamps within 17 degrees.
 ANY_LIGHT = 0.3
 MAX_LIGHT_SLOPE = 10.0  # light that grazes the beam at six degrees
+# Chosen as SIZES_MM, a million beams away at most.
+LIGHT_DISTANCES_MM = (1e-6, 1e12)
 MAX_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
 
 
@@ -76,7 +78,9 @@ class Rig:
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
     is the distance of the tip at rest below plane C due to the beam's weight. `light_slope`
     is the tangent of the angle, along the beam, between the directions from it to the light and to
-    the camera, positive where the light comes from the tip's side: 0 for a ring about the lens.
+    the camera, at the beam's middle, positive where the light comes from the tip's side: 0 for a
+    ring about the lens. `light_distance` [m] is the distance of a small lamp from plane C whose
+    direction changes as much along the beam; None if the light is as far away as the camera.
     `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
     colour image.
@@ -96,6 +100,7 @@ class Rig:
     sag: float = 0.0
     light_slope: float = 0.0
     light_slope_sigma: float = ANY_LIGHT
+    light_distance: float | None = None
     bits: int | None = None
     channel: str = "gray"
 
@@ -146,6 +151,8 @@ def rig_to_json(rig: Rig) -> str:
         document["camera"]["channel"] = rig.channel
     if (rig.light_slope, rig.light_slope_sigma) != (0.0, ANY_LIGHT):
         document["light"] = {"slope": rig.light_slope, "slope_sigma": rig.light_slope_sigma}
+    if rig.light_distance is not None:
+        document.setdefault("light", {})["distance_mm"] = rig.light_distance / mm
     if rig.sag:
         document["beam"]["sag_mm"] = rig.sag / mm
     if rig.known_psi is not None:
@@ -236,6 +243,9 @@ def read_rig(path: Path) -> Rig:
         light_slope_sigma=key.number("light.slope_sigma", 0, MAX_LIGHT_SLOPE)
         if key.has("light.slope_sigma")
         else ANY_LIGHT,
+        light_distance=key.number("light.distance_mm", *LIGHT_DISTANCES_MM) * mm
+        if key.has("light.distance_mm")
+        else None,
         sensors=_sensors(key),
         distortion_coefficients=_distortion_coefficients(key, telecentric),
         bits=key.count("camera.bits", *BITS) if key.has("camera.bits") else None,

@@ -16,7 +16,8 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import invert
-from solver.to_measurement import SHADING, SHADING_SIGMA, to_measurement
+from solver.shading import SHADING, SHADING_SIGMA
+from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
 from tests.laboratory import CALIBRATION, GUIDE, antenna, rig
@@ -116,10 +117,36 @@ def test_shading_that_turns_with_the_beam_is_taken_off(slope: float) -> None:
     # A sixth of the sigma that is stated for it.
     assert np.abs(distances(measured.points, straight[::8])).max() < 0.05 * np.abs(shift).max()
     # One sigma of the slope: that of the rig, and that of the shading itself.
-    sigma = np.abs(measured.view.shared_errors[:, -1] * np.abs(measured.sigma_vectors[:, 1]))
+    sigma = np.hypot(*measured.view.shared_errors[:, -2:].T) * np.abs(measured.sigma_vectors[:, 1])
     # A column crosses the beam obliquely: an error along it is larger than one along the normal.
     expected = np.hypot(0.2, SHADING_SIGMA) * np.abs(shift).max() / np.cos(turn[-1])
     assert sigma.max() == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("distance", [0.1, 0.3])
+def test_shading_that_moves_with_the_beam_below_a_lamp_is_taken_off(distance: float) -> None:
+    """Below a lamp over the beam's middle, the parts on either side are lit from there."""
+    lab = bowed(np.zeros(3))
+    radius = 2e-3
+    beam = replace(lab.rig.beam, diameter=2 * radius)
+    rig_below = replace(lab.rig, beam=beam, light_slope_sigma=0.0, light_distance=distance)
+    lab = replace(lab, rig=rig_below)
+    straight = bent(0.4, 0.7)
+    tangent = np.gradient(straight, axis=0)
+    tangent /= np.hypot(*tangent.T)[:, None]
+    normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
+    # Tangents to the lamp; the telecentric camera sees every part from above.
+    towards = (np.array([LENGTH / 2, 0.0]) - straight) / distance
+    shift = SHADING * radius * (towards * normal).sum(axis=1)
+    shown = GUIDE.pixels(straight + shift[:, None] * normal)
+    columns = np.arange(np.ceil(shown[0, 0]), shown[-1, 0])
+    rows = np.interp(columns, shown[:, 0], shown[:, 1])
+    line = down_columns(np.column_stack([columns, rows]), np.full(len(rows), 0.01))
+    measured = to_measurement(lab, line)
+    assert np.abs(shift).max() > 2e-5
+    assert np.abs(distances(measured.points, straight[::8])).max() < 0.05 * np.abs(shift).max()
+    sigma = np.abs(measured.view.shared_errors[:, -1] * measured.sigma_vectors[:, 1])
+    assert sigma.max() == pytest.approx(SHADING_SIGMA * np.abs(shift).max(), rel=0.2)
 
 
 @cache

@@ -164,6 +164,9 @@ RIG: Final = {
         "tangent, along the beam, between the directions to the light and to the camera", SIGMA_A
     ),
     "light.slope_sigma": Column(f"{_SIGMA} of this tangent", SIGMA_A),
+    "light.distance_mm": Column(
+        "distance from plane C of a small lamp whose direction changes as much along the beam"
+    ),
     "camera.projection": Column("perspective or telecentric"),
     "camera.mount": Column("antenna: turns with the motor; world: fixed"),
     "camera.distortion_coefficients": Column("number of distortion coefficients: 0, 5 or 8"),

@@ -1,64 +1,114 @@
 """Direction of the light along the beam, as a laboratory knows it from where its lamps stand."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE
-from vbaa_bench.scene.lighting import BackSpec, EnvironmentSpec, LampSpec, RingSpec, SideSpec
+from vbaa_bench.scene.lighting import (
+    AreaSpec,
+    BackSpec,
+    EnvironmentSpec,
+    LampSpec,
+    RingSpec,
+    SideSpec,
+)
 from vbaa_bench.scene.schema import Scene
 
 # Light from all around has windows and lamps anywhere. Chosen: a source at 27 degrees.
-ENVIRONMENT_SIGMA = 0.5
-# Places along the beam at which directions are compared, over its length.
-PLACES = np.array([0.0, 0.5, 1.0])
+ENVIRONMENT_SIGMA: Final = 0.5
+# Sigma of the tangent to a lamp. Chosen: its place is measured to 1 cm at a distance of 0.35 m.
+PLACE_SIGMA: Final = 0.03
+# Shift of a cylinder's shading in even light from the half-space above it, over that in light from
+# one direction. Derived, as SHADING in the solver: brightness (1 + sqrt(1 - x^2)) / 2 + t x / 2.
+EVEN: Final = (math.pi / 4) / (1 + math.pi / 4)
+# Largest distance of the light, in lengths of the beam. Chosen: changes of direction along the beam
+# are then a millionth.
+_FAR: Final = 1e6
 
 
-class LightSlope(NamedTuple):
-    """Tangent, along the beam, between directions to the light and to the camera.
+class LightDirection(NamedTuple):
+    """Direction of the light at the middle of the beam, and its distance.
 
-    `mean` is over the beam and over the lamps, by their irradiance; `sigma` is its spread.
+    `slope` is the tangent, along the beam, between the directions to the light and to the camera,
+    the mean over the lamps by their irradiance; `sigma` is its standard deviation. `distance_mm` is
+    the distance across plane C of a small lamp whose direction changes as much along the beam.
     """
 
-    mean: float
+    slope: float
     sigma: float
+    distance_mm: float
 
 
-def light_slope(scene: Scene) -> LightSlope:
-    """Compute the light's slope from the places of the lamps."""
-    lamps = [(lamp.irradiance, _slopes(scene, lamp)) for lamp in scene.lights]
+class _Lamp(NamedTuple):
+    """Light of one lamp: irradiance, tangent relative to the camera's, its sigma and gradient.
+
+    The gradient [1/mm] is the tangent's change along the beam.
+    """
+
+    irradiance: float
+    slope: float
+    sigma: float
+    gradient: float
+
+
+def light_direction(scene: Scene) -> LightDirection:
+    """Compute the light's direction from the places and sizes of the lamps."""
+    camera, middle = np.array(scene.camera.position_mm), scene.beam.length_mm / 2
+    is_pinhole = scene.camera.projection != "telecentric"
+    axis = camera - scene.camera.look_at_mm
+    to_camera = (camera[0] - middle) / camera[2] if is_pinhole else axis[0] / axis[2]
+    convergence = 1 / camera[2] if is_pinhole else 0.0  # of the rays to the camera
+    lamps = [_lamp(scene, lamp, to_camera, convergence) for lamp in scene.lights]
     if not lamps:
-        soft_lamp = np.array([*scene.camera.position_mm[:2], scene.light.height_mm])
-        lamps = [(1.0, _slopes_to(scene, soft_lamp))]
-    power = sum(irradiance for irradiance, _ in lamps)
-    mean = sum(irradiance * slopes.mean() for irradiance, slopes in lamps) / power
-    square = sum(irradiance * (slopes**2).mean() for irradiance, slopes in lamps) / power
-    return LightSlope(float(mean), math.sqrt(max(square - mean**2, 0.0)))
+        soft_lamp = np.array([*camera[:2], scene.light.height_mm])
+        lamps = [_panel(scene, soft_lamp, scene.light.side_mm**2, 1.0, to_camera, convergence)]
+    if scene.ambient is not None:  # its mean direction is straight down
+        even = _Lamp(scene.ambient.irradiance, -EVEN * to_camera, PLACE_SIGMA, EVEN * convergence)
+        lamps.append(even)
+    power = sum(lamp.irradiance for lamp in lamps)
+    slope = sum(lamp.irradiance * lamp.slope for lamp in lamps) / power
+    gradient = sum(lamp.irradiance * lamp.gradient for lamp in lamps) / power
+    variance = sum(lamp.irradiance * (lamp.sigma**2 + (lamp.slope - slope) ** 2) for lamp in lamps)
+    farthest = _FAR * scene.beam.length_mm
+    distance = 1 / max(convergence - gradient, 1 / farthest)
+    return LightDirection(float(slope), math.sqrt(variance / power), float(distance))
 
 
-def _slopes(scene: Scene, lamp: LampSpec) -> Floats:
-    """Compute slopes of one lamp, whose mean and spread are its own."""
+def _lamp(scene: Scene, lamp: LampSpec, to_camera: float, convergence: float) -> _Lamp:
     if isinstance(lamp, RingSpec | BackSpec):
         # A ring is about the lens; before a panel the beam is a shadow, which has no shading.
-        return np.zeros(1)
+        return _Lamp(lamp.irradiance, 0.0, 0.0, 0.0)
     if isinstance(lamp, EnvironmentSpec):
-        return ENVIRONMENT_SIGMA * np.array([-1.0, 1.0])
+        return _Lamp(lamp.irradiance, 0.0, ENVIRONMENT_SIGMA, EVEN * convergence)
+    area = math.prod(lamp.size_mm) if isinstance(lamp, AreaSpec | SideSpec) else 0.0
     if not isinstance(lamp, SideSpec):
-        return _slopes_to(scene, np.array(lamp.position_mm))
-    azimuth, elevation = lamp.azimuth_deg * DEGREE, lamp.elevation_deg * DEGREE
-    ahead = np.array([math.cos(azimuth), math.sin(azimuth), math.tan(elevation)])
-    distance = lamp.distance_mm * math.cos(elevation)
-    return _slopes_to(scene, np.array(scene.camera.look_at_mm) + distance * ahead)
+        place = np.array(lamp.position_mm)
+    else:
+        azimuth, elevation = lamp.azimuth_deg * DEGREE, lamp.elevation_deg * DEGREE
+        ahead = np.array([math.cos(azimuth), math.sin(azimuth), math.tan(elevation)])
+        distance = lamp.distance_mm * math.cos(elevation)
+        place = np.array(scene.camera.look_at_mm) + distance * ahead
+    return _panel(scene, place, area, lamp.irradiance, to_camera, convergence)
 
 
-def _slopes_to(scene: Scene, lamp: Floats) -> Floats:
-    """Compute the slopes of a lamp at (3,) [mm] from places along the beam."""
-    camera = np.array(scene.camera.position_mm)
-    x = PLACES * scene.beam.length_mm
-    to_camera = (camera[0] - x) / camera[2]
-    if scene.camera.projection == "telecentric":
-        axis = camera - scene.camera.look_at_mm
-        to_camera = np.full_like(x, axis[0] / axis[2])
-    return np.asarray((lamp[0] - x) / lamp[2] - to_camera)
+def _panel(
+    scene: Scene,
+    place: Floats,
+    area: float,
+    irradiance: float,
+    to_camera: float,
+    convergence: float,
+) -> _Lamp:
+    """Compute the light of a lamp at (3,) [mm] with an area [mm^2] that faces the beam.
+
+    The mean direction of the light from a wide lamp changes less than that to its middle: before a
+    disc of radius R at distance d, as from a small lamp at d + R^2 / d (Lambert 1760).
+    """
+    middle = np.array([scene.beam.length_mm / 2, 0.0, 0.0])
+    wider = 1 + area / (math.pi * float((place - middle) @ (place - middle)))
+    slope = (place[0] - middle[0]) / place[2] - to_camera
+    gradient = convergence - 1 / (place[2] * wider)
+    return _Lamp(irradiance, float(slope), PLACE_SIGMA, float(gradient))

@@ -14,7 +14,7 @@ from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.scene.camera import CalibrationSpec
 from vbaa_bench.scene.frames import random_generator
-from vbaa_bench.scene.light_direction import light_slope
+from vbaa_bench.scene.light_direction import light_direction
 from vbaa_bench.scene.schema import Scene
 
 
@@ -40,7 +40,7 @@ def nominal_rig(scene: Scene) -> Rig:
     moment, force = scene.moment_sensor, scene.force_sensor
     diameter, modulus = beam.diameter_mm * MILLIMETRE, beam.youngs_modulus_gpa * 1e9
     # Rigidity of bending along the section's thickness.
-    slope = light_slope(scene)
+    light = light_direction(scene)
     rigidity = circular_rigidity(modulus, diameter) * beam.aspect_ratio
     if beam.section == "strip":
         rigidity = modulus * beam.aspect_ratio * diameter**4 / 12
@@ -68,8 +68,9 @@ def nominal_rig(scene: Scene) -> Rig:
         ),
         distortion_coefficients=len(scene.camera.distortion),
         sag=_sag(scene, rigidity),
-        light_slope=slope.mean,
-        light_slope_sigma=slope.sigma,
+        light_slope=light.slope,
+        light_slope_sigma=light.sigma,
+        light_distance=light.distance_mm * MILLIMETRE,
     )
 
 

@@ -40,13 +40,15 @@ def test_the_kind_of_camera_comes_back_and_is_a_pinhole_unless_said(tmp_path: Pa
 
 def test_the_lights_slope_comes_back_and_is_uncertain_unless_said(tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
-    path.write_text(rig_to_json(replace(rig(), light_slope=-0.7, light_slope_sigma=0.1)))
+    lit = replace(rig(), light_slope=-0.7, light_slope_sigma=0.1, light_distance=0.4)
+    path.write_text(rig_to_json(lit))
     found = read_rig(path)
-    assert (found.light_slope, found.light_slope_sigma) == (-0.7, 0.1)
+    assert (found.light_slope, found.light_slope_sigma, found.light_distance) == (-0.7, 0.1, 0.4)
     path.write_text(rig_to_json(rig()))
     assert "light" not in json.loads(path.read_text())
     found = read_rig(path)
     assert (found.light_slope, found.light_slope_sigma) == (0.0, ANY_LIGHT)
+    assert found.light_distance is None
 
 
 @pytest.mark.parametrize(
