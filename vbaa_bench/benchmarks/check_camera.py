@@ -63,7 +63,7 @@ def check_camera(
         progress(view + 1, views)
     calibration = calibrate(images, nominal)
     return compare(
-        calibration, _with_nominal_board(rig, nominal.antenna_from_board), nominal
+        calibration, with_nominal_board(rig, nominal.antenna_from_board), nominal
     ), calibration
 
 
@@ -98,7 +98,7 @@ def record(checks: list[Check], calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _with_nominal_board(rig: TrueRig, antenna_from_board: Floats) -> Camera:
+def with_nominal_board(rig: TrueRig, antenna_from_board: Floats) -> Camera:
     """Return the true camera relative to the board, assumed at its nominal pose.
 
     The board's displacement is the laboratory's error, with a tolerance of its own.

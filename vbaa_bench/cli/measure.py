@@ -172,6 +172,38 @@ def check_method(
         raise typer.Exit(1)
 
 
+def budget(
+    dataset: DatasetPath,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--method", "-m", help=f"{', '.join(METHODS)}; repeatable", show_default="exact_fit"
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Split the errors of methods into causes: centreline, rest pose, calibration, beam model.
+
+    One stage after the other is replaced by the truth. `report` shows the result as bars.
+    """
+    with importing():
+        from vbaa_bench.benchmarks.budget import command
+
+    methods = method or ["exact_fit"]
+    command.check_methods(methods)
+    with progress_bars() as progress:
+        task = progress.add_task("solving at every stage", total=None)
+
+        def tick(frames: int) -> None:
+            progress.update(task, total=len(methods) * frames, advance=1)
+
+        record = command.budget(dataset, methods, tick=tick)
+    if as_json:
+        print_result(record, "", True)
+    else:
+        show_table("error of x_c by cause", command.HEADS, command.lines(record))
+
+
 def leaks(dataset: DatasetPath, as_json: AsJson = False) -> None:
     """Test whether order, names, image files or the encoder of a dataset predict the contact.
 

@@ -3,6 +3,7 @@
 DATASET/
   derived/limits.parquet   information limits: a row per frame and information set
   derived/limits.json      sha256 of this table and of the truth from which it was computed
+  derived/budget.json      error budget of methods, by method and cause
 
 A table is used only with the truth from which it was computed: `generate` may repair or extend a
 dataset, and the table is then computed again.

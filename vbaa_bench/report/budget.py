@@ -12,6 +12,7 @@ _KEYS: Final = ("bias_pct_L", "rmse_pct_L", "low", "high")
 class Share(NamedTuple):
     """Error of x_c that one cause contributes [% of L]; `low` and `high` limit its RMSE.
 
+    The RMSE of a difference of mean squares has its sign: it is negative where causes cancel.
     `width_pct` is the length of its bar, relative to the largest RMSE of all methods.
     """
 
@@ -26,17 +27,22 @@ class Share(NamedTuple):
 def read_budget(path: Path) -> dict[str, list[Share]]:
     """Read the shares of every method, the largest first; empty if the file does not exist.
 
+    Causes without any error are left out.
+
     Raises InputError for a missing or wrong value.
     """
     if not path.is_file():
         return {}
     methods = {name: _records(path, name, causes) for name, causes in read_json(path).items()}
-    largest = max((one["rmse_pct_L"] for m in methods.values() for one in m.values()), default=0.0)
+    largest = max(
+        (abs(one["rmse_pct_L"]) for m in methods.values() for one in m.values()), default=0.0
+    )
     return {
         name: sorted(
             (
-                Share(cause=cause, **one, width_pct=100 * one["rmse_pct_L"] / (largest or 1))
+                Share(cause=cause, **one, width_pct=100 * abs(one["rmse_pct_L"]) / (largest or 1))
                 for cause, one in causes.items()
+                if one["rmse_pct_L"]
             ),
             key=lambda share: -share.rmse_pct_L,
         )
