@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.progress import TaskID
 from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
@@ -173,13 +174,14 @@ def check_method(
 
 
 def budget(
-    dataset: DatasetPath,
+    datasets: Annotated[list[Path], typer.Argument(help="folders of datasets")],
     method: Annotated[
         list[str] | None,
         typer.Option(
             "--method", "-m", help=f"{', '.join(METHODS)}; repeatable", show_default="exact_fit"
         ),
     ] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV file to write")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Split the errors of methods into causes: centreline, rest pose, calibration, beam model.
@@ -187,21 +189,31 @@ def budget(
     One stage after the other is replaced by the truth. `report` shows the result as bars.
     """
     with importing():
+        import polars as pl
+
+        from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.benchmarks.budget import command
 
     methods = method or ["exact_fit"]
     command.check_methods(methods)
+    if out:
+        prepare_output_path(out)
+    rows = []
     with progress_bars() as progress:
-        task = progress.add_task("solving at every stage", total=None)
+        for dataset in datasets:
+            task = progress.add_task(dataset.name, total=None)
 
-        def tick(frames: int) -> None:
-            progress.update(task, total=len(methods) * frames, advance=1)
+            def tick(frames: int, task: TaskID = task) -> None:
+                progress.update(task, total=len(methods) * frames, advance=1)
 
-        record = command.budget(dataset, methods, tick=tick)
+            record = command.budget(dataset, methods, tick=tick)
+            rows += command.rows(dataset.name, record)
+    if out:
+        write(out, pl.DataFrame(rows, infer_schema_length=None).write_csv().encode())
     if as_json:
-        print_result(record, "", True)
+        print_result({"rows": rows}, "", True)
     else:
-        show_table("error of x_c by cause", command.HEADS, command.lines(record))
+        show_table("error of x_c by cause", command.HEADS, map(command.cells, rows))
 
 
 def leaks(dataset: DatasetPath, as_json: AsJson = False) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 
 from solver.antenna import Antenna
@@ -217,9 +218,13 @@ def test_the_command_writes_what_the_report_reads(
     root = tmp_path / "copy"
     shutil.copytree(dataset, root)
     command = CommandLine(cli.main, capfd)
-    printed = command("budget", str(root), "-m", "exact_fit", "--json")
-    record = json.loads(printed.out)
-    assert record == json.loads((root / "derived" / "budget.json").read_text())
+    table = tmp_path / "budget.csv"
+    printed = command("budget", str(root), "-m", "exact_fit", "--json", "--out", table)
+    rows = json.loads(printed.out)["rows"]
+    assert [row["cause"] for row in rows] == pl.read_csv(table)["cause"].to_list()
+    stored = json.loads((root / "derived" / "budget.json").read_text())["exact_fit"]
+    for row in rows:
+        assert row["rmse_pct_L"] == stored[row["cause"]]["rmse_pct_L"]
     shares = read_budget(root / "derived" / "budget.json")["exact_fit"]
     by_cause = {share.cause: share for share in shares}
     # Noise is the largest share of a frame whose rig is as it is said to be.

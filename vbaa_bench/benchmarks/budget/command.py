@@ -113,26 +113,46 @@ def _record(
     }
 
 
-HEADS: Final = ("method", "cause", "bias, % of L", "RMSE, % of L", "95 %", "of the square, %")
+HEADS: Final = (
+    "dataset",
+    "method",
+    "cause",
+    "bias, % of L",
+    "RMSE, % of L",
+    "95 %",
+    "of the square, %",
+)
 
 
-def lines(record: Record) -> list[tuple[str, ...]]:
-    """Format a record as the lines of a table; causes without any error are left out."""
-    table: list[tuple[str, ...]] = []
+def rows(dataset: str, record: Record) -> list[dict[str, str | float]]:
+    """Flatten the record of a dataset to one row per method and cause.
+
+    Causes without any error are left out.
+    """
+    table: list[dict[str, str | float]] = []
     for method, shares in record.items():
         total = shares[TOTAL]["rmse_pct_L"]
         for cause, share in shares.items():
             rmse = share["rmse_pct_L"]
-            if rmse == 0:
-                continue
-            table.append(
-                (
-                    method,
-                    cause,
-                    f"{share['bias_pct_L']:+.2g}",
-                    f"{rmse:.2g}",
-                    f"{share['low']:.2g} to {share['high']:.2g}",
-                    f"{100 * rmse * abs(rmse) / total**2:.0f}",
-                )
-            )
+            if rmse:
+                names: dict[str, str | float] = {
+                    "dataset": dataset,
+                    "method": method,
+                    "cause": cause,
+                }
+                of_square = round(100 * rmse * abs(rmse) / total**2, 1)
+                table.append(names | share | {"share_of_square_pct": of_square})
     return table
+
+
+def cells(row: dict[str, str | float]) -> tuple[str, ...]:
+    """Format a row of `rows` for a table with HEADS."""
+    return (
+        str(row["dataset"]),
+        str(row["method"]),
+        str(row["cause"]),
+        f"{row['bias_pct_L']:+.2g}",
+        f"{row['rmse_pct_L']:.2g}",
+        f"{row['low']:.2g} to {row['high']:.2g}",
+        f"{row['share_of_square_pct']:.0f}",
+    )
