@@ -82,8 +82,6 @@ def test_simulated_noise_has_the_stated_sigmas() -> None:
         np.zeros((20_000, 2)),
         np.tile([0.6, 0.8], (20_000, 1)),
         np.linspace(0.01, 0.05, 20_000),
-        tip=np.zeros(2),
-        tip_covariance=np.eye(2),
     )
     shift = noisy(line, np.random.default_rng(3)).points
     assert shift @ [0.8, -0.6] == pytest.approx(0)

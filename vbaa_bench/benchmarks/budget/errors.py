@@ -66,10 +66,12 @@ class _Variant:
             if model is None:
                 return math.nan
             source = model
-        line = true_line(measured, self._camera, source.line, tip_lift(self._stage.antenna))
+        keeps_tip = self._stage.source is Source.MEASURED_TIP
+        lift = None if keeps_tip else tip_lift(self._stage.antenna)
+        line = true_line(measured, self._camera, source.line, lift)
         substitute_of(self._stage.antenna).line = line if random is None else noisy(line, random)
-        true_readings = self._stage.source is not Source.TRUE_POINTS
-        readings = source.readings if true_readings else frame.readings
+        exact = self._stage.source in (Source.TRUE, Source.MODEL)
+        readings = source.readings if exact else frame.readings
         estimate = self._tracker.solve(image, readings, frame.push_id).estimate
         return estimate.values.get("x_c_m", math.nan) - source.x_c
 

@@ -25,6 +25,7 @@ class Cause(StrEnum):
     """Causes of an error, in the order in which they are removed."""
 
     CENTRELINE = "centreline points"
+    TIP = "tip in the image"
     REST = "rest pose"
     CALIBRATION = "camera calibration"
     PLACEMENT = "clamp and board placement"
@@ -38,7 +39,8 @@ class Source(StrEnum):
     """Where the points and the readings of a variant come from."""
 
     MEASURED = "measured"
-    TRUE_POINTS = "true points, measured readings"
+    MEASURED_TIP = "true points, measured tip and readings"
+    TRUE_POINTS = "true points and tip, measured readings"
     TRUE = "true points and readings"
     MODEL = "points and readings of the solver's own beam"
 
@@ -91,6 +93,7 @@ def stages_of(antenna: Antenna, world: TrueWorld) -> list[Stage]:
     own = _rested(own, world.camera, world.straight_line)
     return [
         Stage(Cause.CENTRELINE, Source.MEASURED, antenna),
+        Stage(Cause.TIP, Source.MEASURED_TIP, _separate(points)),
         Stage(Cause.REST, Source.TRUE_POINTS, _separate(points)),
         Stage(Cause.CALIBRATION, Source.TRUE_POINTS, _separate(rest)),
         Stage(Cause.PLACEMENT, Source.TRUE_POINTS, _separate(calibrated)),

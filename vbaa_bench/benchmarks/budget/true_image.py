@@ -15,19 +15,22 @@ from solver.instrument.camera import Camera
 _STEPS: Final = 3
 
 
-def true_line(line: Centreline, camera: Camera, curve: Floats, tip_lift: float) -> Centreline:
+def true_line(
+    line: Centreline, camera: Camera, curve: Floats, tip_lift: float | None
+) -> Centreline:
     """Move the points of a measured centreline onto the image of the true one.
 
     `curve` (m, 3) [m] runs from the clamp to the tip, in the frame in which `camera` is fixed. Each
     point moves along its own direction; points whose direction does not meet the curve are left
     out. A measured tip is replaced by the image of the curve's end, raised by `tip_lift` [m]
-    towards the camera, as `Antenna.tip_in_beam_frame` expects. All sigmas stay.
+    towards the camera, as `Antenna.tip_in_beam_frame` expects; it stays if that is None. All sigmas
+    stay.
     """
     pixels = camera.project(curve)
     points = crossings(pixels, line.points, line.directions)
     meets = np.isfinite(points[:, 0])
-    tip = None
-    if line.tip is not None:
+    tip = line.tip
+    if tip is not None and tip_lift is not None:
         tip = camera.project((curve[-1] + [0.0, 0.0, tip_lift])[None])[0]
     return replace(
         line,
@@ -68,10 +71,7 @@ def crossings(curve: Floats, points: Floats, directions: Floats) -> Floats:
 
 
 def noisy(line: Centreline, random: np.random.Generator) -> Centreline:
-    """Add white noise with the stated sigmas to the points, their common error and the tip."""
+    """Add white noise with the stated sigmas to the points, and their common error."""
     own = line.sigma * random.standard_normal(len(line.sigma))
     shift = own + line.common_sigma * random.standard_normal()
-    tip = line.tip
-    if tip is not None and line.tip_covariance is not None:
-        tip = random.multivariate_normal(tip, line.tip_covariance)
-    return replace(line, points=line.points + shift[:, None] * line.directions, tip=tip)
+    return replace(line, points=line.points + shift[:, None] * line.directions)
