@@ -5,18 +5,17 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
 
-import jinja2
 import polars as pl
 from markupsafe import Markup
 
-from vbaa_bench.report import numbers, palette
+from vbaa_bench.report import palette
 from vbaa_bench.report.budget import Share
 from vbaa_bench.report.changes import Changes
-from vbaa_bench.report.drawing import key
 from vbaa_bench.report.heat_map import with_bins
 from vbaa_bench.report.residuals import MAX_DOTS, figures, panels
 from vbaa_bench.report.statistics import with_groups
 from vbaa_bench.report.strata import strata
+from vbaa_bench.report.template import template
 from vbaa_bench.report.views import by_error, views
 from vbaa_bench.report.worst import Row, worst_frames
 from vbaa_bench.scoring.overlay import Overlay
@@ -60,7 +59,7 @@ def page(contents: Contents) -> Page:
     classes = {name: f"m{number}" for number, name in enumerate(methods)}
     chosen = strata(scores)
     shown = views(scores, methods, chosen, bins, styles, classes)
-    html = _template().render(
+    html = template("page.html.jinja").render(
         contents=contents,
         views=shown,
         menu=[(h, list(g)) for h, g in groupby(shown, key=lambda view: view.heading)],
@@ -75,20 +74,3 @@ def page(contents: Contents) -> Page:
         limited=bool(bins.relative),
     )
     return Page(html, shown[0].wide)
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("vbaa_bench.report", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters |= {
-        "short": numbers.short,
-        "signed": numbers.signed,
-        "percent": numbers.percent,
-        "key": key,
-    }
-    return environment.get_template("page.html.jinja")

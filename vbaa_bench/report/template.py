@@ -1,0 +1,24 @@
+"""Templates of pages, with the formats of numbers that all pages share."""
+
+import jinja2
+
+from vbaa_bench.report import numbers
+from vbaa_bench.report.drawing import key
+
+
+def template(name: str) -> jinja2.Template:
+    """Load a template of this folder."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vbaa_bench.report", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {
+        "short": numbers.short,
+        "signed": numbers.signed,
+        "percent": numbers.percent,
+        "key": key,
+    }
+    return environment.get_template(name)
