@@ -88,9 +88,9 @@ _SWITCHES = (
 )
 
 
-def browse(html: str, folder: Path) -> tuple[list[dict[str, Any]], str]:
+def browse(html: str, folder: Path, probe: str = _PROBE) -> tuple[list[dict[str, Any]], str]:
     """Open the page 390 and 1400 px wide; return findings by width, and the browser's console."""
-    (folder / "page.html").write_text(html.replace("</body>", f"{_PROBE}</body>"), encoding="utf-8")
+    (folder / "page.html").write_text(html.replace("</body>", f"{probe}</body>"), encoding="utf-8")
     (folder / "frames.html").write_text(_FRAMES, encoding="utf-8")
     assert BROWSER is not None
     done = subprocess.run(
