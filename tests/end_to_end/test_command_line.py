@@ -9,6 +9,7 @@ import sysconfig
 from pathlib import Path
 from typing import Any
 
+import polars as pl
 import pytest
 from typer.testing import CliRunner
 
@@ -16,11 +17,16 @@ from solver.__main__ import main as solver_main
 from solver.instrument.images import png_bytes, read_grey
 from tests.command_line import CommandLine
 from tests.conftest import SMALL_SCENE
+from tests.one_process import OneProcess
 from vbaa_bench import cli
 from vbaa_bench.cli import doctor
+from vbaa_bench.dataset.derived import read_limits
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.limits import of_dataset
 from vbaa_bench.render.variant import VARIANTS, Probe
 
 SOLVED = {"two_point", "exact_fit"}
+BOUND = {"bound (planar)"}
 
 
 @pytest.fixture
@@ -51,7 +57,7 @@ def test_the_installed_command_has_an_exit_status_and_clean_outputs(finished: Pa
 
     printed = in_a_new_process("table", finished, "--json")
     assert (printed.returncode, printed.stderr) == (0, "")
-    assert {row["method"] for row in json.loads(printed.stdout)["rows"]} == SOLVED
+    assert {row["method"] for row in json.loads(printed.stdout)["rows"]} == SOLVED | BOUND
     refused = in_a_new_process("solve", finished, "--centreline", "magic")
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr.startswith("error: centreline 'magic' is unknown")
@@ -83,6 +89,32 @@ def test_the_report_fetches_nothing_and_shows_everything(finished: Path) -> None
     assert page.count('<figure class="worst') == 2 * 2
     for name in ("overlay.png", "speed_against_error.png"):
         assert (finished / "report" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_run_stores_the_limits_and_scores_over_them(finished: Path) -> None:
+    limits = read_limits(Layout(finished))
+    assert limits is not None
+    assert set(limits["information"]) == {"planar", "image", "push"}
+    scores = pl.read_parquet(finished / "scores" / "scores.parquet")
+    assert scores["x_c_limit_pct_L"].is_between(0.001, 0.1).all()
+
+
+def test_limits_of_a_collection_are_those_of_its_rigs(
+    command: CommandLine, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(of_dataset, "Pool", OneProcess)
+    rig = tmp_path / "rig_00003"
+    shutil.copytree(finished, rig)
+    shutil.rmtree(rig / "derived")
+    (tmp_path / "collection.json").write_text("{}")
+    record = json_record(command, "limits", tmp_path, "--files", "scenes")
+    assert record == {"dataset": str(tmp_path), "frames": 4}
+    here, there = read_limits(Layout(rig)), read_limits(Layout(finished))
+    assert here is not None
+    assert there is not None
+    assert here.equals(there)
+    message = command.refused("limits", rig, "--require", "x_c_mm=1")
+    assert "is a dataset, so that only --files" in message
 
 
 def json_record(command: CommandLine, *words: str | Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from rich.markup import escape
 
 from vbaa_bench.cli.data import SceneChoice, generate_dataset
 from vbaa_bench.cli.interrupt import importing
+from vbaa_bench.cli.limits import store_limits
 from vbaa_bench.cli.options import (
     MEMORY_GB,
     AsJson,
@@ -49,11 +50,16 @@ def run(
     variant: Variant = None,
     repeats: Repeats = 3,
     memory: Memory = MEMORY_GB,
+    limits: Annotated[
+        bool, typer.Option(help="compute the information limit of every frame")
+    ] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Generate, solve, score and report a scene."""
+    """Generate, solve, score and report a scene, with the information limits of its frames."""
     choice = SceneChoice(scene, seed, settings, frames, rigs)
     root = generate_dataset(choice, out, workers, variant)
+    if limits:
+        store_limits(root, scene.parent, workers, variant)
     runs = _solve(root, method, centreline, repeats, memory)
     with importing():
         from vbaa_bench.api import results
