@@ -27,10 +27,10 @@ STEP_PX: Final = 0.05
 SAMPLES: Final = 64
 # Samples per pixel for the choice of pixels.
 _FEW_SAMPLES: Final = 16
-# Distance [px] from the beam's ends within which there are more samples, by this factor: there they
-# do not follow the edges. Chosen: the derivative of a pixel at the tip has an error of 5 %.
+# Distance [px] from the beam's ends within which there are at least so many samples: there they do
+# not follow the edges. Chosen: the derivative of a pixel at the tip has an error of 5 %.
 _END_PX: Final = 3.0
-_AT_ENDS: Final = 32
+_END_SAMPLES: Final = 2048
 
 
 class BeamChange(NamedTuple):
@@ -72,7 +72,7 @@ def beam_change(
     resting = world.vertices["beam"]
     ends = imaged.pixels[[0, -1]]
     is_end = (np.linalg.norm(pixels[:, None] - ends, axis=2) < _END_PX).any(axis=1)
-    size = np.where(is_end, _AT_ENDS * samples, samples)
+    size = np.where(is_end, max(samples, _END_SAMPLES), samples)
     # Equal sizes side by side keep the processor's lanes busy.
     order = np.argsort(size, kind="stable")
 
