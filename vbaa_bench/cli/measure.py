@@ -138,6 +138,44 @@ def learned(
     show_table(title, regressor.HEADS, regressor.cells(record))
 
 
+def check_limits(
+    scenes: Annotated[list[Path], typer.Argument(help="scene files")],
+    frames: Annotated[int, typer.Option(min=1, help="frames per scene")] = 3,
+    exposures: Annotated[
+        int, typer.Option(min=100, help="noisy exposures of the first frame of each scene")
+    ] = 2000,
+    out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare information limits with those of re-rendered images, and with noisy exposures."""
+    with importing():
+        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.benchmarks import limit_agreement, limit_page, limit_trials
+        from vbaa_bench.render.variant import choose
+
+    if out:
+        prepare_output_path(out)
+    with progress_bars() as progress:
+        task = progress.add_task("rendering", total=frames * len(scenes))
+        record = limit_page.measure(
+            scenes, choose(variant), frames, exposures, lambda: progress.advance(task)
+        )
+    if out:
+        counts = f"--frames {frames} --exposures {exposures} --out {out}"
+        command = f"vbaa-bench check-limits {' '.join(map(str, scenes))} {counts}"
+        write(out, limit_page.markdown(record, command).encode())
+    if as_json:
+        print_result(record, "", True)
+        return
+    show_table(
+        "ratios of standard deviations",
+        limit_agreement.HEADS,
+        limit_agreement.lines(record["agreement"]),
+    )
+    show_table("noisy exposures", limit_trials.HEADS, limit_trials.lines(record["trials"]))
+
+
 def check_method(
     method: Annotated[str, typer.Argument(help="package.module:function, or a name of the solver")],
     dataset: Annotated[

@@ -17,7 +17,6 @@ from vbaa_bench.limits.of_frame import imaged_beam, is_removed
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import SHIFT, information
 from vbaa_bench.limits.rendered import ImageChange, image_change
-from vbaa_bench.limits.rendered_beam import STEP_PX
 from vbaa_bench.limits.rendered_profile import rendered_profiles
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.render.variant import is_scalar
@@ -41,7 +40,7 @@ camera:
   roll_deg: 2
 calibration: {columns: 15, rows: 4, square_mm: 12, center_mm: [120.0, 20.0]}
 occlusion: {kind: [removed], place: [middle], availability: [1.0, 0.5]}
-pushes: {contact_distance_mm: [140], deflection_pct: [8]}
+pushes: {contact_distance_mm: [180], deflection_pct: [8]}
 """
 NAMES = ("s_c", "normal_force", "direction", "cy", "length")
 PLANAR = ("s_c", "normal_force", "brightness", "background", "width")
@@ -96,14 +95,6 @@ def test_the_closed_form_agrees(small: Small, change: ImageChange) -> None:
     ratio = sigmas(change.information, PLANAR) / sigmas(closed, PLANAR)
     np.testing.assert_allclose(ratio[:3], 1.0, atol=0.05)
     assert (of_places[:, SHIFT, SHIFT] > 0).all()
-
-
-@pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_limits_do_not_depend_on_the_step(small: Small, change: ImageChange, factor: float) -> None:
-    other = image_change(small.renderer, small.specs[0], EXPOSURE, NAMES, step_px=factor * STEP_PX)
-    for names in (PLANAR, (*NAMES[:3], *PLANAR[2:])):
-        ratio = sigmas(other.information, names) / sigmas(change.information, names)
-        np.testing.assert_allclose(ratio, 1.0, atol=0.05)
 
 
 def test_render_noise_does_not_raise_the_information(small: Small, change: ImageChange) -> None:
