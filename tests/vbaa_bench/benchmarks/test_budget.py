@@ -16,6 +16,7 @@ from solver.centreline import Centreline
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import Observations, open_observations
+from solver.instrument.transforms import rigid
 from solver.methods import METHODS
 from solver.set_up import set_up
 from tests.command_line import CommandLine
@@ -32,6 +33,7 @@ from vbaa_bench.benchmarks.budget.shares import (
 from vbaa_bench.benchmarks.budget.stages import Cause, Stage, stages_of, tip_lift
 from vbaa_bench.benchmarks.budget.true_image import crossings, noisy, true_line
 from vbaa_bench.benchmarks.budget.true_world import TrueWorld, open_world
+from vbaa_bench.benchmarks.check_camera import with_nominal_board
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.report.budget import read_budget
 
@@ -179,6 +181,22 @@ def test_a_wrong_camera_is_an_error_of_the_calibration_alone(perfect: Perfect) -
 def test_a_wrong_clamp_is_an_error_of_the_placement_alone(perfect: Perfect) -> None:
     rig = replace(perfect.antenna.rig, base_position=np.array([1e-4, 0.0, 0.0]))
     shares = perfect.shares(replace(perfect.antenna, rig=rig))
+    assert shares[TOTAL] > 5e-5
+    alone(shares, Cause.PLACEMENT)
+
+
+def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) -> None:
+    """The camera is calibrated without error, but relative to the board."""
+    true_rig, antenna = perfect.world.rig, perfect.antenna
+    nominal = antenna.rig.antenna_from_board
+    board = rigid(np.array([0.0, 2e-3, 0.0]), np.array([1e-4, 0.0, 1e-3])) @ nominal
+    displaced = replace(true_rig, antenna_from_board=board)
+    perfect = replace(perfect, world=replace(perfect.world, rig=displaced))
+    camera = with_nominal_board(displaced, nominal)
+    wrong = replace(antenna, calibration=replace(antenna.calibration, camera=camera))
+    rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
+    wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
+    shares = perfect.shares(wrong)
     assert shares[TOTAL] > 5e-5
     alone(shares, Cause.PLACEMENT)
 

@@ -81,7 +81,7 @@ def stages_of(antenna: Antenna, world: TrueWorld) -> list[Stage]:
     board = with_nominal_board(world.rig, rig.antenna_from_board)
     knocked = replace(board, cx=world.camera.cx, cy=world.camera.cy)
     seen_from = replace(rest.calibration, camera=knocked, viewpoint_known=True)
-    calibrated = _rested(replace(rest, calibration=seen_from), board, world.rest_line)
+    calibrated = _rested(replace(rest, calibration=seen_from), world.camera, world.rest_line)
     placed = replace(
         calibrated,
         rig=replace(rig, base_position=world.rig.base_position),
