@@ -6,6 +6,7 @@ one is complete. Every file is checked when it is read. A laboratory's folder ha
 and its files are read without a check.
 """
 
+import functools
 import hashlib
 import json
 from pathlib import Path
@@ -60,8 +61,16 @@ def read_hashes(folder: Path) -> dict[str, str] | None:
     Raises InputError if it cannot be read, DamageError if it is not what was written.
     """
     path = folder / HASHES
-    if not path.is_file():
+    try:
+        file = path.stat()
+    except OSError:
         return None
+    return _read_hashes(path, (file.st_ino, file.st_mtime_ns, file.st_size)).copy()
+
+
+# The tree's table is needed for every file of a shard, and has a line for every shard.
+@functools.lru_cache(maxsize=4)
+def _read_hashes(path: Path, _version: tuple[int, int, int]) -> dict[str, str]:
     table = parse_hashes(read_bytes(path))
     if table is None:
         raise DamageError(f"{path}: is not a JSON object of names and hashes; {MEND}")

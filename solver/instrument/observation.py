@@ -16,8 +16,8 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError, quoted
-from solver.instrument.hashes import listed, read_hashes
+from solver.instrument.errors import DamageError, InputError, quoted
+from solver.instrument.hashes import MEND, listed, read_hashes
 from solver.instrument.image_frame import ImageFrame, push_order
 from solver.instrument.images import png_head, read_grey
 from solver.instrument.metadata import read_frames
@@ -108,7 +108,7 @@ def open_rig(path: Path) -> Observations:
     """Open a rig.json, or its folder, with the board views and the rest images.
 
     These are beside it as calibration/view_*.png and rest/rest_*.png, all of one size. The result
-    has no frames. Raises InputError.
+    has no frames. Raises InputError, and DamageError if an image of a generated tree is missing.
     """
     rig, root = read_rig(rig_file(path)), rig_file(path).parent
     patterns, hashes = ("calibration/view_*.png", "rest/rest_*.png"), read_hashes(root)
@@ -123,6 +123,9 @@ def open_rig(path: Path) -> Observations:
     for name, paths in zip(patterns, (views, rests), strict=True):
         if not paths:
             raise InputError(f"{root}: holds no {name}, at least one is needed")
+    for image in (*views, *rests):
+        if hashes is not None and not image.is_file():
+            raise DamageError(f"{image}: is missing; {MEND}")
     expected = png_head(views[0])
     for image in (*views, *rests):
         size = png_head(image)

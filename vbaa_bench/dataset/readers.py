@@ -92,6 +92,17 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     return Truth(root, manifest, frames)
 
 
+def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:
+    """Read the row of one frame, with its centreline, from a shard of the truth tree.
+
+    Raises InputError if the shard cannot be read.
+    """
+    data = read_bytes(shard / "truth.parquet")
+    return pl.read_parquet(io.BytesIO(data)).row(
+        by_predicate=pl.col("frame_id") == frame_id, named=True
+    )
+
+
 def _table(data: bytes, centrelines: bool) -> pl.DataFrame:
     names = pl.read_parquet_schema(io.BytesIO(data))
     left_out = () if centrelines else ("centreline_",)

@@ -76,7 +76,7 @@ def read_run(root: Path) -> ScoredRun:
     else:
         layouts = {0: results.dataset}
         scores = scores.with_columns(rig=pl.lit(0))
-        manifest = open_truth(results.dataset.truth).manifest["scene"]
+        manifest = open_truth(results.dataset.truth, centrelines=False).manifest["scene"]
         title, settings = str(manifest["title"]), _settings(manifest)
     frames = scores.with_columns(pl.col("rig").cast(pl.Int64)).join(
         pl.concat(_trials(number, layout) for number, layout in layouts.items()),
@@ -114,7 +114,7 @@ def _without(tree: dict[str, Any], excluded: dict[str, Any]) -> dict[str, Any]:
 
 def _trials(number: int, layout: Layout) -> pl.DataFrame:
     """Tabulate the trial of each frame of a rig, and the length of its beam."""
-    truth = open_truth(layout.truth)
+    truth = open_truth(layout.truth, centrelines=False)
     return truth.frames.select(
         pl.lit(number, pl.Int64).alias("rig"),
         "frame_id",

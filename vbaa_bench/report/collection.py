@@ -87,7 +87,7 @@ class _Rigs:
         self._truth = cache(self._open)
 
     def _open(self, number: int) -> Truth:
-        return open_truth(self._layouts[number].truth)
+        return open_truth(self._layouts[number].truth, centrelines=False)
 
     def overlay_of(self, row: Row) -> Overlay:
         """Draw the frame of a row of the scores."""

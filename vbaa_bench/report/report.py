@@ -25,7 +25,7 @@ def report(results: Results, baseline: Path | None = None) -> Path:
     With a baseline file, the page shows what changed. The information limits are shown if the
     scores hold them, and the error budget if it was computed. Raises InputError.
     """
-    truth = open_truth(results.dataset.truth)
+    truth = open_truth(results.dataset.truth, centrelines=False)
     if not (results.scores / "summary.json").is_file():
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
     summary, scores = read_json(results.scores / "summary.json"), read_scores(results)

@@ -63,12 +63,16 @@ def views(
     classes: Mapping[str, str],
 ) -> list[View]:
     """Make the view of every stratum from scores with groups, limits and bins."""
-    parts = [scores.filter(one.contains) for one in strata]
-    numbers = [statistics(part) for part in parts]
-    limits = [speed_chart.limit_lines(part) for part in parts]
+    # One stratum at a time: together they take several times the memory of all frames.
+    numbers, limits = [], []
+    for stratum in strata:
+        part = scores.filter(stratum.contains)
+        numbers.append(statistics(part))
+        limits.append(speed_chart.limit_lines(part))
     scales = speed_chart.axes(numbers, limits)
     made = []
-    for number, (stratum, part) in enumerate(zip(strata, parts, strict=True)):
+    for number, stratum in enumerate(strata):
+        part = scores.filter(stratum.contains)
         rows = [numbers[number][name] for name in methods if name in numbers[number]]
         wide, narrow = (
             speed_chart.speed_chart(rows, limits[number], styles, classes, scales, size)

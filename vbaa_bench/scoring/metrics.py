@@ -124,6 +124,7 @@ def score_frames(
     method: str,
     source: str,
     limits: pl.DataFrame | None = None,
+    true: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
     """Score predictions: one row per true frame with truth, estimates and errors.
 
@@ -135,22 +136,12 @@ def score_frames(
     not failed: each scored quantity, including components of vectors, in its own unit and in
     stated sigmas, x_c and s_c also in % of L, forces and the compliance of springs in %, and the
     norms of vector errors. `limits` are the dataset's information limits; each frame gets those of
-    the information set that the predictions state, or else of the method's. Raises InputError for
-    frames that are not in this dataset or are predicted twice, and for an unknown outcome or
-    information set.
+    the information set that the predictions state, or else of the method's. `true` is the result of
+    `true_frames`, which is the same for all methods. Raises InputError for frames that are not in
+    this dataset or are predicted twice, and for an unknown outcome or information set.
     """
     _check_frame_ids(truth, predictions, source)
-    true = (
-        truth.frames.with_columns(friction=scene_value(truth, "object.friction").cast(pl.Float64))
-        .select(
-            "frame_id",
-            *CONDITIONS,
-            # If no frame has a contact, the columns have no type.
-            *(quantity.true.cast(pl.Float64).alias(quantity.truth) for quantity in _QUANTITIES),
-        )
-        .join(strata(truth), on="frame_id")
-        .join(right_refusals(truth), on="frame_id")
-    )
+    true = true_frames(truth) if true is None else true
     information = information_of(method, truth.manifest["scene"])
     joined = true.join(predictions, on="frame_id", how="left").with_columns(
         pl.lit(method).alias("method"),
@@ -183,6 +174,21 @@ def score_frames(
         *_percentages(truth.manifest["true_rig"]["beam_length_mm"]),
         *(_vector_error(*vector) for vector in VECTORS),
     ).drop("may_say")
+
+
+def true_frames(truth: Truth) -> pl.DataFrame:
+    """Tabulate what scores contain of the truth: one row per frame, without any method."""
+    return (
+        truth.frames.with_columns(friction=scene_value(truth, "object.friction").cast(pl.Float64))
+        .select(
+            "frame_id",
+            *CONDITIONS,
+            # If no frame has a contact, the columns have no type.
+            *(quantity.true.cast(pl.Float64).alias(quantity.truth) for quantity in _QUANTITIES),
+        )
+        .join(strata(truth), on="frame_id")
+        .join(right_refusals(truth), on="frame_id")
+    )
 
 
 def _check_frame_ids(truth: Truth, predictions: pl.DataFrame, source: str) -> None:

@@ -13,12 +13,12 @@ from solver.instrument.centreline import Centreline
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import MEND
 from solver.instrument.images import eight_bit, read_grey
-from solver.instrument.observation import open_observations
+from solver.instrument.observation import open_rig
 from solver.instrument.transforms import apply
 from solver.instrument.units import DEGREE, MILLIMETRE
 from solver.set_up import set_up
 from solver.tracker import extract_centreline
-from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.dataset.readers import Truth, read_frame
 from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
 from vbaa_bench.scoring.layout import Results
 
@@ -51,14 +51,15 @@ def overlay(
     """Make the overlay of one frame.
 
     `antenna` is set up by the solver from the dataset's observations; without it no centreline is
-    measured. Raises InputError if the image is missing.
+    measured. The centreline is read from the frame's shard; `truth` need not have any. Raises
+    InputError if the image is missing.
     """
     paths = list(results.dataset.observations.glob(f"shard_*/{frame_id}.png"))
     if not paths:
         raise InputError(
             f"{results.dataset.observations}: the image of frame {frame_id} is missing; {MEND}"
         )
-    row = truth.frames.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
+    row = read_frame(truth.root / paths[0].parent.name, frame_id)
     answered = scores.filter((pl.col("frame_id") == frame_id) & ~pl.col("failed"))
     estimates = dict(answered.select("method", "x_c_mm").drop_nulls().iter_rows())
     return overlay_of(truth, row, read_grey(paths[0]), estimates, antenna)
@@ -105,10 +106,10 @@ def overlay_of(
 def antenna_of(results: Results) -> tuple[Antenna | None, str]:
     """Set up the solver's antenna from the observations; if that fails, return None and the reason.
 
-    Raises DamageError if the observations are not what was generated.
+    Raises DamageError if board views or rest images are not what was generated.
     """
     try:
-        return set_up(open_observations(results.dataset.observations)), ""
+        return set_up(open_rig(results.dataset.observations)), ""
     except DamageError:
         raise
     except (InputError, ValueError) as error:

@@ -85,14 +85,15 @@ def _stratum_rows(
     for facts in sorted(figures.to_dicts(), key=lambda row: class_order(row["_value"])):
         of_value = sums.filter(pl.col("_value") == facts["_value"])
         numbers = of_value["_group"].to_numpy()
+        drawn_counts = counts[:, numbers] if counts.shape[1] and len(numbers) > 1 else None
         for quantity in quantities:
             if not facts[f"{quantity.name} answered"]:
                 continue
             table = of_value.select(f"{quantity.name} {name}" for name in _SUMS).to_numpy()
             totals = dict(zip(_SUMS, table.sum(axis=0), strict=True))
             drawn = None
-            if counts.shape[1] and len(numbers) > 1:
-                drawn = dict(zip(_SUMS, (counts[:, numbers] @ table).T, strict=True))
+            if drawn_counts is not None:
+                drawn = dict(zip(_SUMS, (drawn_counts @ table).T, strict=True))
             yield {
                 "value": facts["_value"],
                 "quantity": quantity.column,

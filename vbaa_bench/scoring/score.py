@@ -15,7 +15,13 @@ from solver.methods import METHODS
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
+from vbaa_bench.scoring.metrics import (
+    checked_predictions,
+    parsed,
+    read_file,
+    score_frames,
+    true_frames,
+)
 from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
 from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES
@@ -34,7 +40,7 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     Raises InputError, also if the truth is not what was generated.
     """
     truth = open_truth(results.dataset.truth, centrelines=False)
-    limits = read_limits(results.dataset)
+    true, limits = true_frames(truth), read_limits(results.dataset)
     if not predictions:
         raise InputError(
             f"{results.predictions}: holds no predictions; solve the dataset or name a file"
@@ -44,7 +50,8 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     contents = {name: read_file(path) for name, path in predictions.items()}
     for name, path in predictions.items():
         table = parsed(contents[name], path)
-        rows = score_frames(truth, checked_predictions(table, str(path)), name, str(path), limits)
+        checked = checked_predictions(table, str(path))
+        rows = score_frames(truth, checked, name, str(path), limits, true)
         warnings += [*unknown_columns(table.columns, str(path)), *doubtful_units(rows, str(path))]
         scored.append(rows)
     scores = pl.concat(scored)

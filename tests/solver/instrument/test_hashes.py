@@ -1,0 +1,29 @@
+"""Tables of hashes are read once, and again after a change."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from solver.instrument.errors import DamageError
+from solver.instrument.files import write_bytes
+from solver.instrument.hashes import HASHES, digest, read_bytes, read_hashes
+
+
+def test_a_changed_table_is_read_again(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"first")
+    table = {"a": digest(b"first")}
+    write_bytes(tmp_path / HASHES, json.dumps(table).encode())
+    assert read_bytes(tmp_path / "a") == b"first"
+    read = read_hashes(tmp_path)
+    assert read == table
+    assert read is not None
+    read.clear()  # a copy: the next reader has the whole table
+    assert read_hashes(tmp_path) == table
+    (tmp_path / "a").write_bytes(b"other")
+    with pytest.raises(DamageError, match="is not what was generated"):
+        read_bytes(tmp_path / "a")
+    write_bytes(tmp_path / HASHES, json.dumps({"a": digest(b"other")}).encode())
+    assert read_bytes(tmp_path / "a") == b"other"
+    (tmp_path / HASHES).unlink()
+    assert read_hashes(tmp_path) is None
