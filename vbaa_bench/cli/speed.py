@@ -1,4 +1,4 @@
-"""The commands `vbaa-bench speed`: mechanics, render, scenes, solve."""
+"""The commands `vbaa-bench speed`: mechanics, render, scenes, solve, scores."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import AsJson, Repeats, ScenePath, Variant
+from vbaa_bench.cli.options import AsJson, DatasetPath, Repeats, ScenePath, Variant
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 speed_app = typer.Typer(no_args_is_help=True, help="Measure speed and error.")
@@ -152,6 +152,32 @@ def solve(
         print_result(record, "", True)
     else:
         show_speeds(record)
+
+
+@speed_app.command()
+def scores(
+    dataset: DatasetPath,
+    frames: Annotated[int, typer.Option(min=1, help="number of frames")] = 100_000,
+    method: Annotated[
+        list[str] | None, typer.Option(help="solved method; repeatable", show_default="all")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure scoring and reporting of many frames, which are copies of a solved dataset's."""
+    with importing():
+        from vbaa_bench.benchmarks import speed_scores
+
+    with console.status("measuring"):
+        record = speed_scores.measure(dataset, frames, method or ())
+    if as_json:
+        print_result(record, "", True)
+        return
+    rows = [
+        (stage, *(f"{value:.3g}" for value in record[stage].values()))
+        for stage in speed_scores.STAGES
+    ]
+    title = f"{record['frames']:,} frames, {len(record['methods'])} methods"
+    show_table(title, ("stage", "seconds", "processor time, s", "peak memory, GB"), rows)
 
 
 def show_speeds(record: dict[str, Any]) -> None:
