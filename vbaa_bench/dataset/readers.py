@@ -1,7 +1,7 @@
 """Readers of the truth, and copying of the observations for a method."""
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -64,6 +64,18 @@ def check_complete(layout: Layout) -> None:
     raise InputError(f"{layout.root}: is not a dataset, observations/{HASHES} is missing")
 
 
+def open_manifest(root: Path | str) -> Truth:
+    """Open the truth tree of a dataset at `root` without its frames, of which the result has none.
+
+    Raises InputError if the manifest is missing or damaged, or the dataset incomplete.
+    """
+    root = Path(root)
+    check_complete(Layout(root.parent))
+    manifest = read_json(root / "manifest.json")
+    _check_manifest(root / "manifest.json", manifest)
+    return Truth(root, manifest, pl.DataFrame())
+
+
 def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     """Open the truth tree of a dataset at `root`; its observations are beside it.
 
@@ -74,8 +86,7 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     root = Path(root)
     check_complete(Layout(root.parent))
     names = listed(root)
-    manifest = read_json(root / "manifest.json")
-    _check_manifest(root / "manifest.json", manifest)
+    opened = open_manifest(root)
     tables = [
         table
         for table in sorted(root.glob("shard_*/truth.parquet"))
@@ -89,7 +100,7 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
         frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
-    return Truth(root, manifest, frames)
+    return replace(opened, frames=frames)
 
 
 def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:

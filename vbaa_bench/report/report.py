@@ -7,7 +7,7 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.dataset.readers import Truth, open_manifest
 from vbaa_bench.report.budget import read_budget
 from vbaa_bench.report.changes import changes_since
 from vbaa_bench.report.figures import overlay_png, speed_png, write_all
@@ -25,7 +25,7 @@ def report(results: Results, baseline: Path | None = None) -> Path:
     With a baseline file, the page shows what changed. The information limits are shown if the
     scores hold them, and the error budget if it was computed. Raises InputError.
     """
-    truth = open_truth(results.dataset.truth, centrelines=False)
+    truth = open_manifest(results.dataset.truth)
     if not (results.scores / "summary.json").is_file():
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
     summary, scores = read_json(results.scores / "summary.json"), read_scores(results)
@@ -38,7 +38,7 @@ def report(results: Results, baseline: Path | None = None) -> Path:
     made = page(
         Contents(
             title=truth.manifest["scene"]["title"],
-            facts=_facts(truth),
+            facts=_facts(truth, scores),
             scores=scores,
             overlay_of=lambda row: drawn(row["frame_id"]),
             environment={**summary["machine"], **summary["versions"]},
@@ -52,7 +52,7 @@ def report(results: Results, baseline: Path | None = None) -> Path:
     files = {
         "report.html": made.html.encode(),
         "speed_against_error.png": speed_png(made.speed, methods),
-        "overlay.png": overlay_png(drawn(_most_bent(truth)), colours_of(methods)),
+        "overlay.png": overlay_png(drawn(_most_bent(scores)), colours_of(methods)),
     }
     try:
         write_all(results.report, files)
@@ -61,16 +61,18 @@ def report(results: Results, baseline: Path | None = None) -> Path:
     return results.report / "report.html"
 
 
-def _facts(truth: Truth) -> list[str]:
+def _facts(truth: Truth, scores: pl.DataFrame) -> list[str]:
     rig, manifest = truth.manifest["true_rig"], truth.manifest
     return [
-        f"{truth.frames.height} frames, seed {manifest['seed']}, rendered with "
+        f"{scores['frame_id'].n_unique()} frames, seed {manifest['seed']}, rendered with "
         f"{manifest['variant']}.",
         f"L = {rig['beam_length_mm']:g} mm, d = {rig['beam_diameter_mm']:g} mm, "
         f"EI = {rig['flexural_rigidity_n_mm2']:.1f} N mm².",
     ]
 
 
-def _most_bent(truth: Truth) -> str:
-    ordered = truth.frames.sort(pl.col("deflection_pct").round(1), "x_c_mm")
-    return str(ordered["frame_id"][-1])
+def _most_bent(scores: pl.DataFrame) -> str:
+    order = (pl.col("deflection_pct").round(1), "true_x_c_mm", "frame_id")
+    return str(
+        scores.select("frame_id", "deflection_pct", "true_x_c_mm").sort(*order)["frame_id"][-1]
+    )
