@@ -6,6 +6,9 @@ from typing import Final, NamedTuple
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.manifest import read_json
 
+# Shares that are no causes: the first and the last of every method.
+TOTAL: Final = "total"
+REMAINDER: Final = "remainder"
 _KEYS: Final = ("bias_pct_L", "rmse_pct_L", "low", "high")
 
 
@@ -25,11 +28,10 @@ class Share(NamedTuple):
 
 
 def read_budget(path: Path) -> dict[str, list[Share]]:
-    """Read the shares of every method, the largest first; empty if the file does not exist.
+    """Read the shares of every method; empty if the file does not exist.
 
-    Causes without any error are left out.
-
-    Raises InputError for a missing or wrong value.
+    The total is first, then come the causes, the largest first, and the remainder is last. Causes
+    without any error are left out. Raises InputError for a missing or wrong value.
     """
     if not path.is_file():
         return {}
@@ -44,7 +46,7 @@ def read_budget(path: Path) -> dict[str, list[Share]]:
                 for cause, one in causes.items()
                 if one["rmse_pct_L"]
             ),
-            key=lambda share: -share.rmse_pct_L,
+            key=lambda share: (share.cause != TOTAL, share.cause == REMAINDER, -share.rmse_pct_L),
         )
         for name, causes in methods.items()
     }

@@ -24,9 +24,7 @@ from vbaa_bench import cli
 from vbaa_bench.benchmarks.budget.errors import Errors, NamedMethod, errors_of
 from vbaa_bench.benchmarks.budget.shares import (
     NOISE,
-    REMAINDER,
     SYSTEMATIC,
-    TOTAL,
     errors_by_cause,
     shares_of,
 )
@@ -35,7 +33,7 @@ from vbaa_bench.benchmarks.budget.true_image import crossings, noisy, true_line
 from vbaa_bench.benchmarks.budget.true_world import TrueWorld, open_world
 from vbaa_bench.benchmarks.check_camera import with_nominal_board
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.report.budget import read_budget
+from vbaa_bench.report.budget import REMAINDER, TOTAL, read_budget
 
 CAUSES = list(Cause)
 
@@ -242,6 +240,7 @@ def test_the_command_writes_what_the_report_reads(
     for row in rows:
         assert row["rmse_pct_L"] == stored[row["cause"]]["rmse_pct_L"]
     shares = read_budget(root / "derived" / "budget.json")["exact_fit"]
+    assert (shares[0].cause, shares[-1].cause) == (TOTAL, REMAINDER)
     by_cause = {share.cause: share for share in shares}
     # Noise is the largest share of a frame whose rig is as it is said to be.
     assert by_cause[TOTAL].rmse_pct_L < 0.05

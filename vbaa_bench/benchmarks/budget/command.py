@@ -14,10 +14,11 @@ from solver.lab.writing import write
 from solver.methods import METHODS
 from solver.set_up import set_up
 from vbaa_bench.benchmarks.budget.errors import Errors, NamedMethod, errors_of
-from vbaa_bench.benchmarks.budget.shares import TOTAL, shares_of, usable_frames
+from vbaa_bench.benchmarks.budget.shares import shares_of, usable_frames
 from vbaa_bench.benchmarks.budget.stages import stages_of
 from vbaa_bench.benchmarks.budget.true_world import TrueWorld, open_world
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.report.budget import TOTAL
 from vbaa_bench.scoring.bootstrap import group_numbers
 
 # Chosen: on 30 frames the RMSE of the simulated noise then has a relative error of 6 %.

@@ -9,12 +9,11 @@ import numpy.typing as npt
 from solver.instrument.arrays import Floats
 from vbaa_bench.benchmarks.budget.errors import Errors
 from vbaa_bench.benchmarks.budget.stages import Cause
+from vbaa_bench.report.budget import REMAINDER, TOTAL
 from vbaa_bench.scoring.bootstrap import draws, interval
 
-TOTAL: Final = "total"
 NOISE: Final = "noise of the points"
 SYSTEMATIC: Final = "systematic error of the points"
-REMAINDER: Final = "remainder"
 
 
 class Share(NamedTuple):
