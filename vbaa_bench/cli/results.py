@@ -122,6 +122,9 @@ def table(
     table_format: Annotated[
         str, typer.Option("--format", help="markdown; latex, with booktabs; or csv")
     ] = "markdown",
+    brief: Annotated[
+        bool, typer.Option("--brief", help="errors of x_c, force and psi, bound, coverage, time")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Print the scores of several datasets as one table, with the bound if limits were computed."""
@@ -136,7 +139,7 @@ def table(
     if as_json:
         print_result({"rows": rows}, "", True)
     else:
-        print(FORMATS[table_format](rows, by))
+        print(FORMATS[table_format](rows, by, brief=brief))
 
 
 def dictionary() -> None:

@@ -119,4 +119,4 @@ class FrameLimits:
 
     def _limits(self, information: Information) -> Floats:
         rows = [dict(zip(self.bending, row, strict=True)) for row in self.gradients.quantities]
-        return information.sigmas(information.gradients(rows))
+        return information.sigmas(information.gradients(rows), self.rig.errorless)

@@ -86,21 +86,28 @@ class Information:
         reduced = self.matrix[np.ix_(kept, kept)] - mixed.T @ inverse @ mixed
         return Information(tuple(self.names[i] for i in kept), (reduced + reduced.T) / 2)
 
-    def sigmas(self, gradients: Floats) -> Floats:
+    def sigmas(self, gradients: Floats, errorless: "Information | None" = None) -> Floats:
         """Compute the least standard deviations (q,) of quantities with gradients (q, p).
 
         They are those of Cramer and Rao for unbiased estimates; infinite where a quantity is
-        undetermined.
+        undetermined. `errorless` is the part of the information whose data have no error here,
+        although a method must expect one. The efficient estimate weights all data as stated, and
+        these add nothing to its error.
         """
         scaled, scale = _scaled(self.matrix)
         values, vectors = np.linalg.eigh(scaled)
         # In scaled parameters a gradient is divided by their scale, which is 1 / scale.
         along = (gradients * scale) @ vectors
         determined = values > _UNDETERMINED * values[-1]
-        variances = (along[:, determined] ** 2 / values[determined]).sum(axis=1)
+        inverse = np.where(determined, 1 / np.where(determined, values, 1.0), 0.0)
+        variances = (along**2 * inverse).sum(axis=1)
+        if errorless is not None:
+            gains = (along * inverse) @ vectors.T * scale
+            added = (Information(self.names, np.zeros_like(self.matrix)) + errorless).matrix
+            variances -= np.einsum("qi,ij,qj->q", gains, added, gains)
         outside = (along[:, ~determined] ** 2).sum(axis=1)
         undetermined = outside > _OUTSIDE * (along**2).sum(axis=1)
-        return np.where(undetermined, np.inf, np.sqrt(variances))
+        return np.where(undetermined, np.inf, np.sqrt(np.maximum(variances, 0.0)))
 
     def gradients(self, quantities: Collection[Mapping[str, float]]) -> Floats:
         """Arrange gradients by parameter as an array (q, p); a missing one is zero."""

@@ -33,7 +33,8 @@ class PushLimits:
         total = rig.before_contact.without(rig.known)
         for number in range(len(self.frames)):
             total += self._of_frame(number)
-            yield total.sigmas(total.gradients([*self._quantities(number), {"compliance": 1.0}]))
+            rows = total.gradients([*self._quantities(number), {"compliance": 1.0}])
+            yield total.sigmas(rows, rig.errorless)
 
     def _of_frame(self, number: int) -> Information:
         """Return one frame's information on the push, its own angle and the rig."""

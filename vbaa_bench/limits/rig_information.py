@@ -130,6 +130,11 @@ class RigInformation:
         return Information.of_priors({name: sigma for name, sigma in sigmas.items() if sigma})
 
     @property
+    def errorless(self) -> Information | None:
+        """Tolerances of a rig that is exactly nominal; None if its errors are drawn from them."""
+        return self._tolerances if self.scene.tolerances.true_rig == "nominal" else None
+
+    @property
     def known(self) -> frozenset[str]:
         """Parameters of the board's pose that are stated to be exact."""
         return frozenset(BOARD) - set(self._tolerances.names)

@@ -31,6 +31,17 @@ _COLUMNS: Final = {
     "information used, %": "x_c_efficiency_pct",
     "ms": "ms_per_frame_median",
 }
+# Those of a brief table.
+_BRIEF: Final = (
+    "x_c_median_abs_pct_L",
+    "x_c_rmse_pct_L",
+    "x_c_rmse_over_limit",
+    "force_rmse_pct",
+    "psi_rmse_deg",
+    "x_c_coverage_95_pct",
+    "x_c_sigma_over_rmse",
+    "ms_per_frame_median",
+)
 # Characters that LaTeX would interpret, or that its default font lacks.
 _LATEX: Final = {
     "\\": r"\textbackslash{}",
@@ -52,9 +63,9 @@ class _Cells(NamedTuple):
     lines: list[list[str]]
 
 
-def markdown(rows: Sequence[Row], by: str | None = None) -> str:
+def markdown(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:
     """Format the table without empty columns, followed by the remarks on its scenes."""
-    table = _cells(rows, by)
+    table = _cells(rows, by, brief)
     last = len(table.heads) - 1
     rule = ["---" if i < table.texts or i == last else "---:" for i in range(last + 1)]
     lines = [table.heads, rule, *table.lines]
@@ -63,12 +74,12 @@ def markdown(rows: Sequence[Row], by: str | None = None) -> str:
     return "\n".join([text, "", *notes]) if notes else text
 
 
-def latex(rows: Sequence[Row], by: str | None = None) -> str:
+def latex(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:
     """Format the table for LaTeX with the package booktabs; remarks are comments below it.
 
     A rule separates datasets.
     """
-    table = _cells(rows, by)
+    table = _cells(rows, by, brief)
     columns = "".join("l" if i < table.texts else "r" for i in range(len(table.heads) - 1)) + "l"
     lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", _latex_line(table.heads), r"\midrule"]
     for number, line in enumerate(table.lines):
@@ -80,10 +91,11 @@ def latex(rows: Sequence[Row], by: str | None = None) -> str:
     return "\n".join(lines)
 
 
-def csv_table(rows: Sequence[Row], by: str | None = None) -> str:
+def csv_table(rows: Sequence[Row], by: str | None = None, *, brief: bool = False) -> str:
     """Format all numbers of the rows as CSV in full precision, with their keys as heads."""
     heads = ["scene", *([] if by is None else [by]), "method", "n"]
-    numbers = [key for key in rows[0] if any(isinstance(row[key], int | float) for row in rows)]
+    wanted = _BRIEF if brief else rows[0]
+    numbers = [key for key in wanted if any(isinstance(row[key], int | float) for row in rows)]
     heads += [key for key in numbers if key not in heads]
     stream = io.StringIO()
     writer = csv.DictWriter(
@@ -94,16 +106,18 @@ def csv_table(rows: Sequence[Row], by: str | None = None) -> str:
     return stream.getvalue().rstrip("\n")
 
 
-FORMATS: Final[dict[str, Callable[[Sequence[Row], str | None], str]]] = {
+FORMATS: Final[dict[str, Callable[..., str]]] = {
     "markdown": markdown,
     "latex": latex,
     "csv": csv_table,
 }
 
 
-def _cells(rows: Sequence[Row], by: str | None) -> _Cells:
+def _cells(rows: Sequence[Row], by: str | None, brief: bool) -> _Cells:
     columns = {
-        head: key for head, key in _COLUMNS.items() if any(row[key] is not None for row in rows)
+        head: key
+        for head, key in _COLUMNS.items()
+        if any(row[key] is not None for row in rows) and (key in _BRIEF or not brief)
     }
     texts = ["scene", *([] if by is None else [by]), "method"]
     lines = []

@@ -52,6 +52,19 @@ def test_what_no_data_determine_is_infinite_and_harms_nothing_else() -> None:
     np.testing.assert_allclose(total.sigmas(quantities), [np.inf, 0.1, 0.2], rtol=1e-6)
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_priors_without_errors_reduce_the_spread_of_the_efficient_estimate(seed: int) -> None:
+    """Weighted least squares with priors, whose covariance follows from the errors that vary."""
+    random = np.random.default_rng(seed)
+    rows, sigmas = random.standard_normal((8, 3)), random.uniform(0.1, 1.0, 8)
+    prior = Information.of_priors({"b": 0.3, "c": 0.5})
+    data = Information.of_readings(("a", "b", "c"), rows, sigmas)
+    gain = np.linalg.inv((data + prior).matrix) @ (rows / sigmas[:, None] ** 2).T
+    expected = np.sqrt(np.diag(gain @ np.diag(sigmas**2) @ gain.T))
+    np.testing.assert_allclose((data + prior).sigmas(np.eye(3), prior), expected, rtol=1e-6)
+    assert ((data + prior).sigmas(np.eye(3)) >= expected).all()
+
+
 def test_parameters_are_functions_of_others() -> None:
     # a = 2 p + q and b = q, with q kept under its own name.
     mapped = LINE.renamed({"b": "q"}).mapped(("p", "q"), {"a": np.array([2.0, 1.0])})

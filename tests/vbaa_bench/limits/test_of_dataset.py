@@ -31,9 +31,10 @@ def test_limits_are_stored_beside_the_truth_and_belong_to_it(
         (frame, name) for frame in frames["frame_id"] for name in sets
     }
     image = table.filter(pl.col("information") == "image").join(frames, on="frame_id")
-    # Between 0.003 and 0.03 % of the length; the force is known as well as the rigidity, 1 %.
+    # Between 0.003 and 0.03 % of the length. The rigidity is the nominal one: its tolerance of 1 %
+    # does not add to the force's error.
     assert image["x_c_limit_mm"].is_between(0.0072, 0.072).all()
-    assert (image["force_limit_n"] / image["force_n"]).is_between(0.0099, 0.0102).all()
+    assert (image["force_limit_n"] / image["force_n"]).is_between(0.0001, 0.002).all()
     deeper = image.sort("contact_distance_at_rest_mm", "step")["x_c_limit_mm"].to_list()
     assert deeper[1] < deeper[0]
     assert deeper[3] < deeper[2]

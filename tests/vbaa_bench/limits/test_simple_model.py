@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from solver.instrument.arrays import Floats
-from tests.vbaa_bench.limits.experiments import paper_push, push
+from tests.vbaa_bench.limits.experiments import push
 from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.profile import SHIFT
 from vbaa_bench.limits.simple_model import SimpleFit
@@ -28,7 +28,7 @@ def _active(variant: str) -> None:
 
 
 def test_where_it_holds_it_has_no_bias_and_attains_the_limit() -> None:
-    frame = paper_push()[1]
+    frame = push(tolerances={"true_rig": "drawn"})[1]
     fit = SimpleFit(frame, planar=True)
     assert not fit.is_needed
     result, limits = fit.result(), dict(frame.by_set())["planar"]
