@@ -45,6 +45,7 @@ def frame_information(shape: ImageShape, of_places: PlacesInformation) -> Inform
     parameters, places = shape.across.shape
     change = np.zeros((places, 4, parameters + len(APPEARANCE)))
     change[:, SHIFT, :parameters] = shape.across.T
+    change[:, WIDTH, :parameters] = shape.wider.T
     for column, row in enumerate((BRIGHTNESS, BACKGROUND, WIDTH)):
         change[:, row, parameters + column] = 1.0
     weighted = shape.steps[:, None, None] * of_places.of_length

@@ -72,6 +72,12 @@ class ImagedBeam:
         points = self.beam.centreline[:, 1:]
         return self.camera.project(apply(self.frame_from_clamp, points))
 
+    @property
+    def pixels_per_metre(self) -> Floats:
+        """Magnification (n,) [px/m] of the beam at FRACTIONS of its length."""
+        points = apply(self.frame_from_clamp, self.beam.centreline[:, 1:])
+        return self.camera.pixels_per_metre(points)
+
     def neighbours(self, names: Sequence[str]) -> "dict[str, Neighbours]":
         """Return the beams with each parameter decreased and increased by a small step."""
         steps = {name: STEP * self.unit(name) for name in names}
@@ -151,7 +157,8 @@ class ImageShape(NamedTuple):
     `pixels` (n, 2) are places on it and `normals` (n, 2) the unit vectors across it. `steps` (n,)
     [px] are the lengths of the image that the places stand for; their sum is the image's length.
     `across` (p, n) and `tip_along` (p,) are the changes of the places across the image, and of its
-    end along it, in [px] per SI unit of each parameter.
+    end along it, in [px] per SI unit of each parameter. `wider` (p, n) are the relative changes of
+    the magnification, by which a beam that comes nearer looks wider.
     """
 
     names: tuple[str, ...]
@@ -159,6 +166,7 @@ class ImageShape(NamedTuple):
     normals: Floats
     steps: Floats
     across: Floats
+    wider: Floats
     tip_along: Floats
 
 
@@ -175,6 +183,12 @@ def image_shape(imaged: ImagedBeam, neighbours: Mapping[str, Neighbours]) -> Ima
     change = np.array(
         [(one.ahead.pixels - one.behind.pixels) / one.difference for one in neighbours.values()]
     )
+    wider = np.array(
+        [
+            np.log(one.ahead.pixels_per_metre / one.behind.pixels_per_metre) / one.difference
+            for one in neighbours.values()
+        ]
+    )
     inner = slice(1, -1)
     return ImageShape(
         names=tuple(neighbours),
@@ -182,5 +196,6 @@ def image_shape(imaged: ImagedBeam, neighbours: Mapping[str, Neighbours]) -> Ima
         normals=normals[inner],
         steps=lengths[inner] / PLACES,
         across=np.einsum("pni,ni->pn", change, normals)[:, inner],
+        wider=wider[:, inner],
         tip_along=change[:, -1] @ tangents[-1],
     )

@@ -99,3 +99,12 @@ def test_the_force_and_the_rigidity_are_one_parameter_of_the_image() -> None:
     by_force, by_rigidity = shape.across
     ratio = -LOAD.normal_force / BEAM.flexural_rigidity
     np.testing.assert_allclose(by_rigidity, ratio * by_force, rtol=1e-4, atol=1e-3)
+
+
+def test_a_beam_that_comes_nearer_looks_wider() -> None:
+    beam = imaged(Load(0.14, 1e-9))
+    shape = image_shape(beam, beam.neighbours(["clamp_z", "clamp_y", "fx"]))
+    # The camera is 0.36 m above the beam; fx is a factor of the image.
+    np.testing.assert_allclose(shape.wider[0], 1 / 0.36, rtol=1e-5)
+    np.testing.assert_allclose(shape.wider[1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(shape.wider[2], 1 / beam.camera.fx, rtol=1e-5)
