@@ -25,7 +25,7 @@ from vbaa_bench.limits.of_frame import imaged_beam
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import SHIFT, information
 from vbaa_bench.limits.quantities import QUANTITIES, gradients
-from vbaa_bench.limits.rendered import ImageChange, image_change
+from vbaa_bench.limits.rendered import ImageChange, precise_change
 from vbaa_bench.limits.rendered_beam import STEP_PX
 from vbaa_bench.limits.rendered_profile import RenderedProfiles, rendered_profiles
 from vbaa_bench.limits.rig_information import RigInformation
@@ -109,7 +109,7 @@ class LimitedFrame:
     def rendered(self, step_px: float = STEP_PX) -> ImageChange:
         """Re-render the image with changed parameters."""
         lit = self.lit
-        return image_change(
+        return precise_change(
             lit.renderer, self.spec, lit.exposure, PARAMETERS, step_px=step_px, seed=1
         )
 

@@ -16,7 +16,12 @@ from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam, is_removed
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import SHIFT, information
-from vbaa_bench.limits.rendered import ImageChange, image_change
+from vbaa_bench.limits.rendered import (
+    LARGEST_NOISE,
+    ImageChange,
+    image_change,
+    precise_change,
+)
 from vbaa_bench.limits.rendered_profile import rendered_profiles
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.render.variant import is_scalar
@@ -109,6 +114,15 @@ def test_render_noise_does_not_raise_the_information(small: Small, change: Image
     excess = square / expected - 1
     assert excess > 0.01
     assert abs(np.mean(product) / expected - 1) < 0.25 * excess
+
+
+def test_samples_are_added_until_render_noise_is_small(small: Small) -> None:
+    names = ("s_c", "normal_force")
+    few = image_change(small.renderer, small.specs[0], EXPOSURE, names, samples=4)
+    enough = precise_change(small.renderer, small.specs[0], EXPOSURE, names)
+    assert few.render_noise(few.names) > 2 * LARGEST_NOISE
+    assert enough.render_noise(enough.names) < LARGEST_NOISE
+    assert few.render_noise(("brightness",)) < few.render_noise(few.names)
 
 
 def test_brightness_changes_the_beams_part_of_a_pixel(change: ImageChange) -> None:
