@@ -50,7 +50,7 @@ class _Worker:
         """Return the rows of some pushes."""
 
         def visible(pose: Pose) -> Floats:
-            return visible_in_image(hidden[pose.spec.frame_id], self.rig.beam.length)
+            return visible_in_image(pose, hidden[pose.spec.frame_id])
 
         rows = []
         for specs in pushes:

@@ -4,21 +4,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, Mask
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.limits.image_shape import FRACTIONS
 
 
-def visible_in_image(hidden_stretches_mm: Sequence[float], length: float) -> Floats:
+def visible_in_image(pose: Pose, hidden_stretches_mm: Sequence[float]) -> Floats:
     """Return the visible fraction (PLACES,) from the truth's column `hidden_stretches_mm`.
 
-    It holds starts and ends in turn; `length` [m] is the beam's nominal length.
+    It holds starts and ends in turn. A stretch that is declared as missing is visible in the image,
+    but no method may use it.
     """
-    s = FRACTIONS[1:-1] * length / MILLIMETRE
+    s = FRACTIONS[1:-1] * pose.experiment.scene.beam.length_mm
     ends = np.array(hidden_stretches_mm).reshape(-1, 2)
-    hidden = (s[:, None] >= ends[:, 0]) & (s[:, None] <= ends[:, 1])
-    return np.asarray(1.0 - hidden.any(axis=1))
+    hidden = ((s[:, None] >= ends[:, 0]) & (s[:, None] <= ends[:, 1])).any(axis=1)
+    cover = pose.spec.cover
+    if cover is not None and cover.kind == "removed":
+        hidden |= _covered(pose)
+    return np.asarray(1.0 - hidden)
 
 
 def visible_by_plan(pose: Pose) -> Floats:
@@ -26,11 +30,20 @@ def visible_by_plan(pose: Pose) -> Floats:
 
     What the touched object hides is neglected.
     """
-    scene, line = pose.experiment.scene, pose.state.centreline
-    x = np.interp(FRACTIONS[1:-1] * line[-1, 0], line[:, 0], line[:, 1])
-    visible = np.ones(len(x))
+    scene, hidden = pose.experiment.scene, _covered(pose)
     if scene.clamp is None and not any(scene.clamp_offset_mm):
-        visible[x < scene.hub.radius_mm * MILLIMETRE] = 0.0
-    if pose.hidden is not None:
-        visible[(x >= pose.hidden[0]) & (x <= pose.hidden[1])] = 0.0
-    return visible
+        hidden |= _x(pose) < scene.hub.radius_mm * MILLIMETRE
+    return np.asarray(1.0 - hidden)
+
+
+def _covered(pose: Pose) -> Mask:
+    """Mark the places (PLACES,) that the frame's cover hides."""
+    start, end = pose.hidden or (np.inf, np.inf)
+    x = _x(pose)
+    return np.asarray((x >= start) & (x <= end))
+
+
+def _x(pose: Pose) -> Floats:
+    """Interpolate x (PLACES,) [m] of the beam in the clamp's frame."""
+    line = pose.state.centreline
+    return np.asarray(np.interp(FRACTIONS[1:-1] * line[-1, 0], line[:, 0], line[:, 1]))

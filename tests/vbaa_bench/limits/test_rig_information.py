@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.vbaa_bench.limits.experiments import paper_push
+from tests.vbaa_bench.limits.experiments import paper_push, push
 from vbaa_bench.api.scene import Scene
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.dataset.layout import Layout
@@ -14,7 +14,7 @@ from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import INTRINSICS, POSE
 from vbaa_bench.limits.frame_information import edge_information
 from vbaa_bench.limits.rig_information import RigInformation
-from vbaa_bench.limits.visible_places import visible_in_image
+from vbaa_bench.limits.visible_places import visible_by_plan, visible_in_image
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import true_rig
@@ -79,7 +79,16 @@ def test_the_exposure_is_that_of_rendered_images(
 
 
 def test_hidden_stretches_are_left_out() -> None:
-    visible = visible_in_image([0.0, 24.0, 120.0, 132.0], 0.24)
+    visible = visible_in_image(paper_push()[0].pose, [0.0, 24.0, 120.0, 132.0])
     assert visible.sum() == pytest.approx(200 * (1 - 36 / 240), abs=1)
     assert visible[:20].sum() == 0
     assert visible[-20:].all()
+
+
+def test_a_stretch_that_is_declared_as_missing_is_left_out() -> None:
+    cover = {"kind": ["removed"], "place": ["middle"], "availability": [0.75]}
+    pose = push(occlusion=cover)[0].pose
+    # The middle quarter of the beam's x axis, and the hub.
+    for visible, missing in ((visible_in_image(pose, []), 0), (visible_by_plan(pose), 2)):
+        assert visible.sum() == pytest.approx(150 - missing, abs=2)
+        assert not visible[95:105].any()
