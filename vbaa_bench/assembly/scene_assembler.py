@@ -95,15 +95,16 @@ class SceneAssembler:
 
     def pushed_world(self, pose: Pose) -> World:
         """Build the world of the beam pushed against its object."""
-        surfaces = self.surfaces(pose)
-        # The beam comes first: its index in the truth layers is 1.
-        surfaces = {"beam": surfaces.pop("beam"), **surfaces}
-        return self._world(surfaces)
+        return self._world(self.surfaces(pose))
 
     def surfaces(self, pose: Pose) -> dict[str, Surface]:
-        """Build all surfaces of a frame."""
+        """Build all surfaces of a frame.
+
+        Those of the beam at rest come first: the indices of surfaces in the layers of the truth
+        must be the same with and without an object, as both share the static layer.
+        """
         antenna = self._antenna_and_ground(pose.experiment, pose.state, pose.motor_angle)
-        return {**dict(self.object_surfaces(pose)), **dict(antenna)}
+        return {**dict(antenna), **dict(self.object_surfaces(pose))}
 
     def repose(self, world: World, pose: Pose) -> None:
         """Move the vertices of a world, made by `pushed_world`, to another pose."""

@@ -87,7 +87,7 @@ def test_arc_length_and_depth_are_those_of_the_beam(
 
 
 def test_every_surface_has_its_index(world: World, seen: Layers) -> None:
-    assert world.names == ("beam", "object", "hub", "background")
+    assert world.names == ("beam", "hub", "background", "object")
     assert set(np.unique(seen.object_index)) == {1, 2, 3, 4}
     assert ((seen.object_index == 1) == (seen.beam_mask > 0)).all()
     assert (seen.arc_length_mm[seen.object_index != 1] == 0).all()
@@ -164,7 +164,7 @@ def test_the_beam_is_white_on_a_dark_ground(
     world: World, seen: Layers, ground: StaticLayer
 ) -> None:
     image = render_frame(world, ground, TARGET, 1).radiance
-    core, sheet = image[seen.beam_mask], image[seen.object_index == 4]
+    core, sheet = image[seen.beam_mask], image[seen.object_index == 3]
     assert np.median(core) > 8 * np.median(sheet)
     assert image.min() >= 0
 

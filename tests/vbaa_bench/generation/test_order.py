@@ -1,0 +1,34 @@
+"""A frame does not depend on what its process has rendered before."""
+
+from pathlib import Path
+
+import numpy as np
+
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
+from vbaa_bench.generation.plan import plan
+from vbaa_bench.scene.load import load_scene
+
+EXPOSURE = 2e4
+
+
+def test_a_frame_after_a_rest_image_is_the_same(
+    small_scene: Path, variant: str, tmp_path: Path
+) -> None:
+    file = load_scene(small_scene)
+    planned = plan(file)
+    spec = next(iter(planned.frame_specs))
+
+    def renderer() -> FrameRenderer:
+        arguments = file.scene, planned.rig, small_scene.parent, Layout(tmp_path), variant, 1
+        return FrameRenderer(*arguments)
+
+    _, alone = renderer().photograph(spec, Metering(EXPOSURE))
+    after = renderer()
+    after.rest_image(0, EXPOSURE)
+    _, second = after.photograph(spec, Metering(EXPOSURE))
+    # The touched object is in the frame only; the rest image must not decide what is around it.
+    assert not alone.affected.all()
+    for one, other in zip(alone.by_name().values(), second.by_name().values(), strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(alone.samples, second.samples)
