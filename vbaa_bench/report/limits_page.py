@@ -14,8 +14,8 @@ from vbaa_bench.report.limits_summary import answers, mapped, summary_table
 from vbaa_bench.report.numbers import short
 from vbaa_bench.report.template import template
 
-# Upper ends of classes of colour are these numbers times powers of ten: the finest of which six
-# cover all limits.
+# Upper ends of classes of colour are these numbers times powers of ten: the finest of which all
+# limits are below the second number after the sixth.
 _LADDERS: Final = ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))
 _ENDS: Final = 6
 
@@ -84,9 +84,9 @@ def class_ends(values: Sequence[float]) -> list[float]:
     low, high = min(values), max(values)
     for steps in _LADDERS:
         first = math.floor(math.log10(low))
-        ladder = [step * 10.0**power for power in range(first, first + 8) for step in steps]
+        ladder = [step * 10.0**power for power in range(first, first + 9) for step in steps]
         start = bisect_left(ladder, low * (1 - 1e-9))
-        if high <= ladder[start + _ENDS]:
+        if high <= ladder[start + _ENDS + 1]:
             break
     return ladder[start : start + _ENDS]
 
