@@ -23,7 +23,14 @@ from vbaa_bench.scene.mistakes import (
     located_message,
 )
 from vbaa_bench.scene.random_checks import random_mistakes
-from vbaa_bench.scene.random_keys import DistributionError, Tree, nodes, parse, random_keys
+from vbaa_bench.scene.random_keys import (
+    DistributionError,
+    Tree,
+    nodes,
+    parse,
+    path_of,
+    random_keys,
+)
 from vbaa_bench.scene.random_scene import (
     RejectedDrawError,
     accepted,
@@ -151,8 +158,13 @@ def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
     `folder` contains the files that the scene names. Raises InputError.
     """
     path = folder / "scene"
+    plain = _Plain(path).of(_as_document(values))
+    random = tuple(
+        {**key, "distribution": parse(key["distribution"], path_of(key["key"]))}
+        for key in plain.get("random_keys", ())
+    )
     try:
-        scene = Scene.model_validate(_Plain(path).of(_as_document(values)))
+        scene = Scene.model_validate({**plain, "random_keys": random})
     except ValidationError as error:
         # Such as a dataset of a version in which other scenes were allowed.
         mistakes = listed_mistakes(path, CommentedMap(), error.errors())

@@ -1,4 +1,5 @@
 import ast
+import json
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ from solver.instrument.errors import InputError
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.plan import plan
-from vbaa_bench.scene.load import check_scene, load_scene
+from vbaa_bench.scene.load import check_scene, load_scene, recorded_scene
 from vbaa_bench.scene.renamed import RENAMED
 
 SCENES = Path(__file__).parents[3] / "scenes"
@@ -33,6 +34,13 @@ def test_fig8_is_the_papers_experiment() -> None:
             assert state.tip[1] / work.rig.beam.length == pytest.approx(
                 target.deflection, rel=1e-12
             )
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.rglob("*.yaml")), ids=lambda path: path.stem)
+def test_a_recorded_scene_is_the_same_scene(path: Path) -> None:
+    scene = load_scene(path).scene
+    record = json.loads(json.dumps(scene.model_dump(mode="json")))
+    assert recorded_scene(record, path.parent).scene == scene
 
 
 def test_every_mistake_is_listed_at_its_place(tmp_path: Path) -> None:
