@@ -10,16 +10,15 @@ import polars as pl
 from solver.instrument.units import MILLIMETRE, PERCENT
 from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits.designs import Design
-from vbaa_bench.limits.places import Grid, Place, places
+from vbaa_bench.limits.places import Grid, Place, places, rig_of_map
 from vbaa_bench.limits.table import SCHEMA as LIMITS
 from vbaa_bench.limits.table import LimitsOfPushes
 from vbaa_bench.limits.visible_places import visible_by_plan
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.load import SceneFile
-from vbaa_bench.scene.rigs import true_rig
 
 Progress = Callable[[int, int], None]
-_LIMITS: Final = tuple(name for name, kind in LIMITS.items() if kind == pl.Float64)
+_LIMITS: Final = tuple(name for name in LIMITS if "_limit_" in name)
 # A row per design and place. `force_mn` is the true force; `reason` is why a place is blank. A
 # null limit at a place with a force cannot be determined.
 SCHEMA: Final = {
@@ -91,7 +90,7 @@ class _Worker:
         """Return a row for each deflection at one contact distance."""
         file = column.file
         if column.number not in self._limits:
-            limits = LimitsOfPushes(file.scene, true_rig(file.scene), file.path.parent)
+            limits = LimitsOfPushes(file.scene, rig_of_map(file.scene), file.path.parent)
             self._limits = {column.number: limits}
         limits = self._limits[column.number]
         length_mm = limits.rig.beam.length / MILLIMETRE

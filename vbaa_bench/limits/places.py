@@ -13,7 +13,7 @@ from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.random_scene import accepted
-from vbaa_bench.scene.rigs import TrueRig, nominal_rig
+from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_rig
 from vbaa_bench.scene.schema import PushSpec, Scene
 
 
@@ -49,8 +49,9 @@ def scene_of_map(file: SceneFile, information: str) -> SceneFile:
     """Return the scene with the direction and stiffness of its first push, without occlusion.
 
     Of keys that are random per push, the first draw is taken. The motor's angle at first contact
-    is the middle of its range, the same at all places. Raises InputError if there is no contact
-    distance, or if the readings of the `information` set are missing.
+    is the middle of its range, the same at all places. The tolerances count as errors of the rig.
+    Raises InputError if there is no contact distance, or if the readings of the `information` set
+    are missing.
     """
     kind, sensors = file.scene.object.kind, nominal_rig(file.scene).sensors
     if kind in ("none", "wall"):
@@ -68,8 +69,22 @@ def scene_of_map(file: SceneFile, information: str) -> SceneFile:
         stiffness_n_m=(1 / push.compliance if push.compliance else "rigid",),
         motor_angle_at_contact_deg=(middle, middle),
     )
-    replaced = {"pushes": pushes, "sampling": None, "occlusion": None, "random_keys": ()}
+    # A rig that is to be built will not be exactly nominal.
+    tolerances = first.scene.tolerances.model_copy(update={"true_rig": "drawn"})
+    replaced = {
+        "pushes": pushes,
+        "sampling": None,
+        "occlusion": None,
+        "random_keys": (),
+        "tolerances": tolerances,
+    }
     return replace(file, scene=first.scene.model_copy(update=replaced))
+
+
+def rig_of_map(scene: Scene) -> TrueRig:
+    """Return the nominal rig of a scene of a map, whose limits include its tolerances."""
+    nominal = scene.tolerances.model_copy(update={"true_rig": "nominal"})
+    return true_rig(scene.model_copy(update={"tolerances": nominal}))
 
 
 def places(

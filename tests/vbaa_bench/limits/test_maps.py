@@ -90,9 +90,11 @@ def test_a_place_out_of_reach_is_blank_and_the_others_remain(partly_reached: pl.
 def test_a_place_has_the_limits_of_such_a_frame(partly_reached: pl.DataFrame, variant: str) -> None:
     activate(variant, 1)
     pushed = ["pushes.contact_distance_mm=[120]", "pushes.deflection_pct=[5, 10]"]
-    scene = load_scene(QUICKSTART, settings=pushed).scene
-    limits = LimitsOfPushes(scene, true_rig(scene), QUICKSTART.parent)
-    rows = limits.rows(Frames(scene).of_push(0), visible_by_plan)
+    drawn = load_scene(QUICKSTART, settings=[*pushed, "tolerances.true_rig=drawn"]).scene
+    nominal = load_scene(QUICKSTART).scene
+    # The nominal rig, whose tolerances count.
+    limits = LimitsOfPushes(drawn, true_rig(nominal), QUICKSTART.parent)
+    rows = limits.rows(Frames(drawn).of_push(0), visible_by_plan)
     of_frame = next(row for row in rows if row["information"] == "planar")
     of_place = partly_reached.drop_nulls("force_mn").row(0, named=True)
     for name in ("x_c_limit_mm", "s_c_limit_mm", "force_limit_n"):
