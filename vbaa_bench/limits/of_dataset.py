@@ -10,6 +10,7 @@ from typing import Any, Final
 import polars as pl
 
 from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
@@ -76,6 +77,11 @@ def limits_of_dataset(
         (spec for spec in planned.frame_specs if spec.frame_id in hidden),
         key=lambda spec: (spec.push_number, spec.step),
     )
+    if len(specs) < len(hidden):
+        raise InputError(
+            f"{root}: {len(hidden) - len(specs)} frames are not those of its scene, allowed is a "
+            "dataset that this version has generated"
+        )
     pushes = [tuple(group) for _, group in itertools.groupby(specs, lambda one: one.push_number)]
     jobs = []
     for first in range(0, len(pushes), _PUSHES):
@@ -83,7 +89,7 @@ def limits_of_dataset(
         of_job = {spec.frame_id: hidden[spec.frame_id] for spec in itertools.chain(*some)}
         jobs.append(("pushes", (some, of_job)))
     arguments = file.scene, planned.rig, folder, variant
-    with Pool(min(workers, len(jobs)), _Worker, arguments) as pool:
+    with Pool(max(1, min(workers, len(jobs))), _Worker, arguments) as pool:
         done = pool.run(jobs, partial(_report, progress, len(pushes)))
     table = pl.DataFrame(list(itertools.chain(*done)), schema=SCHEMA, orient="row")
     write_limits(layout, table.sort("frame_id", "information"), {})
