@@ -1,7 +1,5 @@
 """The loaded beam of a frame before its camera, from the states that mechanics has solved."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
@@ -56,13 +54,9 @@ def is_removed(pose: Pose, camera: Camera, pixels: Floats) -> Mask:
 def _imaged(experiment: Experiment, state: State, motor_angle: float, camera: Camera) -> ImagedBeam:
     frame_from_clamp = experiment.camera_frame_from_clamp(motor_angle).copy()
     frame_from_clamp[:3, 3] += experiment.rig.base_position
-    loads = [Load.of(state, i) for i in range(len(state.contacts))]
-    if experiment.scene.mechanics == "linear":
-        # Its force is across the beam at rest, which is no friction.
-        loads = [replace(load, friction=(0.0, 0.0)) for load in loads]
     return ImagedBeam(
         rod=experiment.rod,
-        loads=tuple(loads),
+        loads=tuple(Load.of(state, i) for i in range(len(state.contacts))),
         camera=camera,
         frame_from_clamp=frame_from_clamp,
         turned=experiment.clamp_from_world(-state.pushing_angle)[:3, :3],

@@ -50,13 +50,16 @@ def scene_of_map(file: SceneFile, information: str) -> SceneFile:
 
     Of keys that are random per push, the first draw is taken. The motor's angle at first contact
     is the middle of its range, the same at all places. The tolerances count as errors of the rig.
-    Raises InputError if there is no contact distance, or if the readings of the `information` set
-    are missing.
+    Raises InputError if there is no contact distance, if the readings of the `information` set are
+    missing, and for linear mechanics.
     """
     kind, sensors = file.scene.object.kind, nominal_rig(file.scene).sensors
     if kind in ("none", "wall"):
         message = f"is {kind}, which has no contact distance; allowed is any other"
         raise InputError(file.message_at(("object", "kind"), message))
+    if file.scene.mechanics == "linear":
+        message = "is linear, but the limits are those of the exact beam"
+        raise InputError(file.message_at(("mechanics",), message))
     if information == "moment" and sensors.moment_y is None:
         raise InputError(file.message_at(("moment_sensor",), "is missing, so nothing is read"))
     if information == "force" and (sensors.base_force is None or sensors.base_moment is None):

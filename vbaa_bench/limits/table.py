@@ -91,8 +91,12 @@ class LimitsOfPushes:
     ) -> list[dict[str, Any]]:
         """Return the rows of the frames of one push; none of a frame without contact.
 
+        There are none in a scene of linear mechanics: the limits are those of the exact beam.
+
         `visible` computes the visible fraction (n,) of PLACES equal parts of the beam.
         """
+        if self.scene.mechanics == "linear":
+            return []
         key = self._key(specs[0])
         limits = self._repeated.get(key)
         if limits is None or key is None:

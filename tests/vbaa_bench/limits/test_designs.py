@@ -72,6 +72,8 @@ def test_without_a_possible_design_all_reasons_are_listed() -> None:
         designs(QUICKSTART, ["camera.focal_length_px=x,y"], "image")
     with pytest.raises(InputError, match=r"object\.kind is wall, which has no contact distance"):
         designs(Path("scenes/fig5_line_contact.yaml"), (), "image")
+    with pytest.raises(InputError, match="mechanics is linear, but the limits are those"):
+        designs(Path("scenes/linear_beam.yaml"), (), "image")
     with pytest.raises(InputError, match="moment_sensor is missing"):
         designs(QUICKSTART, (), "moment")
 
