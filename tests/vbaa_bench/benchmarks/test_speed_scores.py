@@ -11,8 +11,8 @@ from vbaa_bench.benchmarks.speed_scores import measure
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import copy_tree, open_truth
+from vbaa_bench.scoring.columns import LIMITS
 from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.scored_quantities import LIMITED
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def solved(dataset: Path, tmp_path: Path) -> Results:
         table = true.select("frame_id", x_c_mm=pl.col("x_c_mm") + error, psi_deg=pl.lit(None))
         table.write_csv(results.predictions / f"{name}.csv")
     bounds = true.select("frame_id", information=pl.lit("image"), x_c_limit_mm=pl.lit(0.1))
-    empty = (pl.lit(None, pl.Float64).alias(q.limit) for q in LIMITED if q.name != "x_c")
+    empty = (pl.lit(None, pl.Float64).alias(name) for name in LIMITS.keys() - set(bounds.columns))
     write_limits(results.dataset, bounds.with_columns(empty), {})
     return results
 
