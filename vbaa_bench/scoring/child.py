@@ -10,7 +10,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
@@ -100,13 +100,18 @@ def solve(
 
     Raises InputError if the method or the centreline is unknown, if that centreline detects no beam
     in the rest images, if the observations are not what was generated, or if `out` or a temporary
-    folder cannot be written.
+    folder cannot be written. An earlier table at `out` is then kept.
     """
     limits = (repeats, memory_gb, frame_s)
-    (run,) = solve_each([Job(method, layout, out, frames)], centreline, limits, hear)
+    prepare_output_path(out)
+    # An earlier table is kept until there is a new one.
+    aside = out.with_name(f".{out.name}.part")
+    (run,) = solve_each([Job(method, layout, aside, frames)], centreline, limits, hear)
     if run.refusal:
+        aside.unlink()
         raise InputError(run.refusal)
-    return run
+    aside.replace(out)
+    return replace(run, table=out)
 
 
 def solve_each(

@@ -166,6 +166,21 @@ def test_what_cannot_be_written_is_said_before_anything_is_solved(
         solve(Layout(dataset), "exact_fit", tmp_path / "out.csv", 1)
 
 
+def test_an_earlier_table_is_kept_if_the_method_cannot_be_imported(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken.py").write_text("import a_library_that_is_not_here\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "broken.f.csv"
+    out.write_text("estimates of an hour\n", encoding="utf-8")
+    with pytest.raises(InputError, match="a_library_that_is_not_here"):
+        solve(Layout(dataset), "broken:f", out, 1)
+    assert out.read_text(encoding="utf-8") == "estimates of an hour\n"
+    assert sorted(path.name for path in tmp_path.glob("*.csv*")) == ["broken.f.csv"]
+    assert not list(tmp_path.glob(".*.part"))
+
+
 def test_sources_and_neighbours_are_copied_and_datasets_are_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
