@@ -55,12 +55,12 @@ def test_every_scene_is_possible_and_beam_and_object_touch_without_intersecting(
     file = load_scene(path)
     scene, work = file.scene, plan(file)
     assert work.frames * (file.rigs or 1) >= 18
-    assert work.worst_residual < 1e-8
     touching = 0
     pushes = list(dict.fromkeys(spec.push for spec in work.frame_specs))
     for push in pushes[:: max(len(pushes) // 3, 1)]:
         experiment = Experiment(scene, work.rig, push, path.parent)
         states = experiment.states()
+        assert max(state.residual for state in states) < 1e-8
         step = len(states) - 1
         state = states[step]
         if not state.contacts:

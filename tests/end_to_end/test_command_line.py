@@ -17,11 +17,11 @@ from solver.__main__ import main as solver_main
 from solver.instrument.images import png_bytes, read_grey
 from tests.command_line import CommandLine
 from tests.conftest import SMALL_SCENE
-from tests.one_process import OneProcess
 from vbaa_bench import cli
 from vbaa_bench.cli import doctor
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.workers import SameProcess
 from vbaa_bench.limits import of_dataset
 from vbaa_bench.render.variant import VARIANTS, Probe
 
@@ -102,7 +102,7 @@ def test_run_stores_the_limits_and_scores_over_them(finished: Path) -> None:
 def test_limits_of_a_collection_are_those_of_its_rigs(
     command: CommandLine, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_dataset, "Pool", OneProcess)
+    monkeypatch.setattr(of_dataset, "Pool", SameProcess)
     rig = tmp_path / "rig_00003"
     shutil.copytree(finished, rig)
     shutil.rmtree(rig / "derived")

@@ -4,7 +4,8 @@ import contextlib
 import json
 import random
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,10 @@ from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.readers import copy_observations, open_truth
 from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.generation import generate as generating
+from vbaa_bench.generation.dataset_worker import WrittenShard
 from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.workers import Ended, Job
 from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.report.report import report
 from vbaa_bench.scene.load import SceneFile, load_scene
@@ -57,39 +60,41 @@ class Restorer:
     """
 
     source: Layout
-    jobs: list[tuple[str, tuple[Any, ...]]]
+    jobs: list[Job]
 
-    def __init__(self, _count: int, _build: object, bench: tuple[Any, ...]) -> None:
-        self._layout: Layout = bench[3]
+    def __init__(self, _count: int, _build: object, arguments: tuple[Any, ...]) -> None:
+        self._layout = Layout(arguments[0])
 
     def __enter__(self) -> "Restorer":
         return self
 
     def __exit__(self, *_: object) -> None: ...
 
-    def call(self, method: str, _specs: object) -> Metering:
-        assert method == "meter"
+    def outcomes(self, jobs: deque[Job], _done: object) -> Iterator[Ended]:
+        for job in jobs:
+            if job.method != "meter":
+                self.jobs.append(job)
+            yield Ended(job, getattr(self, job.method)(*job.arguments))
+
+    def meter(self, _learns: bool) -> Metering:
         facts = json.loads(self.source.manifest.read_text())
         table = SampleTable(np.array(facts["sample_table"]))
         return Metering(facts["exposure_per_radiance"], table)
-
-    def run(self, jobs: Sequence[tuple[str, tuple[Any, ...]]], _done: object) -> list[Any]:
-        self.jobs.extend(jobs)
-        return [getattr(self, method)(*arguments) for method, arguments in jobs]
 
     def image(self, name: str, _exposure: float) -> str:
         shutil.copy(self.source.observations / name, self._layout.observations / name)
         return sha256(self.source.observations / name)
 
-    def shard(self, number: int, *_: object) -> dict[str, str]:
+    def shard(self, number: int, *_: object) -> WrittenShard:
         for tree, source in zip(self._layout.trees, self.source.trees, strict=True):
             target = self._layout.shard(tree, number)
             shutil.rmtree(target, ignore_errors=True)
             shutil.copytree(self.source.shard(source, number), target)
-        return {
+        digests = {
             tree.name: sha256(self.source.shard(tree, number) / HASHES)
             for tree in self.source.trees
         }
+        return WrittenShard(digests, 0)
 
 
 @pytest.fixture
@@ -128,7 +133,7 @@ def test_every_damage_is_mended_to_the_same_bytes_and_nothing_else_is_made(
         assert digests(copied.root) == whole, name
         folder = name.parent.name
         if name.parts[-1] in ("identity.json", "manifest.json", "rig.json") or len(name.parts) == 2:
-            assert all(method == "image" for method, _ in restorer.jobs), path
+            assert all(job.method == "image" for job in restorer.jobs), path
         elif folder.startswith("shard_"):
             assert [job[1][0] for job in restorer.jobs] == [int(folder[-5:])]
             assert folder in remarks[0]
@@ -288,7 +293,8 @@ def test_a_truncated_image_is_not_certified_by_its_shard(tmp_path: Path) -> None
         tree.mkdir()
     with ShardWriter(layout, 0) as writer:
         writer.add("abc", np.ones((9, 9), np.uint8), {"step": 0}, {"x_c_mm": 1.0}, {})
-        cut(layout.aside(0) / "observations" / "abc.png")
+        (aside,) = layout.all_aside(0)
+        cut(aside / "observations" / "abc.png")
     folder = layout.shard(layout.observations, 0)
     table = json.loads((folder / HASHES).read_text())
     assert table.keys() == {"abc.png", "metadata.csv"}
@@ -321,7 +327,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
     def unreached(*_: object) -> None:
         pytest.fail("it should have been refused before")
 
-    monkeypatch.setattr(generating, "plan", unreached)
+    monkeypatch.setattr(generating, "check_scene", unreached)
     monkeypatch.setattr(generating, "true_rig", unreached)
     file = load_scene(small_scene)
 

@@ -19,13 +19,12 @@ from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.conftest import ALL_LAYERS, SMALL_SCENE
 from tests.mortal import Mortal
-from tests.one_process import OneProcess
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
-from vbaa_bench.generation.workers import Pool, WorkerDiedError
+from vbaa_bench.generation.workers import Pool, SameProcess, WorkerDiedError
 from vbaa_bench.render.variant import FAST, PLAIN
 from vbaa_bench.scene.load import load_scene
 
@@ -190,7 +189,7 @@ def test_estimates_agree_with_the_truth(dataset: Path, antenna: Antenna, method:
 def test_a_rig_off_its_nominal_is_made_and_stays_unknown_to_the_solver(
     variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(generating, "Pool", OneProcess)
+    monkeypatch.setattr(generating, "Pool", SameProcess)
     path = tmp_path / "drawn.yaml"
     text = SMALL_SCENE.replace("[100, 200]", "[150]").replace("[10, 20]", "[20]")
     text = text.replace(ALL_LAYERS, "layers: []\n")

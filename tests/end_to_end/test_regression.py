@@ -9,10 +9,10 @@ import polars as pl
 import pytest
 
 from tests.command_line import CommandLine
-from tests.one_process import OneProcess
 from vbaa_bench import cli
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.workers import SameProcess
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.child import Job, solve_each
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE, Results
@@ -35,7 +35,7 @@ def runs(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
     layouts = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(generating, "Pool", OneProcess)
+        patch.setattr(generating, "Pool", SameProcess)
         for path in SCENES:
             scene = load_scene(path)
             layouts.append(

@@ -14,13 +14,13 @@ from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker
 from tests.conftest import SMALL_SCENE
-from tests.one_process import OneProcess
 from vbaa_bench.benchmarks.contact_sheet import contact_sheet
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.workers import SameProcess
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import overlay
@@ -43,7 +43,7 @@ def made(tmp_path: Path, variant: str, *changes: tuple[str, str]) -> Layout:
     path = tmp_path / "scene.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(generating, "Pool", OneProcess)
+        patch.setattr(generating, "Pool", SameProcess)
         return generate(load_scene(path), tmp_path / "data", variant, 0, quiet)
 
 

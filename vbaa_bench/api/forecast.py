@@ -16,10 +16,11 @@ from vbaa_bench.api.scene import AnyScene
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.collection import RigGenerator
-from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
+from vbaa_bench.generation.dataset_worker import DatasetWorker
+from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.plan import accepted_rig, plan
 from vbaa_bench.generation.workers import Pool, cores
-from vbaa_bench.scene.frames import Frames, FrameSpec
+from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 
 # Frames that each worker renders after a first one, in which kernels are compiled. Chosen: takes
@@ -77,8 +78,8 @@ def forecast(
 
     These frames are rendered, and their time and size are measured, with the same number of workers
     as for the dataset. This takes seconds. Of a collection, a few whole rigs are made, spread over
-    its numbers. Pushes that are not probed may still be impossible; `generate` reports this before
-    it renders.
+    its numbers. Pushes that are not probed may still be impossible; `generate` checks more of them
+    before it renders, and records the others.
 
     Raises InputError if a probed push is impossible.
     """
@@ -101,7 +102,7 @@ def _dataset_forecast(file: SceneFile, chosen_variant: str, count: int) -> Forec
         # No worker renders less than one shard.
         rendered = math.ceil(shards / count) / shards * frames.count
         rendering = rendered * frame_s + images * probe.image_s / count
-        return (probe.start_s + frames.pushes * probe.push_s + rendering) / 3600
+        return (probe.start_s + rendering) / 3600
 
     mean = sum(probe.frames_s) / len(probe.frames_s)
     return Forecast(
@@ -143,7 +144,7 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
         layout, threads = CollectionLayout(Path(folder)), max(cores() // workers, 1)
         jobs = [("probe", (one, layout.rig(n).root)) for n, one in enumerate(files)]
         with Pool(workers, _TimedRigGenerator, (variant, threads)) as pool:
-            probed: list[_ProbedRig] = pool.run(jobs, lambda _done: None)
+            probed: list[_ProbedRig] = pool.run(jobs)
         size = sum(path.stat().st_size for path in layout.root.rglob("*") if path.is_file())
     for one in probed:
         if one.reason:
@@ -183,12 +184,11 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
 class _Probe:
     """Measured times [s], sizes [bytes] and peak memory [bytes] of a probe.
 
-    Times are those of a worker's start and first frame, of one push's mechanics, of each probed
-    frame, and of one calibration image.
+    Times are those of a worker's start and first frame, of each probed frame with the mechanics of
+    its push, and of one calibration image.
     """
 
     start_s: float
-    push_s: float
     frames_s: Sequence[float]
     image_s: float
     frame_bytes: float
@@ -204,8 +204,8 @@ class _ProbedFrame(NamedTuple):
     memory_bytes: int | None
 
 
-class _ProbedFrameRenderer(FrameRenderer):
-    """A FrameRenderer that times its frames."""
+class _ProbedWorker(DatasetWorker):
+    """A DatasetWorker that times its frames."""
 
     _first_s: float | None = None
 
@@ -213,17 +213,17 @@ class _ProbedFrameRenderer(FrameRenderer):
         self,
         tick: Callable[[], None],
         number: int,
-        frames: tuple[FrameSpec, FrameSpec],
+        frames: tuple[FrameName, FrameName],
         metering: Metering,
     ) -> _ProbedFrame:
         """Render a shard of the second frame; once per worker, render the first frame before it."""
-        first, spec = frames
+        first, probed = frames
         start = time.perf_counter()
         if self._first_s is None:
             self.frame(first, metering)
             self._first_s = time.perf_counter() - start
         start = time.perf_counter()
-        self.shard(tick, number, [spec], metering)
+        self.shard(tick, number, [probed], metering, {})
         return _ProbedFrame(time.perf_counter() - start, self._first_s, _peak_memory())
 
 
@@ -248,25 +248,22 @@ def _probe(
 ) -> _Probe:
     clock, push_of = time.perf_counter, Frames(file.scene).push_of
     start = clock()
-    planned = plan(file, pushes=[push_of(first_index)])  # compiles the mechanics
-    rig, first = planned.rig, next(planned.frame_specs)
-    compiled = clock()
-    pushes = {push_of(index) for index in indices}
-    specs = {spec.index: spec for spec in plan(file, pushes=pushes).frame_specs}
-    probes = [specs[index] for index in indices]
-    push_s = (clock() - compiled) / len(pushes)
+    pushes = {push_of(index) for index in (first_index, *indices)}
+    names = {
+        spec.index: FrameName(spec.frame_id, spec.index)
+        for spec in plan(file, pushes=pushes).frame_specs
+    }
+    first, probes = names[first_index], [names[index] for index in indices]
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
         layout, view = Layout(Path(folder)), "calibration/view_00.png"
         (layout.observations / view).parent.mkdir(parents=True)
         layout.truth.mkdir()
         threads = max(cores() // workers, 1)
-        arguments = (file.scene, rig, file.path.parent.resolve(), layout, variant, threads)
-        with Pool(workers, _ProbedFrameRenderer, arguments) as pool:
-            metering: Metering = pool.call("meter", [first])
+        with Pool(workers, _ProbedWorker, (file, layout, variant, threads)) as pool:
+            metering: Metering = pool.call("meter", True)
             started = clock()
             frames: list[_ProbedFrame] = pool.run(
-                [("probe", (n, (first, spec), metering)) for n, spec in enumerate(probes)],
-                lambda _done: None,
+                [("probe", (n, (first, name), metering)) for n, name in enumerate(probes)]
             )
             pool.call("image", view, metering.exposure)  # compiles
             compiled = clock()
@@ -278,7 +275,6 @@ def _probe(
     memory = [frame.memory_bytes for frame in frames if frame.memory_bytes is not None]
     return _Probe(
         start_s=started - start + max(frame.first_s for frame in frames),
-        push_s=push_s,
         frames_s=[frame.seconds for frame in frames],
         image_s=image_s,
         frame_bytes=frame_bytes,

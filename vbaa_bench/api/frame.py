@@ -14,7 +14,6 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from vbaa_bench.api.data import usable_variant
 from vbaa_bench.api.scene import AnyScene, scene_file
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, metered_frames
@@ -102,13 +101,11 @@ def rendered_frame(
     planned = plan(file, pushes={frames.push_of(index) for index in indices})
     specs, rig = list(planned.frame_specs), planned.rig
     spec = next(spec for spec in specs if spec.index == number)
-    renderer = FrameRenderer(
-        file.scene, rig, file.path.parent.resolve(), Layout(Path()), variant, threads
-    )
+    renderer = FrameRenderer(file.scene, rig, file.path.parent.resolve(), variant, threads)
     if exact:
-        metering = renderer.meter(lambda: None, metered_frames(specs))
+        metering = renderer.meter(metered_frames(specs))
     else:
-        metering = Metering(renderer.measure_exposure(lambda: None))
+        metering = Metering(renderer.measure_exposure())
     rendered = renderer.frame(spec, metering)
     row = {"frame_id": spec.frame_id, **rendered.truth}
     facts = dataset_facts(file.scene, rig, metering, variant)

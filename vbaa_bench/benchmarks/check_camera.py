@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +13,6 @@ from solver.instrument.rig import Rig
 from solver.instrument.transforms import invert, rotation_vector
 from solver.instrument.units import MILLIMETRE, PERCENT
 from solver.planes.plane_c import on_plane
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_rig
@@ -53,10 +51,8 @@ def check_camera(
     """
     scene, views = file.scene, file.scene.calibration.views
     rig, nominal = true_rig(scene), nominal_rig(scene)
-    renderer = FrameRenderer(
-        scene, rig, file.path.parent.resolve(), Layout(Path()), variant, threads=0
-    )
-    exposure = renderer.measure_exposure(lambda: None)
+    renderer = FrameRenderer(scene, rig, file.path.parent.resolve(), variant, threads=0)
+    exposure = renderer.measure_exposure()
     images = []
     for view in range(views):
         images.append(renderer.board_image(view, exposure))

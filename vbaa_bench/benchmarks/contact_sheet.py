@@ -13,7 +13,6 @@ from solver.instrument.files import write_bytes
 from solver.instrument.images import eight_bit
 from solver.instrument.transforms import apply
 from vbaa_bench.assembly.scene_assembler import Pose
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import Plan, plan
 from vbaa_bench.scene.frames import FrameSpec
@@ -151,9 +150,9 @@ def photograph(file: SceneFile, variant: str) -> tuple[Grey, FrameRenderer, Pose
     """Render a scene's representative frame; return its 8-bit image, renderer and pose."""
     scene_plan = plan(file)
     folder = file.path.parent.resolve()
-    renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(Path()), variant, threads=0)
+    renderer = FrameRenderer(file.scene, scene_plan.rig, folder, variant, threads=0)
     spec = _representative_frame(scene_plan, renderer)
-    image, _ = renderer.photograph(spec, Metering(renderer.measure_exposure(lambda: None)))
+    image, _ = renderer.photograph(spec, Metering(renderer.measure_exposure()))
     return eight_bit(image), renderer, renderer.pose(spec)
 
 

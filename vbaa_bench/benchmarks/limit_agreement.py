@@ -15,7 +15,6 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.workers import cores
 from vbaa_bench.limits.frame_information import PlacesInformation, frame_information
@@ -57,13 +56,12 @@ class LitScene:
     def renderer(self) -> FrameRenderer:
         """Renderer of its frames; nothing is written."""
         scene, folder = self.file.scene, self.file.path.parent
-        layout = Layout(folder)
-        return FrameRenderer(scene, true_rig(scene), folder, layout, self.variant, cores())
+        return FrameRenderer(scene, true_rig(scene), folder, self.variant, cores())
 
     @cached_property
     def exposure(self) -> float:
         """Exposure as metered for a dataset."""
-        return self.renderer.measure_exposure(lambda: None)
+        return self.renderer.measure_exposure()
 
     @cached_property
     def rig_information(self) -> RigInformation:

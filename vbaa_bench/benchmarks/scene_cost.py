@@ -80,12 +80,10 @@ def parts(file: SceneFile, variant: str, folder: Path) -> Iterator[Record]:
     yield {"width_px": camera.width, "height_px": camera.height, "plan_s": push_s}
 
     layout = Layout(folder)
-    renderer = FrameRenderer(
-        scene, planned.rig, file.path.parent.resolve(), layout, variant, threads=1
-    )
+    renderer = FrameRenderer(scene, planned.rig, file.path.parent.resolve(), variant, threads=1)
     # Builds the world, renders the static layer and compiles kernels.
-    renderer.photograph(metered[0], Metering(renderer.measure_exposure(_ignore)))
-    metering, table_s = _timed(lambda: renderer.meter(_ignore, metered))
+    renderer.photograph(metered[0], Metering(renderer.measure_exposure()))
+    metering, table_s = _timed(lambda: renderer.meter(metered))
     yield {"table_s": table_s}
     yield {"static_s": _static_layer(renderer, metered[0], metering)}
 
@@ -174,10 +172,6 @@ def _timed(action: Callable[[], Result]) -> tuple[Result, float]:
     start = perf_counter()
     result = action()
     return result, perf_counter() - start
-
-
-def _ignore() -> None:
-    pass
 
 
 def _main(path: str, variant: str, folder: str) -> None:

@@ -25,7 +25,6 @@ from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.benchmarks.image_error import Reference, beam_line, reference_of
 from vbaa_bench.benchmarks.speed_curves import TARGET, Record, at_equal_error, write
 from vbaa_bench.dataset.exr import write_exr
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import cores
@@ -129,10 +128,10 @@ def measure(file: SceneFile, variant: str, seconds: float, out: Path) -> Record:
     deadline = perf_counter() + seconds
     scene_plan = plan(file)
     folder, threads = file.path.parent.resolve(), cores()
-    renderer = FrameRenderer(file.scene, scene_plan.rig, folder, Layout(out), variant, threads)
+    renderer = FrameRenderer(file.scene, scene_plan.rig, folder, variant, threads)
     spec = sorted(scene_plan.frame_specs, key=lambda spec: spec.index)[scene_plan.frames // 2]
     with tempfile.TemporaryDirectory() as temporary:
-        metering = renderer.meter(lambda: None, metered_frames(scene_plan.frame_specs))
+        metering = renderer.meter(metered_frames(scene_plan.frame_specs))
         stand = PoseBenchmark(renderer, renderer.pose(spec), metering, Path(temporary))
         record = _compare(stand, scene_plan.frames, deadline)
     record |= {"scene": file.path.stem, "threads": threads, "frame_id": spec.frame_id}

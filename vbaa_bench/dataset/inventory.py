@@ -1,5 +1,6 @@
 """Inventory of a dataset: find the intact, damaged and surplus files."""
 
+import contextlib
 import os
 import shutil
 from collections.abc import Collection, Iterator, Mapping
@@ -10,6 +11,7 @@ from solver.instrument.errors import DamageError
 from solver.instrument.files import sha256
 from solver.instrument.hashes import HASHES, digest, parse_hashes
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.writer import FAILURES
 
 
 @dataclass(frozen=True)
@@ -23,25 +25,31 @@ class Contents:
     shards: Mapping[int, tuple[str, ...]]
     layers: bool
 
-    def names(self, tree: str, number: int) -> set[str]:
-        """Name the files of a shard in one of the trees, except its hashes.json."""
-        ids = self.shards[number]
+    def names(self, tree: str, number: int, failed: Collection[str] = ()) -> set[str]:
+        """Name the files of a shard in one of the trees, except its hashes.json.
+
+        Frames that `failed` have no files.
+        """
+        ids = set(self.shards[number]).difference(failed)
         if tree == "observations":
             return {"metadata.csv", *(f"{frame_id}.png" for frame_id in ids)}
-        return {"truth.parquet", *(f"{frame_id}.exr" for frame_id in ids if self.layers)}
+        names = {"truth.parquet", *(f"{frame_id}.exr" for frame_id in ids if self.layers)}
+        return names | {FAILURES} if failed else names
 
 
 @dataclass
 class Inventory:
     """The sha256 of intact files, by tree and name, and a message for each damage.
 
-    A shard that is intact in both trees is represented by its hashes.json alone.
+    A shard that is intact in both trees is represented by its hashes.json alone, and has a number
+    of `failed` frames.
     """
 
     whole: dict[str, dict[str, str]] = field(
         default_factory=lambda: {"observations": {}, "truth": {}}
     )
     damage: list[str] = field(default_factory=list)
+    failed: dict[int, int] = field(default_factory=dict)
 
 
 def take_inventory(layout: Layout, contents: Contents) -> Inventory:
@@ -63,10 +71,11 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
     for number in contents.shards:
         name = f"{layout.shard(layout.truth, number).name}/{HASHES}"
         try:
+            failed = read_failures(layout, number)
             digests = {
                 tree.name: _shard(
                     layout.shard(tree, number),
-                    contents.names(tree.name, number),
+                    contents.names(tree.name, number, failed),
                     (recorded[tree.name] or {}).get(name),
                 )
                 for tree in layout.trees
@@ -76,9 +85,24 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
             if exists or recorded["observations"] is not None:
                 inventory.damage.append(str(error))
             continue
+        inventory.failed[number] = len(failed)
         for tree_name, value in digests.items():
             inventory.whole[tree_name][name] = value
     return inventory
+
+
+def read_failures(layout: Layout, number: int) -> dict[str, str]:
+    """Read the reasons, by frame id, why frames of a shard are missing. Raises DamageError."""
+    path = layout.shard(layout.truth, number) / FAILURES
+    try:
+        table = parse_hashes(path.read_bytes())
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise DamageError(f"{path}: cannot be read ({error.strerror})") from error
+    if table is None:
+        raise DamageError(f"{path}: is not what was generated")
+    return table
 
 
 def open_for_growth(layout: Layout, contents: Contents) -> None:
@@ -86,9 +110,12 @@ def open_for_growth(layout: Layout, contents: Contents) -> None:
     for tree in (layout.observations, layout.truth):
         (tree / HASHES).unlink(missing_ok=True)
     for number in contents.shards:
+        failed = dict[str, str]()
+        with contextlib.suppress(DamageError):  # a damaged shard is generated again anyway
+            failed = read_failures(layout, number)
         for tree in layout.trees:
-            folder = layout.shard(tree, number)
-            if (table := _recorded(folder)) and table.keys() != contents.names(tree.name, number):
+            folder, names = layout.shard(tree, number), contents.names(tree.name, number, failed)
+            if (table := _recorded(folder)) and table.keys() != names:
                 shutil.rmtree(folder)
 
 

@@ -6,6 +6,7 @@ DATASET/
     identity.json                    scene, variant, versions, code; written first
     shard_00000/truth.parquet        one row per frame
     shard_00000/<frame_id>.exr       radiance and truth layers
+    shard_00000/failures.json        why frames of the shard are missing; only if some are
     shard_00000/hashes.json          sha256 of each file of the shard
     manifest.json                    scene, seed, true rig, exposure, versions
     hashes.json                      sha256 of the files above, and of each shard's hashes.json
@@ -72,6 +73,11 @@ class Layout:
         """Return the folder of one shard in one of the trees."""
         return tree / f"shard_{number:05d}"
 
-    def aside(self, number: int) -> Path:
-        """Return the temporary folder of a shard, from which it is moved into place."""
-        return self.root / f".shard_{number:05d}.part"
+    def aside(self, number: int, writer: str) -> Path:
+        """Return the temporary folder of a shard's `writer`, from which it is moved into place."""
+        return self.root / f".shard_{number:05d}.{writer}.part"
+
+    def all_aside(self, number: int | None = None) -> list[Path]:
+        """List the temporary folders of a shard, or of all, that dead writers have left."""
+        shard = "*" if number is None else f"{number:05d}"
+        return list(self.root.glob(f".shard_{shard}.*.part"))

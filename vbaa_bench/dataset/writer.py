@@ -1,13 +1,17 @@
 """Writer of shards: written to a temporary folder, then moved into place with their hashes."""
 
 import csv
+import errno
 import io
 import json
+import os
 import shutil
+import socket
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 import polars as pl
@@ -21,19 +25,41 @@ from vbaa_bench.dataset.layout import Layout
 
 
 def hashes_bytes(table: Mapping[str, str]) -> bytes:
-    """Encode a table of names and sha256 as the content of hashes.json."""
+    """Encode a table of names and texts, such as the content of hashes.json."""
     return (json.dumps(dict(sorted(table.items())), indent=2) + "\n").encode()
+
+
+# Reasons by frame id, in the truth of a shard that lacks frames.
+FAILURES: Final = "failures.json"
+# Chosen: two writers of a shard can get in each other's way once or twice.
+_ATTEMPTS: Final = 10
+# Name of the frame that is being rendered, in a temporary folder.
+_CURRENT: Final = "current"
+
+
+def interrupted_frames(layout: Layout, number: int) -> Counter[str]:
+    """Count, by frame, the writers of a shard that died while they rendered it."""
+    names = Counter[str]()
+    for folder in layout.all_aside(number):
+        try:
+            names[(folder / _CURRENT).read_text(encoding="utf-8")] += 1
+        except (OSError, UnicodeDecodeError):
+            continue
+    return names
 
 
 class ShardWriter:
     """Writer of the frames of one shard; it is added to both trees at a clean exit, else to none.
 
-    After a clean exit `digests` holds, by tree, the sha256 of the shard's hashes.json.
+    Several writers of the same shard do not disturb each other: each has its own temporary folder.
+    After a clean exit `digests` holds, by tree, the sha256 of the shard's hashes.json, and `failed`
+    is the number of failures.
     """
 
     def __init__(self, layout: Layout, number: int) -> None:
         self._layout, self._number = layout, number
-        self._aside = layout.aside(number)
+        self._aside = layout.aside(number, f"{socket.gethostname()}-{os.getpid()}")
+        self._failures: dict[str, str] = {}
         self._rows: list[Mapping[str, Any]] = []
         self._metadata: list[Mapping[str, str | float | int]] = []
         self._hashes: dict[str, dict[str, str]] = {tree.name: {} for tree in layout.trees}
@@ -44,6 +70,19 @@ class ShardWriter:
         for tree in self._hashes:
             (self._aside / tree).mkdir(parents=True)
         return self
+
+    @property
+    def failed(self) -> int:
+        """Number of frames that failed."""
+        return len(self._failures)
+
+    def begin(self, frame_id: str) -> None:
+        """Leave the name of the next frame, should this process die. Raises OSError."""
+        (self._aside / _CURRENT).write_text(frame_id, encoding="utf-8")
+
+    def add_failure(self, frame_id: str, reason: str) -> None:
+        """Record why a frame is missing."""
+        self._failures[frame_id] = reason
 
     def add(
         self,
@@ -87,12 +126,15 @@ class ShardWriter:
         self._rows.sort(key=lambda row: row["frame_id"])
         stream = io.StringIO()
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow(self._metadata[0])
+        table.writerow(self._metadata[0] if self._metadata else ("file_name", "frame_id"))
         table.writerows(row.values() for row in self._metadata)
         self._write("observations", "metadata.csv", stream.getvalue().encode())
         parquet = io.BytesIO()
-        pl.DataFrame(self._rows, infer_schema_length=None).write_parquet(parquet)
+        empty = {} if self._rows else {"frame_id": pl.String}
+        pl.DataFrame(self._rows, empty or None, infer_schema_length=None).write_parquet(parquet)
         self._write("truth", "truth.parquet", parquet.getvalue())
+        if self._failures:
+            self._write("truth", FAILURES, hashes_bytes(self._failures))
         for tree in self._layout.trees:
             data = hashes_bytes(self._hashes[tree.name])
             write_bytes(self._aside / tree.name / HASHES, data)
@@ -104,6 +146,12 @@ def _replace_folder(source: Path, target: Path) -> None:
     sync_folder(source)
     if target.is_symlink() or target.is_file():
         target.unlink()
-    shutil.rmtree(target, ignore_errors=True)
-    source.replace(target)
+    for attempt in range(_ATTEMPTS):
+        shutil.rmtree(target, ignore_errors=True)
+        try:
+            source.replace(target)
+            break
+        except OSError as error:  # another writer of this shard has put its folder there
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) or attempt == _ATTEMPTS - 1:
+                raise
     sync_folder(target.parent)

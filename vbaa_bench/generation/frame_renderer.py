@@ -1,27 +1,22 @@
-"""Rendering of a dataset's images in one worker process: render, expose, write."""
+"""Rendering of a dataset's images in one process: render and expose."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
-from pathlib import Path, PurePath
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from solver.instrument.arrays import Floats, Grey
-from solver.instrument.files import write_bytes
-from solver.instrument.hashes import digest
-from solver.instrument.images import png_bytes
 from solver.instrument.units import PERCENT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
 from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
-from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.writer import ShardWriter
 from vbaa_bench.generation.look import Look, look_of, rest_look
+from vbaa_bench.generation.pushes import PushSolver
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
-from vbaa_bench.mechanics.state import State
 from vbaa_bench.render.frame import (
     NoiseTarget,
     RenderedRadiance,
@@ -53,8 +48,6 @@ from vbaa_bench.sensor.vignetting import relative_illumination
 
 # Noise target of the image for metering the exposure, relative to its radiance.
 METERING_NOISE = 0.05
-# Number of pushes whose states a worker caches.
-CACHED_PUSHES = 64
 # Factor of the noise targets for board views. Chosen: up to the sensor's own noise the sensor model
 # adds what is missing, and a corner is measured by hundreds of pixels.
 _BOARD_NOISE = 2.0
@@ -81,15 +74,6 @@ def metered_frames(specs: Iterable[FrameSpec]) -> list[FrameSpec]:
     return sorted((spec for spec in specs if spec.index in METERED), key=lambda spec: spec.index)
 
 
-@dataclass(frozen=True)
-class _DrawnPush:
-    """A push, its number if values are drawn for it, else 0, and the scene with these values."""
-
-    push: Push
-    number: int
-    scene: Scene = field(compare=False)
-
-
 class RenderedFrame(NamedTuple):
     """A frame's gray image, columns of metadata.csv and truth row, and all its truth layers."""
 
@@ -101,12 +85,11 @@ class RenderedFrame(NamedTuple):
 
 @dataclass
 class FrameRenderer:
-    """One worker's renderer, whose scene is loaded once. Its methods are the jobs."""
+    """One process's renderer of a scene's images. `folder` has the files that the scene names."""
 
     scene: Scene
     rig: TrueRig
     folder: Path
-    layout: Layout
     variant: str
     threads: int
 
@@ -118,18 +101,7 @@ class FrameRenderer:
         # The static layer rendered last, by its look and by where the image's centre is: the camera
         # may have been knocked between the rest images and the frames.
         self._static_layers: dict[tuple[int, float, float], StaticLayer] = {}
-        # Frames of one push are not consecutive.
-        self._cached_states = lru_cache(maxsize=CACHED_PUSHES)(self._states)
-
-    def states(self, spec: FrameSpec) -> tuple[Experiment, list[State]]:
-        """Solve the push of a frame; return the states of its steps."""
-        # Repetitions of a push are equal, unless values are drawn for each.
-        number = spec.push_number if self.scene.random_keys else 0
-        return self._cached_states(_DrawnPush(spec.push, number, spec.scene))
-
-    def _states(self, drawn: "_DrawnPush") -> tuple[Experiment, list[State]]:
-        experiment = Experiment(drawn.scene, self.rig, drawn.push, self.folder)
-        return experiment, experiment.states()
+        self.pushes = PushSolver(self.scene, self.rig, self.folder)
 
     def rest_world(self, number: int) -> World:
         """World of the beam before contact, with the motor at angle zero, in one rest image."""
@@ -154,7 +126,7 @@ class FrameRenderer:
 
     def pose(self, spec: FrameSpec) -> Pose:
         """Compute the pose of a frame."""
-        experiment, states = self.states(spec)
+        experiment, states = self.pushes.solved(spec)
         return Pose(experiment, spec, states[spec.step])
 
     def pushed_world(self, pose: Pose) -> World:
@@ -162,7 +134,7 @@ class FrameRenderer:
         self._look = look_of(self.scene, self._knocked, self.folder, pose.spec, self._look)
         return self._look.posed_world(pose)
 
-    def measure_exposure(self, tick: Callable[[], None]) -> float:
+    def measure_exposure(self) -> float:
         """Meter the exposure on the brightest hundredth of the resting beam.
 
         If the brightest tenth of the image is brighter, such as a panel behind the beam, it is used
@@ -174,17 +146,16 @@ class FrameRenderer:
         light = self.vignetting * rendered.radiance
         beam = float(np.quantile(light[rendered.core], 0.99))
         peak = max(beam, float(np.quantile(light, 0.9)))
-        tick()
         return metered_exposure(self.scene.sensor, peak)
 
-    def meter(self, tick: Callable[[], None], specs: Sequence[FrameSpec]) -> Metering:
+    def meter(self, specs: Sequence[FrameSpec]) -> Metering:
         """Measure the exposure, and learn from some frames how many samples pixels need.
 
-        Nothing is learned if the scene says so. Of a moving beam, one pose per frame is rendered.
-        The renders are not kept.
+        Nothing is learned without frames, or if the scene says so. Of a moving beam, one pose per
+        frame is rendered. The renders are not kept.
         """
-        metering = Metering(self.measure_exposure(tick))
-        learns = self.scene.render.sample_table and not is_scalar()
+        metering = Metering(self.measure_exposure())
+        learns = bool(specs) and self.scene.render.sample_table and not is_scalar()
         for number in range(_ROUNDS if learns else 0):
             sampled = [self._sampled(spec, metering, number) for spec in specs]
             together = Sampled(*map(np.concatenate, zip(*sampled, strict=True)))
@@ -201,15 +172,6 @@ class FrameRenderer:
         sampled = render_frame(world, static, target, seed).sampled
         assert sampled is not None
         return sampled
-
-    def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
-        """Save one calibration or rest image, such as rest/rest_00.png; return its sha256."""
-        kind, _, number = PurePath(name).stem.partition("_")
-        image = {"view": self.board_image, "rest": self.rest_image}[kind](int(number), exposure)
-        data = png_bytes(image)
-        write_bytes(self.layout.observations / name, data)
-        tick()
-        return digest(data)
 
     def board_image(self, view: int, exposure: float) -> Grey:
         """Render one calibration image, with a shorter exposure if it would be overexposed.
@@ -233,23 +195,6 @@ class FrameRenderer:
         rendered = render_frame(world, static, target, seed)
         lit = self._exposed([rendered], "rest sensor", number)
         return self._expose(lit, exposure, "rest sensor", number)
-
-    def shard(
-        self,
-        tick: Callable[[], None],
-        number: int,
-        specs: Sequence[FrameSpec],
-        metering: Metering,
-    ) -> dict[str, str]:
-        """Render and save the frames of one shard; return the sha256 of its hashes.json by tree."""
-        with ShardWriter(self.layout, number) as writer:
-            # Frames of a push, which may have looks of its own, one after another.
-            for spec in sorted(specs, key=lambda spec: spec.index):
-                frame = self.frame(spec, metering)
-                layers = {str(layer): frame.layers[layer] for layer in self.scene.layers}
-                writer.add(spec.frame_id, *frame._replace(layers=layers))
-                tick()
-        return writer.digests
 
     def frame(self, spec: FrameSpec, metering: Metering) -> RenderedFrame:
         """Render one frame and collect its truth."""

@@ -1,33 +1,30 @@
 """Generation of a dataset: scene -> mechanics -> geometry -> render -> sensor -> dataset."""
 
 import contextlib
+import shutil
 from collections.abc import Callable, Iterator, Mapping
-from itertools import chain
 from pathlib import Path, PurePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
-from solver.instrument.hashes import HASHES, digest
+from solver.instrument.hashes import digest
 from solver.instrument.rig import rig_to_json
-from vbaa_bench.dataset.identity import (
-    Identity,
-    check_identity,
-    dataset_identity,
-    write_identity,
-)
+from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
 from vbaa_bench.generation.dataset_facts import dataset_facts
-from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering, metered_frames
-from vbaa_bench.generation.plan import plan
+from vbaa_bench.generation.dataset_worker import dataset_worker
+from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.missing_files import MissingFiles, shard_name
+from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.generation.workers import Pool, SameProcess, cores
 from vbaa_bench.render.sample_table import SampleTable
-from vbaa_bench.scene.frames import FrameSpec, frame_specs, in_shards
+from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
 from vbaa_bench.scene.schema import Scene
@@ -42,6 +39,11 @@ class Machine(NamedTuple):
     workers: int
     threads: int | None
 
+    @property
+    def threads_each(self) -> int:
+        """Number of threads of each process."""
+        return self.threads or max(cores() // max(self.workers, 1), 1)
+
 
 class Part(NamedTuple):
     """One of several parts of a dataset: `number` from 1 to `total`; each has whole shards."""
@@ -51,7 +53,7 @@ class Part(NamedTuple):
 
 
 # Frames by the number of their shard.
-Shards = Mapping[int, tuple[FrameSpec, ...]]
+Shards = Mapping[int, tuple[FrameName, ...]]
 
 
 def _ignore(*_: object) -> None:
@@ -69,16 +71,23 @@ def generate(
     *,
     threads: int | None = None,
     part: Part | None = None,
+    died: Mapping[str, str] | None = None,
 ) -> Layout:
     """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
 
     Every existing file is compared with its hash. Only missing or damaged files are generated, and
-    files that do not belong to observations/ and truth/ are removed. `planning(done, total)` is
-    called as pushes are solved, `progress(done, total)` as images are rendered, `remark(sentence)`
-    for every damaged or removed file. With 0 workers, everything is rendered in this process.
-    With a `part`, only its shards are generated: a dataset of its own that `merge` completes.
-    `threads` is the number of threads of each process, by default all cores together. Raises
-    InputError if the scene is impossible, and if `root` is not writable, is being written by
+    files that do not belong to observations/ and truth/ are removed. Pushes are solved where they
+    are rendered. A frame that fails, because its push is impossible or it cannot be rendered, is
+    recorded with the reason and does not stop the others; the manifest counts them. `died` has the
+    reasons of frames that are not rendered because their processes died.
+
+    `planning(done, total)` is called as pushes are checked, `progress(done, total)` as images are
+    rendered, `remark(sentence)` for every damaged or removed file. With 0 workers, everything is
+    rendered in this process. With a `part`, only its shards are generated: a dataset of its own
+    that `merge` completes. `threads` is the number of threads of each process, by default all cores
+    together.
+
+    Raises InputError if the scene is impossible, and if `root` is not writable, is being written by
     another process, or holds something else, such as data of another scene or from another version
     of the code.
     """
@@ -89,27 +98,17 @@ def generate(
         with _locked_folder(layout):
             # Check again: another process may have started here before we held the lock.
             state = check_identity(layout, identity)
-            if state == "same" and not file.scene.random_keys:
-                shards = in_shards(file.scene, frame_specs(file.scene))
-            else:
-                shards = plan(file, planning).shards
-            chosen = {
+            if state != "same":
+                check_scene(file, planning, remark)
+            shards = {
                 number: shard
-                for number, shard in enumerate(shards)
+                for number, shard in enumerate(Frames(file.scene).in_shards())
                 if part is None or number % part.total == part.number - 1
             }
             if state == "smaller":
-                open_for_growth(layout, _contents(file.scene, chosen))
-            _complete(
-                file,
-                chosen,
-                metered_frames(chain(*shards)),
-                layout,
-                identity,
-                machine,
-                progress,
-                remark,
-            )
+                open_for_growth(layout, _contents(file.scene, shards))
+            write_identity(layout, identity)
+            _complete(file, shards, layout, machine, progress, remark, died or {})
     except OSError as error:
         raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
     return layout
@@ -132,12 +131,11 @@ def _locked_folder(layout: Layout) -> Iterator[None]:
 def _complete(
     file: SceneFile,
     shards: Shards,
-    metered: list[FrameSpec],
     layout: Layout,
-    identity: Identity,
     machine: Machine,
     progress: Progress,
     remark: Callable[[str], None],
+    died: Mapping[str, str],
 ) -> None:
     """Generate missing or damaged files in a locked folder, and seal the dataset."""
     scene, rig = file.scene, true_rig(file.scene)
@@ -147,7 +145,7 @@ def _complete(
     for sentence in inventory.damage:
         remark(f"{sentence}; regenerating it")
     hashes = inventory.whole
-    hashes["truth"][layout.identity.name] = write_identity(layout, identity)
+    hashes["truth"][layout.identity.name] = digest(layout.identity.read_bytes())
     for folder in {path.parent for path in map(PurePath, contents.images)}:
         (layout.observations / folder).mkdir(parents=True, exist_ok=True)
     hashes["observations"]["rig.json"] = _rig(layout, rig_to_json(nominal_rig(scene)))
@@ -156,11 +154,18 @@ def _complete(
         table = SampleTable(np.array(facts["sample_table"]))
         metering = Metering(float(facts["exposure_per_radiance"]), table)
     else:
-        arguments = (scene, rig, file.path.parent.resolve(), layout)
-        metering = _generate_missing(
-            arguments, machine, shards, metered, contents, hashes, progress
-        )
-    seal(layout, dataset_facts(scene, rig, metering, machine.variant), hashes)
+        folder = file.path.parent.resolve()
+        built = layout.root.resolve(), folder, machine.variant, machine.threads_each
+        pool_type = Pool if machine.workers else SameProcess
+        with pool_type(machine.workers, dataset_worker, built) as pool:
+            run = MissingFiles(layout, contents, shards, inventory, dict(died))
+            metering = run.generate(pool, progress)
+        for left in layout.all_aside():
+            shutil.rmtree(left, ignore_errors=True)
+    failed = sum(inventory.failed.values())
+    facts = dataset_facts(scene, rig, metering, machine.variant)
+    facts |= {"frames": sum(map(len, shards.values())) - failed, "failed_frames": failed}
+    seal(layout, facts, hashes)
 
 
 def _contents(scene: Scene, shards: Shards) -> Contents:
@@ -175,6 +180,8 @@ def _contents(scene: Scene, shards: Shards) -> Contents:
 
 
 def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
+    for left in layout.all_aside():  # by an interrupted call
+        shutil.rmtree(left, ignore_errors=True)
     for path in list(surplus(layout, contents)):
         path.unlink()
         if not path.name.endswith(".part"):  # left by an interrupted write
@@ -189,50 +196,10 @@ def _rig(layout: Layout, text: str) -> str:
     return digest(data)
 
 
-def _shard_name(number: int) -> str:
-    return Layout(Path()).shard(Path(), number).joinpath(HASHES).as_posix()
-
-
 def _is_complete(
     layout: Layout, contents: Contents, hashes: Mapping[str, Mapping[str, str]]
 ) -> bool:
     """Return whether nothing has to be rendered or metered: the manifest holds the exposure."""
-    shards = {_shard_name(number) for number in contents.shards}
+    shards = {shard_name(number) for number in contents.shards}
     rendered = {*contents.images, *shards} <= hashes["observations"].keys()
     return rendered and {layout.manifest.name, *shards} <= hashes["truth"].keys()
-
-
-def _generate_missing(
-    arguments: tuple[Any, ...],
-    machine: Machine,
-    shards: Shards,
-    metered: list[FrameSpec],
-    contents: Contents,
-    hashes: dict[str, dict[str, str]],
-    progress: Progress,
-) -> Metering:
-    """Generate all images and shards that are not intact, and add their hashes to `hashes`.
-
-    `arguments` holds the arguments of FrameRenderer without variant and threads.
-    """
-    observations = hashes["observations"]
-    threads = machine.threads or max(cores() // max(machine.workers, 1), 1)
-    # One more than the number of images: the exposure is metered on an image that is not kept.
-    total = sum(map(len, shards.values())) + len(contents.images) + 1
-    pool_type = Pool if machine.workers else SameProcess
-    renderer = (FrameRenderer, (*arguments, machine.variant, threads))
-    with pool_type(machine.workers, *renderer) as pool:
-        metering: Metering = pool.call("meter", metered)
-        images = [name for name in contents.images if name not in observations]
-        numbers = [n for n in shards if _shard_name(n) not in observations]
-        jobs: list[tuple[str, tuple[Any, ...]]] = [
-            ("image", (name, metering.exposure)) for name in images
-        ]
-        jobs += [("shard", (number, shards[number], metering)) for number in numbers]
-        remaining = len(images) + sum(len(shards[number]) for number in numbers) + 1
-        digests = pool.run(jobs, lambda done: progress(total - remaining + done, total))
-    observations.update(zip(images, digests, strict=False))
-    for number, by_tree in zip(numbers, digests[len(images) :], strict=True):
-        for tree, value in by_tree.items():
-            hashes[tree][_shard_name(number)] = value
-    return metering

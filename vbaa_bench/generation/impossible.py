@@ -56,20 +56,18 @@ def images_are_readable(file: SceneFile) -> None:
 
 
 class Extremes:
-    """Extremes over all states: the largest stress and residual, and the outermost points."""
+    """Extremes over all states: the largest stress, and the outermost points."""
 
     def __init__(self, file: SceneFile, rig: TrueRig) -> None:
         self._file, self._rig = file, rig
         self._stress, self._stressed, self._lowest = 0.0, "", 0.0
         rest = np.array([[0.0, 0.0, 0.0], [rig.beam.length, 0.0, 0.0]]) + rig.base_position
         self._points = rest
-        self.residual = 0.0
 
     def add(self, experiment: Experiment, states: list[State], onsets: Collection[float]) -> None:
         """Add the states of one push, with its motor angles [rad] at first contact, `onsets`."""
         push = experiment.push
         for target, state in zip(push.targets, states, strict=True):
-            self.residual = max(self.residual, state.residual)
             stress = state.largest_strain * experiment.youngs_modulus / 1e6
             if stress > self._stress:
                 self._stress, self._stressed = stress, f"{_location(push)}to {target}"

@@ -8,16 +8,18 @@ import pickle
 import signal
 import sys
 import threading
+import traceback
 import types
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, NamedTuple, Self
 
-_resident: Any = None
-_pieces: Any = None
-_stop: Any = None
+# Seconds between two looks at a pool without news, at which Ctrl-C is noticed on Windows. Chosen.
+_POLL_S: Final = 0.2
 
 
 class WorkerDiedError(Exception):
@@ -38,8 +40,23 @@ class WorkerStartError(WorkerDiedError):
         return f"a worker process could not start: {self.reason}"
 
 
-class _InterruptedError(Exception):
+class _InterruptedError(BaseException):
     """The parent has been interrupted, so a worker's result is no longer needed."""
+
+
+class Job(NamedTuple):
+    """Name of a method of the workers' object, and its arguments without the first."""
+
+    method: str
+    arguments: tuple[Any, ...]
+
+
+class Ended(NamedTuple):
+    """A job that has ended with a result, or with the `death` of its process."""
+
+    job: Job
+    result: Any
+    death: WorkerDiedError | None = None
 
 
 def cores() -> int:
@@ -51,26 +68,37 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+@dataclass(eq=False)
+class _Worker:
+    """One process, the connection to it, its job if it has one, and the job's finished pieces."""
+
+    process: SpawnProcess
+    connection: Connection
+    job: Job | None = None
+    pieces: int = 0
+
+    @property
+    def handles(self) -> tuple[Any, ...]:
+        """What becomes ready when there is a message, or when the process has ended."""
+        return self.connection, self.process.sentinel
+
+
 class Pool:
     """`count` processes, each holding `build(*arguments)`; a job names a method and its arguments.
 
-    Keep `arguments` to a few kilobytes: they are written to a starting process through a pipe,
-    and if it dies before it has read them, a longer write never ends.
-
     The first argument of every method is a function to call after each finished piece. Processes
-    are spawned, not forked: a renderer's threads do not survive a fork. They end when their parent
-    ends, for whatever reason.
+    are spawned, not forked: a renderer's threads do not survive a fork. They start with the first
+    jobs, and end when their parent ends, for whatever reason. A process that dies takes only its
+    own job with it, and another takes its place.
     """
 
     def __init__(self, count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        context = multiprocessing.get_context("spawn")
-        # SimpleQueue writes a piece before its job's result, so no piece is counted too late.
-        self._pieces, self._stop = context.SimpleQueue(), context.Event()
+        self._count, self._context = count, multiprocessing.get_context("spawn")
+        self._stop = self._context.Event()
         # Pickled here, so that a failed import in a worker can be reported.
-        pickled = pickle.dumps((build, arguments))
-        self._executor = ProcessPoolExecutor(
-            count, context, _initialise, (pickled, self._pieces, self._stop)
-        )
+        self._built = pickle.dumps((build, arguments))
+        self._workers: list[_Worker] = []
+        self._pieces = 0
 
     def __enter__(self) -> Self:
         return self
@@ -81,53 +109,106 @@ class Pool:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # After an error or an interrupt no job starts, and a running job ends after its piece.
+        # After an error or an interrupt a running job ends after its piece.
         if kind is not None:
             self._stop.set()
-        self._executor.shutdown(wait=True, cancel_futures=True)
-        self._pieces.close()
+        for worker in self._workers:
+            # Unread messages would block a worker that is about to end.
+            with contextlib.suppress(OSError, EOFError):
+                worker.connection.send(None)
+                while worker.connection.poll(None):
+                    worker.connection.recv()
+            worker.process.join()
+            worker.connection.close()
+        self._workers.clear()
 
     def call(self, method: str, *arguments: Any) -> Any:
         """Run one job and return its result.
 
         Raises what the method raises, WorkerStartError or WorkerDiedError.
         """
-        try:
-            return self._submit(method, arguments).result()
-        except BrokenProcessPool as error:
-            raise WorkerDiedError from error
+        return self.run([Job(method, arguments)])[0]
 
     def run(
-        self, jobs: Sequence[tuple[str, tuple[Any, ...]]], done: Callable[[int], None]
+        self,
+        jobs: Sequence[tuple[str, tuple[Any, ...]]],
+        done: Callable[[int], None] = lambda _pieces: None,
     ) -> list[Any]:
         """Run all jobs and return their results. `done` gets the number of finished pieces.
 
         Raises as `call` does.
         """
-        pieces = 0
+        numbered = [Job(*job) for job in jobs]
+        results = dict[int, Any]()
+        for ended in self.outcomes(deque(numbered), done):
+            if ended.death is not None:
+                raise ended.death
+            results[id(ended.job)] = ended.result
+        return [results[id(job)] for job in numbered]
+
+    def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:
+        """Take jobs from the left, run them, and yield each when it has ended, by death or not.
+
+        Jobs may be added meanwhile. `done` gets the number of finished pieces, without those of
+        jobs whose process has died. Raises what a method raises, and WorkerStartError.
+        """
+        self._pieces = 0
+        while jobs or any(worker.job for worker in self._workers):
+            self._assign(jobs)
+            done(self._pieces + sum(worker.pieces for worker in self._workers))
+            handles = {handle: worker for worker in self._workers for handle in worker.handles}
+            ready = multiprocessing.connection.wait(list(handles), timeout=_POLL_S)
+            for worker in dict.fromkeys(handles[handle] for handle in ready):
+                yield from self._news(worker)
+        done(self._pieces)
+
+    def _assign(self, jobs: deque[Job]) -> None:
+        """Give a job to every worker that has none, and start workers while jobs are left."""
+        for worker in self._workers:
+            if jobs and worker.job is None:
+                self._send(worker, jobs.popleft())
+        while jobs and len(self._workers) < self._count:
+            worker = self._started()
+            self._workers.append(worker)
+            self._send(worker, jobs.popleft())
+
+    def _started(self) -> _Worker:
+        here, there = self._context.Pipe()
+        process = self._context.Process(target=_serve, args=(there, self._stop))
+        with _interrupt_blocked(), _main_module_hidden():
+            process.start()
+        there.close()  # so that the end of the process is the end of the connection
+        worker = _Worker(process, here)
+        with contextlib.suppress(OSError):  # its death is noticed at its sentinel
+            here.send_bytes(self._built)
+        return worker
+
+    def _send(self, worker: _Worker, job: Job) -> None:
+        worker.job, worker.pieces = job, 0
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # noticed at its sentinel
+            worker.connection.send(job)
+
+    def _news(self, worker: _Worker) -> Iterator[Ended]:
+        """Read all messages of a worker; yield its job if that has ended."""
         try:
-            futures = [self._submit(method, arguments) for method, arguments in jobs]
-            pending = set(futures)
-            done(pieces)
-            while pending:
-                finished, pending = wait(pending, timeout=0.2, return_when=FIRST_COMPLETED)
-                for future in finished:
-                    future.result()
-                pieces += self._finished_pieces()
-                done(pieces)
-        except BrokenProcessPool as error:
-            raise WorkerDiedError from error
-        return [future.result() for future in futures]
-
-    def _submit(self, method: str, arguments: tuple[Any, ...]) -> Future[Any]:
-        with _interrupt_blocked(), _main_module_hidden():  # submitting starts processes
-            return self._executor.submit(_work, method, arguments)
-
-    def _finished_pieces(self) -> int:
-        count = 0
-        while not self._pieces.empty():
-            count += self._pieces.get()
-        return count
+            while worker.connection.poll():
+                ended, value = worker.connection.recv()
+                if not ended:
+                    worker.pieces += 1
+                    continue
+                if isinstance(value, BaseException):
+                    raise value
+                job, worker.job = worker.job, None
+                self._pieces += worker.pieces
+                worker.pieces = 0
+                assert job is not None
+                yield Ended(job, value)
+        except (EOFError, ConnectionResetError):
+            worker.process.join()
+            worker.connection.close()
+            self._workers.remove(worker)
+            if worker.job is not None:
+                yield Ended(worker.job, None, WorkerDiedError())
 
 
 class SameProcess:
@@ -147,9 +228,15 @@ class SameProcess:
         return getattr(self._object, method)(lambda: None, *arguments)
 
     def run(
-        self, jobs: Sequence[tuple[str, tuple[Any, ...]]], done: Callable[[int], None]
+        self,
+        jobs: Sequence[tuple[str, tuple[Any, ...]]],
+        done: Callable[[int], None] = lambda _pieces: None,
     ) -> list[Any]:
         """Run all jobs and return their results. `done` gets the number of finished pieces."""
+        return [ended.result for ended in self.outcomes(deque(Job(*job) for job in jobs), done)]
+
+    def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:
+        """Take jobs from the left, run them, and yield each when it has ended."""
         pieces = 0
 
         def piece_done() -> None:
@@ -157,7 +244,9 @@ class SameProcess:
             pieces += 1
             done(pieces)
 
-        return [getattr(self._object, method)(piece_done, *arguments) for method, arguments in jobs]
+        while jobs:
+            job = jobs.popleft()
+            yield Ended(job, getattr(self._object, job.method)(piece_done, *job.arguments))
 
 
 @contextlib.contextmanager
@@ -191,12 +280,40 @@ def _main_module_hidden() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
-def _initialise(pickled: bytes, pieces: Any, stop: Any) -> None:
-    """Prepare a worker. An error in building its object is raised by its first job."""
-    global _resident, _pieces, _stop
+def _serve(connection: Connection, stop: Any) -> None:
+    """Run jobs in a worker until the parent has no more. An error in building ends the first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _resident, _pieces, _stop = _build(pickled), pieces, stop
+
+    def piece_done() -> None:
+        connection.send((False, None))
+        if stop.is_set():
+            raise _InterruptedError
+
+    resident = _build(connection.recv_bytes())
+    with contextlib.suppress(_InterruptedError):
+        while (job := connection.recv()) is not None:
+            connection.send((True, _result(resident, job, piece_done)))
+    connection.close()
+
+
+def _result(resident: Any, job: Job, piece_done: Callable[[], None]) -> Any:
+    if isinstance(resident, Exception):
+        return resident
+    try:
+        return getattr(resident, job.method)(piece_done, *job.arguments)
+    except Exception as error:  # noqa: BLE001  # raised again by the parent
+        error.add_note(traceback.format_exc())
+        return _picklable(error)
+
+
+def _picklable(error: Exception) -> Exception:
+    """Return an error, or one with its text if it cannot be pickled."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # noqa: BLE001  # whatever pickling raises
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
 
 
 def _build(pickled: bytes) -> Any:
@@ -213,15 +330,3 @@ def _end_with_parent() -> None:
     if parent is not None:
         multiprocessing.connection.wait([parent.sentinel])
         os._exit(1)
-
-
-def _piece_done() -> None:
-    _pieces.put(1)
-    if _stop.is_set():
-        raise _InterruptedError
-
-
-def _work(method: str, arguments: tuple[Any, ...]) -> Any:
-    if isinstance(_resident, Exception):
-        raise _resident
-    return getattr(_resident, method)(_piece_done, *arguments)

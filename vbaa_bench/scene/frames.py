@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,7 +65,8 @@ class FrameSpec:
 
     `index` counts the frames in the scene's grid, `push_number` the pushes. `frame_id` and
     `push_id` are opaque. Frames of one repetition of a push share `push_id` and `onset`, the
-    motor's angle [rad] at first contact. `scene` has the values that were drawn for this frame.
+    motor's angle [rad] at first contact. `scene` has the values that were drawn for this frame, in
+    this `attempt`.
     """
 
     index: int
@@ -79,6 +80,7 @@ class FrameSpec:
     step: int
     cover: Cover | None
     onset: float
+    attempt: int
     scene: Scene = field(compare=False, repr=False)
 
     @property
@@ -92,6 +94,13 @@ class FrameSpec:
         Seen from the camera the motor turns clockwise, which bends the beam to +y.
         """
         return self.onset - pushing_angle
+
+
+class FrameName(NamedTuple):
+    """Opaque name of a frame, and its number in the scene's grid."""
+
+    frame_id: str
+    number: int
 
 
 class Frames:
@@ -118,32 +127,46 @@ class Frames:
         self._push_names, self._frame_names = (
             hashlib.blake2b(f"{kind} {identity} ".encode()) for kind in ("push", "frame")
         )
-        self._samples = [] if scene.sampling is None else scene.sampling.draw(scene.seed)
-        self._grid = _grid_size(scene.pushes) if scene.pushes else len(self._samples)
-        self._covers = len(list(_covers(scene)))
-        repeats = scene.pushes.repeats if scene.pushes else 1
-        self.pushes = repeats * self._grid * self._covers
+        grid, sampling = scene.pushes, scene.sampling
+        self._samples = () if sampling is None else sampling.draw(scene.seed)
+        self._grows = sampling is not None and sampling.method != "grid"
+        self._covers = list(_covers(scene))
+        self._grid = _grid_size(grid) if grid else len(self._samples)
+        self._per_push = len(_targets(grid)) if grid else 1
+        self._per_repeat = self._grid * len(self._covers)
+        self.pushes = (grid.repeats if grid else 1) * self._per_repeat
         # This is a separate random stream, so that no other draw depends on it.
         self._onsets = random_generator(scene, "onset").random(self.pushes)
-        targets = _targets(scene.pushes) if scene.pushes else (None,)
-        self._per_push = len(targets)
 
     @property
     def count(self) -> int:
         """Number of all frames."""
         return self.pushes * self._per_push
 
+    @property
+    def distinct_pushes(self) -> int:
+        """Number of pushes that differ, the first ones; repetitions differ by random keys only."""
+        return self.pushes if self._scene.random_keys else self._per_repeat
+
     def push_of(self, index: int) -> int:
         """Return the number of the push of a frame."""
         return index // self._per_push
+
+    def in_shards(self) -> tuple[tuple[FrameName, ...], ...]:
+        """Name all frames, shard by shard, in the order of the files; no value is drawn."""
+        names = [
+            (self._round(self.push_of(index)), FrameName(_name(self._frame_names, index), index))
+            for index in range(self.count)
+        ]
+        return _shards(self._scene, [name for _, name in sorted(names)])
 
     def of_push(self, number: int, attempt: int = 0) -> tuple[FrameSpec, ...]:
         """List the frames of a push, in the order of its steps, with the values of one attempt.
 
         Raises RejectedDrawError.
         """
-        repeat, place = divmod(number, self._grid * self._covers)
-        row, cover = divmod(place, self._covers)
+        repeat, place = divmod(number, self._per_repeat)
+        row, cover = divmod(place, len(self._covers))
         first = number * self._per_push
         scenes = [
             drawn_scene(
@@ -152,30 +175,35 @@ class Frames:
             )
             for index in range(first, first + self._per_push)
         ]
-        pushes = scenes[0].pushes
-        push = _sample(self._samples[row]) if pushes is None else _grid_push(pushes, row)
+        grid = scenes[0].pushes
+        push = _grid_push(grid, row) if grid else _sample(self._samples[row])
         low, high = scenes[0].motor_angle_at_contact_deg
         onset = float(low + (high - low) * self._onsets[number]) * DEGREE
         if self._per_push == 1:
             onset += _expected_pushing_angle(push, scenes[0].beam.length_mm * MILLIMETRE)
         push = replace(push, gravity=_in_antenna_frame(self._scene.gravity_m_s2, onset))
-        grows = self._scene.sampling is not None and self._scene.sampling.method != "grid"
         return tuple(
             FrameSpec(
                 first + step,
                 _name(self._frame_names, first + step),
                 number,
                 _name(self._push_names, number),
-                row if grows else repeat,
+                self._round(number),
                 repeat,
                 push,
                 step,
-                list(_covers(scene))[cover],
+                self._covers[cover],
                 onset,
+                attempt,
                 scene,
             )
             for step, scene in enumerate(scenes)
         )
+
+    def _round(self, push: int) -> int:
+        """Return the round of a push: in a set that grows by pushes, each is a round."""
+        repeat, place = divmod(push, self._per_repeat)
+        return place // len(self._covers) if self._grows else repeat
 
 
 def frame_specs(scene: Scene) -> list[FrameSpec]:
@@ -197,10 +225,10 @@ def in_order(specs: Iterable[FrameSpec]) -> list[FrameSpec]:
     return sorted(specs, key=lambda spec: (spec.round, spec.frame_id))
 
 
-def in_shards(scene: Scene, made: Sequence[FrameSpec]) -> tuple[tuple[FrameSpec, ...], ...]:
+def _shards(scene: Scene, frames: Sequence[FrameName]) -> tuple[tuple[FrameName, ...], ...]:
     """Cut the frames of a scene into its shards."""
     size = scene.frames_per_shard
-    return tuple(tuple(made[i : i + size]) for i in range(0, len(made), size))
+    return tuple(tuple(frames[i : i + size]) for i in range(0, len(frames), size))
 
 
 def _targets(spec: PushSpec) -> tuple[StepTarget, ...]:

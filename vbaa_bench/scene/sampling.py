@@ -1,5 +1,7 @@
 """Random pushes for training sets."""
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
@@ -54,20 +56,13 @@ class SamplingSpec(Part):
             )
         return self
 
-    def draw(self, seed: int) -> list[dict[str, float]]:
-        """Draw the pushes, each with a value for every axis that has a range."""
+    def draw(self, seed: int) -> "DrawnPushes":
+        """Draw the pushes."""
         axes = {name: getattr(self, name) for name in AXES if getattr(self, name) is not None}
         free = [name for name, (low, high) in axes.items() if low < high]
         fractions = self._fractions(free, seed)
         count = len(next(iter(fractions.values()), range(self.count)))
-        at_low = np.zeros(count)
-        return [
-            {
-                name: self._value(name, limits, float(fractions.get(name, at_low)[i]))
-                for name, limits in axes.items()
-            }
-            for i in range(count)
-        ]
+        return DrawnPushes(self, axes, fractions, count)
 
     def _fractions(self, axes: list[str], seed: int) -> dict[str, Floats]:
         """Draw numbers from 0 to 1, an array for each axis, independent of the other axes."""
@@ -87,12 +82,40 @@ class SamplingSpec(Part):
             for name in axes
         }
 
-    def _value(self, name: str, limits: tuple[float, float], fraction: float) -> float:
+    def value(self, name: str, limits: tuple[float, float], fraction: float) -> float:
+        """Return the value of an axis at a fraction, 0 to 1, of its range."""
         low, high = limits
         over_logarithms = self.method == "log_uniform" or name == "stiffness_n_m"
         if over_logarithms and low > 0:
             return float(low * (high / low) ** fraction)
         return float(low + (high - low) * fraction)
+
+
+@dataclass(frozen=True)
+class DrawnPushes:
+    """Drawn pushes by number, each with a value for every axis that has a range.
+
+    Only the fractions of the ranges are kept, because a training set has a million pushes.
+    """
+
+    _spec: SamplingSpec
+    _axes: Mapping[str, tuple[float, float]]
+    _fractions: Mapping[str, Floats]
+    _count: int
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[dict[str, float]]:
+        return map(self.__getitem__, range(self._count))
+
+    def __getitem__(self, number: int) -> dict[str, float]:
+        return {
+            name: self._spec.value(
+                name, limits, float(self._fractions[name][number]) if name in self._fractions else 0
+            )
+            for name, limits in self._axes.items()
+        }
 
 
 class SplitSpec(Part):

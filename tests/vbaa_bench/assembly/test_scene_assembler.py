@@ -69,7 +69,7 @@ def test_the_clamp_turns_with_the_beam(tmp_path: Path) -> None:
         path.write_text(CLAMPED.replace("MOUNT", mount), encoding="utf-8")
         file = load_scene(path)
         work = plan(file)
-        spec = next(work.frame_specs)
+        spec = work.frame_specs[0]
         experiment = Experiment(file.scene, work.rig, spec.push, tmp_path)
         pose = Pose(experiment, spec, experiment.states()[0])
         assembler = SceneAssembler(file.scene, work.rig, tmp_path)

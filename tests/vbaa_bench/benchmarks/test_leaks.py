@@ -50,14 +50,15 @@ def unrendered(tmp_path: Path, pushes: str = RANDOM_PUSHES, per_shard: int = 16)
     file = load_scene(path)
     made = plan(file)
     frames = []
-    for number, shard in enumerate(made.shards):
+    for first in range(0, made.frames, per_shard):
+        shard = made.frame_specs[first : first + per_shard]
         for position, spec in enumerate(sorted(shard, key=lambda spec: spec.frame_id)):
             experiment = Experiment(spec.scene, made.rig, spec.push, tmp_path)
             state = experiment.states()[spec.step]
             angle = float(readings(spec.scene, spec, state, None)["motor_angle_deg"]) * DEGREE
             x_c = state.contact.point[0] / made.rig.beam.length
             names = spec.frame_id, spec.push_id
-            frames.append(LeakFrame(x_c, 0, number, position, *names, angle))
+            frames.append(LeakFrame(x_c, 0, first // per_shard, position, *names, angle))
     return frames
 
 

@@ -27,7 +27,7 @@ def test_the_whole_rig_is_in_the_picture(tmp_path: Path) -> None:
     path.write_text(SMALL_SCENE + EXTRA, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    spec = next(work.frame_specs)
+    spec = work.frame_specs[0]
     experiment = Experiment(file.scene, work.rig, spec.push, tmp_path)
     assembler = SceneAssembler(file.scene, work.rig, tmp_path)
     pose = Pose(experiment, spec, experiment.states()[spec.step])

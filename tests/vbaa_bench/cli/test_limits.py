@@ -7,9 +7,8 @@ import polars as pl
 import pytest
 
 from tests.command_line import CommandLine
-from tests.one_process import OneProcess
 from vbaa_bench import cli
-from vbaa_bench.generation.workers import Pool
+from vbaa_bench.generation.workers import Pool, SameProcess
 from vbaa_bench.limits import maps
 
 FEW = ("--contact-distance-pct", "50", "--deflection-pct", "5,10")
@@ -19,7 +18,7 @@ FEW = ("--contact-distance-pct", "50", "--deflection-pct", "5,10")
 def command(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, variant: str
 ) -> CommandLine:
-    monkeypatch.setattr(maps, "Pool", OneProcess)
+    monkeypatch.setattr(maps, "Pool", SameProcess)
     monkeypatch.setattr("vbaa_bench.api.data.usable_variant", lambda _requested: variant)
     return CommandLine(cli.main, capfd)
 

@@ -8,7 +8,6 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.motion import exposure_poses
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import RenderedRadiance
@@ -44,8 +43,7 @@ class Laboratory:
         path = self.folder / "scene.yaml"
         path.write_text(SCENE + keys, encoding="utf-8")
         file = load_scene(path)
-        rig, layout = plan(file).rig, Layout(self.folder)
-        return FrameRenderer(file.scene, rig, self.folder, layout, self.variant, threads=1)
+        return FrameRenderer(file.scene, plan(file).rig, self.folder, self.variant, threads=1)
 
 
 @pytest.fixture

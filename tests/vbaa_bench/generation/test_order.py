@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.scene.load import load_scene
@@ -12,16 +11,13 @@ from vbaa_bench.scene.load import load_scene
 EXPOSURE = 2e4
 
 
-def test_a_frame_after_a_rest_image_is_the_same(
-    small_scene: Path, variant: str, tmp_path: Path
-) -> None:
+def test_a_frame_after_a_rest_image_is_the_same(small_scene: Path, variant: str) -> None:
     file = load_scene(small_scene)
     planned = plan(file)
-    spec = next(iter(planned.frame_specs))
+    spec = planned.frame_specs[0]
 
     def renderer() -> FrameRenderer:
-        arguments = file.scene, planned.rig, small_scene.parent, Layout(tmp_path), variant, 1
-        return FrameRenderer(*arguments)
+        return FrameRenderer(file.scene, planned.rig, small_scene.parent, variant, 1)
 
     _, alone = renderer().photograph(spec, Metering(EXPOSURE))
     after = renderer()

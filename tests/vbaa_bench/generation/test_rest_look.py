@@ -8,7 +8,6 @@ import pytest
 from solver.instrument.arrays import Floats
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.clutter import CLUTTER
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.variant import PLAIN
@@ -35,9 +34,10 @@ def test_clutter_is_the_same_at_rest_as_in_frames(tmp_path: Path, variant: str) 
     path.write_text(SMALL_SCENE + EXTRA, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    renderer = FrameRenderer(file.scene, work.rig, tmp_path, Layout(tmp_path), variant, 1)
+    renderer = FrameRenderer(file.scene, work.rig, tmp_path, variant, 1)
     rest = [_clutter(renderer.rest_world(number)) for number in range(3)]
-    pushed = [_clutter(renderer.pushed_world(renderer.pose(s))) for s in work.shards[0]]
+    specs = work.frame_specs[: file.scene.frames_per_shard]
+    pushed = [_clutter(renderer.pushed_world(renderer.pose(spec))) for spec in specs]
     assert len(rest[0]) > 100
     for other in (*rest[1:], *pushed):
         np.testing.assert_array_equal(other, rest[0])
@@ -54,10 +54,10 @@ def test_a_camera_that_was_knocked_shows_the_ground_elsewhere(
     path.write_text(text + KNOCKED, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    renderer = FrameRenderer(file.scene, work.rig, tmp_path, Layout(tmp_path), variant, 1)
-    metering = Metering(renderer.measure_exposure(lambda: None))
+    renderer = FrameRenderer(file.scene, work.rig, tmp_path, variant, 1)
+    metering = Metering(renderer.measure_exposure())
     rest = renderer.rest_image(0, metering.exposure).astype(np.float32)
-    frame = renderer.frame(work.shards[0][0], metering).image.astype(np.float32)
+    frame = renderer.frame(work.frame_specs[0], metering).image.astype(np.float32)
     # The ground below the beam and its object.
     off = {
         du: float(np.abs(frame[-60:-5, 100 + du : 450 + du] - rest[-60:-5, 100:450]).mean())

@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from tests.one_process import OneProcess
+from vbaa_bench.generation.workers import SameProcess
 from vbaa_bench.limits import maps as mapping
 from vbaa_bench.limits.designs import designs
 from vbaa_bench.limits.places import Grid, grid, places, scene_of_map
@@ -27,7 +27,7 @@ def mapped(
     path: Path, places: Grid, variant: str, *vary: str, settings: tuple[str, ...] = ()
 ) -> pl.DataFrame:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mapping, "Pool", OneProcess)
+        patch.setattr(mapping, "Pool", SameProcess)
         compared = designs(path, vary, "planar", None, settings)
         return mapping.maps(compared, places, "planar", variant, 1, lambda _done, _total: None)
 

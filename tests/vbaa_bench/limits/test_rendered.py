@@ -7,7 +7,6 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.scene_assembler import Pose
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.displacement import displacements
 from vbaa_bench.limits.frame_information import PlacesInformation, frame_information
@@ -65,8 +64,7 @@ def small(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Small:
     path = tmp_path_factory.mktemp("limits") / "small.yaml"
     path.write_text(SCENE, encoding="utf-8")
     scene = load_scene(path).scene
-    layout = Layout(path.parent / "data")
-    renderer = FrameRenderer(scene, true_rig(scene), path.parent, layout, variant, 2)
+    renderer = FrameRenderer(scene, true_rig(scene), path.parent, variant, 2)
     if is_scalar():
         pytest.skip("a scalar variant renders whole images only")
     return Small(renderer, list(frame_specs(scene)))

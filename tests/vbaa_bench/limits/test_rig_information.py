@@ -8,7 +8,6 @@ import pytest
 from tests.vbaa_bench.limits.experiments import paper_push, push
 from vbaa_bench.api.scene import Scene
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import INTRINSICS, POSE
@@ -65,14 +64,10 @@ def test_the_board_fixes_the_cameras_place_up_to_its_own() -> None:
     assert moves[3] < 0.02
 
 
-def test_the_exposure_is_that_of_rendered_images(
-    small_scene: Path, variant: str, tmp_path: Path
-) -> None:
+def test_the_exposure_is_that_of_rendered_images(small_scene: Path, variant: str) -> None:
     file = load_scene(small_scene)
     rig = true_rig(file.scene)
-    rendered = FrameRenderer(
-        file.scene, rig, small_scene.parent, Layout(tmp_path), variant, 1
-    ).measure_exposure(lambda: None)
+    rendered = FrameRenderer(file.scene, rig, small_scene.parent, variant, 1).measure_exposure()
     exposure = RigInformation(file.scene, rig, small_scene.parent).exposure
     # The largest hundredth of a noisy image, against the largest hundredth of a smooth profile.
     assert exposure == pytest.approx(rendered, rel=0.03)

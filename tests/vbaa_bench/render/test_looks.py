@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
@@ -42,7 +41,7 @@ def test_no_surface_is_biased(fixed_to: str, tmp_path: Path, variant: str) -> No
     path.write_text(SCENE.replace("FIXED", fixed_to), encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    renderer = FrameRenderer(file.scene, work.rig, tmp_path, Layout(tmp_path), variant, 2)
+    renderer = FrameRenderer(file.scene, work.rig, tmp_path, variant, 2)
     first, last = (renderer.pose(spec) for spec in sorted(work.frame_specs, key=lambda s: s.index))
     # The world is made in another pose than that of the images.
     renderer.pushed_world(first)

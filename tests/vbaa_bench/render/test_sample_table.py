@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds
@@ -54,11 +53,9 @@ def test_other_frames_have_the_target_noise(name: str, variant: str) -> None:
         pytest.skip("without wavefronts every pixel gets the same samples")
     file = load_scene(SCENES / name)
     work = plan(file)
-    renderer = FrameRenderer(
-        file.scene, work.rig, file.path.parent, Layout(Path()), variant, threads=2
-    )
+    renderer = FrameRenderer(file.scene, work.rig, file.path.parent, variant, threads=2)
     specs = sorted(work.frame_specs, key=lambda spec: spec.index)
-    metering = renderer.meter(lambda: None, metered_frames(specs))
+    metering = renderer.meter(metered_frames(specs))
     noise = renderer.sensor(metering.exposure).noise_sigma
     near_px, spec = file.scene.render.near_beam_px, file.scene.render
     sums = dict[float, list[float]]()

@@ -14,7 +14,6 @@ from scipy.linalg import solve_banded
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.benchmarks.image_error import Line, beam_line
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.tracing import trace
@@ -58,7 +57,7 @@ def roads_of(path: Path, variant: str, tolerance_px: float, folder: Path, pairs:
     work = plan(file)
     render = file.scene.render.model_copy(update={"mesh_tolerance_px": tolerance_px})
     scene = file.scene.model_copy(update={"render": render})
-    renderer = FrameRenderer(scene, work.rig, path.parent, Layout(folder), variant, 2)
+    renderer = FrameRenderer(scene, work.rig, path.parent, variant, 2)
     pose = renderer.pose(replace(min(work.frame_specs, key=lambda spec: spec.index), scene=scene))
     world, line = renderer.pushed_world(pose), beam_line(renderer.rig, pose)
     s, *place = pose.state.centreline.T

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats, Mask
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
@@ -52,8 +51,8 @@ def seen(variant: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Se
         path.write_text(SCENE + render, encoding="utf-8")
         file = load_scene(path)
         work = plan(file)
-        renderer = FrameRenderer(file.scene, work.rig, path.parent, Layout(path.parent), variant, 2)
-        world = renderer.pushed_world(renderer.pose(next(work.frame_specs)))
+        renderer = FrameRenderer(file.scene, work.rig, path.parent, variant, 2)
+        world = renderer.pushed_world(renderer.pose(work.frame_specs[0]))
         target = replace(NOISE, outlier=1.5 if render else None)
         found[name] = images(world, target)
     return found

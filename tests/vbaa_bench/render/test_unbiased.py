@@ -11,7 +11,6 @@ from scipy import stats
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.benchmarks.image_error import Line, beam_line
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.camera import sensor_dict
@@ -76,10 +75,10 @@ def seen(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Seen:
     path.write_text(SCENE, encoding="utf-8")
     file = load_scene(path)
     work = plan(file)
-    renderer = FrameRenderer(file.scene, work.rig, path.parent, Layout(path.parent), variant, 2)
-    pose = renderer.pose(next(work.frame_specs))
+    renderer = FrameRenderer(file.scene, work.rig, path.parent, variant, 2)
+    pose = renderer.pose(work.frame_specs[0])
     world = renderer.pushed_world(pose)
-    noise = renderer.sensor(renderer.measure_exposure(lambda: None)).noise_sigma
+    noise = renderer.sensor(renderer.measure_exposure()).noise_sigma
     coarse, fine = NoiseTarget(noise, 4, *COARSE), NoiseTarget(noise, 4, *FINE)
     images = [
         render_frame(world, render_static_layer(world, coarse, 1000 + seed), coarse, seed).radiance

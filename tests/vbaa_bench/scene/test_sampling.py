@@ -44,7 +44,7 @@ def test_sobol_points_are_even_on_every_axis_and_in_every_pair() -> None:
 def test_a_set_grows(method: str, few: int, more: int, seed: int) -> None:
     small = spec(method=method, count=few).draw(seed)
     large = spec(method=method, count=few + more).draw(seed)
-    assert large[:few] == small
+    assert list(large)[:few] == list(small)
 
 
 @pytest.mark.parametrize("method", ["uniform", "log_uniform", "sobol"])

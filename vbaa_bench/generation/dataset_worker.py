@@ -1,0 +1,148 @@
+"""One process's part in the generation of a dataset: its methods are the jobs of a pool."""
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Final, NamedTuple
+
+from solver.instrument.errors import InputError
+from solver.instrument.files import write_bytes
+from solver.instrument.hashes import digest
+from solver.instrument.images import png_bytes
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, RenderedFrame
+from vbaa_bench.generation.pushes import Pushes
+from vbaa_bench.scene.frames import FrameName, FrameSpec
+from vbaa_bench.scene.load import SceneFile, recorded_scene
+from vbaa_bench.scene.rigs import true_rig
+
+# Errors of the machine, and not of the frame that was rendered.
+_MACHINE: Final = OSError, MemoryError
+# Longest recorded reason of a failure [characters]. Chosen: a few sentences.
+_REASON: Final = 500
+
+
+class WrittenShard(NamedTuple):
+    """The sha256 of a shard's hashes.json by tree, and the number of frames that failed."""
+
+    digests: dict[str, str]
+    failed: int
+
+
+@dataclass
+class DatasetWorker:
+    """Writer of the images and shards of a dataset, whose scene is loaded once."""
+
+    file: SceneFile
+    layout: Layout
+    variant: str
+    threads: int
+
+    def __post_init__(self) -> None:
+        scene, rig, folder = self.file.scene, true_rig(self.file.scene), self.file.path.parent
+        self.renderer = FrameRenderer(scene, rig, folder, self.variant, self.threads)
+        self._pushes = Pushes(self.file, rig, self.renderer.pushes)
+
+    def meter(self, tick: Callable[[], None], learns: bool) -> Metering:
+        """Measure the exposure; learn the numbers of samples from the first frames if it `learns`.
+
+        Frames that are impossible or cannot be rendered are left out.
+        """
+        specs = []
+        for index in METERED if learns else ():
+            if index < self._pushes.count:
+                with contextlib.suppress(InputError):
+                    specs.append(self._pushes.frame(index))
+        try:
+            metering = self.renderer.meter(specs)
+        except _MACHINE:
+            raise
+        except Exception:  # noqa: BLE001  # the reason is recorded with the frame
+            metering = self.renderer.meter([spec for spec in specs if self._is_rendered(spec)])
+        tick()
+        return metering
+
+    def _is_rendered(self, spec: FrameSpec) -> bool:
+        try:
+            self.renderer.meter([spec])
+        except _MACHINE:
+            raise
+        except Exception:  # noqa: BLE001
+            return False
+        return True
+
+    def image(self, tick: Callable[[], None], name: str, exposure: float) -> str:
+        """Save one calibration or rest image, such as rest/rest_00.png; return its sha256."""
+        kind, _, number = PurePath(name).stem.partition("_")
+        renderer = self.renderer
+        image = {"view": renderer.board_image, "rest": renderer.rest_image}[kind](
+            int(number), exposure
+        )
+        data = png_bytes(image)
+        write_bytes(self.layout.observations / name, data)
+        tick()
+        return digest(data)
+
+    def shard(
+        self,
+        tick: Callable[[], None],
+        number: int,
+        frames: Sequence[FrameName],
+        metering: Metering,
+        died: Mapping[str, str],
+    ) -> WrittenShard:
+        """Render and save the frames of one shard.
+
+        A frame that cannot be rendered is recorded with the reason. `died` has the reasons of
+        frames that are not rendered because their processes died. Raises OSError.
+        """
+        layers = list(map(str, self.file.scene.layers))
+        with ShardWriter(self.layout, number) as writer:
+            # Frames of a push, which may have looks of its own, one after another.
+            for name in sorted(frames, key=lambda name: name.number):
+                writer.begin(name.frame_id)
+                reason = died.get(name.frame_id)
+                if reason is None:
+                    try:
+                        frame = self.frame(name, metering)
+                    except _MACHINE:
+                        raise
+                    except Exception as error:  # noqa: BLE001  # recorded
+                        reason = self._reason(error)
+                    else:
+                        kept = {layer: frame.layers[layer] for layer in layers}
+                        writer.add(name.frame_id, *frame._replace(layers=kept))
+                if reason is not None:
+                    writer.add_failure(name.frame_id, reason)
+                tick()
+        return WrittenShard(writer.digests, writer.failed)
+
+    def frame(self, name: FrameName, metering: Metering) -> RenderedFrame:
+        """Render one frame. Raises InputError if its push is impossible."""
+        return self.renderer.frame(self.spec(name), metering)
+
+    def spec(self, name: FrameName) -> FrameSpec:
+        """Return a frame's specification. Raises InputError if its push is impossible."""
+        return self._pushes.frame(name.number)
+
+    def _reason(self, error: Exception) -> str:
+        """Return the reason of a failure, which must not depend on where the scene is."""
+        text = str(error).replace(f"{self.file.path}: ", "")
+        text = text.replace(f"{self.file.path.parent}/", "").splitlines()[0] if text else ""
+        name = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+        return f"{name}{text}"[:_REASON]
+
+
+def dataset_worker(root: Path, folder: Path, variant: str, threads: int) -> DatasetWorker:
+    """Build the worker of a dataset from its identity.json, so that jobs need not carry the scene.
+
+    `folder` contains the files that the scene names. Raises InputError.
+    """
+    layout = Layout(root)
+    values = read_json(layout.identity)["scene"]
+    return DatasetWorker(
+        recorded_scene({"title": root.name, **values}, folder), layout, variant, threads
+    )
