@@ -27,7 +27,7 @@ from vbaa_bench.dataset import identity
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.readers import copy_observations, open_truth
-from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.dataset_worker import WrittenShard
 from vbaa_bench.generation.frame_renderer import Metering
@@ -291,9 +291,9 @@ def test_a_truncated_image_is_not_certified_by_its_shard(tmp_path: Path) -> None
     layout = Layout(tmp_path)
     for tree in layout.trees:
         tree.mkdir()
-    with ShardWriter(layout, 0) as writer:
+    with shard_writer(layout, 0) as writer:
         writer.add("abc", np.ones((9, 9), np.uint8), {"step": 0}, {"x_c_mm": 1.0}, {})
-        (aside,) = layout.all_aside(0)
+        (aside,) = layout.all_aside("shard_00000")
         cut(aside / "observations" / "abc.png")
     folder = layout.shard(layout.observations, 0)
     table = json.loads((folder / HASHES).read_text())

@@ -131,19 +131,19 @@ class _ProbedRig(NamedTuple):
 class _TimedRigGenerator(RigGenerator):
     """A RigGenerator that times its rigs."""
 
-    def probe(self, tick: Callable[[], None], file: SceneFile, root: Path) -> _ProbedRig:
+    def probe(self, tick: Callable[[], None], number: int, root: Path) -> _ProbedRig:
         """Generate a rig's dataset in this process."""
         start = time.perf_counter()
-        reason = self.rig(tick, file, root)
+        reason = self.rig(tick, number, root, {}).reason
         return _ProbedRig(reason, time.perf_counter() - start, os.getpid(), _peak_memory())
 
 
 def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int) -> Forecast:
-    files = [accepted_rig(file, number) for number in _spread(rigs, PROBED_RIGS * workers)]
+    numbers = _spread(rigs, PROBED_RIGS * workers)
     with tempfile.TemporaryDirectory(prefix="vbaa-plan-") as folder:
         layout, threads = CollectionLayout(Path(folder)), max(cores() // workers, 1)
-        jobs = [("probe", (one, layout.rig(n).root)) for n, one in enumerate(files)]
-        with Pool(workers, _TimedRigGenerator, (variant, threads)) as pool:
+        jobs = [("probe", (number, layout.rig(number).root)) for number in numbers]
+        with Pool(workers, _TimedRigGenerator, (file, variant, threads)) as pool:
             probed: list[_ProbedRig] = pool.run(jobs)
         size = sum(path.stat().st_size for path in layout.root.rglob("*") if path.is_file())
     for one in probed:
@@ -156,8 +156,8 @@ def _collection_forecast(file: SceneFile, rigs: int, variant: str, workers: int)
             warm.append(one.seconds)
         started.add(one.worker)
     seconds = warm or [one.seconds for one in probed]
-    scenes = [one.scene for one in files]
-    share = rigs / len(files)
+    scenes = [accepted_rig(file, number).scene for number in numbers]
+    share = rigs / len(numbers)
     counts = [Frames(scene) for scene in scenes]
     images = sum(scene.calibration.views + scene.sensor.rest_images for scene in scenes)
     compiling = max(max(one.seconds for one in probed) - min(seconds), 0.0)

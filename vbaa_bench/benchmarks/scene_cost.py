@@ -29,7 +29,7 @@ import numpy as np
 from solver.instrument.errors import InputError
 from vbaa_bench.assembly.motion import exposure_poses
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.dataset.writer import ShardWriter, shard_writer
 from vbaa_bench.generation.frame_renderer import (
     METERED,
     FrameRenderer,
@@ -95,7 +95,7 @@ def parts(file: SceneFile, variant: str, folder: Path) -> Iterator[Record]:
     distinct = len({spec.push for spec in frame_specs(scene)})
     push_share_s = push_s * distinct / frames.count
     costs, noise = list[FrameCost](), list[float]()
-    with ShardWriter(layout, 0) as writer:
+    with shard_writer(layout, 0) as writer:
         for spec in chosen:
             frame, cost = _frame(renderer, spec, metering, writer)
             costs.append(cost._replace(mechanics_s=cost.mechanics_s + push_share_s))

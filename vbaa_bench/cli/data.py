@@ -1,7 +1,7 @@
 """Commands that render: preview, plan, generate, check-camera, contact-sheet, outside."""
 
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 from rich.console import Console
@@ -24,6 +24,9 @@ from vbaa_bench.cli.options import (
     rig_numbers,
 )
 from vbaa_bench.report.console import console, print_result, progress_bars
+
+if TYPE_CHECKING:
+    from vbaa_bench.dataset.collection import FrameCounts
 
 
 def preview(
@@ -105,11 +108,33 @@ def generate(
     variant: Variant = None,
     as_json: AsJson = False,
 ) -> None:
-    """Render a scene into a dataset. Run it again to finish an interrupted dataset."""
+    """Render a scene into a dataset. Run it again to finish an interrupted dataset.
+
+    The exit status is 1 if frames or rigs failed; the others are complete.
+    """
     choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part))
-    root = generate_dataset(choice, out, workers, variant)
-    count = len(list(root.glob("**/observations/shard_*/*.png")))
-    print_result({"dataset": str(root), "frames": count}, f"{count} frames in {root}", as_json)
+    root, counts = generate_dataset(choice, out, workers, variant)
+    record = {"dataset": str(root), **counts._asdict()}
+    print_result(record, f"{counts.frames} frames in {root}", as_json)
+    exit_if_incomplete(counts)
+
+
+def exit_if_incomplete(counts: "FrameCounts") -> None:
+    """Exit with status 1 if frames or rigs failed, and say how many."""
+    if not counts.complete:
+        rigs = f" and {counts.failed_rigs} rigs" if counts.failed_rigs else ""
+        console.print(
+            f"{counts.failed_frames} frames{rigs} failed; the reasons are in "
+            f"truth/shard_*/failures.json{' and rigs.csv' if rigs else ''}"
+        )
+        raise typer.Exit(1)
+
+
+class GeneratedFolder(NamedTuple):
+    """A dataset or collection, and how many frames it has."""
+
+    root: Path
+    counts: "FrameCounts"
 
 
 class SceneChoice(NamedTuple):
@@ -138,11 +163,12 @@ def merge(
 
 def generate_dataset(
     choice: SceneChoice, out: Path | None, workers: int | None, variant: str | None
-) -> Path:
-    """Render a scene with progress bars, and return the folder of the dataset or collection."""
+) -> GeneratedFolder:
+    """Render a scene with progress bars; return the folder of the dataset or collection."""
     with importing():
         from solver.instrument.errors import InputError
         from vbaa_bench.api import data
+        from vbaa_bench.dataset.collection import count_frames
         from vbaa_bench.scene.load import load_scene
 
     file = load_scene(choice.path, choice.seed, choice.settings or (), choice.frames)
@@ -164,7 +190,7 @@ def generate_dataset(
     except KeyboardInterrupt:
         console.print("interrupted; run the same command again to continue")
         raise
-    return root
+    return GeneratedFolder(root, count_frames(root))
 
 
 def contact_sheet(

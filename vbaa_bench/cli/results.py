@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from vbaa_bench.cli.data import SceneChoice, generate_dataset
+from vbaa_bench.cli.data import SceneChoice, exit_if_incomplete, generate_dataset
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.limits import store_limits
 from vbaa_bench.cli.options import (
@@ -57,7 +57,7 @@ def run(
 ) -> None:
     """Generate, solve, score and report a scene, with the information limits of its frames."""
     choice = SceneChoice(scene, seed, settings, frames, rigs)
-    root = generate_dataset(choice, out, workers, variant)
+    root, counts = generate_dataset(choice, out, workers, variant)
     if limits:
         store_limits(root, scene.parent, workers, variant)
     runs = _solve(root, method, centreline, repeats, memory)
@@ -76,6 +76,7 @@ def run(
                 )
         Console(soft_wrap=True).print(f"report: {page}", highlight=False, markup=False)
     _exit_if_all_crashed(runs)
+    exit_if_incomplete(counts)
 
 
 def solve(

@@ -10,12 +10,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 
 from solver.instrument.files import write_bytes
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.manifest import read_json
 
 _RIG: Final = re.compile(r"rig_\d{5,}")
 
@@ -54,6 +55,34 @@ class CollectionLayout:
         folders = sorted(path for path in self.root.iterdir() if _RIG.fullmatch(path.name))
         layouts = {int(path.name.removeprefix("rig_")): Layout(path) for path in folders}
         return {number: layout for number, layout in layouts.items() if layout.hashes.is_file()}
+
+
+class FrameCounts(NamedTuple):
+    """Numbers of frames that were rendered, of those that failed, and of impossible rigs."""
+
+    frames: int
+    failed_frames: int
+    failed_rigs: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing failed."""
+        return not self.failed_frames and not self.failed_rigs
+
+
+def count_frames(root: Path) -> FrameCounts:
+    """Count the frames of a dataset or of a collection, from its manifests. Raises InputError."""
+    if not is_collection(root):
+        facts = read_json(Layout(root).manifest)
+        return FrameCounts(facts["frames"], facts["failed_frames"])
+    collection = CollectionLayout(root)
+    rigs = [count_frames(layout.root) for layout in collection.rigs().values()]
+    reasons = pl.read_csv(collection.table, infer_schema=False)["reason"]
+    return FrameCounts(
+        sum(rig.frames for rig in rigs),
+        sum(rig.failed_frames for rig in rigs),
+        reasons.len() - reasons.null_count(),
+    )
 
 
 def is_collection(root: Path) -> bool:

@@ -23,6 +23,11 @@ from pathlib import Path
 from solver.instrument.hashes import HASHES
 
 
+def shard_name(number: int) -> str:
+    """Name the folder of a shard."""
+    return f"shard_{number:05d}"
+
+
 @dataclass(frozen=True)
 class Layout:
     """The paths of the dataset at `root`."""
@@ -71,13 +76,12 @@ class Layout:
 
     def shard(self, tree: Path, number: int) -> Path:
         """Return the folder of one shard in one of the trees."""
-        return tree / f"shard_{number:05d}"
+        return tree / shard_name(number)
 
-    def aside(self, number: int, writer: str) -> Path:
-        """Return the temporary folder of a shard's `writer`, from which it is moved into place."""
-        return self.root / f".shard_{number:05d}.{writer}.part"
+    def aside(self, job: str, process: str) -> Path:
+        """Return the temporary folder of a process that does a job, such as shard_00000."""
+        return self.root / f".{job}.{process}.part"
 
-    def all_aside(self, number: int | None = None) -> list[Path]:
-        """List the temporary folders of a shard, or of all, that dead writers have left."""
-        shard = "*" if number is None else f"{number:05d}"
-        return list(self.root.glob(f".shard_{shard}.*.part"))
+    def all_aside(self, job: str | None = None) -> list[Path]:
+        """List the temporary folders of a job, or of all jobs."""
+        return list(self.root.glob(f".{job or '*'}.*.part"))

@@ -1,17 +1,14 @@
 """Writer of shards: written to a temporary folder, then moved into place with their hashes."""
 
+import contextlib
 import csv
 import errno
 import io
 import json
-import os
 import shutil
-import socket
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
@@ -20,8 +17,9 @@ from solver.instrument.arrays import Grey
 from solver.instrument.files import sync_folder, write_bytes
 from solver.instrument.hashes import HASHES, digest
 from solver.instrument.images import png_bytes
+from vbaa_bench.dataset.aside import Aside, aside
 from vbaa_bench.dataset.exr import exr_bytes
-from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.layout import Layout, shard_name
 
 
 def hashes_bytes(table: Mapping[str, str]) -> bytes:
@@ -33,52 +31,39 @@ def hashes_bytes(table: Mapping[str, str]) -> bytes:
 FAILURES: Final = "failures.json"
 # Chosen: two writers of a shard can get in each other's way once or twice.
 _ATTEMPTS: Final = 10
-# Name of the frame that is being rendered, in a temporary folder.
-_CURRENT: Final = "current"
 
 
-def interrupted_frames(layout: Layout, number: int) -> Counter[str]:
-    """Count, by frame, the writers of a shard that died while they rendered it."""
-    names = Counter[str]()
-    for folder in layout.all_aside(number):
-        try:
-            names[(folder / _CURRENT).read_text(encoding="utf-8")] += 1
-        except (OSError, UnicodeDecodeError):
-            continue
-    return names
+@contextlib.contextmanager
+def shard_writer(layout: Layout, number: int) -> Iterator["ShardWriter"]:
+    """Write one shard; it is added to both trees at a clean exit, else to none. Raises OSError."""
+    with aside(layout, shard_name(number)) as own:
+        writer = ShardWriter(layout, number, own)
+        yield writer
+        writer.close()
 
 
 class ShardWriter:
-    """Writer of the frames of one shard; it is added to both trees at a clean exit, else to none.
+    """Writer of the frames of one shard in a temporary folder; `close` adds it to both trees.
 
-    Several writers of the same shard do not disturb each other: each has its own temporary folder.
-    After a clean exit `digests` holds, by tree, the sha256 of the shard's hashes.json, and `failed`
-    is the number of failures.
+    Several writers of the same shard do not disturb each other. When it is closed, `digests` holds,
+    by tree, the sha256 of the shard's hashes.json, and `failed` is the number of failures.
     """
 
-    def __init__(self, layout: Layout, number: int) -> None:
-        self._layout, self._number = layout, number
-        self._aside = layout.aside(number, f"{socket.gethostname()}-{os.getpid()}")
+    def __init__(self, layout: Layout, number: int, own: Aside) -> None:
+        self._layout, self._number, self._aside = layout, number, own.folder
+        self.begin = own.begin
         self._failures: dict[str, str] = {}
         self._rows: list[Mapping[str, Any]] = []
         self._metadata: list[Mapping[str, str | float | int]] = []
         self._hashes: dict[str, dict[str, str]] = {tree.name: {} for tree in layout.trees}
         self.digests: dict[str, str] = {}
-
-    def __enter__(self) -> Self:
-        shutil.rmtree(self._aside, ignore_errors=True)
         for tree in self._hashes:
-            (self._aside / tree).mkdir(parents=True)
-        return self
+            (own.folder / tree).mkdir()
 
     @property
     def failed(self) -> int:
         """Number of frames that failed."""
         return len(self._failures)
-
-    def begin(self, frame_id: str) -> None:
-        """Leave the name of the next frame, should this process die. Raises OSError."""
-        (self._aside / _CURRENT).write_text(frame_id, encoding="utf-8")
 
     def add_failure(self, frame_id: str, reason: str) -> None:
         """Record why a frame is missing."""
@@ -103,24 +88,13 @@ class ShardWriter:
         self._metadata.append({"file_name": f"{frame_id}.png", "frame_id": frame_id, **readings})
         self._rows.append({"frame_id": frame_id, **truth})
 
-    def __exit__(
-        self,
-        error_type: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            if error_type is None:
-                self._close()
-        finally:
-            shutil.rmtree(self._aside, ignore_errors=True)
-
     def _write(self, tree: str, name: str, data: bytes) -> None:
         """Write a file to the temporary folder; its hash is computed from the bytes in memory."""
         self._hashes[tree][name] = digest(data)
         write_bytes(self._aside / tree / name, data)
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Write the tables, and move the shard into place. Raises OSError."""
         # Frames may be added in any order; the files reveal none.
         self._metadata.sort(key=lambda row: row["frame_id"])
         self._rows.sort(key=lambda row: row["frame_id"])

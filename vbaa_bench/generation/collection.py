@@ -2,7 +2,9 @@
 
 import gc
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,22 +13,25 @@ import polars as pl
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.deaths import Deaths
+from vbaa_bench.generation.generate import Machine, generate
 from vbaa_bench.generation.plan import accepted_rig
-from vbaa_bench.generation.workers import Pool, cores
+from vbaa_bench.generation.workers import Job, Pool
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.schema import Scene
 
 Progress = Callable[[int, int], None]
 
 
 class RigResult(NamedTuple):
-    """A rig's number, scene and reason why it could not be generated, empty if it could."""
+    """A rig's number, its row in rigs.csv, and why it could not be generated, empty if it could."""
 
     number: int
-    file: SceneFile | None
+    row: dict[str, str | None]
     reason: str
 
 
@@ -50,9 +55,8 @@ def generate_collection(
         root.mkdir(parents=True, exist_ok=True)
         with locked(root / ".lock"):
             _check_scene(layout, file)
-            drawn = [_drawn(file, number) for number in numbers]
-            results = _generate(layout, drawn, variant, workers, progress)
-            _write_table(layout, file, results)
+            results = _generate(layout, file, numbers, Machine(variant, workers, None), progress)
+            _write_table(layout, results)
     except OSError as error:
         raise InputError(f"{root}: cannot be written ({error.strerror or error})") from error
     return results
@@ -79,43 +83,53 @@ def _check_scene(layout: CollectionLayout, file: SceneFile) -> None:
     write_bytes(layout.scene, data)
 
 
-def _drawn(file: SceneFile, number: int) -> RigResult:
-    try:
-        return RigResult(number, accepted_rig(file, number), "")
-    except InputError as error:
-        return RigResult(number, None, str(error))
-
-
 def _generate(
     layout: CollectionLayout,
-    drawn: Sequence[RigResult],
-    variant: str,
-    workers: int,
+    file: SceneFile,
+    numbers: Sequence[int],
+    machine: Machine,
     progress: Progress,
 ) -> list[RigResult]:
-    jobs, total = list[tuple[str, tuple[Any, ...]]](), 0
-    for result in drawn:
-        if result.file is not None:
-            scene = result.file.scene
-            # One more than the images: the exposure is metered on an image that is not kept.
-            total += Frames(scene).count + scene.calibration.views + scene.sensor.rest_images + 1
-            jobs.append(("rig", (result.file, layout.rig(result.number).root)))
-    threads = max(cores() // workers, 1)
-    with Pool(workers, RigGenerator, (variant, threads)) as pool:
-        reasons = iter(pool.run(jobs, lambda done: progress(done, total)))
-    return [
-        result if result.file is None else result._replace(reason=next(reasons)) for result in drawn
-    ]
+    # Rigs may differ in their numbers of frames, of which the first is an example.
+    scene = accepted_rig(file).scene
+    # One more than the images: the exposure is metered on an image that is not kept.
+    per_rig = Frames(scene).count + scene.calibration.views + scene.sensor.rest_images + 1
+    total = per_rig * len(numbers)
+    results, deaths = list[RigResult](), dict[int, Deaths]()
+    jobs = deque(Job("rig", (number, layout.rig(number).root, {})) for number in numbers)
+    arguments = file, machine.variant, machine.threads_each
+    with Pool(machine.workers, RigGenerator, arguments) as pool:
+        for ended in pool.outcomes(jobs, lambda done: progress(min(done, total), total)):
+            if ended.death is None:
+                results.append(ended.result)
+            else:
+                number, root, _ = ended.job.arguments
+                of_rig = deaths.setdefault(number, Deaths())
+                of_rig.record(Layout(root), None, ended.death)
+                jobs.append(Job("rig", (number, root, of_rig.given_up)))
+    progress(total, total)
+    return sorted(results)
 
 
+@dataclass
 class RigGenerator:
-    """One worker's generator of whole rigs."""
+    """One worker's generator of whole rigs of a scene."""
 
-    def __init__(self, variant: str, threads: int) -> None:
-        self._variant, self._threads = variant, threads
+    file: SceneFile
+    variant: str
+    threads: int
 
-    def rig(self, tick: Callable[[], None], file: SceneFile, root: Path) -> str:
-        """Generate a rig's dataset in this process; return why it is impossible, or nothing."""
+    def rig(
+        self,
+        tick: Callable[[], None],
+        number: int,
+        root: Path,
+        given_up: Mapping[str, str],
+    ) -> RigResult:
+        """Draw a rig and generate its dataset in this process; record why it is impossible.
+
+        `given_up` has the reasons of frames that are not rendered.
+        """
         finished = 0
 
         def progress(done: int, _total: int) -> None:
@@ -124,29 +138,35 @@ class RigGenerator:
                 tick()
             finished = done
 
+        scene, reason, failed = None, "", None
         try:
-            generate(file, root, self._variant, 0, progress, threads=self._threads)
+            rig = accepted_rig(self.file, number)
+            scene = rig.scene
+            generate(rig, root, self.variant, 0, progress, threads=self.threads, given_up=given_up)
+            failed = read_json(Layout(root).manifest)["failed_frames"]
         except InputError as error:
-            return str(error)
+            reason = str(error)
         finally:
             gc.collect()  # a world and its renderer refer to each other
-        return ""
+        return RigResult(number, rig_row(self.file, number, scene, reason, failed), reason)
 
 
-def _write_table(layout: CollectionLayout, file: SceneFile, results: Sequence[RigResult]) -> None:
+def _write_table(layout: CollectionLayout, results: Sequence[RigResult]) -> None:
     """Write rigs.csv; rigs of earlier calls keep their rows."""
-    rows = {result.number: rig_row(file, result) for result in results}
+    rows = {result.number: result.row for result in results}
     if layout.table.is_file():
         old = pl.read_csv(layout.table, infer_schema=False).to_dicts()
         rows = {int(row["rig"]): row for row in old} | rows
     layout.write_rows(rows)
 
 
-def rig_row(file: SceneFile, result: RigResult) -> dict[str, str | None]:
+def rig_row(
+    file: SceneFile, number: int, rig: Scene | None, reason: str = "", failed: int | None = 0
+) -> dict[str, str | None]:
     """Collect the row of a rig in rigs.csv: texts, None for an empty cell."""
-    row: dict[str, Any] = {"rig": result.number, "reason": result.reason or None}
-    if result.file is not None:
-        row |= {"seed": result.file.scene.seed, **file.rig_values(result.file.scene)}
+    row: dict[str, Any] = {"rig": number, "reason": reason or None, "failed_frames": failed}
+    if rig is not None:
+        row |= {"seed": rig.seed, **file.rig_values(rig)}
     return {name: None if value is None else str(value) for name, value in row.items()}
 
 

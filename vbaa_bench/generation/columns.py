@@ -18,6 +18,7 @@ _ONE_CONTACT: Final = "no second object is touched"
 TRUTH: Final = {
     **JOINED,
     "model": Column("mechanical model that was solved"),
+    "processor": Column("kind of processor; another one may give other last digits"),
     "trial": Column("number of the frame in the scene's list of pushes"),
     "repeat": Column("repetition of the push, from 0"),
     "push": Column("target of the step: deflection or pushing angle, as text"),
@@ -188,6 +189,7 @@ RIG: Final = {
 RIGS: Final = {
     "rig": Column("number of the rig, as in rig_00000"),
     "reason": Column("why the rig could not be generated", "", "it was generated"),
+    "failed_frames": Column("number of frames that failed", "", "the rig was not generated"),
     "seed": Column("seed of the rig's scene", "", "no rig could be drawn"),
     "*.*": Column(
         "value that was drawn for the rig, by its key in the scene",

@@ -1,7 +1,7 @@
 """One process's part in the generation of a dataset: its methods are the jobs of a pool."""
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final, NamedTuple
@@ -10,9 +10,10 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
+from vbaa_bench.dataset.aside import aside
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
-from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.dataset.writer import ShardWriter, shard_writer
 from vbaa_bench.generation.frame_renderer import METERED, FrameRenderer, Metering, RenderedFrame
 from vbaa_bench.generation.pushes import Pushes
 from vbaa_bench.scene.frames import FrameName, FrameSpec
@@ -46,22 +47,25 @@ class DatasetWorker:
         self.renderer = FrameRenderer(scene, rig, folder, self.variant, self.threads)
         self._pushes = Pushes(self.file, rig, self.renderer.pushes)
 
-    def meter(self, tick: Callable[[], None], learns: bool) -> Metering:
-        """Measure the exposure; learn the numbers of samples from the first frames if it `learns`.
+    def meter(self, tick: Callable[[], None], given_up: Collection[str]) -> Metering:
+        """Measure the exposure; learn the numbers of samples from the first frames.
 
-        Frames that are impossible or cannot be rendered are left out.
+        Frames that are impossible, cannot be rendered or are given up are left out.
         """
         specs = []
-        for index in METERED if learns else ():
+        for index in METERED:
             if index < self._pushes.count:
                 with contextlib.suppress(InputError):
                     specs.append(self._pushes.frame(index))
-        try:
-            metering = self.renderer.meter(specs)
-        except _MACHINE:
-            raise
-        except Exception:  # noqa: BLE001  # the reason is recorded with the frame
-            metering = self.renderer.meter([spec for spec in specs if self._is_rendered(spec)])
+        specs = [spec for spec in specs if spec.frame_id not in given_up]
+        with aside(self.layout, "meter") as own:
+            try:
+                metering = self.renderer.meter(specs, own.begin)
+            except _MACHINE:
+                raise
+            except Exception:  # noqa: BLE001  # the reason is recorded with the frame
+                specs = [spec for spec in specs if self._is_rendered(spec)]
+                metering = self.renderer.meter(specs, own.begin)
         tick()
         return metering
 
@@ -92,33 +96,41 @@ class DatasetWorker:
         number: int,
         frames: Sequence[FrameName],
         metering: Metering,
-        died: Mapping[str, str],
+        given_up: Mapping[str, str],
     ) -> WrittenShard:
         """Render and save the frames of one shard.
 
-        A frame that cannot be rendered is recorded with the reason. `died` has the reasons of
+        A frame that cannot be rendered is recorded with the reason. `given_up` has the reasons of
         frames that are not rendered because their processes died. Raises OSError.
         """
-        layers = list(map(str, self.file.scene.layers))
-        with ShardWriter(self.layout, number) as writer:
+        with shard_writer(self.layout, number) as writer:
             # Frames of a push, which may have looks of its own, one after another.
             for name in sorted(frames, key=lambda name: name.number):
                 writer.begin(name.frame_id)
-                reason = died.get(name.frame_id)
-                if reason is None:
-                    try:
-                        frame = self.frame(name, metering)
-                    except _MACHINE:
-                        raise
-                    except Exception as error:  # noqa: BLE001  # recorded
-                        reason = self._reason(error)
-                    else:
-                        kept = {layer: frame.layers[layer] for layer in layers}
-                        writer.add(name.frame_id, *frame._replace(layers=kept))
-                if reason is not None:
-                    writer.add_failure(name.frame_id, reason)
+                self._add(writer, name, metering, given_up)
                 tick()
         return WrittenShard(writer.digests, writer.failed)
+
+    def _add(
+        self,
+        writer: ShardWriter,
+        name: FrameName,
+        metering: Metering,
+        given_up: Mapping[str, str],
+    ) -> None:
+        """Render a frame and add it to its shard, or the reason why it is missing."""
+        if name.frame_id in given_up:
+            writer.add_failure(name.frame_id, given_up[name.frame_id])
+            return
+        try:
+            frame = self.frame(name, metering)
+        except _MACHINE:
+            raise
+        except Exception as error:  # noqa: BLE001  # recorded
+            writer.add_failure(name.frame_id, self._reason(error))
+            return
+        layers = {layer: frame.layers[layer] for layer in map(str, self.file.scene.layers)}
+        writer.add(name.frame_id, *frame._replace(layers=layers))
 
     def frame(self, name: FrameName, metering: Metering) -> RenderedFrame:
         """Render one frame. Raises InputError if its push is impossible."""

@@ -1,6 +1,6 @@
 """Rendering of a dataset's images in one process: render and expose."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
 from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
 from vbaa_bench.generation.look import Look, look_of, rest_look
+from vbaa_bench.generation.processor import processor
 from vbaa_bench.generation.pushes import PushSolver
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
@@ -148,16 +149,22 @@ class FrameRenderer:
         peak = max(beam, float(np.quantile(light, 0.9)))
         return metered_exposure(self.scene.sensor, peak)
 
-    def meter(self, specs: Sequence[FrameSpec]) -> Metering:
+    def meter(
+        self, specs: Sequence[FrameSpec], begin: Callable[[str], None] = lambda _frame_id: None
+    ) -> Metering:
         """Measure the exposure, and learn from some frames how many samples pixels need.
 
         Nothing is learned without frames, or if the scene says so. Of a moving beam, one pose per
-        frame is rendered. The renders are not kept.
+        frame is rendered. The renders are not kept. `begin` is called with the frame's name before
+        each.
         """
         metering = Metering(self.measure_exposure())
         learns = bool(specs) and self.scene.render.sample_table and not is_scalar()
         for number in range(_ROUNDS if learns else 0):
-            sampled = [self._sampled(spec, metering, number) for spec in specs]
+            sampled = []
+            for spec in specs:
+                begin(spec.frame_id)
+                sampled.append(self._sampled(spec, metering, number))
             together = Sampled(*map(np.concatenate, zip(*sampled, strict=True)))
             metering = metering._replace(table=metering.table.refined(together))
         return metering
@@ -205,6 +212,7 @@ class FrameRenderer:
         truth = truth_row(pose.experiment, spec, pose.state, pose.hidden, visible)
         drawn = drawn_values(self.scene.random_keys, spec.scene)
         truth |= {f"drawn.{key}": value for key, value in drawn.items()}
+        truth["processor"] = processor()
         values = readings(self.scene, spec, pose.state, pose.hidden)
         return RenderedFrame(image, values, truth, rendered.by_name())
 

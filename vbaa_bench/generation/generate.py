@@ -1,7 +1,6 @@
 """Generation of a dataset: scene -> mechanics -> geometry -> render -> sensor -> dataset."""
 
 import contextlib
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.rig import rig_to_json
+from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory
 from vbaa_bench.dataset.layout import Layout
@@ -19,8 +19,9 @@ from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
 from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.dataset_worker import dataset_worker
+from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.missing_files import MissingFiles, shard_name
+from vbaa_bench.generation.missing_files import MissingFiles, shard_hashes
 from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.generation.workers import Pool, SameProcess, cores
 from vbaa_bench.render.sample_table import SampleTable
@@ -71,15 +72,15 @@ def generate(
     *,
     threads: int | None = None,
     part: Part | None = None,
-    died: Mapping[str, str] | None = None,
+    given_up: Mapping[str, str] | None = None,
 ) -> Layout:
     """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
 
     Every existing file is compared with its hash. Only missing or damaged files are generated, and
     files that do not belong to observations/ and truth/ are removed. Pushes are solved where they
     are rendered. A frame that fails, because its push is impossible or it cannot be rendered, is
-    recorded with the reason and does not stop the others; the manifest counts them. `died` has the
-    reasons of frames that are not rendered because their processes died.
+    recorded with the reason and does not stop the others; the manifest counts them. `given_up` has
+    the reasons of frames that are not rendered because their processes died.
 
     `planning(done, total)` is called as pushes are checked, `progress(done, total)` as images are
     rendered, `remark(sentence)` for every damaged or removed file. With 0 workers, everything is
@@ -108,7 +109,8 @@ def generate(
             if state == "smaller":
                 open_for_growth(layout, _contents(file.scene, shards))
             write_identity(layout, identity)
-            _complete(file, shards, layout, machine, progress, remark, died or {})
+            deaths = Deaths(dict(given_up or {}))
+            _complete(file, shards, layout, machine, progress, remark, deaths)
     except OSError as error:
         raise InputError(f"{layout.root}: cannot be written ({error.strerror or error})") from error
     return layout
@@ -135,7 +137,7 @@ def _complete(
     machine: Machine,
     progress: Progress,
     remark: Callable[[str], None],
-    died: Mapping[str, str],
+    deaths: Deaths,
 ) -> None:
     """Generate missing or damaged files in a locked folder, and seal the dataset."""
     scene, rig = file.scene, true_rig(file.scene)
@@ -158,10 +160,8 @@ def _complete(
         built = layout.root.resolve(), folder, machine.variant, machine.threads_each
         pool_type = Pool if machine.workers else SameProcess
         with pool_type(machine.workers, dataset_worker, built) as pool:
-            run = MissingFiles(layout, contents, shards, inventory, dict(died))
-            metering = run.generate(pool, progress)
-        for left in layout.all_aside():
-            shutil.rmtree(left, ignore_errors=True)
+            missing = MissingFiles(layout, contents, shards, inventory, deaths)
+            metering = missing.generate(pool, progress)
     failed = sum(inventory.failed.values())
     facts = dataset_facts(scene, rig, metering, machine.variant)
     facts |= {"frames": sum(map(len, shards.values())) - failed, "failed_frames": failed}
@@ -180,8 +180,7 @@ def _contents(scene: Scene, shards: Shards) -> Contents:
 
 
 def _remove_surplus(layout: Layout, contents: Contents, remark: Callable[[str], None]) -> None:
-    for left in layout.all_aside():  # by an interrupted call
-        shutil.rmtree(left, ignore_errors=True)
+    clear_aside(layout)
     for path in list(surplus(layout, contents)):
         path.unlink()
         if not path.name.endswith(".part"):  # left by an interrupted write
@@ -200,6 +199,6 @@ def _is_complete(
     layout: Layout, contents: Contents, hashes: Mapping[str, Mapping[str, str]]
 ) -> bool:
     """Return whether nothing has to be rendered or metered: the manifest holds the exposure."""
-    shards = {shard_name(number) for number in contents.shards}
+    shards = {shard_hashes(number) for number in contents.shards}
     rendered = {*contents.images, *shards} <= hashes["observations"].keys()
     return rendered and {layout.manifest.name, *shards} <= hashes["truth"].keys()

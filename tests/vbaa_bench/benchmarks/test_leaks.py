@@ -28,7 +28,7 @@ from vbaa_bench.cli.main import app
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import seal
-from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.scene.load import load_scene
@@ -279,7 +279,7 @@ def written(layout: Layout, dataset: Path, rig: int, planted: bool) -> None:
         labels.sort()
         readings = -labels / 20
     for number in range(3):
-        with ShardWriter(layout, number) as writer:
+        with shard_writer(layout, number) as writer:
             for i in range(4 * number, 4 * number + 4):
                 row = {"motor_angle_deg": readings[i], "push_id": random.bytes(8).hex(), "step": 0}
                 pixels = np.zeros((4, 5), dtype=np.uint8)

@@ -9,7 +9,7 @@ from solver.instrument.files import write_bytes
 from tests.sealing import reseal
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.dataset.writer import shard_writer
 
 
 def everything_below(root: Path) -> list[str]:
@@ -20,7 +20,7 @@ def test_a_shard_appears_whole_in_both_trees(tmp_path: Path) -> None:
     layout = Layout(tmp_path)
     for tree in (layout.observations, layout.truth):
         tree.mkdir()
-    with ShardWriter(layout, 3) as writer:
+    with shard_writer(layout, 3) as writer:
         image = np.full((4, 5), 7, np.uint8)
         writer.add(
             "abc", image, {"motor_angle_deg": 0.5}, {"x_c_mm": 1.25}, {"depth": np.ones((4, 5))}
@@ -48,7 +48,7 @@ def test_an_interrupted_shard_leaves_nothing(tmp_path: Path) -> None:
     layout = Layout(tmp_path)
 
     def interrupted() -> None:
-        with ShardWriter(layout, 0) as writer:
+        with shard_writer(layout, 0) as writer:
             writer.add("abc", np.zeros((4, 5), np.uint8), {"step": 0}, {"x_c_mm": 1.25}, {})
             raise KeyboardInterrupt
 
@@ -76,7 +76,7 @@ def test_shards_of_which_one_has_no_contact_are_read_together(tmp_path: Path) ->
     for tree in (layout.observations, layout.truth):
         tree.mkdir()
     for number, (x_c, force) in enumerate([(None, None), (1.5, [0.0, 1.0, 0.0])]):
-        with ShardWriter(layout, number) as writer:
+        with shard_writer(layout, number) as writer:
             image = np.zeros((4, 5), np.uint8)
             writer.add(f"f{number}", image, {"step": 0}, {"x_c_mm": x_c, "force_n": force}, {})
     rig = {"beam_length_mm": 1, "beam_diameter_mm": 1, "flexural_rigidity_n_mm2": 1}

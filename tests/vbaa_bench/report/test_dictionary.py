@@ -17,7 +17,7 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.column import Column, unit
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.generation.collection import RigResult, rig_row
+from vbaa_bench.generation.collection import rig_row
 from vbaa_bench.generation.columns import JOINED, READINGS, RIG, RIGS, TRUE_RIG, TRUTH
 from vbaa_bench.generation.plan import accepted_rig
 from vbaa_bench.generation.readings import readings
@@ -164,6 +164,6 @@ def test_columns_of_the_table_of_rigs_are_described(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     file = load_scene(path)
-    row = rig_row(file, RigResult(0, accepted_rig(file), ""))
+    row = rig_row(file, 0, accepted_rig(file).scene)
     assert "beam.diameter_mm" in row
     assert {"*.*" if "." in name else name for name in row} == set(RIGS)

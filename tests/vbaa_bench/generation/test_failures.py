@@ -1,0 +1,151 @@
+"""Frames that fail: recorded with their reason, at their own cost alone."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from solver.instrument.observation import open_observations
+from tests.end_to_end.test_generate import digests, quiet
+from tests.mortal import Mortal
+from tests.poisoned import PoisonedWorker
+from vbaa_bench import cli
+from vbaa_bench.dataset.inventory import Contents, Inventory, take_inventory
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.generation import generate as generating
+from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
+from vbaa_bench.generation.deaths import DIED, Deaths
+from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.missing_files import MissingFiles
+from vbaa_bench.generation.workers import Pool, SameProcess, WorkerDiedError
+from vbaa_bench.scene.frames import FrameName, Frames
+from vbaa_bench.scene.load import SceneFile, load_scene
+
+SCENE = """\
+title: Six frames
+seed: 3
+camera: {width_px: 96, height_px: 32, focal_length_px: 130, position_mm: [120, 14, 360],
+         look_at_mm: [120, 14, 0]}
+calibration: {columns: 20, rows: 5, square_mm: 10, center_mm: [120, 20], views: 3}
+sensor: {rest_images: 1}
+render: {sample_table: true}
+layers: []
+sampling: {method: sobol, count: 6, contact_distance_mm: [60, 200], deflection_pct: [3, 6]}
+frames_per_shard: 2
+"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> SceneFile:
+    path = tmp_path_factory.mktemp("scene") / "six.yaml"
+    path.write_text(SCENE, encoding="utf-8")
+    return load_scene(path)
+
+
+def names(file: SceneFile) -> list[FrameName]:
+    return [name for shard in Frames(file.scene).in_shards() for name in shard]
+
+
+def failures(layout: Layout) -> dict[str, str]:
+    tables = sorted(layout.truth.glob("shard_*/failures.json"))
+    return {name: why for path in tables for name, why in json.loads(path.read_text()).items()}
+
+
+def check_frames(layout: Layout, expected: set[str], failed: dict[str, str]) -> None:
+    """The dataset has the expected frames, and records the others."""
+    assert failures(layout) == failed
+    assert set(open_truth(layout.truth).frames["frame_id"]) == expected
+    frames = open_observations(layout.observations).frames
+    assert {frame.frame_id for frame in frames} == expected
+    manifest = json.loads(layout.manifest.read_text())
+    assert (manifest["frames"], manifest["failed_frames"]) == (len(expected), len(failed))
+
+
+def poisoned(root: Path) -> MissingFiles:
+    """The missing files of a dataset of eight frames in four shards, of which none exists."""
+    names = [FrameName(f"frame {number}", number) for number in range(8)]
+    shards = {number: tuple(names[2 * number : 2 * number + 2]) for number in range(4)}
+    ids = {number: tuple(name.frame_id for name in shard) for number, shard in shards.items()}
+    layout = Layout(root)
+    for tree in layout.trees:
+        tree.mkdir(parents=True)
+    contents = Contents(images=("rest/rest_00.png",), shards=ids, layers=False)
+    return MissingFiles(layout, contents, shards, Inventory(), Deaths())
+
+
+def test_a_frame_at_which_processes_die_costs_itself_alone(tmp_path: Path) -> None:
+    missing, counts = poisoned(tmp_path), list[int]()
+    with Pool(2, PoisonedWorker, (tmp_path,)) as pool:
+        missing.generate(pool, lambda done, _total: counts.append(done))
+    # Another frame, at which a process died once, is there.
+    assert failures(missing.layout) == {"frame 1": DIED, "frame 3": DIED}
+    assert {path.stem for path in missing.layout.observations.rglob("*.png")} == {
+        f"frame {number}" for number in range(8) if number not in (1, 3)
+    }
+    inventory = take_inventory(missing.layout, missing.contents)
+    assert inventory.failed == missing.inventory.failed == {0: 1, 1: 1, 2: 0, 3: 0}
+    assert not missing.layout.all_aside()
+    assert counts[-1] == 10
+
+
+def test_processes_that_die_for_other_reasons_end_the_command(tmp_path: Path) -> None:
+    with (
+        Pool(1, Mortal, ()) as pool,
+        pytest.raises(WorkerDiedError, match="repeat the command to resume"),
+    ):
+        poisoned(tmp_path).generate(pool, quiet)
+
+
+def test_a_frame_that_cannot_be_rendered_is_recorded(
+    file: SceneFile, variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def rendered(worker: DatasetWorker, name: FrameName, metering: Metering) -> Any:
+        if name in broken:
+            raise RuntimeError(f"no light at {worker.file.path.parent}/lamp\nand more")
+        return DatasetWorker.frame(worker, name, metering)
+
+    class Broken(DatasetWorker):
+        frame = rendered
+
+    def broken_worker(*arguments: Any) -> DatasetWorker:
+        worker = dataset_worker(*arguments)
+        return Broken(worker.file, worker.layout, worker.variant, worker.threads)
+
+    broken = names(file)[2:4]  # a whole shard
+    monkeypatch.setattr(generating, "dataset_worker", broken_worker)
+    layout = generate(file, tmp_path / "data", variant, 0, quiet)
+    reasons = {name.frame_id: "RuntimeError: no light at lamp" for name in broken}
+    check_frames(layout, {name.frame_id for name in names(file)} - reasons.keys(), reasons)
+    # The record is complete: nothing is rendered again.
+    before = digests(layout.root)
+    monkeypatch.setattr(generating, "SameProcess", None)
+    generate(file, layout.root, variant, 0, quiet)
+    assert digests(layout.root) == before
+
+
+def test_an_impossible_push_is_recorded_by_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(generating, "Pool", SameProcess)
+    path = tmp_path / "tip.yaml"
+    path.write_text(SCENE.replace("[60, 200]", "[236, 239.99]").replace("[3, 6]", "[10, 20]"))
+    done = CliRunner().invoke(
+        cli.app, ["generate", str(path), "--out", str(tmp_path / "data"), "--json"]
+    )
+    assert done.exit_code == 1, (done.output, done.exception)
+    layout = Layout(tmp_path / "data")
+    record = json.loads(done.stdout)
+    assert record["frames"] + record["failed_frames"] == 6
+    assert record["failed_frames"] == len(failures(layout)) > 0
+    assert all("slips off" in reason for reason in failures(layout).values())
+    assert str(tmp_path) not in "".join(failures(layout).values())
+    assert "frames failed; the reasons are in truth/shard_*/failures.json" in done.stderr
+    # More than half of the pushes: the scene is refused.
+    path.write_text(SCENE.replace("[60, 200]", "[239.5, 239.99]").replace("[3, 6]", "[10, 20]"))
+    done = CliRunner().invoke(cli.app, ["generate", str(path), "--out", str(tmp_path / "none")])
+    assert "slips off" in str(done.exception)
+    assert not (tmp_path / "none").exists()
