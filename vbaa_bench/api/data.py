@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
 from solver.instrument.observation import Observations, open_observations
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset import exr
@@ -61,7 +62,8 @@ class Collection:
     @cached_property
     def table(self) -> pl.DataFrame:
         """The drawn values of every rig, one row per rig."""
-        return pl.read_csv(CollectionLayout(Path(self.root)).table, infer_schema_length=None)
+        data = read_bytes(CollectionLayout(Path(self.root)).table)
+        return pl.read_csv(data, infer_schema_length=None)
 
 
 AnyDataset = Dataset | Path | str

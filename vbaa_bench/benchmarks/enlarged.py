@@ -70,7 +70,7 @@ def enlarge(source: Path, target: Path, frames: int, methods: Sequence[str] = ()
         estimates.with_columns(perturbed).write_csv(large.predictions / f"{name}.csv")
     limits = read_limits(small.dataset)
     if limits is not None:
-        write_limits(large.dataset, pl.concat(copy.renamed(limits) for copy in copies), {})
+        write_limits(large.dataset, pl.concat(copy.renamed(limits) for copy in copies))
     return list(methods or predictions)
 
 

@@ -28,9 +28,9 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
 from solver.lab.table import csv_text, row
-from solver.lab.writing import write
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.dataset.recorded import exists, write_results
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import read_predictions
 
@@ -166,7 +166,7 @@ def write_predictions(root: Path, models: Sequence[Model], folds: Mapping[str, i
         milliseconds = 1e3 * (time.perf_counter() - start)
         rows.append(row(frame.frame_id, Estimate(Outcome.CONTACT, values=values), milliseconds))
     path = Results(root).predictions / f"{LEARNED}.csv"
-    write(path, csv_text(rows).encode())
+    write_results(path.parent, {path.name: csv_text(rows).encode()})
     return path
 
 
@@ -192,7 +192,7 @@ def read(root: Path) -> Frames:
         {
             method: _estimates(path, length_mm, [frame.frame_id for frame in frames])
             for method in REFERENCES
-            if (path := Results(root).predictions / f"{method}.csv").is_file()
+            if exists(path := Results(root).predictions / f"{method}.csv")
         },
     )
 

@@ -3,20 +3,24 @@
 COLLECTION/
   collection.json   the scene with its distributions
   rigs.csv          the truth of the rigs: their seeds and drawn values, or why one is impossible
+  hashes.json       sha256 of these files
   rig_00000/        a dataset
 """
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 
-from solver.instrument.files import write_bytes
+from solver.instrument.errors import DamageError, InputError
+from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.recorded import exists, write_recorded
 
 _RIG: Final = re.compile(r"rig_\d{5,}")
 
@@ -41,6 +45,18 @@ class CollectionLayout:
         """Return the layout of one rig's dataset."""
         return Layout(self.root / f"rig_{number:05d}")
 
+    def write_scene(self, scene: Mapping[str, Any]) -> None:
+        """Write the collection's scene, as keys and values with distributions. Raises OSError."""
+        write_recorded(self.root, {self.scene.name: _encoded(scene)})
+
+    def held_scene(self, scene: Mapping[str, Any]) -> bool:
+        """Test whether collection.json had this scene when it was written, whatever it holds now.
+
+        Raises InputError.
+        """
+        recorded = (read_hashes(self.root) or {}).get(self.scene.name)
+        return recorded == digest(_encoded(scene))
+
     def write_rows(self, rows: Mapping[int, Mapping[str, str | None]]) -> None:
         """Write the table of the rigs, by number. Raises OSError."""
         # Rigs whose sections differ have different columns; all are texts, as some have both.
@@ -48,13 +64,37 @@ class CollectionLayout:
         table = pl.DataFrame(
             [rows[number] for number in sorted(rows)], schema=dict.fromkeys(columns, pl.String)
         )
-        write_bytes(self.table, table.write_csv().encode())
+        write_recorded(self.root, {self.table.name: table.write_csv().encode()})
+
+    def read_rows(self) -> dict[int, dict[str, str | None]]:
+        """Read the table of the rigs, by number; empty if there is none. Raises InputError."""
+        if not exists(self.table):
+            return {}
+        try:
+            rows = pl.read_csv(read_bytes(self.table), infer_schema=False).to_dicts()
+            return {int(row["rig"]): row for row in rows}
+        except (pl.exceptions.PolarsError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{self.table}: is not a table of rigs ({error})") from error
+
+    def folders(self) -> dict[int, Layout]:
+        """Find the folders of rigs, complete or not, by number."""
+        names = sorted(path.name for path in self.root.iterdir() if _RIG.fullmatch(path.name))
+        return {int(name.removeprefix("rig_")): Layout(self.root / name) for name in names}
 
     def rigs(self) -> dict[int, Layout]:
-        """Find the complete datasets of the collection, by number."""
-        folders = sorted(path for path in self.root.iterdir() if _RIG.fullmatch(path.name))
-        layouts = {int(path.name.removeprefix("rig_")): Layout(path) for path in folders}
-        return {number: layout for number, layout in layouts.items() if layout.hashes.is_file()}
+        """Find the complete datasets of the collection, by number.
+
+        Raises DamageError if rigs.csv lists a rig that is missing or incomplete.
+        """
+        layouts = {n: layout for n, layout in self.folders().items() if layout.hashes.is_file()}
+        for number, row in self.read_rows().items():
+            if not row.get("reason") and number not in layouts:
+                raise DamageError(f"{self.rig(number).root}: is missing or incomplete; {MEND}")
+        return layouts
+
+
+def _encoded(scene: Mapping[str, Any]) -> bytes:
+    return (json.dumps(scene, indent=2) + "\n").encode()
 
 
 class FrameCounts(NamedTuple):
@@ -77,14 +117,14 @@ def count_frames(root: Path) -> FrameCounts:
         return FrameCounts(facts["frames"], facts["failed_frames"])
     collection = CollectionLayout(root)
     rigs = [count_frames(layout.root) for layout in collection.rigs().values()]
-    reasons = pl.read_csv(collection.table, infer_schema=False)["reason"]
     return FrameCounts(
         sum(rig.frames for rig in rigs),
         sum(rig.failed_frames for rig in rigs),
-        reasons.len() - reasons.null_count(),
+        sum(bool(row["reason"]) for row in collection.read_rows().values()),
     )
 
 
 def is_collection(root: Path) -> bool:
-    """Test whether a folder holds a collection."""
-    return CollectionLayout(root).scene.is_file()
+    """Test whether a folder holds a collection, perhaps a damaged one."""
+    layout = CollectionLayout(root)
+    return layout.scene.is_file() or layout.table.is_file()

@@ -2,43 +2,34 @@
 
 DATASET/
   derived/limits.parquet   information limits: a row per frame and information set
-  derived/limits.json      sha256 of this table and of the truth from which it was computed
   derived/budget.json      error budget of methods, by method and cause
+  derived/hashes.json      sha256 of these files
 
-A table is used only with the truth from which it was computed: `generate` may repair or extend a
-dataset, and the table is then computed again.
+The limits are used only with the truth from which they were computed, whose sha256 is in their
+file: `generate` may repair or extend a dataset, and the table is then computed again.
 """
 
 import io
-import json
-from typing import Any
+from typing import Final
 
 import polars as pl
 
-from solver.instrument.errors import DamageError, InputError
-from solver.instrument.files import write_bytes
+from solver.instrument.errors import DamageError
 from solver.instrument.hashes import HASHES, digest, read_bytes
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.recorded import exists, write_results
 
-_AGAIN = "compute the limits again"
+LIMITS: Final = "limits.parquet"
+# Key of the file's metadata: the sha256 of truth/hashes.json.
+_TRUTH: Final = "truth"
+_AGAIN: Final = "compute the limits again"
 
 
-def write_limits(layout: Layout, table: pl.DataFrame, facts: dict[str, Any]) -> None:
-    """Write the table of limits, with `facts` on how it was computed. Raises InputError."""
+def write_limits(layout: Layout, table: pl.DataFrame) -> None:
+    """Write the table of limits. Raises InputError."""
     data = io.BytesIO()
-    table.write_parquet(data)
-    record = {
-        "truth": digest(read_bytes(layout.truth / HASHES)),
-        "limits.parquet": digest(data.getvalue()),
-        **facts,
-    }
-    try:
-        layout.derived.mkdir(parents=True, exist_ok=True)
-        write_bytes(layout.derived / "limits.parquet", data.getvalue())
-        write_bytes(layout.derived / "limits.json", (json.dumps(record, indent=2) + "\n").encode())
-    except OSError as error:
-        raise InputError(f"{layout.derived}: cannot be written ({error.strerror})") from error
+    table.write_parquet(data, metadata={_TRUTH: digest(read_bytes(layout.truth / HASHES))})
+    write_results(layout.derived, {LIMITS: data.getvalue()})
 
 
 def read_limits(layout: Layout) -> pl.DataFrame | None:
@@ -46,12 +37,15 @@ def read_limits(layout: Layout) -> pl.DataFrame | None:
 
     Raises DamageError if it is not what was written, or was computed from another truth.
     """
-    table, record = layout.derived / "limits.parquet", layout.derived / "limits.json"
-    if not table.is_file() and not record.is_file():
+    path = layout.derived / LIMITS
+    if not exists(path):
         return None
-    facts, data = read_json(record), read_bytes(table)
-    if facts.get("limits.parquet") != digest(data):
-        raise DamageError(f"{table}: is not what was computed; {_AGAIN}")
-    if facts.get("truth") != digest(read_bytes(layout.truth / HASHES)):
-        raise DamageError(f"{table}: was computed from another truth; {_AGAIN}")
-    return pl.read_parquet(io.BytesIO(data))
+    data = read_bytes(path)
+    try:
+        truth = pl.read_parquet_metadata(io.BytesIO(data)).get(_TRUTH)
+        table = pl.read_parquet(io.BytesIO(data))
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        raise DamageError(f"{path}: is not a Parquet table; {_AGAIN}") from error
+    if truth != digest(read_bytes(layout.truth / HASHES)):
+        raise DamageError(f"{path}: was computed from another truth; {_AGAIN}")
+    return table

@@ -5,11 +5,16 @@ import json
 import os
 import socket
 import sys
+import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Final
 
 from solver.instrument.errors import InputError
+
+# Interval at which a held lock is tried again [s].
+_POLL_S: Final = 0.01
 
 if sys.platform == "win32":
     import msvcrt
@@ -30,14 +35,14 @@ else:
 
 
 @contextlib.contextmanager
-def locked(path: Path) -> Iterator[None]:
+def locked(path: Path, wait_s: float = 0.0) -> Iterator[None]:
     """Hold the lock file `path`; it is removed at the end.
 
     The operating system frees the lock of a process that has died, so a leftover file does not
-    block others. Raises InputError, which names the holder, if another process has the lock, and
-    OSError if the file cannot be written.
+    block others. Raises InputError, which names the holder, if another process has the lock for
+    longer than `wait_s`, and OSError if the file cannot be written.
     """
-    descriptor = _opened(path)
+    descriptor = _opened(path, time.monotonic() + wait_s)
     try:
         os.ftruncate(descriptor, 0)
         since = datetime.now(UTC).isoformat(timespec="seconds")
@@ -54,7 +59,7 @@ def locked(path: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
-def _opened(path: Path) -> int:
+def _opened(path: Path, deadline_s: float) -> int:
     """Open and lock the lock file; return its descriptor."""
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
@@ -62,6 +67,9 @@ def _opened(path: Path) -> int:
             _acquire(descriptor)
         except (BlockingIOError, PermissionError) as error:
             os.close(descriptor)
+            if time.monotonic() < deadline_s:
+                time.sleep(_POLL_S)
+                continue
             raise InputError(
                 f"{path.parent}: is being written by {_holder(path)}; wait until it is done, "
                 "or choose another folder"

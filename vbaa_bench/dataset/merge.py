@@ -1,17 +1,14 @@
 """Merge parts of a dataset or a collection, which were generated in different folders, into one."""
 
-import json
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-import polars as pl
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import HASHES, parse_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import check_complete, copy_tree
 from vbaa_bench.dataset.writer import hashes_bytes
 
@@ -61,15 +58,14 @@ def _table(tree: Path) -> Mapping[str, str]:
 
 def _merge_collections(parts: Sequence[CollectionLayout], out: CollectionLayout) -> None:
     out.root.mkdir(parents=True, exist_ok=True)
-    scene = json.loads(parts[0].scene.read_bytes())
+    scene = read_json(parts[0].scene)
     rows: dict[int, dict[str, str | None]] = {}
     for part in parts:
-        if json.loads(part.scene.read_bytes()) != scene:
+        if read_json(part.scene) != scene:
             raise InputError(f"{part.root}: is no part of the collection {parts[0].root}")
-        for row in pl.read_csv(part.table, infer_schema=False).to_dicts():
-            rows[int(row["rig"])] = row
+        rows |= part.read_rows()
         for number, layout in part.rigs().items():
             if not out.rig(number).hashes.is_file():
                 _merge_datasets([layout], out.rig(number))
     out.write_rows(rows)
-    shutil.copyfile(parts[0].scene, out.scene)
+    out.write_scene(scene)

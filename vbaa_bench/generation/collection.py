@@ -8,10 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import polars as pl
-
-from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes
+from solver.instrument.errors import DamageError, InputError
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
@@ -64,12 +61,14 @@ def generate_collection(
 
 def _check_scene(layout: CollectionLayout, file: SceneFile) -> None:
     """Write collection.json, unless it exists; raise InputError if it is of another scene."""
-    data = (json.dumps(file.template, indent=2) + "\n").encode()
-    if not layout.scene.is_file():
+    new = json.loads(json.dumps(file.template))  # as in the file: tuples become lists
+    if layout.held_scene(new):  # it may be damaged now
+        pass
+    elif not layout.scene.is_file():
         others = [path.name for path in layout.root.iterdir() if path.name != ".lock"]
         if others:
             raise InputError(f"{layout.root}: holds other files ({others[0]}); choose another")
-    elif (old := read_json(layout.scene)) != (new := json.loads(data)):
+    elif (old := read_json(layout.scene)) != new:
         size = {"rigs", "title"}
         keys = [k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k)]
         changed = [key for key in keys if key not in size]
@@ -80,7 +79,7 @@ def _check_scene(layout: CollectionLayout, file: SceneFile) -> None:
             )
         if old.get("rigs", 0) > new.get("rigs", 0):  # a smaller part of it
             return
-    write_bytes(layout.scene, data)
+    layout.write_scene(new)
 
 
 def _generate(
@@ -154,10 +153,11 @@ class RigGenerator:
 def _write_table(layout: CollectionLayout, results: Sequence[RigResult]) -> None:
     """Write rigs.csv; rigs of earlier calls keep their rows."""
     rows = {result.number: result.row for result in results}
-    if layout.table.is_file():
-        old = pl.read_csv(layout.table, infer_schema=False).to_dicts()
-        rows = {int(row["rig"]): row for row in old} | rows
-    layout.write_rows(rows)
+    try:
+        old = layout.read_rows()
+    except DamageError:  # rows of other rigs are written again when these are generated again
+        old = {}
+    layout.write_rows(old | rows)
 
 
 def rig_row(

@@ -92,7 +92,7 @@ def limits_of_dataset(
     with Pool(max(1, min(workers, len(jobs))), _Worker, arguments) as pool:
         done = pool.run(jobs, partial(_report, progress, len(pushes)))
     table = pl.DataFrame(list(itertools.chain(*done)), schema=SCHEMA, orient="row")
-    write_limits(layout, table.sort("frame_id", "information"), {})
+    write_limits(layout, table.sort("frame_id", "information"))
     return table
 
 

@@ -14,7 +14,7 @@ from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.scene.schema import PushSpec, Scene
 from vbaa_bench.scoring.layout import Results
-from vbaa_bench.scoring.score import read_scores
+from vbaa_bench.scoring.score import read_scores, read_summary
 
 # A frame's place in its scene: the rig of a collection, 0 for a dataset, and the trial.
 PLACE: Final = ("rig", "trial")
@@ -82,7 +82,7 @@ def read_run(root: Path) -> ScoredRun:
         pl.concat(_trials(number, layout) for number, layout in layouts.items()),
         on=["rig", "frame_id"],
     )
-    processor = str(read_json(results.scores / "summary.json")["machine"]["processor"])
+    processor = str(read_summary(results)["machine"]["processor"])
     hashes = "".join(_image_hashes(layout) for layout in layouts.values())
     return ScoredRun(title, settings, digest(hashes.encode()), processor, _compact(frames))
 

@@ -5,6 +5,7 @@ from typing import Final, NamedTuple
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.recorded import exists
 
 # Shares that are no causes: the first and the last of every method.
 TOTAL: Final = "total"
@@ -33,7 +34,7 @@ def read_budget(path: Path) -> dict[str, list[Share]]:
     The total is first, then come the causes, the largest first, and the remainder is last. Causes
     without any error are left out. Raises InputError for a missing or wrong value.
     """
-    if not path.is_file():
+    if not exists(path):
         return {}
     methods = {name: _records(path, name, causes) for name, causes in read_json(path).items()}
     largest = max(

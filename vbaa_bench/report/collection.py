@@ -8,19 +8,21 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from solver.instrument.errors import InputError
+from solver.instrument.hashes import read_bytes
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.report import gallery
 from vbaa_bench.report.budget import read_budget
 from vbaa_bench.report.changes import changes_since
-from vbaa_bench.report.figures import speed_png, write_all
+from vbaa_bench.report.figures import speed_png
 from vbaa_bench.report.page import Contents, page
 from vbaa_bench.report.views import by_error
 from vbaa_bench.report.worst import Row
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import Overlay, overlay
+from vbaa_bench.scoring.score import read_scores, read_summary
 
 # Factors of a table and pictures of rigs. Chosen: they stay below a megabyte.
 _FACTORS: Final = 6
@@ -33,11 +35,9 @@ def collection_report(root: Path, baseline: Path | None = None) -> Path:
     With a baseline file, the page shows what changed. Raises InputError.
     """
     results, layout = Results(root), CollectionLayout(root)
-    if not (results.scores / "summary.json").is_file():
-        raise InputError(f"{results.scores}: holds no scores; score the collection first")
-    summary, scene = read_json(results.scores / "summary.json"), read_json(layout.scene)
-    scores = pl.read_parquet(results.scores / "scores.parquet")
-    factors = pl.read_csv(results.scores / "factors.csv", infer_schema_length=None)
+    summary, scene = read_summary(results), read_json(layout.scene)
+    scores = read_scores(results)
+    factors = pl.read_csv(read_bytes(results.scores / "factors.csv"), infer_schema_length=None)
     methods = by_error(scores)
     rigs = _Rigs(layout, scores)
     made = page(
@@ -63,10 +63,7 @@ def collection_report(root: Path, baseline: Path | None = None) -> Path:
         "report.html": made.html.encode(),
         "speed_against_error.png": speed_png(made.speed, methods),
     }
-    try:
-        write_all(results.report, files)
-    except OSError as error:
-        raise InputError(f"{results.report}: cannot be written ({error.strerror})") from error
+    write_results(results.report, files)
     return results.report / "report.html"
 
 

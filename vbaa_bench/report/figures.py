@@ -1,7 +1,6 @@
 """Figures of the README: speed against error, and a frame with truth and estimates."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Final
 
 import cv2
@@ -9,7 +8,6 @@ import numpy as np
 import vl_convert as vlc
 from markupsafe import Markup
 
-from solver.instrument.files import write_bytes
 from vbaa_bench.report import gallery, palette
 from vbaa_bench.scoring.overlay import Overlay
 
@@ -49,10 +47,3 @@ def overlay_png(frame: Overlay, colours: Mapping[str, tuple[int, int, int]]) -> 
     gap = np.full((height, 8, 3), 255, np.uint8)
     _, picture = cv2.imencode(".png", np.hstack([canvases[0], gap, canvases[1]]))
     return bytes(picture)
-
-
-def write_all(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write the files of a report into its folder, each aside and renamed. Raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, data in files.items():
-        write_bytes(folder / name, data)

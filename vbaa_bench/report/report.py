@@ -5,18 +5,17 @@ from pathlib import Path
 
 import polars as pl
 
-from solver.instrument.errors import InputError
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_manifest
+from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.report.budget import read_budget
 from vbaa_bench.report.changes import changes_since
-from vbaa_bench.report.figures import overlay_png, speed_png, write_all
+from vbaa_bench.report.figures import overlay_png, speed_png
 from vbaa_bench.report.gallery import colours_of
 from vbaa_bench.report.page import Contents, page
 from vbaa_bench.report.views import by_error
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
-from vbaa_bench.scoring.score import read_scores
+from vbaa_bench.scoring.score import read_scores, read_summary
 
 
 def report(results: Results, baseline: Path | None = None) -> Path:
@@ -26,9 +25,7 @@ def report(results: Results, baseline: Path | None = None) -> Path:
     scores hold them, and the error budget if it was computed. Raises InputError.
     """
     truth = open_manifest(results.dataset.truth)
-    if not (results.scores / "summary.json").is_file():
-        raise InputError(f"{results.scores}: holds no scores; score the dataset first")
-    summary, scores = read_json(results.scores / "summary.json"), read_scores(results)
+    summary, scores = read_summary(results), read_scores(results)
     antenna, reason = antenna_of(results)
 
     @cache
@@ -54,10 +51,7 @@ def report(results: Results, baseline: Path | None = None) -> Path:
         "speed_against_error.png": speed_png(made.speed, methods),
         "overlay.png": overlay_png(drawn(_most_bent(scores)), colours_of(methods)),
     }
-    try:
-        write_all(results.report, files)
-    except OSError as error:
-        raise InputError(f"{results.report}: cannot be written ({error.strerror})") from error
+    write_results(results.report, files)
     return results.report / "report.html"
 
 

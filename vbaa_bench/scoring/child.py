@@ -10,7 +10,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
@@ -18,10 +18,11 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
 from solver.lab.table import COLUMNS, Row, csv_text, row
-from solver.lab.writing import prepare_output_path, write
+from solver.lab.writing import prepare_output_path
 from solver.methods import METHODS
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete, copy_observations
+from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
 from vbaa_bench.scoring.user_modules import copy_sources
@@ -60,12 +61,16 @@ class MethodRun:
 
 
 class Job(NamedTuple):
-    """A method, the dataset that it is run on, the path of its table, and the frames, or all."""
+    """A method, the dataset that it is run on, the path of its table, and the frames, or all.
+
+    With `keep`, an earlier table is kept if the rig is refused.
+    """
 
     method: str
     layout: Layout
     out: Path
     frames: Sequence[int] | None = None
+    keep: bool = False
 
 
 class _Pipes(NamedTuple):
@@ -104,14 +109,11 @@ def solve(
     """
     limits = (repeats, memory_gb, frame_s)
     prepare_output_path(out)
-    # An earlier table is kept until there is a new one.
-    aside = out.with_name(f".{out.name}.part")
-    (run,) = solve_each([Job(method, layout, aside, frames)], centreline, limits, hear)
+    job = Job(method, layout, out, frames, keep=True)
+    (run,) = solve_each([job], centreline, limits, hear)
     if run.refusal:
-        aside.unlink()
         raise InputError(run.refusal)
-    aside.replace(out)
-    return replace(run, table=out)
+    return run
 
 
 def solve_each(
@@ -198,7 +200,8 @@ def _solve(
         [entry | declared for entry in rows],
         (*COLUMNS, PROCESSOR_COLUMN, REFERENCE_COLUMN, *declared),
     )
-    write(job.out, text.encode())
+    if not (refusal and job.keep):
+        write_results(job.out.parent, {job.out.name: text.encode()})
     crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
     peak = max(peaks, default=None)
     return MethodRun(job.out, len(rows), crashed, traceback, refusal, faults, peak), alive

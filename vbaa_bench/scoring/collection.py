@@ -9,7 +9,6 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_text
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
@@ -102,12 +101,8 @@ def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]
     }
     for (name,), rows in scores.group_by("method", maintain_order=True):
         summary["methods"][name] |= _over_rigs(rows)
-    folder = Results(root).scores
-    try:
-        write_scores(folder, scores, parameters, summary)
-        write_text(folder / "factors.csv", factor_table(scores).write_csv())
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from error
+    tables = {"factors.csv": factor_table(scores)}
+    write_scores(Results(root).scores, scores, parameters, summary, tables)
     return summary
 
 

@@ -6,6 +6,9 @@ DATASET/
                                 files, CSV or Parquet, unchanged
   scores/scores.parquet, scores.csv, strata.csv, summary.json
   report/report.html and the figures of the README
+
+Each folder has a hashes.json with the sha256 of the files that a command wrote, see
+vbaa_bench/dataset/recorded.py.
 """
 
 from dataclasses import dataclass

@@ -8,7 +8,9 @@ import polars as pl
 
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.estimate import Outcome
+from solver.instrument.hashes import read_bytes
 from vbaa_bench.dataset.readers import Truth
+from vbaa_bench.dataset.recorded import exists
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import check_information, information_of, with_limits
 from vbaa_bench.scoring.refusals import right_refusals
@@ -39,11 +41,11 @@ def read_predictions(path: Path) -> pl.DataFrame:
 
 
 def read_file(path: Path) -> bytes:
-    """Read a predictions file. Raises InputError."""
+    """Read a predictions file, and check it if it is recorded. Raises InputError."""
     try:
-        if not path.is_file():  # a pipe or a device may never end
+        if not exists(path):  # a pipe or a device may never end
             raise InputError(f"{path}: is not a CSV or Parquet table (there is no such file)")
-        return path.read_bytes()
+        return read_bytes(path)
     except OSError as error:
         raise InputError(f"{path}: is not a CSV or Parquet table ({error.strerror})") from error
 

@@ -9,11 +9,12 @@ from typing import Any, Final
 import polars as pl
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes, write_text
-from solver.lab.writing import write
+from solver.instrument.hashes import read_bytes
 from solver.methods import METHODS
 from vbaa_bench.dataset.derived import read_limits
+from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import (
     checked_predictions,
@@ -29,6 +30,10 @@ from vbaa_bench.scoring.summary import summarise
 
 # Chosen: a CSV of more rows exceeds 100 MB, and no spreadsheet opens it.
 MAX_CSV_ROWS: Final = 50_000
+# All files that a scoring of a dataset or a collection writes.
+FILES: Final = frozenset(
+    {"scores.parquet", "scores.csv", "strata.csv", "factors.csv", "summary.json"}
+)
 
 
 def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
@@ -59,14 +64,9 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     summary = {**summarise(scores, parameters), "warnings": warnings}
     for name, path in predictions.items():
         _copy_predictions(results, name, path, contents[name])
-    try:
-        write_scores(results.scores, scores, parameters, summary)
-        if scores.height <= MAX_CSV_ROWS:
-            write_text(results.scores / "scores.csv", scores.write_csv())
-        else:
-            (results.scores / "scores.csv").unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{results.scores}: cannot be written ({error.strerror})") from error
+    small = scores.height <= MAX_CSV_ROWS
+    tables = {"scores.csv": scores} if small else {}
+    write_scores(results.scores, scores, parameters, summary, tables)
     return summary
 
 
@@ -75,15 +75,21 @@ def write_scores(
     scores: pl.DataFrame,
     parameters: Sequence[Mapping[str, Any]],
     summary: Mapping[str, Any],
+    tables: Mapping[str, pl.DataFrame],
 ) -> None:
-    """Write scores.parquet, strata.csv and summary.json into a folder. Raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write scores.parquet, strata.csv, summary.json and other tables, as CSV, into a folder.
+
+    Files of an earlier scoring are removed. Raises InputError.
+    """
     parquet = io.BytesIO()
     scores.write_parquet(parquet)
-    write_bytes(folder / "scores.parquet", parquet.getvalue())
-    table = pl.DataFrame(parameters, infer_schema_length=None)
-    write_text(folder / "strata.csv", table.write_csv())
-    write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    tables = {"strata.csv": pl.DataFrame(parameters, infer_schema_length=None), **tables}
+    files = {
+        "scores.parquet": parquet.getvalue(),
+        "summary.json": (json.dumps(summary, indent=2) + "\n").encode(),
+        **{name: table.write_csv().encode() for name, table in tables.items()},
+    }
+    write_results(folder, files, FILES - files.keys())
 
 
 def _copy_predictions(results: Results, name: str, path: Path, data: bytes) -> None:
@@ -91,9 +97,8 @@ def _copy_predictions(results: Results, name: str, path: Path, data: bytes) -> N
     target = results.predictions / f"{name}{_suffix(path)}"
     if path.resolve() == target.resolve():
         return
-    write(target, data)
-    for suffix in {".csv", ".parquet"} - {target.suffix}:  # remove an older file of this name
-        target.with_suffix(suffix).unlink(missing_ok=True)
+    older = [f"{name}{suffix}" for suffix in {".csv", ".parquet"} - {target.suffix}]
+    write_results(results.predictions, {target.name: data}, older)
 
 
 def _suffix(path: Path) -> str:
@@ -122,12 +127,9 @@ def with_own(results: Results, own: Sequence[Path]) -> dict[str, Path]:
 def read_scores(results: Results) -> pl.DataFrame:
     """Read the table written by `score`. Raises InputError if there is none, or an older one."""
     table = results.scores / "scores.parquet"
-    if not table.is_file():
+    if not exists(table):
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
-    try:
-        scores = pl.read_parquet(table)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise InputError(f"{table}: cannot be read") from error
+    scores = parsed(read_bytes(table), table)
     if not {
         "consistent",
         "information",
@@ -138,11 +140,21 @@ def read_scores(results: Results) -> pl.DataFrame:
     return scores
 
 
+def read_summary(results: Results) -> dict[str, Any]:
+    """Read the summary written by `score`. Raises InputError if there is none."""
+    path = results.scores / "summary.json"
+    if not exists(path):
+        raise InputError(f"{results.scores}: holds no scores; score the dataset first")
+    return read_json(path)
+
+
 def found_predictions(results: Results) -> dict[str, Path]:
     """Find the prediction files of a dataset, by method or name; the solver's methods first.
 
-    Predictions of a method with another centreline follow those with the default one.
+    Predictions of a method with another centreline follow those with the default one. Raises
+    DamageError if a file that was written is missing.
     """
+    check_none_missing(results.predictions)
     paths = sorted(results.predictions.glob("*.csv")) + sorted(
         results.predictions.glob("*.parquet")
     )

@@ -29,7 +29,7 @@ def solved(dataset: Path, tmp_path: Path) -> Results:
         table.write_csv(results.predictions / f"{name}.csv")
     bounds = true.select("frame_id", information=pl.lit("image"), x_c_limit_mm=pl.lit(0.1))
     empty = (pl.lit(None, pl.Float64).alias(name) for name in LIMITS.keys() - set(bounds.columns))
-    write_limits(results.dataset, bounds.with_columns(empty), {})
+    write_limits(results.dataset, bounds.with_columns(empty))
     return results
 
 

@@ -69,7 +69,7 @@ def test_a_file_of_ones_own_is_kept_and_may_be_replaced(results: Results, tmp_pa
     other = tmp_path / "own.PARQUET"
     table.write_parquet(other)
     score(results, with_own(results, [other]))
-    assert [kept.name for kept in results.predictions.iterdir()] == ["own.parquet"]
+    assert [kept.name for kept in results.predictions.glob("own.*")] == ["own.parquet"]
     found = score(results, found_predictions(results))["methods"]
     assert found["own"]["x_c_rmse_pct_L"] == 0
     other.write_bytes(b"no table")  # what is not accepted replaces nothing

@@ -10,7 +10,6 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.instrument.errors import InputError
 from solver.instrument.observation import Observations, open_observations
-from solver.lab.writing import write
 from solver.methods import METHODS
 from solver.set_up import set_up
 from vbaa_bench.benchmarks.budget.errors import Errors, NamedMethod, errors_of
@@ -18,6 +17,7 @@ from vbaa_bench.benchmarks.budget.shares import shares_of, usable_frames
 from vbaa_bench.benchmarks.budget.stages import stages_of
 from vbaa_bench.benchmarks.budget.true_world import TrueWorld, open_world
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.report.budget import TOTAL
 from vbaa_bench.scoring.bootstrap import group_numbers
 
@@ -62,8 +62,8 @@ def budget(
         )
         for name in methods
     }
-    path = layout.derived / "budget.json"
-    write(path, (json.dumps(record, indent=2) + "\n").encode())
+    data = (json.dumps(record, indent=2) + "\n").encode()
+    write_results(layout.derived, {"budget.json": data})
     return record
 
 
