@@ -346,7 +346,7 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
         SMALL_SCENE.replace("pushes:", "pushes:\n  repeats: 500000"),
     )
     assert not (tmp_path / "new").exists()
-    check_refused(copied.root, r"\(seed is 11 there and 12 here\)", SMALL_SCENE.replace("11", "12"))
+    check_refused(copied.root, r"\(seed 11 -> 12\)", SMALL_SCENE.replace("11", "12"))
     with locked(copied.lock):
         check_refused(copied.root, "is being written by process")
     monkeypatch.setattr(identity, "code_digests", lambda: {"vbaa_bench.generation.truth_row": "0"})
@@ -380,7 +380,7 @@ def test_a_set_grows_and_equals_one_that_was_generated_at_once(
     assert digests(grown.root) == digests(whole.root)
     assert full_shard.stat().st_mtime_ns == written
     assert remarks == []
-    with pytest.raises(InputError, match=r"sampling\.count is 5 there and 3 here"):
+    with pytest.raises(InputError, match=r"sampling\.count 5 -> 3"):
         generate(three, grown.root, variant, 0, quiet)
 
 

@@ -15,6 +15,7 @@ from solver.instrument.observation import Observations, open_observations
 from vbaa_bench.api.scene import AnyScene, scene_file
 from vbaa_bench.dataset import exr
 from vbaa_bench.dataset.collection import CollectionLayout
+from vbaa_bench.dataset.fork import fork_of_collection, fork_of_dataset
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.generation.collection import failed, generate_collection
@@ -93,6 +94,7 @@ def generate(
     workers: int | None = None,
     variant: str | None = None,
     part: tuple[int, int] | None = None,
+    fork: bool = False,
     progress: bool = False,
 ) -> Dataset:
     """Render the dataset of a scene into the folder `out`; finish an interrupted one.
@@ -100,12 +102,16 @@ def generate(
     `workers` is the number of processes, by default one per core. `variant` is Mitsuba's, by
     default the fastest one that works. `progress` shows progress bars and messages on stderr. The
     files do not depend on the number of workers. Of random rigs, the first is rendered. With
-    `part`, such as (2, 5), only the second of five parts is rendered.
+    `part`, such as (2, 5), only the second of five parts is rendered. With `fork`, if `out` holds
+    something else, the first of `out-2`, `out-3`, ... that is free or holds this very dataset is
+    written instead.
 
     Raises InputError for an impossible scene, and for a folder that cannot be written or contains
     other files.
     """
     file, chosen_variant = scene_file(scene), usable_variant(variant)
+    root = fork_of_dataset(file, Path(out), chosen_variant) if fork else Path(out)
+    _announce(root, Path(out), progress)
 
     def remark(message: str) -> None:
         if progress:
@@ -118,7 +124,7 @@ def generate(
         rendering = bars.add_task("rendering", total=None, visible=False)
         generate_dataset(
             file,
-            Path(out),
+            root,
             chosen_variant,
             worker_count(workers, chosen_variant),
             lambda done, total: bars.update(rendering, completed=done, total=total, visible=True),
@@ -126,7 +132,7 @@ def generate(
             remark,
             part=None if part is None else Part(*part),
         )
-    return Dataset(Path(out))
+    return Dataset(root)
 
 
 def generate_rigs(
@@ -136,6 +142,7 @@ def generate_rigs(
     rigs: Sequence[int] | None = None,
     workers: int | None = None,
     variant: str | None = None,
+    fork: bool = False,
     progress: bool = False,
 ) -> Collection:
     """Render the rigs of a scene, whose key `rigs` is their number, each as a dataset in `out`.
@@ -149,11 +156,13 @@ def generate_rigs(
     if file.rigs is None:
         raise InputError(f"{file.path}: rigs is missing, so it describes one dataset only")
     chosen_variant = usable_variant(variant)
+    root = fork_of_collection(file, Path(out)) if fork else Path(out)
+    _announce(root, Path(out), progress)
     with progress_bars(shown=progress) as bars:
         task = bars.add_task("rendering", total=None)
         results = generate_collection(
             file,
-            Path(out),
+            root,
             chosen_variant,
             worker_count(workers, chosen_variant),
             lambda done, total: bars.update(task, completed=done, total=total),
@@ -161,7 +170,13 @@ def generate_rigs(
         )
     for sentence in failed(results) if progress else ():
         console.print(sentence, markup=False)
-    return Collection(Path(out))
+    return Collection(root)
+
+
+def _announce(root: Path, out: Path, shown: bool) -> None:
+    """Print the folder of a fork."""
+    if shown and root != out:
+        console.print(f"{out}: holds something else; writing to {root}", markup=False)
 
 
 def read_exr(path: Path | str) -> dict[str, np.ndarray]:

@@ -10,6 +10,7 @@ from rich.table import Table
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import (
     AsJson,
+    Fork,
     FrameCount,
     Out,
     PartOption,
@@ -104,6 +105,7 @@ def generate(
     frames: FrameCount = None,
     rigs: Rigs = None,
     part: PartOption = None,
+    fork: Fork = False,
     workers: Workers = None,
     variant: Variant = None,
     as_json: AsJson = False,
@@ -112,7 +114,7 @@ def generate(
 
     The exit status is 1 if frames or rigs failed; the others are complete.
     """
-    choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part))
+    choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part), fork)
     root, counts = generate_dataset(choice, out, workers, variant)
     record = {"dataset": str(root), **counts._asdict()}
     print_result(record, f"{counts.frames} frames in {root}", as_json)
@@ -146,6 +148,7 @@ class SceneChoice(NamedTuple):
     frames: int | None = None
     rigs: str | None = None
     part: tuple[int, int] | None = None
+    fork: bool = False
 
 
 def merge(
@@ -177,20 +180,32 @@ def generate_dataset(
         raise InputError(f"--rigs is {choice.rigs}, but {choice.path} states no rigs")
     try:
         if file.rigs is None:
-            data.generate(
-                file, root, workers=workers, variant=variant, part=choice.part, progress=True
-            )
+            made = data.generate(
+                file,
+                root,
+                workers=workers,
+                variant=variant,
+                part=choice.part,
+                fork=choice.fork,
+                progress=True,
+            ).root
         else:
             numbers = rig_numbers(choice.rigs, file.rigs)
             if choice.part is not None:
                 numbers = numbers[choice.part[0] - 1 :: choice.part[1]]
-            data.generate_rigs(
-                file, root, rigs=numbers, workers=workers, variant=variant, progress=True
-            )
+            made = data.generate_rigs(
+                file,
+                root,
+                rigs=numbers,
+                workers=workers,
+                variant=variant,
+                fork=choice.fork,
+                progress=True,
+            ).root
     except KeyboardInterrupt:
         console.print("interrupted; run the same command again to continue")
         raise
-    return GeneratedFolder(root, count_frames(root))
+    return GeneratedFolder(Path(made), count_frames(Path(made)))
 
 
 def contact_sheet(

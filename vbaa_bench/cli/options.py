@@ -103,6 +103,10 @@ PartOption = Annotated[
     str | None,
     typer.Option("--part", help="one of several parts, as 2/5, for several machines; then merge"),
 ]
+Fork = Annotated[
+    bool,
+    typer.Option("--fork", help="if the folder holds something else, write beside it: OUT-2, ..."),
+]
 Workers = Annotated[
     int | None,
     typer.Option(min=1, max=256, help="number of processes", show_default="one per core"),

@@ -17,6 +17,7 @@ from vbaa_bench.cli.options import (
     By,
     Centreline,
     DatasetPath,
+    Fork,
     FrameCount,
     Memory,
     Method,
@@ -46,6 +47,7 @@ def run(
     settings: Settings = None,
     frames: FrameCount = None,
     rigs: Rigs = None,
+    fork: Fork = False,
     workers: Workers = None,
     variant: Variant = None,
     repeats: Repeats = 3,
@@ -56,7 +58,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Generate, solve, score and report a scene, with the information limits of its frames."""
-    choice = SceneChoice(scene, seed, settings, frames, rigs)
+    choice = SceneChoice(scene, seed, settings, frames, rigs, fork=fork)
     root, counts = generate_dataset(choice, out, workers, variant)
     if limits:
         store_limits(root, scene.parent, workers, variant)

@@ -12,12 +12,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import polars as pl
 
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
+from vbaa_bench.dataset.differences import as_in_file, differences, listing
+from vbaa_bench.dataset.identity import OtherDatasetError
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.recorded import exists, write_recorded
@@ -49,13 +51,33 @@ class CollectionLayout:
         """Write the collection's scene, as keys and values with distributions. Raises OSError."""
         write_recorded(self.root, {self.scene.name: _encoded(scene)})
 
-    def held_scene(self, scene: Mapping[str, Any]) -> bool:
-        """Test whether collection.json had this scene when it was written, whatever it holds now.
+    def check_scene(self, scene: Mapping[str, Any]) -> Literal["empty", "same", "smaller", "part"]:
+        """Check that the folder is empty or holds rigs of this scene.
 
-        Raises InputError.
+        A smaller collection, with fewer rigs, can grow; "part" is a smaller scene than that of the
+        collection. A damaged collection.json is the same if its recorded hash is. Raises
+        OtherDatasetError for other files, and for a collection of another scene; the message names
+        the differences.
         """
-        recorded = (read_hashes(self.root) or {}).get(self.scene.name)
-        return recorded == digest(_encoded(scene))
+        new, recorded = as_in_file(scene), (read_hashes(self.root) or {}).get(self.scene.name)
+        if recorded == digest(_encoded(new)):
+            return "same"
+        if not self.scene.is_file():
+            paths = self.root.iterdir() if self.root.exists() else iter(())
+            others = [path.name for path in paths if path.name != ".lock"]
+            if others:
+                raise OtherDatasetError(
+                    f"{self.root}: holds other files ({others[0]}); choose another folder"
+                )
+            return "empty"
+        old = read_json(self.scene)
+        changed = [one for one in differences(old, new) if one.key not in ("rigs", "title")]
+        if changed:
+            raise OtherDatasetError(
+                f"{self.root}: holds the collection of another scene ({listing(changed)}); choose "
+                "another folder with --out, start beside it with --fork, or delete this one"
+            )
+        return "part" if old.get("rigs", 0) > new.get("rigs", 0) else "smaller"
 
     def write_rows(self, rows: Mapping[int, Mapping[str, str | None]]) -> None:
         """Write the table of the rigs, by number. Raises OSError."""

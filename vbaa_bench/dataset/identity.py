@@ -9,13 +9,19 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import sha256, write_bytes
 from solver.instrument.hashes import digest, parse_hashes
 from vbaa_bench.dataset.code import code_digests
+from vbaa_bench.dataset.differences import Difference, as_in_file, differences, listing
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json, versions
+from vbaa_bench.dataset.schema import SCHEMA, migrated_identity, version_of
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.objects import MeshSpec
 from vbaa_bench.scene.paint import ImageTextureSpec
 
 Identity = dict[str, Any]
+
+
+class OtherDatasetError(InputError):
+    """Error for a folder that holds something else than the dataset or collection to be made."""
 
 
 def dataset_identity(file: SceneFile, variant: str) -> Identity:
@@ -27,6 +33,7 @@ def dataset_identity(file: SceneFile, variant: str) -> Identity:
     names += [scene.background.image_file] if scene.background.image_file else []
     names += [texture.file] if isinstance(texture, ImageTextureSpec) else []
     return {
+        "schema": SCHEMA,
         "scene": scene.model_dump(mode="json", exclude={"title"}),
         "files": {name: _sha256(file.path.parent / name) for name in names},
         "made_with": {"variant": variant, **versions()},
@@ -45,9 +52,9 @@ def check_identity(layout: Layout, here: Identity) -> Literal["empty", "same", "
     """Check that the folder is empty or holds a dataset of identity `here`.
 
     A smaller dataset, with fewer random pushes than `here`, can grow. A damaged identity.json is
-    rewritten if the hashes show that it had this content. Raises InputError for a folder that holds
-    other files, and for a dataset of another scene, seed, program or machine; the message names the
-    first difference.
+    rewritten if the hashes show that it had this content. Raises OtherDatasetError for a folder
+    that holds other files or a subset, and for a dataset of another scene, seed, program or
+    machine; the message names the differences.
     """
     path, data = layout.identity, _encoded(here)
     if path.is_file() and path.read_bytes() == data:
@@ -60,26 +67,31 @@ def check_identity(layout: Layout, here: Identity) -> Literal["empty", "same", "
     if not path.is_file():
         foreign_file = next(_contents(layout), None)
         if foreign_file is not None:
-            raise InputError(
+            raise OtherDatasetError(
                 f"{layout.root}: holds other files ({foreign_file}); choose an empty folder"
             )
         return "empty"
-    recorded_identity = read_json(path)
-    if _grows(recorded_identity, here):
+    document = read_json(path)
+    if "subset" in document:
+        raise OtherDatasetError(
+            f"{layout.root}: is a subset of another dataset, which cannot be generated or grown; "
+            "make it again with vbaa-bench subset"
+        )
+    identity = migrated_identity(path, document)
+    if version_of(path, document) == SCHEMA and _grows(identity, here):
         return "smaller"
-    raise InputError(_refusal(layout, recorded_identity, here))
+    raise OtherDatasetError(_refusal(layout, identity, here))
 
 
 def _grows(recorded: Identity, here: Identity) -> bool:
     """Test whether a dataset becomes one with identity `here` by adding frames."""
     sizes = {"scene.sampling.count", "scene.pushes.repeats"}
-    current = json.loads(json.dumps(here))  # as in the file: tuples become lists
-    sampling = current["scene"]["sampling"] or {}
-    differences = list(_differences(recorded, current))
+    sampling = here["scene"]["sampling"] or {}
+    changed = list(differences(recorded, as_in_file(here)))
     only_size = all(
-        key in sizes and isinstance(old, int) and old < new for key, old, new in differences
+        key in sizes and isinstance(old, int) and old < new for key, old, new in changed
     )
-    return bool(differences) and only_size and sampling.get("method") != "grid"
+    return bool(changed) and only_size and sampling.get("method") != "grid"
 
 
 def write_identity(layout: Layout, identity: Identity) -> str:
@@ -103,45 +115,34 @@ def _contents(layout: Layout) -> Iterator[str]:
             yield path.name
 
 
-def _refusal(layout: Layout, recorded: Identity, current: Identity) -> str:
-    remedy = "choose another folder with --out, or delete this one"
-    current = json.loads(json.dumps(current))  # as in the file: tuples become lists
-    if isinstance(recorded.get("scene"), dict):
-        recorded["scene"].pop("title", None)  # older versions had it
-    for part in ("scene", "files"):
-        if recorded.get(part) != current[part]:
-            key, old, new = next(_differences(recorded.get(part), current[part]))
-            if key == "sampling.count" and current["scene"]["sampling"]["method"] == "grid":
-                remedy = f"a grid cannot grow, method sobol can; {remedy}"
-            return (
-                f"{layout.root}: holds the dataset of another scene, seed or mesh "
-                f"({key or part} is {_short(old)} there and {_short(new)} here); {remedy}"
-            )
-    readable = "solve, score and report can still read it"
-    if "code" in recorded and recorded.get("made_with") != current["made_with"]:
-        key, old, new = next(_differences(recorded.get("made_with"), current["made_with"]))
+def _refusal(layout: Layout, recorded: Identity, here: Identity) -> str:
+    """Say in what a dataset differs from `here`: scene and its files, packages, code."""
+    remedy = "choose another folder with --out, start beside it with --fork, or delete this one"
+    changed = {part: _changes(part, recorded, here) for part in ("scene", "files", "made_with")}
+    modules = [change.key or "an older one" for change in _changes("code", recorded, here)]
+    code = [f"{len(modules)} modules of the code"] if modules else []
+    if changed["scene"] or changed["files"]:
+        grid = (here["scene"]["sampling"] or {}).get("method") == "grid"
+        if grid and any(change.key == "sampling.count" for change in changed["scene"]):
+            remedy = f"a grid cannot grow, method sobol can; {remedy}"
+        texts = [*changed["scene"], *changed["files"], *changed["made_with"], *code]
         return (
-            f"{layout.root}: was begun with {key or 'packages'} {_short(old)}, here is "
-            f"{_short(new)}; {readable}; to generate, {remedy}, or restore the original version"
+            f"{layout.root}: holds the dataset of another scene, seed or mesh ({listing(texts)}); "
+            f"{remedy}"
         )
-    changed = sorted({key for key, _, _ in _differences(recorded.get("code"), current["code"])})
-    rest = f" and {len(changed) - 1} more modules" if len(changed) > 1 else ""
+    readable = "solve, score and report can still read it"
+    if changed["made_with"] and "code" in recorded:
+        return (
+            f"{layout.root}: was begun with other packages "
+            f"({listing([*changed['made_with'], *code])}); {readable}; to generate, {remedy}, or "
+            "restore the original versions"
+        )
     return (
-        f"{layout.root}: was made by another version of the code ({changed[0] or 'an older one'}"
-        f"{rest}); {readable}; to generate, {remedy}, or restore that version"
+        f"{layout.root}: was made by another version of the code "
+        f"({listing(modules) or 'of an older format'}); {readable}; to generate, {remedy}, or "
+        "restore that version"
     )
 
 
-def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Yield the dotted keys at which two JSON documents differ, with both values."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        for name in sorted(old.keys() | new.keys()):
-            subkey = f"{key}.{name}".lstrip(".") if isinstance(name, str) else key
-            yield from _differences(old.get(name), new.get(name), subkey)
-    elif old != new:
-        yield key, old, new
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def _changes(part: str, recorded: Identity, here: Identity) -> list[Difference]:
+    return list(differences(recorded.get(part), as_in_file(here[part])))

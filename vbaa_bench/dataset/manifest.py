@@ -11,6 +11,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import sync_folder, write_bytes
 from solver.instrument.hashes import HASHES, digest, read_bytes
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.schema import SCHEMA
 from vbaa_bench.dataset.writer import hashes_bytes
 
 _PACKAGES = (
@@ -38,7 +39,8 @@ def seal(layout: Layout, facts: dict[str, Any], whole: Mapping[str, Mapping[str,
     `whole` holds, by tree, the sha256 of each file except the manifest, computed when it was
     written. Files that exist with the right content are not written again. Raises OSError.
     """
-    manifest = (json.dumps({**facts, "versions": versions()}, indent=2) + "\n").encode()
+    document = {"schema": SCHEMA, **facts, "versions": versions()}
+    manifest = (json.dumps(document, indent=2) + "\n").encode()
     _write(layout.manifest, manifest)
     truth = {**whole["truth"], layout.manifest.name: digest(manifest)}
     _write(layout.truth / HASHES, hashes_bytes(truth))

@@ -3,7 +3,7 @@
 import io
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -13,6 +13,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES, listed, read_bytes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.schema import migrated_frames, migrated_manifest, version_of
 
 # Required keys of the manifest.
 _FACTS: Final = {"scene", "seed", "variant", "true_rig"}
@@ -71,9 +72,7 @@ def open_manifest(root: Path | str) -> Truth:
     """
     root = Path(root)
     check_complete(Layout(root.parent))
-    manifest = read_json(root / "manifest.json")
-    _check_manifest(root / "manifest.json", manifest)
-    return Truth(root, manifest, pl.DataFrame())
+    return _opened(root).truth
 
 
 def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
@@ -86,7 +85,7 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     root = Path(root)
     check_complete(Layout(root.parent))
     names = listed(root)
-    opened = open_manifest(root)
+    opened = _opened(root)
     tables = [
         table
         for table in sorted(root.glob("shard_*/truth.parquet"))
@@ -100,7 +99,22 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
         frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
-    return replace(opened, frames=frames)
+    return replace(opened.truth, frames=migrated_frames(frames, opened.version))
+
+
+class _Opened(NamedTuple):
+    """Truth without frames, and the version of its format."""
+
+    truth: Truth
+    version: int
+
+
+def _opened(root: Path) -> _Opened:
+    path = root / "manifest.json"
+    document = read_json(path)
+    manifest = migrated_manifest(path, document)
+    _check_manifest(path, manifest)
+    return _Opened(Truth(root, manifest, pl.DataFrame()), version_of(path, document))
 
 
 def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:

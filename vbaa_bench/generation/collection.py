@@ -1,7 +1,6 @@
 """Generation of a collection: many random rigs of one scene, each a dataset in one folder."""
 
 import gc
-import json
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -51,35 +50,13 @@ def generate_collection(
     try:
         root.mkdir(parents=True, exist_ok=True)
         with locked(root / ".lock"):
-            _check_scene(layout, file)
+            if layout.check_scene(file.template) != "part":
+                layout.write_scene(file.template)
             results = _generate(layout, file, numbers, Machine(variant, workers, None), progress)
             _write_table(layout, results)
     except OSError as error:
         raise InputError(f"{root}: cannot be written ({error.strerror or error})") from error
     return results
-
-
-def _check_scene(layout: CollectionLayout, file: SceneFile) -> None:
-    """Write collection.json, unless it exists; raise InputError if it is of another scene."""
-    new = json.loads(json.dumps(file.template))  # as in the file: tuples become lists
-    if layout.held_scene(new):  # it may be damaged now
-        pass
-    elif not layout.scene.is_file():
-        others = [path.name for path in layout.root.iterdir() if path.name != ".lock"]
-        if others:
-            raise InputError(f"{layout.root}: holds other files ({others[0]}); choose another")
-    elif (old := read_json(layout.scene)) != new:
-        size = {"rigs", "title"}
-        keys = [k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k)]
-        changed = [key for key in keys if key not in size]
-        if changed:
-            raise InputError(
-                f"{layout.root}: holds the collection of another scene ({changed[0]} differs); "
-                "choose another folder with --out, or delete this one"
-            )
-        if old.get("rigs", 0) > new.get("rigs", 0):  # a smaller part of it
-            return
-    layout.write_scene(new)
 
 
 def _generate(

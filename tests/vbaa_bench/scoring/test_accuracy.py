@@ -8,7 +8,6 @@ import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
-from solver.instrument.hashes import HASHES
 from tests.sealing import reseal
 from tests.vbaa_bench.scoring.worlds import FREE, MANIFEST, truth
 from vbaa_bench.dataset.layout import Layout
@@ -195,7 +194,6 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         accuracy([tmp_path / "none"])
     table = scored / "scores" / "scores.parquet"
     complete = pl.read_parquet(table)
-    (table.parent / HASHES).unlink()  # as in older versions
     for column in ("consistent", "force_y_error_in_sigmas"):
         complete.drop(column).write_parquet(table)
         with pytest.raises(InputError, match="score the dataset again"):
