@@ -1,0 +1,30 @@
+"""Split of each frame: its part of the set, for training or for testing."""
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from solver.instrument.errors import InputError, quoted
+
+# Split of all frames whose scene does not state `splits`.
+ONLY: Final = "train"
+
+
+def split_names(frames: pl.DataFrame) -> pl.Series:
+    """Return the split of each row of a table of frames, as texts (n,) named "split".
+
+    It is the column `split` of metadata.csv, which `frames` may be, or may be joined with. Where
+    the scene does not state `splits`, there is no such column, and all frames are in `ONLY`.
+    """
+    if "split" not in frames.columns:
+        return pl.repeat(ONLY, frames.height, dtype=pl.String, eager=True).alias("split")
+    return frames["split"].cast(pl.String).fill_null(ONLY)
+
+
+def check_split(name: str, existing: Collection[str], root: Path) -> None:
+    """Raise InputError, which lists the splits of a dataset, unless `name` is one of them."""
+    if name not in existing:
+        listed = ", ".join(sorted(existing)) or "none, as it has no frames"
+        raise InputError(f"{root}: the split {quoted(name)} does not exist, allowed is {listed}")
