@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vbaa_bench.api.frame import Frame, render_frame
     from vbaa_bench.api.results import Scores, score, solve
     from vbaa_bench.api.scene import Scene
+    from vbaa_bench.api.torch_data import torch_dataset
     from vbaa_bench.dataset.readers import open_truth
     from vbaa_bench.scene.load import load_scene
 
@@ -46,6 +47,7 @@ __all__ = [
     "render_frame",
     "score",
     "solve",
+    "torch_dataset",
 ]
 
 # Imported at first use: renderer, compiler and tables take seconds to import.
@@ -66,6 +68,7 @@ _MODULES: Final = {
     "render_frame": "vbaa_bench.api.frame",
     "score": "vbaa_bench.api.results",
     "solve": "vbaa_bench.api.results",
+    "torch_dataset": "vbaa_bench.api.torch_data",
 }
 
 

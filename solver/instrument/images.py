@@ -39,9 +39,17 @@ def read_grey(path: Path, channel: str = "gray") -> Grey:
     down cannot detect which way is up, and its tag may change from one image to the next.
     Raises InputError if the file is not an image, or not the one that was generated.
     """
-    data = np.frombuffer(read_bytes(path), dtype=np.uint8)
-    if data[:8].tobytes() == _PNG_SIGNATURE:
-        head = _png_head(data[:_PNG_HEAD].tobytes(), path)
+    return decode_grey(read_bytes(path), path, channel)
+
+
+def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
+    """Decode the bytes of an image file as `read_grey` does; `path` is for messages only.
+
+    Raises InputError if they are not an image.
+    """
+    data = np.frombuffer(content, dtype=np.uint8)
+    if content.startswith(_PNG_SIGNATURE):
+        head = _png_head(content[:_PNG_HEAD], path)
         if head.width * head.height > MAX_PIXELS:  # before memory is allocated for them
             raise InputError(
                 f"{path}: has {head.width} x {head.height} px, allowed are {MAX_PIXELS:,} px"

@@ -5,6 +5,8 @@ from typing import Final
 
 import polars as pl
 
+from vbaa_bench.dataset.labels import HAS_CONTACT, TRUE_COMPLIANCE
+
 
 @dataclass(frozen=True)
 class ScoredQuantity:
@@ -53,13 +55,10 @@ class ScoredQuantity:
         return f"{self.name}_error_in_sigmas"
 
 
-# A rigid object has compliance 0; without contact the compliance is null.
-_HAS_CONTACT = pl.col("x_c_mm").is_not_null()
-_COMPLIANCE = pl.when(_HAS_CONTACT).then((1e3 / pl.col("k_s_n_m")).fill_null(0.0))
-COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", _COMPLIANCE)
+COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", TRUE_COMPLIANCE)
 X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"))
 # The motor turns by minus the pushing angle from first contact on.
-_ONSET = pl.when(_HAS_CONTACT).then(pl.col("true_motor_angle_deg") + pl.col("pushing_angle_deg"))
+_ONSET = pl.when(HAS_CONTACT).then(pl.col("true_motor_angle_deg") + pl.col("pushing_angle_deg"))
 # A column without any contact has no type.
 _Y_C, _PSI = pl.col("y_c_mm").cast(pl.Float64), pl.col("psi_deg").cast(pl.Float64).radians()
 
@@ -80,7 +79,7 @@ SCORED_QUANTITIES: Final = (
     ScoredQuantity("displacement_y", "mm", _Y_C * _PSI.cos()),
     ScoredQuantity("displacement_z", "mm", _Y_C * _PSI.sin()),
     ScoredQuantity("stiffness", "n_per_m", pl.col("k_s_n_m")),
-    ScoredQuantity("friction", "", pl.when(_HAS_CONTACT).then(pl.col("friction"))),
+    ScoredQuantity("friction", "", pl.when(HAS_CONTACT).then(pl.col("friction"))),
     ScoredQuantity("onset_angle", "deg", _ONSET),
     ScoredQuantity("motor_angle", "deg", pl.col("true_motor_angle_deg")),
 )
