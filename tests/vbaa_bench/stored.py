@@ -6,7 +6,7 @@ import numpy as np
 
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import seal
-from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.sensor.quantise import quantise
 
 TRUE_RIG = {
@@ -37,7 +37,7 @@ def store(
     for tree in layout.trees:
         tree.mkdir(parents=True)
     for number in range(-(-frames // per_shard)):
-        with ShardWriter(layout, number) as writer:
+        with shard_writer(layout, number) as writer:
             for i in range(number * per_shard, min((number + 1) * per_shard, frames)):
                 image = quantise(generator.random((8, 12)), bits)
                 readings = {"motor_angle_deg": "" if i == 1 else -0.5 * i, "push_id": f"p{i // 2}"}
