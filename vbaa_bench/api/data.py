@@ -1,7 +1,7 @@
 """Datasets: generate them, and open their contents."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.fork import fork_of_collection, fork_of_dataset
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
+from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.collection import failed, generate_collection
 from vbaa_bench.generation.generate import Part
 from vbaa_bench.generation.generate import generate as generate_dataset
@@ -95,6 +96,7 @@ def generate(
     variant: str | None = None,
     part: tuple[int, int] | None = None,
     fork: bool = False,
+    dask: str | None = None,
     progress: bool = False,
 ) -> Dataset:
     """Render the dataset of a scene into the folder `out`; finish an interrupted one.
@@ -104,19 +106,17 @@ def generate(
     files do not depend on the number of workers. Of random rigs, the first is rendered. With
     `part`, such as (2, 5), only the second of five parts is rendered. With `fork`, if `out` holds
     something else, the first of `out-2`, `out-3`, ... that is free or holds this very dataset is
-    written instead.
+    written instead. With `dask`, the address of a scheduler or a YAML file that describes a
+    cluster, its workers render; they must see the same folders under the same paths.
 
     Raises InputError for an impossible scene, and for a folder that cannot be written or contains
     other files.
     """
+    cluster = None if dask is None else ClusterAddress.checked(dask)
     file, chosen_variant = scene_file(scene), usable_variant(variant)
     root = fork_of_dataset(file, Path(out), chosen_variant) if fork else Path(out)
-    _announce(root, Path(out), progress)
-
-    def remark(message: str) -> None:
-        if progress:
-            console.print(message, markup=False)
-
+    remark = _remark if progress else _ignore
+    _announce(root, Path(out), remark)
     if chosen_variant == PLAIN and variant is None:
         remark(f"rendering with scalar_rgb, about ten times slower; {ADVICE}")
     with progress_bars(shown=progress) as bars:
@@ -131,6 +131,7 @@ def generate(
             lambda done, total: bars.update(planning, completed=done, total=total),
             remark,
             part=None if part is None else Part(*part),
+            cluster=cluster,
         )
     return Dataset(root)
 
@@ -143,6 +144,7 @@ def generate_rigs(
     workers: int | None = None,
     variant: str | None = None,
     fork: bool = False,
+    dask: str | None = None,
     progress: bool = False,
 ) -> Collection:
     """Render the rigs of a scene, whose key `rigs` is their number, each as a dataset in `out`.
@@ -152,12 +154,14 @@ def generate_rigs(
 
     Raises InputError for a folder that cannot be written or contains other files.
     """
+    cluster = None if dask is None else ClusterAddress.checked(dask)
     file = scene if isinstance(scene, SceneFile) else load_scene(scene)
     if file.rigs is None:
         raise InputError(f"{file.path}: rigs is missing, so it describes one dataset only")
     chosen_variant = usable_variant(variant)
     root = fork_of_collection(file, Path(out)) if fork else Path(out)
-    _announce(root, Path(out), progress)
+    remark = _remark if progress else _ignore
+    _announce(root, Path(out), remark)
     with progress_bars(shown=progress) as bars:
         task = bars.add_task("rendering", total=None)
         results = generate_collection(
@@ -167,16 +171,26 @@ def generate_rigs(
             worker_count(workers, chosen_variant),
             lambda done, total: bars.update(task, completed=done, total=total),
             rigs,
+            remark,
+            cluster=cluster,
         )
-    for sentence in failed(results) if progress else ():
-        console.print(sentence, markup=False)
+    for sentence in failed(results):
+        remark(sentence)
     return Collection(root)
 
 
-def _announce(root: Path, out: Path, shown: bool) -> None:
-    """Print the folder of a fork."""
-    if shown and root != out:
-        console.print(f"{out}: holds something else; writing to {root}", markup=False)
+def _announce(root: Path, out: Path, remark: Callable[[str], None]) -> None:
+    """Name the folder of a fork."""
+    if root != out:
+        remark(f"{out}: holds something else; writing to {root}")
+
+
+def _remark(sentence: str) -> None:
+    console.print(sentence, markup=False)
+
+
+def _ignore(_sentence: str) -> None:
+    pass
 
 
 def read_exr(path: Path | str) -> dict[str, np.ndarray]:

@@ -10,6 +10,7 @@ from rich.table import Table
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import (
     AsJson,
+    Dask,
     Fork,
     FrameCount,
     Out,
@@ -106,6 +107,7 @@ def generate(
     rigs: Rigs = None,
     part: PartOption = None,
     fork: Fork = False,
+    dask: Dask = None,
     workers: Workers = None,
     variant: Variant = None,
     as_json: AsJson = False,
@@ -114,7 +116,7 @@ def generate(
 
     The exit status is 1 if frames or rigs failed; the others are complete.
     """
-    choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part), fork)
+    choice = SceneChoice(scene, seed, settings, frames, rigs, part_of(part), fork, dask)
     root, counts = generate_dataset(choice, out, workers, variant)
     record = {"dataset": str(root), **counts._asdict()}
     print_result(record, f"{counts.frames} frames in {root}", as_json)
@@ -149,6 +151,7 @@ class SceneChoice(NamedTuple):
     rigs: str | None = None
     part: tuple[int, int] | None = None
     fork: bool = False
+    dask: str | None = None
 
 
 def merge(
@@ -187,6 +190,7 @@ def generate_dataset(
                 variant=variant,
                 part=choice.part,
                 fork=choice.fork,
+                dask=choice.dask,
                 progress=True,
             ).root
         else:
@@ -200,6 +204,7 @@ def generate_dataset(
                 workers=workers,
                 variant=variant,
                 fork=choice.fork,
+                dask=choice.dask,
                 progress=True,
             ).root
     except KeyboardInterrupt:

@@ -99,6 +99,13 @@ Rigs = Annotated[
     str | None,
     typer.Option(help="rigs to make, as 7 or 3:7 (3 to 6)", show_default="all of the scene"),
 ]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        help="Dask workers that render: the scheduler's address, or slurm.yaml (see README)",
+        show_default="processes of this machine",
+    ),
+]
 PartOption = Annotated[
     str | None,
     typer.Option("--part", help="one of several parts, as 2/5, for several machines; then merge"),

@@ -16,6 +16,7 @@ from vbaa_bench.cli.options import (
     AsJson,
     By,
     Centreline,
+    Dask,
     DatasetPath,
     Fork,
     FrameCount,
@@ -48,6 +49,7 @@ def run(
     frames: FrameCount = None,
     rigs: Rigs = None,
     fork: Fork = False,
+    dask: Dask = None,
     workers: Workers = None,
     variant: Variant = None,
     repeats: Repeats = 3,
@@ -58,7 +60,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Generate, solve, score and report a scene, with the information limits of its frames."""
-    choice = SceneChoice(scene, seed, settings, frames, rigs, fork=fork)
+    choice = SceneChoice(scene, seed, settings, frames, rigs, fork=fork, dask=dask)
     root, counts = generate_dataset(choice, out, workers, variant)
     if limits:
         store_limits(root, scene.parent, workers, variant)

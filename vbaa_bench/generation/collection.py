@@ -3,7 +3,7 @@
 import gc
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,10 +12,11 @@ from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.generate import Machine, generate
 from vbaa_bench.generation.plan import accepted_rig
-from vbaa_bench.generation.workers import Job, Pool
+from vbaa_bench.generation.workers import Job
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.schema import Scene
@@ -38,12 +39,15 @@ def generate_collection(
     workers: int,
     progress: Progress,
     numbers: Sequence[int] | None = None,
+    remark: Callable[[str], None] = lambda _sentence: None,
+    *,
+    cluster: ClusterAddress | None = None,
 ) -> list[RigResult]:
     """Generate the rigs of a collection at `root`, or finish them; return one result per rig.
 
     `numbers` are those of the rigs to make, by default all. A rig that is impossible is recorded
-    with the reason. Raises InputError for a folder that holds another collection or other files,
-    or cannot be written.
+    with the reason. Workers of a `cluster` take the place of processes of this machine. Raises
+    InputError for a folder that holds another collection or other files, or cannot be written.
     """
     layout = CollectionLayout(root)
     numbers = range(file.rigs or 1) if numbers is None else numbers
@@ -52,7 +56,8 @@ def generate_collection(
         with locked(root / ".lock"):
             if layout.check_scene(file.template) != "part":
                 layout.write_scene(file.template)
-            results = _generate(layout, file, numbers, Machine(variant, workers, None), progress)
+            machine = Machine(variant, workers, None, cluster)
+            results = _generate(layout, file, numbers, machine, progress, remark)
             _write_table(layout, results)
     except OSError as error:
         raise InputError(f"{root}: cannot be written ({error.strerror or error})") from error
@@ -65,6 +70,7 @@ def _generate(
     numbers: Sequence[int],
     machine: Machine,
     progress: Progress,
+    remark: Callable[[str], None],
 ) -> list[RigResult]:
     # Rigs may differ in their numbers of frames, of which the first is an example.
     scene = accepted_rig(file).scene
@@ -72,9 +78,11 @@ def _generate(
     per_rig = Frames(scene).count + scene.calibration.views + scene.sensor.rest_images + 1
     total = per_rig * len(numbers)
     results, deaths = list[RigResult](), dict[int, Deaths]()
-    jobs = deque(Job("rig", (number, layout.rig(number).root, {})) for number in numbers)
+    jobs = deque(Job("rig", (number, layout.rig(number).root.resolve(), {})) for number in numbers)
+    if machine.cluster is not None:  # whose workers have another working directory
+        file = replace(file, path=file.path.resolve())
     arguments = file, machine.variant, machine.threads_each
-    with Pool(machine.workers, RigGenerator, arguments) as pool:
+    with machine.pool(RigGenerator, arguments, remark) as pool:
         for ended in pool.outcomes(jobs, lambda done: progress(min(done, total), total)):
             if ended.death is None:
                 results.append(ended.result)

@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, tak
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
+from vbaa_bench.generation.cluster import ClusterPool
+from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.dataset_facts import dataset_facts
 from vbaa_bench.generation.dataset_worker import dataset_worker
 from vbaa_bench.generation.deaths import Deaths
@@ -34,15 +36,29 @@ Progress = Callable[[int, int], None]
 
 
 class Machine(NamedTuple):
-    """Mitsuba's variant, the number of worker processes, 0 for none, and of their threads."""
+    """Mitsuba's variant, the number of worker processes, 0 for none, and of their threads.
+
+    With the address of a `cluster`, its workers take the place of processes of this machine.
+    """
 
     variant: str
     workers: int
     threads: int | None
+    cluster: ClusterAddress | None = None
+
+    def pool(
+        self, build: Callable[..., Any], arguments: tuple[Any, ...], remark: Callable[[str], None]
+    ) -> Pool | SameProcess | ClusterPool:
+        """Prepare the processes, each of which builds an object."""
+        if self.cluster is not None:
+            return ClusterPool(self.cluster, build, arguments, remark)
+        return (Pool if self.workers else SameProcess)(self.workers, build, arguments)
 
     @property
     def threads_each(self) -> int:
-        """Number of threads of each process."""
+        """Number of threads of each process; those of a cluster have one."""
+        if self.cluster is not None:
+            return 1
         return self.threads or max(cores() // max(self.workers, 1), 1)
 
 
@@ -73,6 +89,7 @@ def generate(
     threads: int | None = None,
     part: Part | None = None,
     given_up: Mapping[str, str] | None = None,
+    cluster: ClusterAddress | None = None,
 ) -> Layout:
     """Generate the dataset of a scene at `root`; finish an interrupted one, repair a damaged one.
 
@@ -86,13 +103,13 @@ def generate(
     rendered, `remark(sentence)` for every damaged or removed file. With 0 workers, everything is
     rendered in this process. With a `part`, only its shards are generated: a dataset of its own
     that `merge` completes. `threads` is the number of threads of each process, by default all cores
-    together.
+    together. Workers of a `cluster` must see the same folders under the same paths.
 
     Raises InputError if the scene is impossible, and if `root` is not writable, is being written by
     another process, or holds something else, such as data of another scene or from another version
     of the code.
     """
-    layout, machine = Layout(root), Machine(variant, workers, threads)
+    layout, machine = Layout(root), Machine(variant, workers, threads, cluster)
     try:
         identity = dataset_identity(file, variant)
         check_identity(layout, identity)
@@ -158,8 +175,7 @@ def _complete(
     else:
         folder = file.path.parent.resolve()
         built = layout.root.resolve(), folder, machine.variant, machine.threads_each
-        pool_type = Pool if machine.workers else SameProcess
-        with pool_type(machine.workers, dataset_worker, built) as pool:
+        with machine.pool(dataset_worker, built, remark) as pool:
             missing = MissingFiles(layout, contents, shards, inventory, deaths)
             metering = missing.generate(pool, progress)
     failed = sum(inventory.failed.values())
