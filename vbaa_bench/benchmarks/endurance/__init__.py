@@ -1,0 +1,1 @@
+"""Endurance of dataset runs: killed processes, full disks, lost machines, long runs."""
