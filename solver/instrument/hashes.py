@@ -3,12 +3,16 @@
 The hashes.json of a tree lists the files of the tree and the hashes.json of each shard, which
 lists the files of the shard. The tree's hashes.json is written last, atomically: a tree that has
 one is complete. Every file is checked when it is read. A laboratory's folder has no hashes.json,
-and its files are read without a check.
+and its files are read without a check. Names are those of files within the folder: absolute paths,
+`..` and links are refused.
 """
 
 import functools
 import hashlib
 import json
+import os
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +20,11 @@ from solver.instrument.errors import DamageError, InputError
 
 HASHES: Final = "hashes.json"
 MEND: Final = "run the command that made it again to replace damaged files"
+# Largest table [bytes]: that of a million files, whose names have up to 60 characters.
+_MAX_TABLE_BYTES: Final = 1 << 27
+# A file in the folder or in folders below it; no part is `.` or `..`.
+_INSIDE: Final = re.compile(r"(?!\.{1,2}(/|\Z))[^/\0]+(/(?!\.{1,2}(/|\Z))[^/\0]+)*")
+_ELSEWHERE: Final = re.compile(r"[:\\]" if os.name == "nt" else r"\0")
 
 
 def digest(data: bytes) -> str:
@@ -23,16 +32,18 @@ def digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def read_bytes(path: Path) -> bytes:
-    """Read a file; if a hashes.json lists it, check its sha256.
+def read_bytes(path: Path, max_bytes: int | None = None) -> bytes:
+    """Read a file of at most `max_bytes`; if a hashes.json lists it, check its sha256.
 
-    Raises InputError if it cannot be read, DamageError if it is not what was generated.
+    Raises InputError if it cannot be read, DamageError if it is not what was generated or a link.
     """
     expected = _recorded(path)
     try:
         # Reading a pipe or a device may never end; reading a folder raises its own clear error.
         if path.exists() and not path.is_file() and not path.is_dir():
             raise InputError(f"{path}: cannot be read (it is no file)")
+        if max_bytes is not None and path.is_file() and path.stat().st_size > max_bytes:
+            raise InputError(f"{path}: is too large, allowed are {max_bytes:,} bytes")
         data = path.read_bytes()
     except FileNotFoundError as error:
         if expected is not None:
@@ -46,12 +57,19 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _recorded(path: Path) -> str | None:
-    """Look up the sha256 in the hashes.json beside the file or one folder above; None if absent."""
-    for folder in path.parents[:2]:
-        if folder / HASHES != path and (folder / HASHES).is_file():
-            table = read_hashes(folder)
-            if table and (name := path.relative_to(folder).as_posix()) in table:
-                return table[name]
+    """Look up the sha256 in the hashes.json beside the file or one folder above; None if absent.
+
+    Raises DamageError if the file, or its folder below that of the table, is a link.
+    """
+    for depth, folder in enumerate(path.parents[:2]):
+        if folder / HASHES == path:
+            continue
+        table = _table(folder)
+        if table and (name := path.relative_to(folder).as_posix()) in table:
+            for part in (path, *path.parents[:depth]):
+                if part.is_symlink():
+                    raise DamageError(f"{part}: is a link, allowed is the file that was generated")
+            return table[name]
     return None
 
 
@@ -60,20 +78,28 @@ def read_hashes(folder: Path) -> dict[str, str] | None:
 
     Raises InputError if it cannot be read, DamageError if it is not what was written.
     """
+    table = _table(folder)
+    return None if table is None else dict(table)
+
+
+def _table(folder: Path) -> Mapping[str, str] | None:
     path = folder / HASHES
     try:
         file = path.stat()
     except OSError:
         return None
-    return _read_hashes(path, (file.st_ino, file.st_mtime_ns, file.st_size)).copy()
+    return _read_hashes(path, (file.st_ino, file.st_mtime_ns, file.st_size))
 
 
-# The tree's table is needed for every file of a shard, and has a line for every shard.
-@functools.lru_cache(maxsize=4)
-def _read_hashes(path: Path, _version: tuple[int, int, int]) -> dict[str, str]:
-    table = parse_hashes(read_bytes(path))
+# The tree's table is needed for every file of a shard, and has a line for every shard. A thread
+# that reads a shard needs the tables of the shard and of the tree.
+@functools.lru_cache(maxsize=16)
+def _read_hashes(path: Path, _version: tuple[int, int, int]) -> Mapping[str, str]:
+    table = parse_hashes(read_bytes(path, _MAX_TABLE_BYTES))
     if table is None:
-        raise DamageError(f"{path}: is not a JSON object of names and hashes; {MEND}")
+        raise DamageError(
+            f"{path}: is not a JSON object of hashes by names of files in this folder; {MEND}"
+        )
     return table
 
 
@@ -84,6 +110,8 @@ def parse_hashes(data: bytes) -> dict[str, str] | None:
     except (ValueError, RecursionError):
         return None
     if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
+        return None
+    if any(not _INSIDE.fullmatch(name) or _ELSEWHERE.search(name) for name in table):
         return None
     return table
 

@@ -96,10 +96,18 @@ class _Cells:
             )
         try:
             exists = (folder / path).is_file()
+            # Links are rare, and resolving every path would take longer than reading the table.
+            parts = [folder / path, *(folder / part for part in path.parents[:-1])]
+            linked = any(part.is_symlink() for part in parts)
         except OSError:  # an invalid file name
-            exists = False
+            exists = linked = False
         if not exists:
             raise InputError(f"{self.where}: the image {truncated(path.name)} is missing")
+        if linked and not (folder / path).resolve().is_relative_to(folder.resolve()):
+            raise InputError(
+                f"{self.where}: file_name is {quoted(value)}, a link to another folder, allowed is "
+                "a file beside the table"
+            )
         return folder / path
 
     def name(self, column: str) -> str:

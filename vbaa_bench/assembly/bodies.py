@@ -14,6 +14,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry import objects
 from vbaa_bench.geometry.mesh_file import read_mesh, touching
 from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid, Surface, ball, upright
+from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.objects import (
     BlockSpec,
     CylinderSpec,
@@ -155,7 +156,7 @@ class Body:
                 )
             case MeshSpec():
                 return _from_file(
-                    self.folder / spec.file, spec.unit_mm * mm, self.beam_radius
+                    file_of_scene(self.folder, spec.file), spec.unit_mm * mm, self.beam_radius
                 ).copy()
             case NothingSpec():
                 raise ValueError("no mesh to build")

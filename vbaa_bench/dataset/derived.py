@@ -17,6 +17,7 @@ import polars as pl
 from solver.instrument.errors import DamageError
 from solver.instrument.hashes import HASHES, digest, read_bytes
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.recorded import exists, write_results
 
 LIMITS: Final = "limits.parquet"
@@ -41,11 +42,8 @@ def read_limits(layout: Layout) -> pl.DataFrame | None:
     if not exists(path):
         return None
     data = read_bytes(path)
-    try:
-        truth = pl.read_parquet_metadata(io.BytesIO(data)).get(_TRUTH)
-        table = pl.read_parquet(io.BytesIO(data))
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        raise DamageError(f"{path}: is not a Parquet table; {_AGAIN}") from error
+    table = read_parquet(path, data, max_values=MAX_SCORED_VALUES)
+    truth = pl.read_parquet_metadata(io.BytesIO(data)).get(_TRUTH)
     if truth != digest(read_bytes(layout.truth / HASHES)):
         raise DamageError(f"{path}: was computed from another truth; {_AGAIN}")
     return table

@@ -13,6 +13,7 @@ from vbaa_bench.dataset.differences import Difference, as_in_file, differences, 
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json, versions
 from vbaa_bench.dataset.schema import SCHEMA, migrated_identity, version_of
+from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.objects import MeshSpec
 from vbaa_bench.scene.paint import ImageTextureSpec
@@ -35,15 +36,22 @@ def dataset_identity(file: SceneFile, variant: str) -> Identity:
     return {
         "schema": SCHEMA,
         "scene": scene.model_dump(mode="json", exclude={"title"}),
-        "files": {name: _sha256(file.path.parent / name) for name in names},
+        "files": {name: _sha256(file.path.parent, name) for name in names},
         "made_with": {"variant": variant, **versions()},
         "code": code_digests(),
     }
 
 
-def _sha256(path: Path) -> str | None:
+def _sha256(folder: Path, name: str) -> str | None:
+    """Compute the sha256 of a scene's file; None if it is missing or not allowed, as `plan` says.
+
+    Raises InputError if it cannot be read.
+    """
+    path = folder / name
     try:
-        return sha256(path) if path.is_file() else None
+        return sha256(file_of_scene(folder, name)) if path.is_file() else None
+    except InputError:
+        return None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 

@@ -5,7 +5,7 @@ import json
 import platform
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import sync_folder, write_bytes
@@ -14,6 +14,8 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.schema import SCHEMA
 from vbaa_bench.dataset.writer import hashes_bytes
 
+# Largest JSON document [bytes]. Chosen: ten times a baseline of 100,000 frames.
+_MAX_JSON_BYTES: Final = 1 << 28
 _PACKAGES = (
     "mitsuba",
     "drjit",
@@ -54,9 +56,9 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the object in a JSON file. Raises InputError if there is none."""
+    """Read the object in a JSON file. Raises InputError if there is none, or it is too large."""
     try:
-        document = json.loads(read_bytes(path))
+        document = json.loads(read_bytes(path, _MAX_JSON_BYTES))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read as JSON ({error})") from error
     if not isinstance(document, dict):

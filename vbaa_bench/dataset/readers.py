@@ -1,6 +1,5 @@
 """Readers of the truth, and copying of the observations for a method."""
 
-import io
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -13,6 +12,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES, listed, read_bytes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.schema import migrated_frames, migrated_manifest, version_of
 
 # Required keys of the manifest.
@@ -95,7 +95,7 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
     try:
         # A column that is null in a whole shard has no type there, and random sections differ.
-        shards = [_table(read_bytes(table), centrelines) for table in tables]
+        shards = [_table(table, centrelines) for table in tables]
         frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
@@ -122,17 +122,13 @@ def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:
 
     Raises InputError if the shard cannot be read.
     """
-    data = read_bytes(shard / "truth.parquet")
-    return pl.read_parquet(io.BytesIO(data)).row(
-        by_predicate=pl.col("frame_id") == frame_id, named=True
-    )
+    table = read_parquet(shard / "truth.parquet", read_bytes(shard / "truth.parquet"))
+    return table.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
 
 
-def _table(data: bytes, centrelines: bool) -> pl.DataFrame:
-    names = pl.read_parquet_schema(io.BytesIO(data))
+def _table(path: Path, centrelines: bool) -> pl.DataFrame:
     left_out = () if centrelines else ("centreline_",)
-    columns = [name for name in names if not name.startswith(left_out)]
-    return pl.read_parquet(io.BytesIO(data), columns=columns)
+    return read_parquet(path, read_bytes(path), lambda name: not name.startswith(left_out))
 
 
 def _check_manifest(path: Path, manifest: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.lights import Lamp
+from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.frames import Push
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.mistakes import Key
@@ -34,7 +35,7 @@ def environment_is_readable(file: SceneFile) -> None:
     for number, light in enumerate(file.scene.lights):
         if light.kind == "environment" and light.file is not None:
             try:
-                read_environment(file.path.parent / light.file)
+                read_environment(file_of_scene(file.path.parent, light.file))
             except InputError as error:
                 message = file.message_at(("lights", number, "file"), str(error))
                 raise InputError(message) from error

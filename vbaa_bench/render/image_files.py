@@ -8,6 +8,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.images import read_grey
 from vbaa_bench.render.environment import read_luminance
+from vbaa_bench.scene.files import file_of_scene
 
 # Chosen: more than a camera of 8192 px resolves; in single precision 256 MB.
 MAX_SIDE = 8192
@@ -19,9 +20,7 @@ def read_surface_image(folder: Path, name: str) -> Floats:
     `name` is a PNG or JPEG, whose gray values are decoded by the curve of sRGB (IEC 61966-2-1), or
     an OpenEXR image. It must be within `folder`, also if it is a link. Raises InputError.
     """
-    path = (folder / name).resolve()
-    if not path.is_relative_to(folder.resolve()):
-        raise InputError(f"{name}: is outside of the scene's folder, allowed is a file within it")
+    path = file_of_scene(folder, name)
     if path.suffix.lower() == ".exr":
         image = read_luminance(path)
     else:

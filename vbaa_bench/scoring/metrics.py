@@ -9,6 +9,7 @@ import polars as pl
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.estimate import Outcome
 from solver.instrument.hashes import read_bytes
+from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.dataset.recorded import exists
 from vbaa_bench.scoring.conditions import CONDITIONS
@@ -55,14 +56,13 @@ def parsed(data: bytes, path: Path) -> pl.DataFrame:
 
     All columns of a CSV are texts. Raises InputError.
     """
+    if path.suffix.lower() == ".parquet":
+        return read_parquet(path, data)
     try:
-        if path.suffix.lower() == ".parquet":
-            return pl.read_parquet(io.BytesIO(data))
         text = data.removeprefix(codecs.BOM_UTF8)
         head = text.partition(b"\n")[0]
         separator = ";" if b";" in head and b"," not in head else ","
         return pl.read_csv(io.BytesIO(text), infer_schema=False, separator=separator)
-    # Polars panics on some damaged Parquet files.
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is not a CSV or Parquet table ({truncated(reason)})") from error

@@ -13,6 +13,7 @@ from solver.instrument.hashes import read_bytes
 from solver.methods import METHODS
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
 from vbaa_bench.scoring.layout import Results
@@ -129,7 +130,7 @@ def read_scores(results: Results) -> pl.DataFrame:
     table = results.scores / "scores.parquet"
     if not exists(table):
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
-    scores = parsed(read_bytes(table), table)
+    scores = read_parquet(table, read_bytes(table), max_values=MAX_SCORED_VALUES)
     if not {
         "consistent",
         "information",

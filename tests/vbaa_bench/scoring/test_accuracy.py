@@ -199,7 +199,7 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         with pytest.raises(InputError, match="score the dataset again"):
             accuracy([scored])
     table.write_bytes(b"no table")
-    with pytest.raises(InputError, match="is not a CSV or Parquet table"):
+    with pytest.raises(InputError, match="is not a Parquet table"):
         accuracy([scored])
 
 

@@ -298,7 +298,7 @@ def test_a_parquet_file_on_which_its_reader_panics_is_refused(
 
     (tmp_path / "own.parquet").write_bytes(b"damaged")
     monkeypatch.setattr(pl, "read_parquet", panics)
-    with pytest.raises(InputError, match=r"own\.parquet: is not a CSV or Parquet table \(assert"):
+    with pytest.raises(InputError, match=r"own\.parquet: is not a Parquet table \(assert"):
         read_predictions(tmp_path / "own.parquet")
 
 

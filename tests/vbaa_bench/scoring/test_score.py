@@ -73,7 +73,7 @@ def test_a_file_of_ones_own_is_kept_and_may_be_replaced(results: Results, tmp_pa
     found = score(results, found_predictions(results))["methods"]
     assert found["own"]["x_c_rmse_pct_L"] == 0
     other.write_bytes(b"no table")  # what is not accepted replaces nothing
-    with pytest.raises(InputError, match="not a CSV or Parquet"):
+    with pytest.raises(InputError, match="not a Parquet table"):
         score(results, with_own(results, [other]))
     assert read_predictions(results.predictions / "own.parquet").height == 4
 
