@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from solver.instrument.files import sha256, write_bytes
-from solver.instrument.hashes import HASHES
+from solver.instrument.hashes import HASHES, hashes_bytes
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.writer import hashes_bytes
 
 
 def reseal(layout: Layout) -> None:

@@ -5,6 +5,8 @@ lists the files of the shard. The tree's hashes.json is written last, atomically
 one is complete. Every file is checked when it is read. A laboratory's folder has no hashes.json,
 and its files are read without a check. Names are those of files within the folder: absolute paths,
 `..` and links are refused.
+
+The first entry of a table, under its own name, is the sha256 of its other bytes.
 """
 
 import functools
@@ -24,6 +26,9 @@ MEND: Final = "run the command that made it again to replace damaged files"
 _MAX_TABLE_BYTES: Final = 1 << 27
 # A file in the folder or in folders below it; no part is `.` or `..`.
 _INSIDE: Final = re.compile(r"(?!\.{1,2}(/|\Z))[^/\0]+(/(?!\.{1,2}(/|\Z))[^/\0]+)*")
+# Bytes before a table's own sha256, and their number.
+_HEAD: Final = f'{{\n  "{HASHES}": "'.encode()
+_DIGITS: Final = 64
 _ELSEWHERE: Final = re.compile(r"[:\\]" if os.name == "nt" else r"\0")
 
 
@@ -103,8 +108,24 @@ def _read_hashes(path: Path, _version: tuple[int, int, int]) -> Mapping[str, str
     return table
 
 
+def hashes_bytes(table: Mapping[str, str]) -> bytes:
+    """Encode a table of names and sha256 as the content of hashes.json."""
+    data = (json.dumps({HASHES: "", **dict(sorted(table.items()))}, indent=2) + "\n").encode()
+    start = len(_HEAD)
+    return data[:start] + digest(data).encode() + data[start:]
+
+
+def checks_itself(data: bytes) -> bool:
+    """Test whether the bytes of a hashes.json include their own sha256, right or wrong."""
+    return data.startswith(_HEAD)
+
+
 def parse_hashes(data: bytes) -> dict[str, str] | None:
     """Parse the bytes of a hashes.json; return None if they are not valid."""
+    if checks_itself(data):
+        start, end = len(_HEAD), len(_HEAD) + _DIGITS
+        if digest(data[:start] + data[end:]).encode() != data[start:end]:
+            return None
     try:
         table = json.loads(data)
     except (ValueError, RecursionError):
@@ -113,6 +134,7 @@ def parse_hashes(data: bytes) -> dict[str, str] | None:
         return None
     if any(not _INSIDE.fullmatch(name) or _ELSEWHERE.search(name) for name in table):
         return None
+    table.pop(HASHES, None)
     return table
 
 

@@ -15,11 +15,10 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.errors import InputError
-from solver.instrument.hashes import HASHES, digest, read_bytes, read_hashes
+from solver.instrument.hashes import HASHES, digest, hashes_bytes, read_bytes, read_hashes
 from vbaa_bench.dataset.derived import read_limits, write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.dataset.writer import hashes_bytes
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.score import found_predictions
 

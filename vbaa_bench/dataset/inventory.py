@@ -1,6 +1,7 @@
 """Inventory of a dataset: find the intact, damaged and surplus files."""
 
 import contextlib
+import json
 import os
 import shutil
 from collections.abc import Collection, Iterator, Mapping
@@ -95,12 +96,14 @@ def read_failures(layout: Layout, number: int) -> dict[str, str]:
     """Read the reasons, by frame id, why frames of a shard are missing. Raises DamageError."""
     path = layout.shard(layout.truth, number) / FAILURES
     try:
-        table = parse_hashes(path.read_bytes())
+        table = json.loads(path.read_bytes())
     except FileNotFoundError:
         return {}
     except OSError as error:
         raise DamageError(f"{path}: cannot be read ({error.strerror})") from error
-    if table is None:
+    except (ValueError, RecursionError):
+        table = None
+    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
         raise DamageError(f"{path}: is not what was generated")
     return table
 

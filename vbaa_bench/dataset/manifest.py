@@ -9,10 +9,9 @@ from typing import Any, Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import sync_folder, write_bytes
-from solver.instrument.hashes import HASHES, digest, read_bytes
+from solver.instrument.hashes import HASHES, digest, hashes_bytes, read_bytes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.schema import SCHEMA
-from vbaa_bench.dataset.writer import hashes_bytes
 
 # Largest JSON document [bytes]. Chosen: ten times a baseline of 100,000 frames.
 _MAX_JSON_BYTES: Final = 1 << 28

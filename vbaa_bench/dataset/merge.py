@@ -5,12 +5,11 @@ from pathlib import Path
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
-from solver.instrument.hashes import HASHES, parse_hashes
+from solver.instrument.hashes import HASHES, hashes_bytes, parse_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import check_complete, copy_tree
-from vbaa_bench.dataset.writer import hashes_bytes
 
 
 def merge(parts: Sequence[Path], out: Path) -> None:

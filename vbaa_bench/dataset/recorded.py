@@ -11,9 +11,8 @@ from typing import Final
 
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import sync_folder, write_bytes
-from solver.instrument.hashes import HASHES, MEND, digest, read_hashes
+from solver.instrument.hashes import HASHES, MEND, digest, hashes_bytes, read_hashes
 from vbaa_bench.dataset.lock import locked
-from vbaa_bench.dataset.writer import hashes_bytes
 
 # Longest wait for another process that writes into the same folder [s]. Chosen: a thousand times
 # what a write takes.

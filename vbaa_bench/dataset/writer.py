@@ -15,17 +15,11 @@ import polars as pl
 
 from solver.instrument.arrays import Grey
 from solver.instrument.files import sync_folder, write_bytes
-from solver.instrument.hashes import HASHES, digest
+from solver.instrument.hashes import HASHES, digest, hashes_bytes
 from solver.instrument.images import png_bytes
 from vbaa_bench.dataset.aside import Aside, aside
 from vbaa_bench.dataset.exr import exr_bytes
 from vbaa_bench.dataset.layout import Layout, shard_name
-
-
-def hashes_bytes(table: Mapping[str, str]) -> bytes:
-    """Encode a table of names and texts, such as the content of hashes.json."""
-    return (json.dumps(dict(sorted(table.items())), indent=2) + "\n").encode()
-
 
 # Reasons by frame id, in the truth of a shard that lacks frames.
 FAILURES: Final = "failures.json"
@@ -108,7 +102,8 @@ class ShardWriter:
         pl.DataFrame(self._rows, empty or None, infer_schema_length=None).write_parquet(parquet)
         self._write("truth", "truth.parquet", parquet.getvalue())
         if self._failures:
-            self._write("truth", FAILURES, hashes_bytes(self._failures))
+            failures = json.dumps(dict(sorted(self._failures.items())), indent=2)
+            self._write("truth", FAILURES, f"{failures}\n".encode())
         for tree in self._layout.trees:
             data = hashes_bytes(self._hashes[tree.name])
             write_bytes(self._aside / tree.name / HASHES, data)

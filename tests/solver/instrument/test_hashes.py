@@ -7,7 +7,15 @@ import pytest
 
 from solver.instrument.errors import DamageError
 from solver.instrument.files import write_bytes
-from solver.instrument.hashes import HASHES, digest, read_bytes, read_hashes
+from solver.instrument.hashes import (
+    HASHES,
+    checks_itself,
+    digest,
+    hashes_bytes,
+    parse_hashes,
+    read_bytes,
+    read_hashes,
+)
 
 
 def test_a_changed_table_is_read_again(tmp_path: Path) -> None:
@@ -27,3 +35,18 @@ def test_a_changed_table_is_read_again(tmp_path: Path) -> None:
     assert read_bytes(tmp_path / "a") == b"other"
     (tmp_path / HASHES).unlink()
     assert read_hashes(tmp_path) is None
+
+
+def test_every_change_of_a_table_is_noticed() -> None:
+    table = {"b.csv": digest(b"1"), "a.csv": digest(b"2")}
+    data = hashes_bytes(table)
+    assert parse_hashes(data) == table
+    assert json.loads(data).keys() == {HASHES, "a.csv", "b.csv"}
+    for place in range(len(data)):
+        for changed in (
+            data[:place],
+            data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :],
+            data[:place] + b" " + data[place + 1 :],
+        ):
+            if changed != data:
+                assert parse_hashes(changed) is None or not checks_itself(changed)
