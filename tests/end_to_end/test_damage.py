@@ -1,13 +1,10 @@
 """A dataset that is damaged, half-sealed, held by another process, or of other code."""
 
 import contextlib
-import json
 import random
 import shutil
-from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -21,6 +18,7 @@ from solver.instrument.hashes import HASHES, read_hashes
 from solver.instrument.observation import open_observations
 from tests.conftest import SMALL_SCENE
 from tests.end_to_end.test_generate import digests, quiet
+from tests.restoring import Restorer
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.dataset import identity
@@ -29,11 +27,7 @@ from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.readers import copy_observations, open_truth
 from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation import generate as generating
-from vbaa_bench.generation.dataset_worker import WrittenShard
-from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.generate import generate
-from vbaa_bench.generation.workers import Ended, Job
-from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.report.report import report
 from vbaa_bench.scene.load import SceneFile, load_scene
 from vbaa_bench.scoring.layout import Results
@@ -51,50 +45,6 @@ def cut(path: Path) -> None:
 
 
 DAMAGES: tuple[Callable[[Path], None], ...] = (flip, cut, Path.unlink)
-
-
-class Restorer:
-    """In the place of a pool of workers: every job copies what it should make from a whole dataset.
-
-    `jobs` are those that were asked for.
-    """
-
-    source: Layout
-    jobs: list[Job]
-
-    def __init__(self, _count: int, _build: object, arguments: tuple[Any, ...]) -> None:
-        self._layout = Layout(arguments[0])
-
-    def __enter__(self) -> "Restorer":
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-    def outcomes(self, jobs: deque[Job], _done: object) -> Iterator[Ended]:
-        for job in jobs:
-            if job.method != "meter":
-                self.jobs.append(job)
-            yield Ended(job, getattr(self, job.method)(*job.arguments))
-
-    def meter(self, _learns: bool) -> Metering:
-        facts = json.loads(self.source.manifest.read_text())
-        table = SampleTable(np.array(facts["sample_table"]))
-        return Metering(facts["exposure_per_radiance"], table)
-
-    def image(self, name: str, _exposure: float) -> str:
-        shutil.copy(self.source.observations / name, self._layout.observations / name)
-        return sha256(self.source.observations / name)
-
-    def shard(self, number: int, *_: object) -> WrittenShard:
-        for tree, source in zip(self._layout.trees, self.source.trees, strict=True):
-            target = self._layout.shard(tree, number)
-            shutil.rmtree(target, ignore_errors=True)
-            shutil.copytree(self.source.shard(source, number), target)
-        digests = {
-            tree.name: sha256(self.source.shard(tree, number) / HASHES)
-            for tree in self.source.trees
-        }
-        return WrittenShard(digests, 0)
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Inventory of a dataset: find the intact, damaged and surplus files."""
 
-import contextlib
 import json
 import os
 import shutil
@@ -8,9 +7,8 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from solver.instrument.errors import DamageError
-from solver.instrument.files import sha256
-from solver.instrument.hashes import HASHES, digest, parse_hashes
+from solver.instrument.hashes import HASHES, parse_hashes
+from vbaa_bench.dataset.faults import Fault, Table, file_fault, folder_faults, name_faults, table_of
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import FAILURES
 
@@ -64,27 +62,29 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
     singles = [(layout.observations, name) for name in contents.images]
     for tree, name in [*singles, (layout.truth, layout.manifest.name)]:
         table = recorded[tree.name]
-        try:
-            inventory.whole[tree.name][name] = _file(tree / name, (table or {}).get(name))
-        except DamageError as error:
-            if table is not None:
-                inventory.damage.append(str(error))
+        expected = (table or {}).get(name)
+        fault = file_fault(tree / name, expected or "")
+        if fault is None and expected:
+            inventory.whole[tree.name][name] = expected
+        elif fault is not None and table is not None:
+            inventory.damage.append(str(fault))
     for number in contents.shards:
         name = f"{layout.shard(layout.truth, number).name}/{HASHES}"
-        try:
-            failed = read_failures(layout, number)
-            digests = {
-                tree.name: _shard(
-                    layout.shard(tree, number),
-                    contents.names(tree.name, number, failed),
-                    (recorded[tree.name] or {}).get(name),
-                )
-                for tree in layout.trees
-            }
-        except DamageError as error:
+        digests, faults, tables = dict[str, str](), list[Fault](), dict[str, Table]()
+        for tree in layout.trees:
+            recorded_digest = (recorded[tree.name] or {}).get(name)
+            tables[tree.name] = table_of(layout.shard(tree, number), recorded_digest)
+            digests[tree.name] = tables[tree.name].digest
+        failed = failed_frames(layout.shard(layout.truth, number), tables[layout.truth.name])
+        for tree in layout.trees:
+            folder, of_shard = layout.shard(tree, number), tables[tree.name]
+            if failed is not None:
+                faults += name_faults(folder, of_shard, contents.names(tree.name, number, failed))
+            faults += folder_faults(folder, of_shard)
+        if faults or failed is None:
             exists = any(layout.shard(tree, number).exists() for tree in layout.trees)
             if exists or recorded["observations"] is not None:
-                inventory.damage.append(str(error))
+                inventory.damage += map(str, faults)
             continue
         inventory.failed[number] = len(failed)
         for tree_name, value in digests.items():
@@ -92,20 +92,18 @@ def take_inventory(layout: Layout, contents: Contents) -> Inventory:
     return inventory
 
 
-def read_failures(layout: Layout, number: int) -> dict[str, str]:
-    """Read the reasons, by frame id, why frames of a shard are missing. Raises DamageError."""
-    path = layout.shard(layout.truth, number) / FAILURES
-    try:
-        table = json.loads(path.read_bytes())
-    except FileNotFoundError:
+def failed_frames(folder: Path, table: Table) -> dict[str, str] | None:
+    """Read the reasons, by frame id, why frames of a truth shard are missing; None if damaged.
+
+    `table` is the shard's hashes.json.
+    """
+    if FAILURES not in (table.hashes or {}):
         return {}
-    except OSError as error:
-        raise DamageError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError):
-        table = None
-    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
-        raise DamageError(f"{path}: is not what was generated")
-    return table
+    try:
+        reasons = json.loads((folder / FAILURES).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    return reasons if isinstance(reasons, dict) else None
 
 
 def open_for_growth(layout: Layout, contents: Contents) -> None:
@@ -113,9 +111,8 @@ def open_for_growth(layout: Layout, contents: Contents) -> None:
     for tree in (layout.observations, layout.truth):
         (tree / HASHES).unlink(missing_ok=True)
     for number in contents.shards:
-        failed = dict[str, str]()
-        with contextlib.suppress(DamageError):  # a damaged shard is generated again anyway
-            failed = read_failures(layout, number)
+        truth = layout.shard(layout.truth, number)
+        failed = failed_frames(truth, table_of(truth)) or {}
         for tree in layout.trees:
             folder, names = layout.shard(tree, number), contents.names(tree.name, number, failed)
             if (table := _recorded(folder)) and table.keys() != names:
@@ -143,41 +140,3 @@ def _recorded(tree: Path) -> dict[str, str] | None:
         return parse_hashes((tree / HASHES).read_bytes()) or {}
     except OSError:
         return None
-
-
-def _file(path: Path, recorded: str | None) -> str:
-    """Compute the sha256 of a file. Raises DamageError unless it is the recorded one."""
-    try:
-        computed = None if path.is_symlink() else sha256(path)
-    except FileNotFoundError as error:
-        raise DamageError(f"{path}: is missing") from error
-    except OSError as error:
-        raise DamageError(f"{path}: cannot be read ({error.strerror})") from error
-    if computed is None or computed != recorded:
-        raise DamageError(f"{path}: is not what was generated")
-    return computed
-
-
-def _shard(folder: Path, names: Collection[str], recorded: str | None) -> str:
-    """Compute the sha256 of an intact shard's hashes.json. Raises DamageError for a damaged shard.
-
-    `recorded` is its sha256 in the tree's hashes.json, None if that is not written yet.
-    """
-    table = folder / HASHES
-    try:
-        data = table.read_bytes()
-        present = {path.name for path in folder.iterdir()}
-    except FileNotFoundError as error:
-        raise DamageError(f"{table}: is missing") from error
-    except OSError as error:
-        raise DamageError(f"{table}: cannot be read ({error.strerror})") from error
-    hashes = parse_hashes(data)
-    if folder.is_symlink() or table.is_symlink() or hashes is None or hashes.keys() != set(names):
-        raise DamageError(f"{table}: is not what was generated")
-    if recorded not in (None, digest(data)):
-        raise DamageError(f"{table}: is not what was generated")
-    if surplus_names := sorted(present - {*names, HASHES}):
-        raise DamageError(f"{folder / surplus_names[0]}: was not generated")
-    for name in sorted(names):
-        _file(folder / name, hashes[name])
-    return digest(data)

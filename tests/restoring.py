@@ -1,0 +1,61 @@
+"""Stand-in for a pool of workers that copies what it should render from an intact dataset."""
+
+import json
+import shutil
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from solver.instrument.files import sha256
+from solver.instrument.hashes import HASHES
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.dataset_worker import WrittenShard
+from vbaa_bench.generation.frame_renderer import Metering
+from vbaa_bench.generation.workers import Ended, Job
+from vbaa_bench.render.sample_table import SampleTable
+
+
+class Restorer:
+    """In the place of a pool of workers: every job copies what it should make from a whole dataset.
+
+    `jobs` are those that were asked for.
+    """
+
+    source: Layout
+    jobs: list[Job]
+
+    def __init__(self, _count: int, _build: object, arguments: tuple[Any, ...]) -> None:
+        self._layout = Layout(arguments[0])
+
+    def __enter__(self) -> "Restorer":
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def outcomes(self, jobs: deque[Job], _done: object) -> Iterator[Ended]:
+        for job in jobs:
+            if job.method != "meter":
+                self.jobs.append(job)
+            yield Ended(job, getattr(self, job.method)(*job.arguments))
+
+    def meter(self, _given_up: object) -> Metering:
+        facts = json.loads(self.source.manifest.read_text())
+        table = SampleTable(np.array(facts["sample_table"]))
+        return Metering(facts["exposure_per_radiance"], table)
+
+    def image(self, name: str, _exposure: float) -> str:
+        shutil.copy(self.source.observations / name, self._layout.observations / name)
+        return sha256(self.source.observations / name)
+
+    def shard(self, number: int, *_: object) -> WrittenShard:
+        for tree, source in zip(self._layout.trees, self.source.trees, strict=True):
+            target = self._layout.shard(tree, number)
+            shutil.rmtree(target, ignore_errors=True)
+            shutil.copytree(self.source.shard(source, number), target)
+        digests = {
+            tree.name: sha256(self.source.shard(tree, number) / HASHES)
+            for tree in self.source.trees
+        }
+        return WrittenShard(digests, 0)

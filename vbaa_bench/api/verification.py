@@ -1,0 +1,98 @@
+"""Verification of datasets and collections, with repair."""
+
+from collections.abc import Callable, Collection
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from solver.methods import METHODS
+from vbaa_bench.api.data import AnyDataset, dataset_folder, usable_variant, worker_count
+from vbaa_bench.dataset.faults import Fault
+from vbaa_bench.dataset.result_faults import remedy
+from vbaa_bench.dataset.verify import Counts
+from vbaa_bench.dataset.verify import faults as find_faults
+from vbaa_bench.generation.repair import repair as repair_faults
+from vbaa_bench.scene.load import SceneFile
+
+
+def _ignore(*_: object) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Result of a verification: what is wrong, what was repaired, and the commands to run.
+
+    `faults` are those that remain after a repair.
+    """
+
+    root: Path
+    faults: list[Fault]
+    repaired: list[Fault]
+    commands: list[str]
+    counts: Counts
+
+    def record(self) -> dict[str, Any]:
+        """Return the result as an object for JSON."""
+        return {
+            "dataset": str(self.root),
+            "faults": [_record(fault) for fault in self.faults],
+            "repaired": [_record(fault) for fault in self.repaired],
+            "commands": self.commands,
+            **asdict(self.counts),
+        }
+
+    def __str__(self) -> str:
+        counts = self.counts
+        verdict = f"{len(self.faults)} faults" if self.faults else "nothing is wrong"
+        lines = [
+            f"{self.root}: {verdict}; checked were {counts.files} files of {counts.frames} frames "
+            f"(datasets: {counts.datasets}, shards: {counts.shards})"
+        ]
+        if self.repaired:
+            lines.append(f"repaired: {len(self.repaired)} faults")
+        return "\n".join([*lines, *(f"run: {command}" for command in self.commands)])
+
+
+def verify(
+    data: AnyDataset,
+    methods: Collection[str] = tuple(METHODS),
+    *,
+    repair: bool = False,
+    scene: SceneFile | None = None,
+    workers: int | None = None,
+    on_shard: Callable[[int, int], None] = _ignore,
+    on_fault: Callable[[str], None] = _ignore,
+    on_frame: Callable[[int, int], None] = _ignore,
+) -> Verification:
+    """Find everything that is wrong in a dataset or collection; with `repair`, mend it.
+
+    `scene` is that from which it is rendered again, by default the one that its records hold.
+    `on_fault` is called with a sentence for each fault, `on_shard(done, total)` after each shard,
+    `on_frame(done, total)` as frames are rendered. Raises InputError if the folder is neither, or
+    cannot be repaired.
+    """
+    root = dataset_folder(data)
+    counts, first = Counts(), list[Fault]()
+    for fault in find_faults(root, methods, counts, on_shard):
+        first.append(fault)
+        on_fault(str(fault))
+    commands = [command for fault in first if (command := _command(root, fault.path))]
+    if not (repair and first):
+        return Verification(root, first, [], list(dict.fromkeys(commands)), counts)
+    count = worker_count(workers, usable_variant())
+    repair_faults(root, first, scene, count, on_frame, on_fault)
+    counts = Counts()
+    remaining = list(find_faults(root, methods, counts, on_shard))
+    repaired = [fault for fault in first if fault not in remaining]
+    return Verification(root, remaining, repaired, list(dict.fromkeys(commands)), counts)
+
+
+def _command(root: Path, path: Path) -> str | None:
+    """Name the command that computes a file again, of a dataset or of a rig of a collection."""
+    rig = root / path.relative_to(root).parts[0] if path != root else root
+    return remedy(root, path) or remedy(rig, path)
+
+
+def _record(fault: Fault) -> dict[str, str]:
+    return {"path": str(fault.path), "kind": fault.kind, "detail": fault.detail}

@@ -1,0 +1,101 @@
+"""Faults of files: what is wrong with one, by its recorded sha256."""
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from solver.instrument.files import sha256
+from solver.instrument.hashes import HASHES, digest, parse_hashes
+
+MISSING: Final = "missing"
+DAMAGED: Final = "damaged"
+SURPLUS: Final = "surplus"
+FOREIGN: Final = "foreign"
+INCOMPLETE: Final = "incomplete"
+LINK: Final = "link"
+VERSION: Final = "version"
+UNRECORDED: Final = "unrecorded"
+
+
+class Fault(NamedTuple):
+    """A file or folder, its kind of fault, and what is wrong with it."""
+
+    path: Path
+    kind: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.detail}"
+
+
+def missing(path: Path) -> Fault:
+    """Return the fault of a file that does not exist."""
+    return Fault(path, MISSING, "is missing")
+
+
+def damaged(path: Path) -> Fault:
+    """Return the fault of a file with another content."""
+    return Fault(path, DAMAGED, "is not what was generated")
+
+
+def surplus(path: Path) -> Fault:
+    """Return the fault of a file that no command has written."""
+    return Fault(path, SURPLUS, "was not generated")
+
+
+def file_fault(path: Path, recorded: str) -> Fault | None:
+    """Compare a file with its recorded sha256; return what is wrong with it."""
+    if path.is_symlink():
+        return Fault(path, LINK, "is a link, allowed is the file that was generated")
+    try:
+        return None if sha256(path) == recorded else damaged(path)
+    except FileNotFoundError:
+        return missing(path)
+    except OSError as error:
+        return Fault(path, DAMAGED, f"cannot be read ({error.strerror})")
+
+
+class Table(NamedTuple):
+    """The hashes.json of a folder: its hashes by name, None with a fault; and its own sha256."""
+
+    hashes: dict[str, str] | None
+    digest: str
+    fault: Fault | None
+
+
+def table_of(folder: Path, recorded: str | None = None) -> Table:
+    """Read the hashes.json of a folder, whose sha256 is `recorded` if that is known."""
+    path = folder / HASHES
+    if folder.is_symlink() or path.is_symlink():
+        return Table(None, "", Fault(path, LINK, "is a link, allowed is what was generated"))
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return Table(None, "", missing(path))
+    except OSError as error:
+        return Table(None, "", Fault(path, DAMAGED, f"cannot be read ({error.strerror or error})"))
+    hashes = parse_hashes(data)
+    if hashes is None or recorded not in (None, digest(data)):
+        return Table(None, "", damaged(path))
+    return Table(hashes, digest(data), None)
+
+
+def folder_faults(folder: Path, table: Table) -> Iterator[Fault]:
+    """Compare all files of a folder without subfolders with its table."""
+    if table.hashes is None:
+        if table.fault is not None:
+            yield table.fault
+        return
+    present = {path.name for path in folder.iterdir()}
+    for name in sorted(present - table.hashes.keys() - {HASHES}):
+        yield surplus(folder / name)
+    for name, recorded in sorted(table.hashes.items()):
+        fault = file_fault(folder / name, recorded)
+        if fault is not None:
+            yield fault
+
+
+def name_faults(folder: Path, table: Table, names: Collection[str]) -> Iterator[Fault]:
+    """Compare the names that a table lists with those that it should list."""
+    if table.hashes is not None and table.hashes.keys() != set(names):
+        yield damaged(folder / HASHES)
