@@ -19,6 +19,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"regression"},
         {"scoring"},
         {"limits"},
+        {"exports"},
         {"generation"},
         {"assembly"},
         {"render", "sensor"},

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli import data, datasets, measure, regression, results
+from vbaa_bench.cli.export import export
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.generation.workers import WorkerDiedError
@@ -20,6 +21,7 @@ app.command()(data.plan)
 app.command()(data.generate)
 app.command()(data.merge)
 app.command()(datasets.verify)
+app.command()(export)
 app.command()(limits)
 app.command()(results.solve)
 app.command()(results.score)

@@ -1,0 +1,1 @@
+"""Exports of datasets and collections to the formats of other tools; each is read back."""

@@ -1,0 +1,94 @@
+"""Export of a dataset or a collection to another format, with a check of what was written."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from solver.instrument.errors import DamageError, InputError
+from solver.instrument.files import write_bytes, write_text
+from solver.instrument.hashes import read_bytes
+from vbaa_bench.exports.card import card
+from vbaa_bench.exports.check import differences
+from vbaa_bench.exports.flat_csv import FlatCsv
+from vbaa_bench.exports.format import Format
+from vbaa_bench.exports.hugging_face import HuggingFace
+from vbaa_bench.exports.output import export_folder
+from vbaa_bench.exports.parts import parts
+from vbaa_bench.exports.source import Source, open_source
+from vbaa_bench.exports.web_dataset import WebDataset
+
+FORMATS: Final[dict[str, type[Format]]] = {
+    "hf": HuggingFace,
+    "webdataset": WebDataset,
+    "csv": FlatCsv,
+}
+# Version of the layouts. Raise it when one changes, so that an interrupted export begins again.
+_VERSION: Final = 1
+
+
+@dataclass(frozen=True)
+class Export:
+    """A finished export: its folder, and the number of frames by split."""
+
+    folder: Path
+    splits: dict[str, int]
+
+    @property
+    def frames(self) -> int:
+        """Number of all frames."""
+        return sum(self.splits.values())
+
+
+def export(
+    root: Path,
+    name: str,
+    out: Path,
+    progress: Callable[[str, int, int], None],
+    *,
+    centrelines: bool = False,
+) -> Export:
+    """Write a dataset or collection in the format `name`, one of FORMATS, to the new folder `out`.
+
+    Every frame is read back and compared. `progress` receives the step and its frames, done and in
+    all. An interrupted export continues at the next call. Raises InputError if the dataset is
+    incomplete or damaged, if the format cannot hold it, or if `out` exists or cannot be written.
+    """
+    chosen, source = FORMATS[name](), open_source(root, centrelines=centrelines)
+    if reason := chosen.refusal(source):
+        raise InputError(f"{root}: {reason}")
+    identity = {
+        "format": name,
+        "version": _VERSION,
+        "centrelines": centrelines,
+        "source": source.identity(),
+    }
+    try:
+        with export_folder(out, identity) as output:
+            done = 0
+            for part in parts(source, chosen.cut):
+                if part.index >= len(output.records):
+                    output.finish_part(chosen.write_part(output.folder, part))
+                done += part.table.height
+                progress("writing", done, source.frames)
+            _write_rigs(output.folder, source)
+            chosen.finish(output.folder, source, output.records)
+            write_text(output.folder / "README.md", card(source, chosen))
+            errors = differences(
+                chosen, output.folder, source, lambda n: progress("checking", n, source.frames)
+            )
+            if errors:
+                output.forget()
+                raise DamageError(f"{out}: is not what was exported: {'; '.join(errors)}")
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
+    return Export(out, source.splits)
+
+
+def _write_rigs(folder: Path, source: Source) -> None:
+    """Write rig.json, the manifest, the board views and the rest images of every rig."""
+    for name, rig in source.rigs.items():
+        for file_name, path in rig.files():
+            target = folder / "rigs" / name / file_name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(target, read_bytes(path))

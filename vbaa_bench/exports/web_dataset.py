@@ -1,0 +1,75 @@
+"""WebDataset: tar files with one image and one JSON object per frame.
+
+OUT/
+  <split>-000000.tar    <frame>.png, <frame>.json, <frame>.png, ...
+  index.json            the tar files and their numbers of frames, as the library's wids reads it
+"""
+
+import io
+import json
+import os
+import tarfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import ClassVar, Final
+
+from solver.instrument.files import write_text
+from vbaa_bench.exports.columns import SHARD
+from vbaa_bench.exports.format import Exported, Format
+from vbaa_bench.exports.output import Record
+from vbaa_bench.exports.parts import Cut, Part
+from vbaa_bench.exports.source import Source
+
+# Chosen: the library advises 0.1 to 1 GB; a shuffling reader keeps several open.
+_TAR_BYTES: Final = 256_000_000
+
+
+class WebDataset(Format):
+    """Tar files of bounded size."""
+
+    cut: ClassVar = Cut(_TAR_BYTES)
+    loading: ClassVar = """\
+import webdataset as wds
+
+frames = wds.WebDataset("train-000000.tar", shardshuffle=False).decode("pil")
+for frame in frames:
+    image, label = frame["png"], frame["json"]
+    break
+"""
+
+    def write_part(self, folder: Path, part: Part) -> Record:
+        """Write one tar file. The same frames give the same bytes."""
+        path = folder / f"{part.split}-{part.number:06d}.tar"
+        with path.open("wb") as stream:
+            with tarfile.open(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as tar:
+                for frame in part.frames():
+                    values = {name: value for name, value in frame.row.items() if name != SHARD}
+                    _add(tar, f"{frame.key}.png", frame.png)
+                    _add(tar, f"{frame.key}.json", json.dumps(values).encode())
+            stream.flush()
+            os.fsync(stream.fileno())
+        return {"file": path.name, "split": part.split, "frames": part.table.height}
+
+    def finish(self, folder: Path, source: Source, records: Sequence[Record]) -> None:
+        """Write the index of the tar files."""
+        shards = [{"url": record["file"], "nsamples": record["frames"]} for record in records]
+        index = {"wids_version": 1, "name": source.title, "shardlist": shards}
+        write_text(folder / "index.json", json.dumps(index, indent=2) + "\n")
+
+    def read_back(self, folder: Path, _source: Source) -> Iterator[Exported]:
+        """Read the members of all tar files; the index must list each file and its frames."""
+        for shard in json.loads((folder / "index.json").read_bytes())["shardlist"]:
+            split = shard["url"].rpartition("-")[0]
+            with tarfile.open(folder / shard["url"]) as tar:
+                members = {member.name: tar.extractfile(member) for member in tar}
+                for name, stream in members.items():
+                    key, _, kind = name.partition(".")
+                    labels = members[f"{key}.json"]
+                    if kind == "png" and stream is not None and labels is not None:
+                        yield Exported(key, split, stream.read(), json.loads(labels.read()))
+
+
+def _add(tar: tarfile.TarFile, name: str, data: bytes) -> None:
+    member = tarfile.TarInfo(name)
+    member.size, member.mode = len(data), 0o644
+    tar.addfile(member, io.BytesIO(data))
