@@ -16,6 +16,7 @@ class FormatName(StrEnum):
 
     HF = "hf"
     WEBDATASET = "webdataset"
+    LEROBOT = "lerobot"
     CSV = "csv"
 
 

@@ -37,7 +37,8 @@ _PAGE: Final = """\
 - `rigs/<rig>/`: `rig.json` (the nominal rig with tolerances, which a method may use),
   `calibration/` (views of a board, view 0 in the calibration plane), `rest/` (the beam before
   contact), and `truth_manifest.json` (the true rig and camera, which a method must not use).
-- The other files contain the frames. Images are gray, with {bits} bits per pixel.
+{layout}
+- Images are gray, with {bits} bits per pixel. The split of a frame is that of its push or rig.
 
 ## Columns
 
@@ -73,6 +74,7 @@ def card(source: Source, chosen: Format) -> str:
         summary=SUMMARY,
         counts=f"{source.frames} frames of {rigs}: {counts}.",
         loading=chosen.loading,
+        layout=chosen.layout,
         bits=" or ".join(map(str, depths)),
         readings=_table(["push_id", "step", *schema.readings]),
         labels=_table(schema.labels),

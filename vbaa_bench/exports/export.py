@@ -13,6 +13,7 @@ from vbaa_bench.exports.check import differences
 from vbaa_bench.exports.flat_csv import FlatCsv
 from vbaa_bench.exports.format import Format
 from vbaa_bench.exports.hugging_face import HuggingFace
+from vbaa_bench.exports.lerobot import LeRobot
 from vbaa_bench.exports.output import export_folder
 from vbaa_bench.exports.parts import parts
 from vbaa_bench.exports.source import Source, open_source
@@ -21,6 +22,7 @@ from vbaa_bench.exports.web_dataset import WebDataset
 FORMATS: Final[dict[str, type[Format]]] = {
     "hf": HuggingFace,
     "webdataset": WebDataset,
+    "lerobot": LeRobot,
     "csv": FlatCsv,
 }
 # Version of the layouts. Raise it when one changes, so that an interrupted export begins again.

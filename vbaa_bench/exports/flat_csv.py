@@ -29,6 +29,10 @@ class FlatCsv(Format):
     """A table and images. A vector has three columns; a longer list is JSON in one cell."""
 
     cut: ClassVar = Cut(10**12, most_frames=_FOLDER_FRAMES)
+    layout: ClassVar = """\
+- `metadata.csv`: one row per frame; `file_name` is the path of its image. A vector has the columns
+  `<name>_x`, `<name>_y` and `<name>_z`; a longer list is JSON in one cell.
+- `images/`: at most 1,000 images per folder."""
     loading: ClassVar = """\
 import pandas as pd
 from PIL import Image

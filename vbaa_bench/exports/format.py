@@ -23,7 +23,8 @@ class Format(ABC):
     """An export format: `cut` divides the frames into parts."""
 
     cut: ClassVar[Cut]
-    # Shown in the card: how the export is loaded.
+    # Shown in the card: the files with the frames, and how they are loaded.
+    layout: ClassVar[str]
     loading: ClassVar[str]
 
     def refusal(self, _source: Source) -> str:

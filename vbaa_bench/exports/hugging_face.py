@@ -55,6 +55,8 @@ class HuggingFace(Format):
     """Parquet files of bounded size."""
 
     cut: ClassVar = Cut(_FILE_BYTES)
+    layout: ClassVar = """\
+- `data/<split>-00000-of-00001.parquet`: one row per frame with `image`, readings and labels."""
     loading: ClassVar = """\
 from datasets import load_dataset
 

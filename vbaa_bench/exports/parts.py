@@ -42,13 +42,16 @@ class Frame(NamedTuple):
 class Part:
     """Frames of one split: `number` counts the parts of the split, `index` all parts.
 
-    `table` has the schema of the source.
+    `first_frame` and `first_push` are the numbers of frames and pushes in the parts before; a push
+    is counted in every part that has frames of it. `table` has the schema of the source.
     """
 
     source: Source
     index: int
     split: str
     number: int
+    first_frame: int
+    first_push: int
     table: pl.DataFrame
 
     def frames(self) -> Iterator[Frame]:
@@ -64,11 +67,13 @@ def parts(source: Source, cut: Cut) -> Iterator[Part]:
 
     The same source and cut give the same parts. Raises InputError.
     """
-    index = 0
+    index = frames = pushes = 0
     for split in source.splits:
         for number, table in enumerate(_tables(source, split, cut)):
-            yield Part(source, index, split, number, _with_centrelines(source, table))
-            index += 1
+            whole = _with_centrelines(source, table)
+            yield Part(source, index, split, number, frames, pushes, whole)
+            index, frames = index + 1, frames + table.height
+            pushes += table.select("rig", "push_id").n_unique()
 
 
 def _tables(source: Source, split: str, cut: Cut) -> Iterator[pl.DataFrame]:

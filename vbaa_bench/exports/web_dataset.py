@@ -28,6 +28,9 @@ class WebDataset(Format):
     """Tar files of bounded size."""
 
     cut: ClassVar = Cut(_TAR_BYTES)
+    layout: ClassVar = """\
+- `<split>-000000.tar`: `<frame>.png` and `<frame>.json`, one after the other.
+- `index.json`: the tar files and their numbers of frames."""
     loading: ClassVar = """\
 import webdataset as wds
 

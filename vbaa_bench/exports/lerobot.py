@@ -1,0 +1,214 @@
+"""LeRobotDataset v3.0: a push is an episode, the motor angle its action, the readings its state.
+
+OUT/
+  meta/info.json                              features, totals, splits as ranges of episodes
+  meta/stats.json                             statistics of every feature
+  meta/tasks.parquet                          the only task
+  meta/episodes/chunk-000/file-000.parquet    one row per episode: its frames, file and statistics
+  data/chunk-000/file-000.parquet             one row per frame, with its PNG
+
+Source: lerobot 0.4.4, `datasets/lerobot_dataset.py` and `datasets/utils.py`. Offsets of episodes
+count all frames of the export, so that they hold in all files (compare lerobot #2328 and #2438).
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import cv2
+import numpy as np
+import polars as pl
+
+from solver.instrument.arrays import Grey
+from solver.instrument.files import write_text
+from solver.instrument.images import to_grey
+from vbaa_bench.exports.columns import CENTRELINE
+from vbaa_bench.exports.format import Exported, Format
+from vbaa_bench.exports.lerobot_check import read_frames, structure_errors
+from vbaa_bench.exports.lerobot_features import IMAGE, lerobot_features
+from vbaa_bench.exports.lerobot_stats import Stats, combined, image_stats, value_stats
+from vbaa_bench.exports.output import Record
+from vbaa_bench.exports.parquet import features, image_column, write_parquet
+from vbaa_bench.exports.parts import Cut, Frame, Part
+from vbaa_bench.exports.source import Source
+
+TASK: Final = "push the beam against the object"
+# Files per folder: LeRobot's default; the names of files sort correctly up to 1,000.
+_CHUNK: Final = 1000
+# Frames of a push are states of equilibrium, without time. Chosen: one per second.
+_FPS: Final = 1
+# LeRobot's limit of a file is 100 MB; images in three channels are about three times larger.
+_FILE_BYTES: Final = 32_000_000
+
+
+class LeRobot(Format):
+    """Parquet files with whole episodes."""
+
+    cut: ClassVar = Cut(_FILE_BYTES, whole_pushes=True)
+    layout: ClassVar = """\
+- `meta/`, `data/`: a LeRobotDataset v3.0. A push is an episode; `action` is the motor angle of the
+  frame [deg], `observation.state` has the readings, and `truth.*` are the labels, NaN where there
+  is no value. Frames are states of equilibrium: `timestamp` counts them, one per second.
+- `observation.image` has three equal channels, as LeRobot's models expect.
+- Lists of varying length (`hidden_stretches_mm`) are left out."""
+    loading: ClassVar = """\
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+frames = LeRobotDataset("vbaa_bench/export", root="OUT")  # the folder of this card
+image, action = frames[0]["observation.image"], frames[0]["action"]
+"""
+
+    def refusal(self, source: Source) -> str:
+        """Say why not: images of two sizes or of 16 bits, or centrelines."""
+        sizes = {(rig.camera.width, rig.camera.height) for rig in source.rigs.values()}
+        if len(sizes) > 1:
+            texts = " and ".join(f"{width} x {height}" for width, height in sorted(sizes)[:2])
+            return f"its rigs have images of {texts} px, a LeRobot dataset has one size"
+        if max(rig.bits for rig in source.rigs.values()) > 8:
+            return "its images have 16 bits, those of LeRobot 8; export them to hf or webdataset"
+        if any(name.startswith(CENTRELINE) for name in source.schema.types):
+            return "LeRobot has no lists of varying length; leave out --centrelines"
+        return ""
+
+    def write_part(self, folder: Path, part: Part) -> Record:
+        """Write one file of frames, and the file of its episodes."""
+        chosen = lerobot_features(part.source)
+        labels = part.table.with_columns(
+            pl.struct("rig", "push_id").rle_id().cast(pl.Int64).alias("_episode")
+        )
+        lengths = labels["_episode"].value_counts(sort=False).sort("_episode")["count"].to_list()
+        steps = np.concatenate([np.arange(length) for length in lengths])
+        table = chosen.table(part.table).with_columns(
+            pl.Series("timestamp", steps / _FPS, dtype=pl.Float32),
+            pl.Series("frame_index", steps, dtype=pl.Int64),
+            labels["_episode"].alias("episode_index") + part.first_push,
+            pl.Series("index", part.first_frame + np.arange(part.table.height), dtype=pl.Int64),
+            pl.lit(0, dtype=pl.Int64).alias("task_index"),
+        )
+        images: list[tuple[str, bytes]] = []
+        per_episode, begin, frames = [], 0, part.frames()
+        for length in lengths:
+            grays = [_gray(next(frames)) for _ in range(length)]
+            images += [(f"frame-{i:06d}.png", _png(gray)) for i, gray in enumerate(grays)]
+            episode = table[begin : begin + length]
+            per_episode.append({IMAGE: image_stats(grays), **_stats(episode)})
+            begin += length
+        place = _file(part)
+        table = table.insert_column(0, image_column(IMAGE, images))
+        write_parquet(folder / "data" / place, table, {"huggingface": features(table.schema)})
+        write_parquet(
+            folder / "meta" / "episodes" / place, _episodes(part, lengths, per_episode), {}
+        )
+        totals = {name: combined([stats[name] for stats in per_episode]) for name in per_episode[0]}
+        return {"split": part.split, "episodes": len(lengths), "stats": _lists(totals)}
+
+    def finish(self, folder: Path, source: Source, records: Sequence[Record]) -> None:
+        """Write info.json, stats.json and the table of tasks."""
+        splits, episodes = {}, 0
+        for split in source.splits:
+            first = episodes
+            episodes += sum(record["episodes"] for record in records if record["split"] == split)
+            splits[split] = f"{first}:{episodes}"
+        info = {
+            "codebase_version": "v3.0",
+            "robot_type": "vision_based_active_antenna",
+            "total_episodes": episodes,
+            "total_frames": source.frames,
+            "total_tasks": 1,
+            "chunks_size": _CHUNK,
+            "data_files_size_in_mb": 100,
+            "video_files_size_in_mb": 200,
+            "fps": _FPS,
+            "splits": splits,
+            "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+            "video_path": None,
+            "features": lerobot_features(source).info(),
+        }
+        parts = [_arrays(record["stats"]) for record in records]
+        stats = {name: combined([part[name] for part in parts]) for name in parts[0]}
+        write_text(folder / "meta" / "info.json", json.dumps(info, indent=4) + "\n")
+        write_text(folder / "meta" / "stats.json", json.dumps(_lists(stats), indent=4) + "\n")
+        tasks = pl.DataFrame({"task_index": [0], "task": [TASK]})
+        write_parquet(folder / "meta" / "tasks.parquet", tasks, {"pandas": _PANDAS})
+
+    def read_back(self, folder: Path, _source: Source) -> Iterator[Exported]:
+        """Read the frames of every episode from the file and the rows that the episode states."""
+        return read_frames(folder)
+
+    def structure_errors(self, folder: Path, source: Source) -> Iterator[str]:
+        """Check totals, offsets of episodes in all files, splits and the ranges of statistics."""
+        return structure_errors(folder, source)
+
+
+# What pandas writes, so that the task is the index of the table.
+_PANDAS: Final = {
+    "index_columns": ["task"],
+    "column_indexes": [],
+    "columns": [
+        {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": dtype}
+        | {"metadata": None}
+        for name, kind, dtype in (
+            ("task_index", "int64", "int64"),
+            ("task", "unicode", "object"),
+        )
+    ],
+    "pandas_version": "2.0.0",
+}
+
+
+def _file(part: Part) -> str:
+    return f"chunk-{part.index // _CHUNK:03d}/file-{part.index % _CHUNK:03d}.parquet"
+
+
+def _gray(frame: Frame) -> Grey:
+    """Decode the image of a frame."""
+    data = cv2.imdecode(np.frombuffer(frame.png, np.uint8), cv2.IMREAD_UNCHANGED)
+    return to_grey(data, frame.key)
+
+
+def _png(gray: Grey) -> bytes:
+    """Encode a gray image in three equal channels: LeRobot's own writer accepts no others."""
+    ok, data = cv2.imencode(".png", cv2.merge([gray] * 3))
+    if not ok:
+        raise ValueError(f"an image of shape {gray.shape} cannot be encoded as PNG")
+    return bytes(data)
+
+
+def _stats(episode: pl.DataFrame) -> dict[str, Stats]:
+    """Compute the statistics of the numbers of an episode."""
+    arrays = {
+        name: np.array(episode[name].to_list(), dtype=np.float64).reshape(episode.height, -1)
+        for name, dtype in episode.schema.items()
+        if dtype != pl.String()
+    }
+    return {name: value_stats(values) for name, values in arrays.items()}
+
+
+def _episodes(part: Part, lengths: list[int], stats: list[dict[str, Stats]]) -> pl.DataFrame:
+    """Make the table of the episodes of a part."""
+    ends = part.first_frame + np.cumsum(lengths)
+    count = len(lengths)
+    columns: dict[str, Any] = {
+        "episode_index": np.arange(part.first_push, part.first_push + count),
+        "tasks": [[TASK]] * count,
+        "length": lengths,
+        "data/chunk_index": [part.index // _CHUNK] * count,
+        "data/file_index": [part.index % _CHUNK] * count,
+        "dataset_from_index": ends - lengths,
+        "dataset_to_index": ends,
+    }
+    for name, values in stats[0].items():
+        for key in values:
+            columns[f"stats/{name}/{key}"] = [episode[name][key].tolist() for episode in stats]
+    columns["meta/episodes/chunk_index"] = columns["data/chunk_index"]
+    columns["meta/episodes/file_index"] = columns["data/file_index"]
+    return pl.DataFrame(columns)
+
+
+def _lists(stats: dict[str, Stats]) -> dict[str, dict[str, Any]]:
+    return {name: {key: v.tolist() for key, v in values.items()} for name, values in stats.items()}
+
+
+def _arrays(stats: dict[str, dict[str, Any]]) -> dict[str, Stats]:
+    return {name: {key: np.array(v) for key, v in values.items()} for name, values in stats.items()}
