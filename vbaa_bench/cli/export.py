@@ -17,6 +17,7 @@ class FormatName(StrEnum):
     HF = "hf"
     WEBDATASET = "webdataset"
     LEROBOT = "lerobot"
+    BOP = "bop"
     CSV = "csv"
 
 
