@@ -19,12 +19,16 @@ class FormatName(StrEnum):
     LEROBOT = "lerobot"
     BOP = "bop"
     CSV = "csv"
+    CROISSANT = "croissant"
 
 
 def export(
     dataset: DatasetPath,
     to: Annotated[FormatName, typer.Option("--to", help="format to write")],
-    out: Annotated[Path, typer.Option(help="new folder to write")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="new folder to write", show_default="for croissant: into the dataset"),
+    ] = None,
     centrelines: Annotated[
         bool, typer.Option("--centrelines", help="export the centrelines too, 15 kB per frame")
     ] = False,
@@ -32,11 +36,23 @@ def export(
 ) -> None:
     """Export a dataset or a collection for other tools, and check it by reading it back.
 
-    Run the command again to continue an interrupted export.
+    Run the command again to continue an interrupted export. croissant adds metadata to the dataset.
     """
     with importing():
+        from solver.instrument.errors import InputError
+        from vbaa_bench.exports.croissant import write_croissant
         from vbaa_bench.exports.export import export as export_dataset
 
+    if (to == FormatName.CROISSANT) != (out is None):
+        raise InputError(
+            f"--to is {to} and --out is {out}, allowed is a new folder, and none with croissant, "
+            "which writes into the dataset"
+        )
+    if out is None:
+        with console.status("reading the dataset"):
+            path = write_croissant(dataset)
+        print_result({"croissant": str(path)}, str(path), as_json)
+        return
     try:
         with progress_bars() as bars:
             tasks = {step: bars.add_task(step, total=None) for step in ("writing", "checking")}

@@ -3,6 +3,7 @@
 OUT/
   README.md                             dataset card, whose front matter states the files of splits
   data/<split>-00000-of-00002.parquet   one row per frame: image, readings and labels
+  croissant.json, croissant_task.json   metadata, see croissant.py
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,6 +13,7 @@ from typing import ClassVar, Final
 import polars as pl
 
 from vbaa_bench.exports.columns import SHARD
+from vbaa_bench.exports.croissant import document_errors, write_exported
 from vbaa_bench.exports.format import Exported, Format
 from vbaa_bench.exports.output import Record
 from vbaa_bench.exports.parquet import features, image_column, write_parquet
@@ -56,7 +58,8 @@ class HuggingFace(Format):
 
     cut: ClassVar = Cut(_FILE_BYTES)
     layout: ClassVar = """\
-- `data/<split>-00000-of-00001.parquet`: one row per frame with `image`, readings and labels."""
+- `data/<split>-00000-of-00001.parquet`: one row per frame with `image`, readings and labels.
+- `croissant.json`: the same in Croissant 1.1; `croissant_task.json`: the benchmark as a task."""
     loading: ClassVar = """\
 from datasets import load_dataset
 
@@ -80,6 +83,7 @@ image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
                 path = folder / "data" / f"{split}-{number:05d}.parquet"
                 if path.exists():
                     path.rename(path.with_stem(f"{path.stem}-of-{count:05d}"))
+        write_exported(folder, source)
 
     def read_back(self, folder: Path, source: Source) -> Iterator[Exported]:
         """Read the Parquet files row group by row group, in the order of their names."""
@@ -90,6 +94,10 @@ image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
                     for row in batch.iter_rows(named=True):
                         image = row.pop("image")
                         yield Exported(Path(image["path"]).stem, split, image["bytes"], row)
+
+    def structure_errors(self, folder: Path, source: Source) -> Iterator[str]:
+        """Compare croissant.json with the files."""
+        yield from document_errors(folder, source)
 
     def front_matter(self, source: Source) -> str:
         """State licence, size and the files of every split, in YAML."""
