@@ -79,7 +79,7 @@ METRICS: Final = (
     ("rmse_over_limit", "1", "root mean square of error over information limit"),
     ("coverage_95", "1", "share of errors within 1.96 stated standard deviations; right is 0.95"),
     ("nees", "1", "mean squared error in stated standard deviations; right is 1"),
-    ("consistent_pct", "%", "share of frames that are consistent or rightly refused"),
+    ("consistent_rate", "1", "share of frames that are consistent or rightly refused"),
     ("failure_rate", "1", "share of frames without the required values, or with a wrong outcome"),
     ("ms_per_frame_median", "ms", "median time from the image in memory to the estimate"),
 )
