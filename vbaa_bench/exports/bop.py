@@ -47,7 +47,7 @@ _UNKNOWN: Final = {
 class Bop(Format):
     """One folder per scene of BOP."""
 
-    cut: ClassVar = Cut(10**12, most_frames=_SCENE_FRAMES, one_rig=True)
+    usual_cut: ClassVar = Cut(10**12, most_frames=_SCENE_FRAMES, one_rig=True)
     layout: ClassVar = """\
 - `<split>/<scene>/`: as in BOP, `gray/`, `scene_camera.json` (`cam_K`; the centre of a pixel has
   integer coordinates), `scene_gt.json` (`cam_R_m2c`, `cam_t_m2c` in mm), `scene_gt_info.json`, and
@@ -61,7 +61,7 @@ class Bop(Format):
     loading: ClassVar = """\
 import json
 
-scene = "train/000000"
+scene = "{split}/000000"
 camera = json.load(open(f"{scene}/scene_camera.json"))["0"]["cam_K"]
 poses = json.load(open(f"{scene}/scene_gt.json"))["0"]
 """

@@ -73,7 +73,7 @@ def card(source: Source, chosen: Format) -> str:
         title=source.title,
         summary=SUMMARY,
         counts=f"{source.frames} frames of {rigs}: {counts}.",
-        loading=chosen.loading,
+        loading=chosen.loading.replace("{split}", next(iter(source.splits))),
         layout=chosen.layout,
         bits=" or ".join(map(str, depths)),
         readings=_table(["push_id", "step", *schema.readings]),

@@ -51,20 +51,23 @@ def export(
     progress: Callable[[str, int, int], None],
     *,
     centrelines: bool = False,
+    most_bytes: int | None = None,
 ) -> Export:
     """Write a dataset or collection in the format `name`, one of FORMATS, to the new folder `out`.
 
     Every frame is read back and compared. `progress` receives the step and its frames, done and in
-    all. An interrupted export continues at the next call. Raises InputError if the dataset is
+    all. `most_bytes` is the size of the images in one file, by default that of the format. An
+    interrupted export continues at the next call. Raises InputError if the dataset is
     incomplete or damaged, if the format cannot hold it, or if `out` exists or cannot be written.
     """
-    chosen, source = FORMATS[name](), open_source(root, centrelines=centrelines)
+    chosen, source = FORMATS[name](most_bytes), open_source(root, centrelines=centrelines)
     if reason := chosen.refusal(source):
         raise InputError(f"{root}: {reason}")
     identity = {
         "format": name,
         "version": _VERSION,
         "centrelines": centrelines,
+        "most_bytes": most_bytes,
         "source": source.identity(),
     }
     try:

@@ -28,7 +28,7 @@ _FOLDER_FRAMES: Final = 1000
 class FlatCsv(Format):
     """A table and images. A vector has three columns; a longer list is JSON in one cell."""
 
-    cut: ClassVar = Cut(10**12, most_frames=_FOLDER_FRAMES)
+    usual_cut: ClassVar = Cut(10**12, most_frames=_FOLDER_FRAMES)
     layout: ClassVar = """\
 - `metadata.csv`: one row per frame; `file_name` is the path of its image. A vector has the columns
   `<name>_x`, `<name>_y` and `<name>_z`; a longer list is JSON in one cell.

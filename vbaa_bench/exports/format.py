@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -20,12 +21,16 @@ class Exported(NamedTuple):
 
 
 class Format(ABC):
-    """An export format: `cut` divides the frames into parts."""
+    """An export format: `cut` divides the frames into parts, of `most_bytes` if that is given."""
 
-    cut: ClassVar[Cut]
+    usual_cut: ClassVar[Cut]
     # Shown in the card: the files with the frames, and how they are loaded.
     layout: ClassVar[str]
     loading: ClassVar[str]
+
+    def __init__(self, most_bytes: int | None = None) -> None:
+        usual = self.usual_cut
+        self.cut = usual if most_bytes is None else replace(usual, most_bytes=most_bytes)
 
     def refusal(self, _source: Source) -> str:
         """Say why the format cannot hold this source; empty if it can."""

@@ -56,14 +56,14 @@ _SIZES: Final = {
 class HuggingFace(Format):
     """Parquet files of bounded size."""
 
-    cut: ClassVar = Cut(_FILE_BYTES)
+    usual_cut: ClassVar = Cut(_FILE_BYTES)
     layout: ClassVar = """\
 - `data/<split>-00000-of-00001.parquet`: one row per frame with `image`, readings and labels.
 - `croissant.json`: the same in Croissant 1.1; `croissant_task.json`: the benchmark as a task."""
     loading: ClassVar = """\
 from datasets import load_dataset
 
-frames = load_dataset("OUT", split="train")  # the folder of this card
+frames = load_dataset("OUT", split="{split}")  # the folder of this card
 image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
 """
 

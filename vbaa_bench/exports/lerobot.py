@@ -45,7 +45,7 @@ _FILE_BYTES: Final = 32_000_000
 class LeRobot(Format):
     """Parquet files with whole episodes."""
 
-    cut: ClassVar = Cut(_FILE_BYTES, whole_pushes=True)
+    usual_cut: ClassVar = Cut(_FILE_BYTES, whole_pushes=True)
     layout: ClassVar = """\
 - `meta/`, `data/`: a LeRobotDataset v3.0. A push is an episode; `action` is the motor angle of the
   frame [deg], `observation.state` has the readings, and `truth.*` are the labels, NaN where there

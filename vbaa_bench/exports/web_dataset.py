@@ -27,17 +27,20 @@ _TAR_BYTES: Final = 256_000_000
 class WebDataset(Format):
     """Tar files of bounded size."""
 
-    cut: ClassVar = Cut(_TAR_BYTES)
+    usual_cut: ClassVar = Cut(_TAR_BYTES)
     layout: ClassVar = """\
 - `<split>-000000.tar`: `<frame>.png` and `<frame>.json`, one after the other.
-- `index.json`: the tar files and their numbers of frames."""
+- `index.json`: the tar files and their numbers of frames.
+- The library's own decoders of images (`decode("pil")`) convert to 8 bits; open images as below."""
     loading: ClassVar = """\
-import webdataset as wds
+import io
 
-frames = wds.WebDataset("train-000000.tar", shardshuffle=False).decode("pil")
-for frame in frames:
-    image, label = frame["png"], frame["json"]
-    break
+import webdataset as wds
+from PIL import Image
+
+frames = wds.WebDataset("{split}-000000.tar", shardshuffle=False).decode()
+frame = next(iter(frames))
+image, label = Image.open(io.BytesIO(frame["png"])), frame["json"]
 """
 
     def write_part(self, folder: Path, part: Part) -> Record:
