@@ -114,6 +114,18 @@ class Estimate:
         variance = max(float(self.covariance[index, index]), 0.0)
         return math.sqrt(variance) / (1.0 if name in QUANTITIES else QUANTITIES[quantity].unit)
 
+    def correlation(self, one: str, other: str) -> float | None:
+        """Return the correlation coefficient of two values, by their SI names.
+
+        It is None without a covariance, and if a value is absent or has no variance.
+        """
+        names = list(self.values)
+        if self.covariance is None or one not in names or other not in names:
+            return None
+        i, j = names.index(one), names.index(other)
+        variances = float(self.covariance[i, i]) * float(self.covariance[j, j])
+        return float(self.covariance[i, j]) / math.sqrt(variances) if variances > 0 else None
+
     def __getattr__(self, name: str) -> float | None:
         if name in QUANTITIES:
             return self.values.get(name)

@@ -9,11 +9,17 @@ from typing import Final
 from solver.instrument.estimate import Estimate
 from solver.instrument.quantities import QUANTITIES
 
+# Correlation coefficients of two values of an estimate, by column.
+CORRELATIONS: Final = {
+    "x_c_force_correlation": ("x_c_m", "force_n"),
+    "x_c_y_c_correlation": ("x_c_m", "y_c_m"),
+}
 COLUMNS: Final = (
     "frame_id",
     "outcome",
     "message",
     *(name for column in QUANTITIES.values() for name in (column.name, column.sigma_name)),
+    *CORRELATIONS,
     "chi2",
     "dof",
     "iterations",
@@ -43,6 +49,7 @@ def row(frame_id: str, estimate: Estimate, image_ms: float | None) -> Row:
         cells[column.name] = float(value) / column.unit
         if estimate.covariance is not None:
             cells[column.sigma_name] = estimate.sigma(column.name)
+    cells.update({name: estimate.correlation(*pair) for name, pair in CORRELATIONS.items()})
     return {
         name: None if isinstance(cell, float) and not math.isfinite(cell) else cell
         for name, cell in cells.items()

@@ -65,6 +65,8 @@ PREDICTIONS: Final = {
     "outcome": Column("outcome of the estimate, see solver/README.md"),
     "message": Column("the reason for the outcome, as a sentence"),
     **_quantities(),
+    "x_c_force_correlation": Column("stated correlation of x_c_mm and force_n", "", _NOT_ESTIMATED),
+    "x_c_y_c_correlation": Column("stated correlation of x_c_mm and y_c_mm", "", _NOT_ESTIMATED),
     "chi2": Column("sum of squared residuals in sigmas", "", _NOT_ESTIMATED),
     "dof": Column("degrees of freedom of chi2", "", _NOT_ESTIMATED),
     "iterations": Column("iterations of the fit", "", _NOT_ESTIMATED),

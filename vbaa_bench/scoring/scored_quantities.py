@@ -5,6 +5,7 @@ from typing import Final
 
 import polars as pl
 
+from solver.lab.table import CORRELATIONS
 from vbaa_bench.dataset.labels import HAS_CONTACT, TRUE_COMPLIANCE
 
 
@@ -106,6 +107,7 @@ NUMBERS: Final = (
         for quantity in (*SCORED_QUANTITIES, *COMPONENTS)
         for name in (quantity.column, quantity.sigma)
     ),
+    *CORRELATIONS,
     "image_ms",
     "processor_ms",
     "reference_ms",

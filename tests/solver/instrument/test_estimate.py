@@ -37,3 +37,13 @@ def test_an_unknown_covariance_is_allowed_and_an_unknown_name_not() -> None:
 
 def test_every_outcome_has_a_sentence() -> None:
     assert all(outcome.sentence.endswith(".") for outcome in Outcome)
+
+
+def test_the_correlation_of_two_values() -> None:
+    values = {"x_c_m": 0.1, "force_n": 0.05, "y_c_m": 0.01}
+    covariance = np.array([[4.0, -3.0, 0.0], [-3.0, 9.0, 0.0], [0.0, 0.0, 0.0]])
+    estimate = Estimate(Outcome.CONTACT, values=values, covariance=covariance)
+    assert estimate.correlation("force_n", "x_c_m") == pytest.approx(-0.5)
+    assert estimate.correlation("x_c_m", "y_c_m") is None
+    assert estimate.correlation("x_c_m", "psi_rad") is None
+    assert Estimate(Outcome.CONTACT, values=values).correlation("x_c_m", "force_n") is None
