@@ -15,6 +15,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"__init__", "__main__"},
         {"cli"},
         {"api", "benchmarks"},
+        {"viewer"},
         {"report"},
         {"regression"},
         {"exports"},

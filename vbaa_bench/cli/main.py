@@ -12,6 +12,7 @@ from vbaa_bench.cli import data, datasets, measure, regression, results
 from vbaa_bench.cli.export import export
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed_app
+from vbaa_bench.cli.view import view
 from vbaa_bench.generation.workers import WorkerDiedError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
@@ -26,6 +27,7 @@ app.command()(limits)
 app.command()(results.solve)
 app.command()(results.score)
 app.command()(results.report)
+app.command()(view)
 app.command()(results.table)
 app.command()(results.dictionary)
 app.command()(regression.baseline)

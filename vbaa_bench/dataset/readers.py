@@ -1,5 +1,6 @@
 """Readers of the truth, and copying of the observations for a method."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -124,6 +125,15 @@ def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:
     """
     table = read_parquet(shard / "truth.parquet", read_bytes(shard / "truth.parquet"))
     return table.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
+
+
+def read_rows(shard: Path, frame_ids: Sequence[str]) -> list[dict[str, Any]]:
+    """Read the rows of frames, with their centrelines, from a shard of the truth tree.
+
+    Raises InputError if the shard cannot be read.
+    """
+    table = read_parquet(shard / "truth.parquet", read_bytes(shard / "truth.parquet"))
+    return table.filter(pl.col("frame_id").is_in(frame_ids)).to_dicts()
 
 
 def _table(path: Path, centrelines: bool) -> pl.DataFrame:

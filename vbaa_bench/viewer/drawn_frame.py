@@ -1,0 +1,103 @@
+"""Picture of one frame: the image and its contact enlarged, truth and estimates drawn, a table."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import cv2
+import numpy as np
+
+from vbaa_bench.report.gallery import TRUTH, Colours, close_up, strip
+from vbaa_bench.report.numbers import short
+from vbaa_bench.viewer.ellipse_plot import EllipsePlot
+from vbaa_bench.viewer.error_panel import error_panel
+from vbaa_bench.viewer.frames import Row, ViewedFrame
+from vbaa_bench.viewer.text import BOLD, FAINT, INK, PAPER, Colour, write, write_right
+
+# Largest size of the image within the picture [px], and side of the plot of errors and of the
+# enlarged contact. Chosen: the picture fits a screen of 1280 x 1024 px.
+_WIDTH, _HEIGHT = 1200, 620
+_SIDE: Final = 318
+_MARGIN, _LINE, _HEAD = 14, 26, 44
+# Right ends of the table's columns [px].
+_COLUMNS: Final = (275, 345, 440, 510)
+_HEADS: Final = ("x_c, mm", "±", "force, mN", "±")
+
+
+def draw_frame(frame: ViewedFrame, colours: Colours, plot: EllipsePlot) -> np.ndarray:
+    """Draw a frame (height, width, 3), BGR; all frames of a dataset have the same size.
+
+    The truth is green: the centreline on both sides of the beam, the contact as a cross. Estimated
+    contacts are rings on the true centreline, in the colours of the methods. `plot` has the scales
+    of the plot of errors, in which nothing is drawn without estimates.
+    """
+    image = _fitted(strip(frame.overlay, colours, _scale(frame), max(frame.image.shape)))
+    height, width = image.shape[:2]
+    rows = max(_SIDE, _LINE * (len(colours) + 3)) + 2 * _MARGIN
+    canvas = np.full((_HEAD + height + rows, max(width, _WIDTH), 3), PAPER, np.uint8)
+    canvas[_HEAD : _HEAD + height, (canvas.shape[1] - width) // 2 :][:, :width] = image
+    write(canvas, frame.title, (_MARGIN, 30), size=20, weight=BOLD)
+    write_right(canvas, f"frame {frame.number}", (canvas.shape[1] - _MARGIN, 30), FAINT)
+    top = _HEAD + height + _MARGIN
+    _table(canvas, frame, colours, top)
+    enlarged = cv2.resize(
+        close_up(frame.overlay, colours), (_SIDE, _SIDE), interpolation=cv2.INTER_AREA
+    )
+    left = canvas.shape[1] - _SIDE - _MARGIN
+    canvas[top : top + _SIDE, left : left + _SIDE] = enlarged
+    left -= _SIDE + _MARGIN
+    if colours:
+        canvas[top : top + _SIDE, left : left + _SIDE] = error_panel(frame, colours, plot, _SIDE)
+    return canvas
+
+
+def even(picture: np.ndarray) -> np.ndarray:
+    """Cut a picture to even sizes, which video codecs need."""
+    height, width = picture.shape[:2]
+    return np.ascontiguousarray(picture[: height - height % 2, : width - width % 2])
+
+
+def _scale(frame: ViewedFrame) -> int:
+    """Choose by which whole factor an image is enlarged."""
+    height, width = frame.image.shape
+    return int(max(min(_WIDTH // width, _HEIGHT // height), 1))
+
+
+def _fitted(image: np.ndarray) -> np.ndarray:
+    """Reduce an image that is too large."""
+    height, width = image.shape[:2]
+    factor = min(_WIDTH / width, _HEIGHT / height, 1.0)
+    size = (round(width * factor), round(height * factor))
+    return image if factor == 1 else cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def _table(canvas: np.ndarray, frame: ViewedFrame, colours: Colours, top: int) -> None:
+    """Write truth and estimates, a line per method."""
+    base = top + 16
+    for right, head in zip(_COLUMNS, _HEADS, strict=True):
+        write_right(canvas, head, (right, base), FAINT)
+    true = (frame.row["x_c_mm"], None, frame.row["force_n"], None)
+    _line(canvas, base + _LINE, "true", TRUTH, true, "no contact")
+    for number, (method, colour) in enumerate(colours.items()):
+        row: Row = frame.estimates.get(method, {})
+        names = ("x_c_mm", "x_c_sigma_mm", "force_n", "force_sigma_n")
+        values = [row.get(name) for name in names]
+        outcome = row.get("outcome", "no prediction")
+        _line(canvas, base + (number + 2) * _LINE, method, colour, values, outcome)
+
+
+def _line(
+    canvas: np.ndarray,
+    base: int,
+    name: str,
+    colour: Colour,
+    values: Sequence[float | None],
+    outcome: str,
+) -> None:
+    cv2.circle(canvas, (_MARGIN + 6, base - 5), 6, colour, -1, cv2.LINE_AA)
+    write(canvas, name, (_MARGIN + 22, base), INK)
+    formats = zip(_COLUMNS, values, (5, 2, 4, 2), (1, 1, 1e3, 1e3), strict=True)
+    for right, value, digits, factor in formats:
+        if value is not None:
+            write_right(canvas, short(factor * value, digits), (right, base), INK)
+    if all(value is None for value in values):
+        write_right(canvas, outcome, (_COLUMNS[-1], base), FAINT)

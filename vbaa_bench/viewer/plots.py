@@ -1,0 +1,115 @@
+"""Entities over time and in the plot of errors: values, ellipses, and a table."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from vbaa_bench.report import palette
+from vbaa_bench.viewer.ellipse_plot import HALF, ellipse_plot
+from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
+from vbaa_bench.viewer.log import Log, present, rgb
+from vbaa_bench.viewer.table import markdown
+
+# Name of the truth beside those of the methods.
+_TRUE: Final = "true"
+_AXES: Final = "#8a9199"
+
+
+class Series(NamedTuple):
+    """A quantity over time: its column, heading, factor for display, and whether it is an error."""
+
+    name: str
+    column: str
+    heading: str
+    factor: float = 1.0
+    is_error: bool = False
+
+
+_SERIES: Final = (
+    Series("x_c", "x_c_mm", "contact distance x_c [mm]"),
+    Series("x_c_error", "x_c_mm", "error of x_c [mm]", is_error=True),
+    Series("force", "force_n", "force [mN]", 1e3),
+    Series("psi", "psi_deg", "inclination psi [deg]"),
+)
+
+
+def estimated_series(data: ViewedDataset) -> list[Series]:
+    """List the quantities that a method estimates; without predictions, those of the truth."""
+    tables = data.predictions.values()
+    return [
+        series
+        for series in _SERIES
+        if any(table[series.column].count() for table in tables) or not (tables or series.is_error)
+    ]
+
+
+class Plots:
+    """Writer of values over time, of errors with their ellipses, and of the table of a frame."""
+
+    def __init__(self, log: Log, data: ViewedDataset, colours: dict[str, str]) -> None:
+        self._log, self._colours = log, colours
+        self._series = estimated_series(data)
+        self._methods = {
+            series.name: [
+                name for name, table in data.predictions.items() if table[series.column].count()
+            ]
+            for series in self._series
+        }
+        self._plot = ellipse_plot(data.predictions)
+
+    def fixed(self) -> None:
+        """Write the styles of lines and the axes of the plot of errors."""
+        for series in self._series:
+            if not series.is_error:
+                self._style(f"{series.name}/{_TRUE}", palette.TRUTH, 3.0)
+            for method in self._methods[series.name]:
+                self._style(f"{series.name}/{method}", self._colours[method], 1.5)
+        log, rr, ticks = self._log, self._log.rr, range(-HALF, HALF + 1)
+        axes: list[list[tuple[float, float]]] = [[(-HALF, 0), (HALF, 0)], [(0, -HALF), (0, HALF)]]
+        axes += [[(tick, -0.1), (tick, 0.1)] for tick in ticks]
+        axes += [[(-0.1, tick), (0.1, tick)] for tick in ticks]
+        log.lines("errors/axes", axes, _AXES, 0.7, static=True)
+        labels = [
+            f"x_c + {HALF * self._plot.x_c_mm:g} mm",
+            f"force + {HALF * self._plot.force_pct:g} %",
+        ]
+        ends = rr.Points2D(
+            [(HALF - 0.6, 0.8), (1.4, 0.3 - HALF)],
+            labels=labels,
+            colors=rgb(_AXES),
+            radii=rr.Radius.ui_points(0.0),
+            show_labels=True,
+        )
+        log.write("errors/ends", ends, static=True)
+
+    def frame(self, frame: ViewedFrame) -> None:
+        """Write the values of a frame."""
+        for series in self._series:
+            true = frame.row[series.column]
+            if not series.is_error:
+                self._value(f"{series.name}/{_TRUE}", true, series.factor)
+            for method in self._methods[series.name]:
+                value = frame.estimates.get(method, {}).get(series.column)
+                if series.is_error:
+                    value = None if value is None or true is None else value - true
+                self._value(f"{series.name}/{method}", value, series.factor)
+        for method, colour in self._colours.items():
+            row = frame.estimates.get(method)
+            placed = None if row is None else self._plot.place(row, frame.row)
+            point = None if placed is None else placed.point
+            outline = None if placed is None else placed.ellipse
+            self._log.points(f"errors/{method}", present(point), colour, 4.0, method)
+            self._log.lines(f"errors/{method}/ellipse", present(outline), colour)
+        document = self._log.rr.TextDocument(markdown(frame), media_type="text/markdown")
+        self._log.write("table", document)
+
+    def _style(self, entity: str, colour: str, width: float) -> None:
+        rr, name = self._log.rr, entity.rpartition("/")[2]
+        line = rr.SeriesLines(names=name, colors=rgb(colour), widths=width)
+        self._log.write(entity, line, static=True)
+
+    def _value(self, entity: str, value: float | None, factor: float) -> None:
+        """Write a value; a missing one interrupts the line."""
+        number = math.nan if value is None else factor * value
+        self._log.write(entity, self._log.rr.Scalars(np.float64(number)))

@@ -1,0 +1,33 @@
+"""Text on pictures."""
+
+from typing import Final
+
+import cv2
+import numpy as np
+
+Colour = tuple[int, int, int]
+# BGR, as in the dark scheme of the report.
+PAPER: Final = (26, 23, 20)
+INK: Final = (235, 232, 228)
+FAINT: Final = (160, 152, 145)
+BOLD, REGULAR = 600, 400
+_FONT: Final = cv2.FontFace("sans")
+
+
+def write(
+    canvas: np.ndarray,
+    text: str,
+    at: tuple[int, int],
+    colour: Colour = INK,
+    size: int = 16,
+    weight: int = REGULAR,
+) -> None:
+    """Write a line of text; `at` is the left end of its base line [px], `size` its height."""
+    cv2.putText(canvas, text, at, colour, _FONT, size, weight)
+
+
+def write_right(
+    canvas: np.ndarray, text: str, at: tuple[int, int], colour: Colour = INK, size: int = 16
+) -> None:
+    """Write a line of text that ends at `at`."""
+    cv2.putText(canvas, text, at, colour, _FONT, size, REGULAR, cv2.PUT_TEXT_ALIGN_RIGHT)
