@@ -9,6 +9,7 @@ from rich.console import Console
 
 from solver.instrument.errors import InputError
 from vbaa_bench.cli import data, datasets, measure, regression, results
+from vbaa_bench.cli.endurance import endurance_app
 from vbaa_bench.cli.export import export
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed_app
@@ -45,6 +46,7 @@ app.command()(measure.learned)
 app.command()(measure.leaks)
 app.command()(measure.doctor)
 app.add_typer(speed_app, name="speed")
+app.add_typer(endurance_app, name="endurance")
 
 
 def _print_version(requested: bool) -> None:

@@ -64,7 +64,7 @@ class CollectionLayout:
             return "same"
         if not self.scene.is_file():
             paths = self.root.iterdir() if self.root.exists() else iter(())
-            others = [path.name for path in paths if path.name != ".lock"]
+            others = [path.name for path in paths if not path.name.startswith(".lock")]
             if others:
                 raise OtherDatasetError(
                     f"{self.root}: holds other files ({others[0]}); choose another folder"

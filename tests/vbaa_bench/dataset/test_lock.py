@@ -1,6 +1,8 @@
+import errno
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import sync_folder
+from vbaa_bench.dataset import lock as lock_file
 from vbaa_bench.dataset.lock import locked
 
 # As `locked` does, without what takes seconds to import.
@@ -54,3 +57,32 @@ def test_a_folder_is_synced_only_where_it_can_be_opened(
             sync_folder(tmp_path)
         windows.setattr("os.name", "nt")
         sync_folder(tmp_path)
+
+
+def test_a_file_takes_the_place_of_a_lock_where_there_are_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unsupported(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(lock_file, "_acquire", unsupported)
+    lock, owner = tmp_path / ".lock", tmp_path / ".lock.owner"
+    with locked(lock):
+        assert json.loads(owner.read_text())["pid"] == os.getpid()
+        with (
+            pytest.raises(InputError, match=f"process {os.getpid()} on .*delete .*owner"),
+            locked(lock),
+        ):
+            pass
+    assert not list(tmp_path.iterdir())
+    # A process of this machine that has died bars nobody; another machine's may still run.
+    dead = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
+    )
+    holder = {"pid": int(dead.stdout), "host": socket.gethostname(), "since": "today"}
+    owner.write_text(json.dumps(holder))
+    with locked(lock):
+        pass
+    owner.write_text(json.dumps({**holder, "host": "another"}))
+    with pytest.raises(InputError, match="on another since today"), locked(lock):
+        pass

@@ -31,27 +31,38 @@ def write_scene(path: Path, frames: int, per_shard: int, seed: int = 1) -> Path:
     return path
 
 
-def started(scene: Path, out: Path, *options: str) -> subprocess.Popen[str]:
-    """Start `generate` in a session of its own; its messages go to a file beside `out`."""
-    log = out.with_name(f"{out.name}.log").open("a", encoding="utf-8")
+def started(
+    scene: Path, out: Path, *options: str, log: Path | None = None
+) -> subprocess.Popen[str]:
+    """Start `generate` in a session of its own; messages go to `log`, by default beside `out`."""
     command = [sys.executable, "-m", "vbaa_bench", "generate", str(scene), "--out", str(out)]
-    with log:
+    with _log(out, log).open("a", encoding="utf-8") as messages:
         return subprocess.Popen(
             [*command, *options],
             stdout=subprocess.DEVNULL,
-            stderr=log,
+            stderr=messages,
             text=True,
             start_new_session=True,
         )
 
 
-def finish(scene: Path, out: Path, *options: str) -> float:
+def finish(scene: Path, out: Path, *options: str, log: Path | None = None) -> float:
     """Run `generate` to its end; return its seconds. Raises InputError if it fails."""
     start = time.monotonic()
-    if started(scene, out, *options).wait():
-        log = out.with_name(f"{out.name}.log").read_text(encoding="utf-8")
-        raise InputError(f"{out}: generate failed: {log[-500:]}")
+    if started(scene, out, *options, log=log).wait():
+        raise InputError(f"{out}: generate failed: {last_message(_log(out, log))}")
     return time.monotonic() - start
+
+
+def _log(out: Path, log: Path | None) -> Path:
+    return log or out.with_name(f"{out.name}.log")
+
+
+def last_message(log: Path) -> str:
+    """Return the last message in a file, which may have progress bars; empty if there is none."""
+    lines = log.read_text(encoding="utf-8").splitlines()
+    messages = [line for line in lines if line.strip() and "━" not in line]
+    return messages[-1] if messages else ""
 
 
 def digests(root: Path) -> dict[str, str]:
