@@ -34,9 +34,7 @@ _PRELOADED: Final = f"""\
 import os, signal
 from vbaa_bench.generation.dataset_worker import DatasetWorker
 
-rendered = DatasetWorker.frame
-
-def frame(worker, name, metering):
+def frame(worker, name, metering, rendered=DatasetWorker.frame):
     if name.number == {_POISON}:
         os.kill(os.getpid(), signal.SIGKILL)
     return rendered(worker, name, metering)
@@ -169,11 +167,11 @@ def _different(here: dict[str, str], reference: dict[str, str]) -> str:
 def _poisoned(out: Path, reference: dict[str, str]) -> str:
     """Compare a dataset with a poison frame: its shard alone differs, by this frame alone."""
     layout = Layout(out)
-    (path,) = layout.truth.glob("shard_*/failures.json")
-    failures = json.loads(path.read_bytes())
+    tables = list(layout.truth.glob("shard_*/failures.json"))
+    failures = [name for path in tables for name in json.loads(path.read_bytes())]
     if len(failures) != 1:
         return f"{len(failures)} frames failed"
-    (frame_id,) = failures
+    (path,), (frame_id,) = tables, failures
     expected = {"hashes.json", "manifest.json", "metadata.csv", "truth.parquet", "failures.json"}
     here = digests(out)
     changed = {n for n in {*here, *reference} if here.get(n) != reference.get(n)}
