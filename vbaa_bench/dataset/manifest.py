@@ -41,11 +41,16 @@ def seal(layout: Layout, facts: dict[str, Any], whole: Mapping[str, Mapping[str,
     written. Files that exist with the right content are not written again. Raises OSError.
     """
     document = {"schema": SCHEMA, **facts, "versions": versions()}
-    manifest = (json.dumps(document, indent=2) + "\n").encode()
+    manifest = manifest_bytes(document)
     _write(layout.manifest, manifest)
     truth = {**whole["truth"], layout.manifest.name: digest(manifest)}
     _write(layout.truth / HASHES, hashes_bytes(truth))
     _write(layout.hashes, hashes_bytes(whole["observations"]))
+
+
+def manifest_bytes(document: Mapping[str, Any]) -> bytes:
+    """Encode a manifest as the content of manifest.json."""
+    return (json.dumps(document, indent=2) + "\n").encode()
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -1,22 +1,33 @@
 """Merge parts of a dataset or a collection, which were generated in different folders, into one."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, Final
 
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
-from solver.instrument.hashes import HASHES, hashes_bytes, parse_hashes
+from solver.instrument.hashes import digest, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
+from vbaa_bench.dataset.copied import seal_copy
+from vbaa_bench.dataset.differences import listing
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.manifest import manifest_bytes, read_json
 from vbaa_bench.dataset.readers import check_complete, copy_tree
+from vbaa_bench.dataset.schema import SCHEMA, version_of
+from vbaa_bench.scene.frames import Frames
+from vbaa_bench.scene.load import recorded_scene
+
+# Keys of a manifest in which parts of one dataset may differ: their numbers of frames.
+_COUNTS: Final = ("frames", "failed_frames")
 
 
 def merge(parts: Sequence[Path], out: Path) -> None:
-    """Copy complete parts of one dataset, or rigs of one collection, into the new folder `out`.
+    """Copy all parts of one dataset, or rigs of one collection, into the new folder `out`.
 
-    Every file is compared with its hash. Raises InputError if the parts do not belong together, are
-    damaged or incomplete, or if `out` is not empty or cannot be written.
+    Every file is compared with its hash when it is read, and again after it was written. Raises
+    InputError if the parts do not belong together, overlap, lack a shard, are damaged or
+    incomplete, or if `out` is not empty or cannot be written.
     """
     try:
         if out.exists() and any(out.iterdir()):
@@ -24,35 +35,87 @@ def merge(parts: Sequence[Path], out: Path) -> None:
         if all(map(is_collection, parts)):
             _merge_collections([CollectionLayout(part) for part in parts], CollectionLayout(out))
         else:
-            _merge_datasets([Layout(part) for part in parts], Layout(out))
+            _merge_parts([Layout(part) for part in parts], Layout(out))
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
 
 
-def _merge_datasets(parts: Sequence[Layout], out: Layout) -> None:
+def _merge_parts(parts: Sequence[Layout], out: Layout) -> None:
+    """Merge parts of a dataset that have all its shards, each once."""
     for part in parts:
         check_complete(part)
+        for path in (part.identity, part.manifest):
+            version = version_of(path, read_json(path))
+            if version != SCHEMA:
+                raise InputError(
+                    f"{path}: has version {version} of the format, only parts of version {SCHEMA} "
+                    "can be merged; generate them again"
+                )
+    _check_same_dataset(parts)
+    _check_shards(parts)
+    _copy(parts, out)
+
+
+def _check_same_dataset(parts: Sequence[Layout]) -> None:
+    """Raise InputError unless all parts have one identity, and one manifest except for counts."""
     first = parts[0]
-    for part in parts[1:]:
-        for path, other in ((first.identity, part.identity), (first.manifest, part.manifest)):
-            if path.read_bytes() != other.read_bytes():
-                raise InputError(f"{part.root}: is no part of the dataset {first.root}")
-    for tree in ("truth", "observations"):  # the observations' hashes complete the dataset
-        tables = [_table(part.root / tree) for part in parts]
-        merged: dict[str, str] = {}
-        for part, table in zip(parts, tables, strict=True):
-            for name, digest in table.items():
-                if merged.setdefault(name, digest) != digest:
+
+    def manifest(part: Layout) -> dict[str, object]:
+        return {k: value for k, value in read_json(part.manifest).items() if k not in _COUNTS}
+
+    for part in parts:
+        if "subset" in read_json(part.identity):
+            raise InputError(f"{part.root}: is a subset, allowed are parts made by --part")
+        same_identity = read_json(first.identity) == read_json(part.identity)
+        if not same_identity or manifest(first) != manifest(part):
+            raise InputError(f"{part.root}: is no part of the dataset {first.root}")
+
+
+def _check_shards(parts: Sequence[Layout]) -> None:
+    """Raise InputError unless each shard of the scene is in one part."""
+    owners: dict[str, Layout] = {}
+    for part in parts:
+        for name in sorted(_shards(part)):
+            owner = owners.setdefault(name, part)
+            if owner is not part:
+                raise InputError(
+                    f"{part.root}: overlaps {owner.root}, both have {name}; merge each part once"
+                )
+    scene = recorded_scene(read_json(parts[0].manifest)["scene"], parts[0].root).scene
+    count = math.ceil(Frames(scene).count / scene.frames_per_shard)
+    layout = parts[0]
+    names = [layout.shard(layout.truth, number).name for number in range(count)]
+    missing = [name for name in names if name not in owners]
+    if missing:
+        raise InputError(f"{parts[0].root}: the parts lack {listing(missing)}; merge all parts")
+
+
+def _shards(part: Layout) -> set[str]:
+    return {name.partition("/")[0] for name in read_hashes(part.truth) or {} if "shard_" in name}
+
+
+def _copy(parts: Sequence[Layout], out: Layout) -> None:
+    """Copy complete datasets or parts into one, verify it, and complete it."""
+    tables: dict[str, dict[str, str]] = {}
+    for tree in ("truth", "observations"):
+        tables[tree] = {}
+        for part in parts:
+            for name, recorded in (read_hashes(part.root / tree) or {}).items():
+                is_manifest = part.root / tree / name == part.manifest
+                if tables[tree].setdefault(name, recorded) != recorded and not is_manifest:
                     raise InputError(f"{part.root / tree / name}: differs from that of other parts")
             copy_tree(part.root / tree, out.root / tree)
-        write_bytes(out.root / tree / HASHES, hashes_bytes(merged))
+    manifest = manifest_bytes(_manifest(parts))
+    write_bytes(out.manifest, manifest)
+    tables["truth"][out.manifest.name] = digest(manifest)
+    seal_copy(out, tables)
 
 
-def _table(tree: Path) -> Mapping[str, str]:
-    table = parse_hashes((tree / HASHES).read_bytes())
-    if table is None:
-        raise InputError(f"{tree / HASHES}: is not what was generated")
-    return table
+def _manifest(parts: Sequence[Layout]) -> dict[str, Any]:
+    """Return the manifest of the parts, with the sums of their counts."""
+    documents = [read_json(part.manifest) for part in parts]
+    counted = {key for key in _COUNTS if key in documents[0]}
+    return documents[0] | {key: sum(one[key] for one in documents) for key in counted}
 
 
 def _merge_collections(parts: Sequence[CollectionLayout], out: CollectionLayout) -> None:
@@ -64,7 +127,8 @@ def _merge_collections(parts: Sequence[CollectionLayout], out: CollectionLayout)
             raise InputError(f"{part.root}: is no part of the collection {parts[0].root}")
         rows |= part.read_rows()
         for number, layout in part.rigs().items():
-            if not out.rig(number).hashes.is_file():
-                _merge_datasets([layout], out.rig(number))
+            if out.rig(number).hashes.is_file():
+                raise InputError(f"{part.root}: overlaps another part, both have rig {number}")
+            _copy([layout], out.rig(number))
     out.write_rows(rows)
     out.write_scene(scene)

@@ -1,7 +1,9 @@
 """Write the report of a scored dataset: report.html, and the figures of the README."""
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
@@ -18,15 +20,20 @@ from vbaa_bench.scoring.overlay import Overlay, antenna_of, overlay
 from vbaa_bench.scoring.score import read_scores, read_summary
 
 
-def report(results: Results, baseline: Path | None = None) -> Path:
+def report(
+    results: Results,
+    baseline: Path | None = None,
+    set_up_antenna: Callable[[Results], tuple[Any, str]] = antenna_of,
+) -> Path:
     """Write the report of a scored dataset; return the path of the page.
 
     With a baseline file, the page shows what changed. The information limits are shown if the
-    scores hold them, and the error budget if it was computed. Raises InputError.
+    scores hold them, and the error budget if it was computed. `set_up_antenna` returns the solver's
+    antenna, or None and the reason. Raises InputError.
     """
     truth = open_manifest(results.dataset.truth)
     summary, scores = read_summary(results), read_scores(results)
-    antenna, reason = antenna_of(results)
+    antenna, reason = set_up_antenna(results)
 
     @cache
     def drawn(frame_id: str) -> Overlay:

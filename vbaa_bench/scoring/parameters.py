@@ -76,10 +76,10 @@ def _stratum_rows(
     rows: pl.DataFrame, quantities: Sequence[ScoredQuantity], counts: Floats
 ) -> Iterator[Row]:
     """Yield the rows of one stratum of one method, whose values are in the column `_value`."""
-    figures = rows.group_by("_value").agg(
+    figures = rows.group_by("_value", maintain_order=True).agg(
         *_counts_and_times(), *(e for quantity in quantities for e in _order_figures(quantity))
     )
-    sums = rows.group_by("_value", "_group").agg(
+    sums = rows.group_by("_value", "_group", maintain_order=True).agg(
         expression for quantity in quantities for expression in _sums(quantity)
     )
     for facts in sorted(figures.to_dicts(), key=lambda row: class_order(row["_value"])):

@@ -1,0 +1,137 @@
+"""Trials: damage one file of a dataset, verify it, run every command, restore it."""
+
+import contextlib
+import shutil
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.instrument.errors import InputError
+from solver.methods import METHODS
+from vbaa_bench.benchmarks.damage.damages import DAMAGES, kind_of
+from vbaa_bench.benchmarks.damage.readers import READERS
+from vbaa_bench.dataset.faults import Fault
+from vbaa_bench.dataset.verify import Counts, faults
+from vbaa_bench.generation.workers import Pool
+
+# Outcomes of a command: it reports the damage by an InputError, gives the same bytes as before,
+# gives other bytes without a message, or ends with another error.
+REFUSED, SAME, SILENT, CRASHED = "refused", "same bytes", "silent", "crashed"
+OUTCOMES: Final = (REFUSED, SAME, SILENT, CRASHED)
+# Folders that commands write into.
+_WRITTEN: Final = ("predictions", "report", "scores")
+# Trials of one job. Chosen: a job takes a minute.
+_PER_JOB: Final = 20
+
+
+class Trial(NamedTuple):
+    """A damaged file, its kind, the damage, whether `verify` names it, outcomes of commands."""
+
+    name: str
+    kind: str
+    damage: str
+    named: bool
+    outcomes: dict[str, str]
+
+
+def run_trials(
+    dataset: Path,
+    work: Path,
+    count: int,
+    seed: int,
+    workers: int,
+    progress: Callable[[int, int], None],
+) -> list[Trial]:
+    """Damage files of a finished dataset, one at a time, on copies in the folder `work`.
+
+    Kinds of files and of damages take turns; file and place are random. A trial depends on the
+    seed and its number alone. Raises InputError if something is wrong with the dataset itself, or
+    if it is not scored.
+    """
+    wrong = next(iter(_faults(dataset)), None)
+    if wrong is not None:
+        raise InputError(f"{dataset}: is damaged already ({wrong}), allowed is an intact dataset")
+    jobs = [
+        ("trials", (range(first, min(first + _PER_JOB, count)), seed))
+        for first in range(0, count, _PER_JOB)
+    ]
+    workers = min(workers, len(jobs))
+    with Pool(workers, Laboratory, (dataset, work)) as pool:
+        done = pool.run(jobs, lambda pieces: progress(pieces, count))
+    return [trial for trials in done for trial in trials]
+
+
+@dataclass
+class Laboratory:
+    """One process that damages its own copy of a dataset, in a new folder below `work`."""
+
+    dataset: Path
+    work: Path
+    _expected: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        number = 0
+        while True:
+            folder = self.work / f"worker_{number}"
+            with contextlib.suppress(FileExistsError):
+                folder.mkdir(parents=True)
+                break
+            number += 1
+        self._intact, self._copy = folder / "intact", folder / "copy"
+        shutil.copytree(self.dataset, self._copy)
+        # The results that commands write may differ from the dataset's in path and machine.
+        for name in ("score", "report"):
+            READERS[name](self._copy)
+        self._expected = {name: reader(self._copy) for name, reader in READERS.items()}
+        shutil.copytree(self._copy, self._intact)
+        self._names = defaultdict[str, list[str]](list)
+        for path in sorted(self._intact.rglob("*")):
+            if path.is_file():
+                name = path.relative_to(self._intact).as_posix()
+                self._names[kind_of(name)].append(name)
+
+    def trials(self, tick: Callable[[], None], numbers: Sequence[int], seed: int) -> list[Trial]:
+        """Do the trials with some numbers."""
+        trials = []
+        for number in numbers:
+            trials.append(self._trial(number, np.random.default_rng((seed, number))))
+            tick()
+        return trials
+
+    def _trial(self, number: int, rng: np.random.Generator) -> Trial:
+        kinds = sorted(self._names)
+        kind = kinds[number % len(kinds)]
+        damage = list(DAMAGES)[number // len(kinds) % len(DAMAGES)]
+        name = self._names[kind][int(rng.integers(len(self._names[kind])))]
+        DAMAGES[damage](self._copy / name, rng)
+        named = any(fault.path == self._copy / name for fault in _faults(self._copy))
+        outcomes = {command: self._outcome(command) for command in READERS}
+        self._restore(Path(name).parent)
+        return Trial(name, kind, damage, named, outcomes)
+
+    def _outcome(self, command: str) -> str:
+        try:
+            result = READERS[command](self._copy)
+        except InputError:
+            return REFUSED
+        except Exception:  # noqa: BLE001  # any other error is a finding
+            return CRASHED
+        return SAME if result == self._expected[command] else SILENT
+
+    def _restore(self, folder: Path) -> None:
+        """Restore a folder, without its subfolders, and those into which commands write."""
+        for name in {folder, *map(Path, _WRITTEN)}:
+            for path in (self._copy / name).iterdir():
+                if path.is_file():
+                    path.unlink()
+            for path in (self._intact / name).iterdir():
+                if path.is_file():
+                    shutil.copy2(path, self._copy / name)
+
+
+def _faults(root: Path) -> list[Fault]:
+    return list(faults(root, METHODS, Counts(), lambda _done, _total: None))
