@@ -11,6 +11,8 @@ from solver.instrument.errors import InputError
 from vbaa_bench.cli import data, datasets, measure, regression, results
 from vbaa_bench.cli.endurance import endurance_app
 from vbaa_bench.cli.export import export
+from vbaa_bench.cli import data, measure, regression, results
+from vbaa_bench.cli.export import check_exports, export
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.cli.view import view
@@ -45,6 +47,7 @@ app.command()(measure.stability)
 app.command()(measure.stress)
 app.command()(measure.learned)
 app.command()(measure.leaks)
+app.command()(check_exports)
 app.command()(measure.doctor)
 app.add_typer(speed_app, name="speed")
 app.add_typer(endurance_app, name="endurance")
