@@ -96,11 +96,11 @@ class Rig:
         """Read the frames of one shard, of which there may be none."""
         folder = self.layout.shard(self.layout.observations, number)
         readings, truth = _readings(folder / "metadata.csv"), self._truth(number)
+        if not (readings.height or truth.height):  # all its frames have failed
+            return pl.DataFrame()
         names = ["frame_id", *(name for name in truth.columns if name not in readings.columns)]
-        table = readings
-        if readings.height:
-            labels = truth.select(name for name in names if not name.startswith(CENTRELINE))
-            table = readings.join(labels, on="frame_id", how="inner", maintain_order="left")
+        labels = truth.select(name for name in names if not name.startswith(CENTRELINE))
+        table = readings.join(labels, on="frame_id", how="inner", maintain_order="left")
         if not table.height == readings.height == truth.height:
             raise InputError(
                 f"{folder / 'metadata.csv'}: has {readings.height} frames and truth.parquet "
@@ -143,6 +143,8 @@ def _readings(path: Path) -> pl.DataFrame:
     """Read a metadata.csv, without `file_name`; an empty cell is null. Raises InputError."""
     try:
         table = pl.read_csv(io.BytesIO(read_bytes(path)), infer_schema=False)
+        if not table.height:
+            return table
         numbers = [name for name in table.columns if name not in {*_TEXTS, "step"}]
         return table.drop("file_name").with_columns(
             pl.col(numbers).cast(pl.Float64), pl.col("step").cast(pl.Int64)

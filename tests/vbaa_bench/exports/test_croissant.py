@@ -1,0 +1,79 @@
+"""Croissant documents fit their files; the task names what the scoring computes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from solver.instrument.errors import DamageError
+from solver.instrument.files import sha256
+from tests.vbaa_bench.exports.test_formats import exported
+from tests.vbaa_bench.exports.written import Size, write_collection, write_dataset
+from vbaa_bench.exports import croissant
+from vbaa_bench.exports.croissant import document_errors, write_croissant
+from vbaa_bench.exports.croissant_texts import METRICS
+from vbaa_bench.exports.source import open_source
+
+SCORING = Path(__file__).parents[3] / "vbaa_bench" / "scoring"
+
+
+def test_a_document_lists_files_with_sha256_and_fields_with_units(tmp_path: Path) -> None:
+    root = write_collection(tmp_path / "rigs", [Size(), Size()])
+    content = json.loads(write_croissant(root).read_bytes())
+    files = {node["@id"]: node for node in content["distribution"]}
+    rig = files["rig_00001/observations/rig.json"]
+    assert rig["sha256"] == sha256(root / rig["contentUrl"])
+    assert files["images-files"]["includes"] == "rig_*/observations/shard_*/*.png"
+    assert "layers-files" not in files  # the scene has none
+    splits, frames, images = content["recordSet"]
+    assert [row["splits/name"] for row in splits["data"]] == ["train", "test"]
+    assert images["key"] == {"@id": "images/file_name"}
+    fields = {field["name"]: field for field in frames["field"]}
+    assert "[mm]" in fields["x_c_mm"]["description"]
+    assert fields["x_c_mm"]["source"]["fileSet"] == {"@id": "truth-files"}
+    assert fields["force_antenna_n"]["arrayShape"] == "3"
+    assert fields["frame_id"]["references"]["fileSet"] == {"@id": "truth-files"}
+    assert {"rig", "motor_angle_deg", "centreline_s_mm"} <= fields.keys()
+
+
+def test_a_document_that_does_not_fit_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = write_dataset(tmp_path / "data")
+    write_croissant(root)
+    source = open_source(root)
+    assert not list(document_errors(root, source))
+    (root / "observations" / "rig.json").write_text("{} ", encoding="utf-8")
+    assert list(document_errors(root, source)) == ["the sha256 of observations/rig.json differs"]
+    next(root.glob("observations/shard_*/*.png")).unlink()
+    assert "observations/shard_*/*.png matches 8 files, of 9 frames" in document_errors(
+        root, source
+    )
+    other = write_dataset(tmp_path / "other")
+    wrong = {"rest/rest_00.png": "0" * 64, "rig.json": "0" * 64}
+    monkeypatch.setattr(
+        croissant, "read_hashes", lambda tree: wrong if tree.name == "observations" else {}
+    )
+    with pytest.raises(DamageError, match=r"the sha256 of observations/rig\.json differs"):
+        write_croissant(other)
+
+
+def test_a_hugging_face_export_has_a_document_of_its_own(tmp_path: Path) -> None:
+    root = write_dataset(tmp_path / "data", Size(bits=16))
+    out = exported(root, "hf", tmp_path / "out")
+    content = json.loads((out / "croissant.json").read_bytes())
+    names = [node["@id"] for node in content["distribution"]]
+    assert "data/train-00000-of-00001.parquet" in names
+    assert "rigs/rig/rig.json" in names
+    (image, *_) = content["recordSet"][1]["field"]
+    assert image["source"]["transform"] == {"jsonPath": "bytes"}
+    task = json.loads((out / "croissant_task.json").read_bytes())
+    assert task["@type"] == "cr:TaskProblem"
+    assert task["cr:input"]["@id"] == "croissant.json"
+    answer = {field["name"] for field in task["cr:output"]["cr:schema"]["field"]}
+    assert {"frame_id", "outcome", "x_c_mm", "x_c_sigma_mm", "force_n"} <= answer
+
+
+def test_metrics_of_the_task_are_those_of_the_scoring() -> None:
+    code = "".join(path.read_text(encoding="utf-8") for path in SCORING.glob("*.py"))
+    assert [name for name, _, _ in METRICS if f'"{name}"' not in code] == []

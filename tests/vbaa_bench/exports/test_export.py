@@ -1,0 +1,244 @@
+"""An export is whole or absent: interruption, damage, and the check of what was written."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from solver.instrument.errors import DamageError, InputError
+from solver.instrument.files import sha256
+from tests.sealing import reseal
+from tests.vbaa_bench.exports.test_formats import SMALL_FILE, exported
+from tests.vbaa_bench.exports.written import Size, write_dataset
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.exports import lerobot
+from vbaa_bench.exports.bop import Bop
+from vbaa_bench.exports.bop_poses import poses
+from vbaa_bench.exports.export import FORMATS
+from vbaa_bench.exports.flat_csv import FlatCsv
+from vbaa_bench.exports.hugging_face import HuggingFace
+from vbaa_bench.exports.lerobot_stats import combined, value_stats
+from vbaa_bench.exports.output import Record
+from vbaa_bench.exports.parts import Part
+from vbaa_bench.exports.rig import Rig
+from vbaa_bench.exports.source import Source
+from vbaa_bench.exports.web_dataset import WebDataset
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return write_dataset(tmp_path / "data")
+
+
+def contents(root: Path) -> dict[str, str]:
+    files = (path for path in root.rglob("*") if path.is_file())
+    return {path.relative_to(root).as_posix(): sha256(path) for path in files}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_an_interrupted_export_continues_to_the_same_bytes(
+    tmp_path: Path, data: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = exported(data, name, tmp_path / "whole", most_bytes=SMALL_FILE)
+    chosen, written = FORMATS[name], list[int]()
+    write_part = chosen.write_part
+    monkeypatch.setattr(chosen, "usual_cut", chosen.usual_cut)
+    if name in {"bop", "csv"}:  # these cut by number of frames
+        monkeypatch.setattr(
+            chosen, "usual_cut", type(chosen.usual_cut)(10**9, 2, one_rig=name == "bop")
+        )
+        whole = exported(data, name, tmp_path / "pairs")
+
+    def interrupted(self: Any, folder: Path, part: Part) -> Record:
+        written.append(part.index)
+        if len(written) == 3:
+            raise KeyboardInterrupt
+        return write_part(self, folder, part)
+
+    monkeypatch.setattr(chosen, "write_part", interrupted)
+    most_bytes = None if name in {"bop", "csv"} else SMALL_FILE
+    with pytest.raises(KeyboardInterrupt):
+        exported(data, name, tmp_path / "out", most_bytes=most_bytes)
+    assert not (tmp_path / "out").exists()
+    exported(data, name, tmp_path / "out", most_bytes=most_bytes)
+    assert written[:4] == [0, 1, 2, 2]  # the first two parts were kept
+    assert contents(tmp_path / "out") == contents(whole)
+
+
+def test_other_options_or_data_begin_again(
+    tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finish = WebDataset.finish
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(WebDataset, "finish", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        exported(data, "webdataset", tmp_path / "out")
+    monkeypatch.setattr(WebDataset, "finish", finish)
+    out = exported(data, "webdataset", tmp_path / "out", centrelines=True, most_bytes=SMALL_FILE)
+    table = json.loads((out / "index.json").read_bytes())
+    assert len(list(out.glob("*.tar"))) == len(table["shardlist"])
+
+
+def test_damage_of_the_dataset_is_found_and_nothing_appears(tmp_path: Path, data: Path) -> None:
+    image = next(data.glob("observations/shard_*/*.png"))
+    original = image.read_bytes()
+    image.write_bytes(original[:-1] + b"x")
+    with pytest.raises(DamageError, match=f"{image.name}: is not what was generated"):
+        exported(data, "hf", tmp_path / "out")
+    image.unlink()
+    with pytest.raises(DamageError, match=f"{image.name}: is missing"):
+        exported(data, "csv", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    image.write_bytes(original)
+    exported(data, "csv", tmp_path / "out")
+
+
+def test_a_frame_that_the_hashes_do_not_list_is_refused(tmp_path: Path, data: Path) -> None:
+    (shard, *_) = sorted(data.glob("observations/shard_*"))
+    (image, *_) = shard.glob("*.png")
+    table = json.loads((shard / "hashes.json").read_bytes())
+    del table[image.name]
+    (shard / "hashes.json").write_text(json.dumps(table), encoding="utf-8")
+    (data / "observations" / "hashes.json").unlink()
+    reseal_tree(data)
+    with pytest.raises(InputError, match="does not list the image of the frame"):
+        exported(data, "hf", tmp_path / "out")
+
+
+def reseal_tree(root: Path) -> None:
+    """Record the shards' tables as they are now in the tree's."""
+    tree = Layout(root).observations
+    files = [*tree.glob("*/hashes.json"), *tree.glob("rest/*"), *tree.glob("calibration/*")]
+    table = {path.relative_to(tree).as_posix(): sha256(path) for path in files}
+    table["rig.json"] = sha256(tree / "rig.json")
+    (tree / "hashes.json").write_text(json.dumps(table), encoding="utf-8")
+
+
+def test_frames_that_failed_are_left_out(tmp_path: Path) -> None:
+    root = write_dataset(tmp_path / "data", Size(per_shard=1))
+    shard = "shard_00004"
+    metadata = root / "observations" / shard / "metadata.csv"
+    head, row = metadata.read_text(encoding="utf-8").splitlines()
+    frame_id = row.split(",")[1]
+    metadata.write_text(f"{head}\n", encoding="utf-8")
+    (metadata.parent / f"{frame_id}.png").unlink()
+    truth = root / "truth" / shard / "truth.parquet"
+    pl.read_parquet(truth).clear().write_parquet(truth)
+    failures = root / "truth" / shard / "failures.json"
+    failures.write_text(json.dumps({frame_id: "no equilibrium"}), encoding="utf-8")
+    reseal(Layout(root))
+    for name in FORMATS:
+        out = exported(root, name, tmp_path / name)
+        assert "8 frames of one rig" in (out / "README.md").read_text(encoding="utf-8")
+
+
+def test_a_folder_that_exists_is_not_touched(tmp_path: Path, data: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match="exists already"):
+        exported(data, "csv", tmp_path / "out")
+    assert contents(tmp_path / "out").keys() == {"mine.txt"}
+    (tmp_path / "empty").mkdir()
+    assert exported(data, "csv", tmp_path / "empty").is_dir()
+
+
+def _swapped(self: Any, folder: Path, part: Part) -> Any:
+    """Write a part whose first two frames have each other's images."""
+    images = part.table["frame_id"].to_list()
+    images[0], images[1] = images[1], images[0]
+    shards = part.table["shard"].to_list()
+    shards[0], shards[1] = shards[1], shards[0]
+    places = iter(zip(shards, images, strict=True))
+
+    class Swapped(Part):
+        def frames(self) -> Any:
+            for frame in super().frames():
+                shard, name = next(places)
+                yield frame._replace(png=frame.rig.image_path(shard, name).read_bytes())
+
+    return _WRITE[type(self)](self, folder, Swapped(**vars(part)))
+
+
+_WRITE: dict[type, Any] = {kind: kind.write_part for kind in FORMATS.values()}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_swapped_images_are_named(
+    tmp_path: Path, data: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FORMATS[name], "write_part", _swapped)
+    with pytest.raises(DamageError, match=r"out: is not what was exported: the image of the frame"):
+        exported(data, name, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    monkeypatch.undo()
+    exported(data, name, tmp_path / "out")  # nothing of the bad export is kept
+
+
+@pytest.mark.parametrize("kind", [HuggingFace, FlatCsv, WebDataset, Bop])
+def test_changed_labels_and_missing_frames_are_named(
+    tmp_path: Path, data: Path, kind: type[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read_back = kind.read_back
+
+    def changed(self: Any, folder: Path, source: Source) -> Any:
+        for i, frame in enumerate(read_back(self, folder, source)):
+            if i == 2:
+                yield frame._replace(values={**frame.values, "x_c_mm": 7.25})
+            elif i != 8:
+                yield frame
+
+    monkeypatch.setattr(kind, "read_back", changed)
+    name = next(key for key, value in FORMATS.items() if value is kind)
+    with pytest.raises(DamageError) as caught:
+        exported(data, name, tmp_path / "out")
+    assert "x_c_mm of the frame" in str(caught.value)
+    assert "is missing" in str(caught.value)
+    assert "{'train': 8} frames by split" in str(caught.value)
+
+
+def test_shifted_offsets_are_named(
+    tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episodes = lerobot._episodes
+
+    def shifted(part: Part, *arguments: Any) -> pl.DataFrame:
+        table = episodes(part, *arguments)
+        offset = pl.lit(part.first_frame)  # counts from 0 in every file, as in lerobot #2438
+        return table.with_columns(pl.col("dataset_from_index", "dataset_to_index") - offset)
+
+    monkeypatch.setattr(lerobot, "_episodes", shifted)
+    with pytest.raises(DamageError, match="offsets are not those of the frames"):
+        exported(data, "lerobot", tmp_path / "out", most_bytes=SMALL_FILE)
+
+
+def test_a_wrong_pose_is_named(tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def moved(rig: Rig, row: Any, number: int) -> list[dict[str, Any]]:
+        entries = poses(rig, row, number)
+        entries[-1]["cam_t_m2c"][2] += 0.001
+        return entries
+
+    monkeypatch.setattr("vbaa_bench.exports.bop.poses", moved)
+    with pytest.raises(DamageError, match="cam_t_m2c of the contact is not where its truth is"):
+        exported(data, "bop", tmp_path / "out")
+
+
+def test_statistics_of_parts_combine_to_those_of_all() -> None:
+    random = np.random.default_rng(0)
+    parts = [random.normal(size=(n, 2)) for n in (1, 4, 7)]
+    parts[1][2] = np.nan
+    stats = combined([value_stats(part) for part in parts])
+    values = np.concatenate(parts)
+    values = values[~np.isnan(values).any(axis=1)]
+    np.testing.assert_allclose(stats["mean"], values.mean(axis=0))
+    np.testing.assert_allclose(stats["std"], values.std(axis=0))
+    np.testing.assert_array_equal(stats["min"], values.min(axis=0))
+    assert stats["count"] == [11]
+    nothing = combined([value_stats(np.full((3, 1), np.nan))])
+    assert nothing["count"] == [0]
+    assert np.isfinite(nothing["mean"]).all()
