@@ -21,7 +21,8 @@ TRUE_RIG = {
         "fy_px": 20.0,
         "cx_px": 5.5,
         "cy_px": 3.5,
-        "camera_from_antenna": np.eye(4).tolist(),
+        # It looks at the middle of the beam from a distance of 0.3 m.
+        "camera_from_antenna": [[1, 0, 0, -0.12], [0, -1, 0, 0], [0, 0, -1, 0.3], [0, 0, 0, 1]],
         "telecentric": False,
         "distortion": [],
     },
@@ -50,13 +51,29 @@ def store(
                 truth = contact if i else dict.fromkeys(contact)
                 other = dict.fromkeys(("y_c_mm", "s_c_mm", "force_n", "f_n"), 0.1 * i)
                 angles = {"theta_c_deg": 1.0, "psi_deg": None, "model": "exact", "step": i % 2}
+                line = {f"centreline_{axis}_mm": [0.0, 0.0] for axis in "yz"}
+                line["centreline_x_mm"] = [0.0, 240.0]
+                place = {
+                    "trial": i,
+                    "true_motor_angle_deg": -0.5 * i,
+                    "deflection_pct": 5.0,
+                    "contact_row": 0 if i else None,
+                }
                 # Any order of the names: rows are joined by frame_id.
                 name = f"{(7 * i) % 100:04d}"
                 writer.add(
-                    name, image, {**readings, "step": i % 2, **split}, truth | other | angles, {}
+                    name,
+                    image,
+                    {**readings, "step": i % 2, **split},
+                    truth | other | angles | line | place,
+                    {},
                 )
         for name, value in writer.digests.items():
             whole[name][f"shard_{number:05d}/hashes.json"] = value
-    scene = {"sensor": {"bits": bits}}
+    scene = {
+        "sensor": {"bits": bits},
+        "camera": {"mount": "antenna"},
+        "clamp_offset_mm": [0.0, 0.0, 0.0],
+    }
     seal(layout, {"scene": scene, "seed": 1, "variant": "none", "true_rig": TRUE_RIG}, whole)
     return root

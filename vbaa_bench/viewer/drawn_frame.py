@@ -30,7 +30,7 @@ def draw_frame(frame: ViewedFrame, colours: Colours, plot: EllipsePlot) -> np.nd
     contacts are rings on the true centreline, in the colours of the methods. `plot` has the scales
     of the plot of errors, in which nothing is drawn without estimates.
     """
-    image = _fitted(strip(frame.overlay, colours, _scale(frame), max(frame.image.shape)))
+    image = drawn_image(frame, colours, (_WIDTH, _HEIGHT))
     height, width = image.shape[:2]
     rows = max(_SIDE, _LINE * (len(colours) + 3)) + 2 * _MARGIN
     canvas = np.full((_HEAD + height + rows, max(width, _WIDTH), 3), PAPER, np.uint8)
@@ -56,18 +56,16 @@ def even(picture: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(picture[: height - height % 2, : width - width % 2])
 
 
-def _scale(frame: ViewedFrame) -> int:
-    """Choose by which whole factor an image is enlarged."""
+def drawn_image(frame: ViewedFrame, colours: Colours, limits: tuple[int, int]) -> np.ndarray:
+    """Draw on the whole image, enlarged by a whole factor, or reduced, to a width and height."""
     height, width = frame.image.shape
-    return int(max(min(_WIDTH // width, _HEIGHT // height), 1))
-
-
-def _fitted(image: np.ndarray) -> np.ndarray:
-    """Reduce an image that is too large."""
-    height, width = image.shape[:2]
-    factor = min(_WIDTH / width, _HEIGHT / height, 1.0)
-    size = (round(width * factor), round(height * factor))
-    return image if factor == 1 else cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    scale = int(max(min(limits[0] // width, limits[1] // height), 1))
+    image = strip(frame.overlay, colours, scale, max(frame.image.shape))
+    factor = min(limits[0] / image.shape[1], limits[1] / image.shape[0])
+    if factor >= 1:
+        return image
+    size = (round(image.shape[1] * factor), round(image.shape[0] * factor))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
 def _table(canvas: np.ndarray, frame: ViewedFrame, colours: Colours, top: int) -> None:

@@ -10,7 +10,7 @@ from solver.instrument.arrays import Floats
 
 # The 95 % quantile of chi-squared with two degrees of freedom is -2 ln(1 - 0.95).
 RADIUS: Final = math.sqrt(-2 * math.log(0.05))
-_POINTS: Final = 48
+_POINTS: Final = 96
 
 
 def ellipse(sigmas: Sequence[float], correlation: float) -> Floats:

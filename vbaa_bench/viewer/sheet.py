@@ -5,9 +5,10 @@ from typing import Final
 import cv2
 import numpy as np
 
-from vbaa_bench.report.gallery import Colours, colours_of, strip
+from vbaa_bench.report.gallery import Colours, colours_of
 from vbaa_bench.report.numbers import signed
 from vbaa_bench.viewer.animation import Progress
+from vbaa_bench.viewer.drawn_frame import drawn_image
 from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
 from vbaa_bench.viewer.text import BOLD, FAINT, INK, PAPER, write
 
@@ -44,13 +45,12 @@ def contact_sheet(data: ViewedDataset, progress: Progress) -> bytes:
 
 def _tile(frame: ViewedFrame, colours: Colours) -> np.ndarray:
     """Draw a frame with its errors of x_c below."""
-    image = strip(frame.overlay, colours, 2, max(frame.image.shape))
-    height = round(image.shape[0] * _WIDTH / image.shape[1])
-    image = cv2.resize(image, (_WIDTH, height), interpolation=cv2.INTER_AREA)
+    image = drawn_image(frame, colours, (_WIDTH, _WIDTH))
+    height, width = image.shape[:2]
     lines = -(-len(colours) // _PER_LINE)
     tile = np.full((_CAPTION + height + lines * _LINE + 6, _WIDTH, 3), PAPER, np.uint8)
     write(tile, frame.title, (2, 18), INK, 15, BOLD)
-    tile[_CAPTION : _CAPTION + height] = image
+    tile[_CAPTION : _CAPTION + height, :width] = image
     for number, (method, colour) in enumerate(colours.items()):
         row, column = divmod(number, _PER_LINE)
         at = (2 + column * _WIDTH // _PER_LINE, _CAPTION + height + (row + 1) * _LINE - 3)

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 Colour = tuple[int, int, int]
-# BGR, as in the dark scheme of the report.
-PAPER: Final = (26, 23, 20)
-INK: Final = (235, 232, 228)
+# BGR. Chosen: black and white are in the palette of OpenCV's GIFs, which dithers other grays.
+PAPER: Final = (0, 0, 0)
+INK: Final = (255, 255, 255)
 FAINT: Final = (160, 152, 145)
 BOLD, REGULAR = 600, 400
 _FONT: Final = cv2.FontFace("sans")
