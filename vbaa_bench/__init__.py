@@ -19,6 +19,9 @@ This module is the public interface; all modules below are private and may chang
 import importlib
 from typing import TYPE_CHECKING, Any, Final
 
+# Imported before OpenCV, for the limit of the images that OpenCV decodes.
+import solver.instrument  # noqa: F401
+
 if TYPE_CHECKING:
     from solver.instrument.errors import InputError
     from vbaa_bench.api.data import Collection, Dataset, generate, generate_rigs, read_exr

@@ -10,12 +10,22 @@ class InputError(Exception):
     """Error for a file, key or value that cannot be used; its text is one sentence for the user.
 
     Raise this if the mistake is outside the program and the user can correct it: the
-    command lines print the sentence and exit with status 2.
+    command lines print the sentence and exit with status 2. Characters that would control a
+    terminal, or cannot be encoded, are escaped: the text may quote a file of unknown origin.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(map(_printable, message)))
 
 
 class DamageError(InputError):
     """Error for a file of a generated dataset that is missing, or is not what was written."""
+
+
+def _printable(character: str) -> str:
+    if character.isprintable() or character == "\n":
+        return character
+    return repr(character)[1:-1]
 
 
 def quoted(value: object) -> str:

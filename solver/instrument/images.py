@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from solver.instrument import MAX_PIXELS
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import read_bytes
@@ -23,8 +24,6 @@ _PNG = [
 ]
 _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD: Final = 25  # bytes up to the bit depth
-# Chosen: the largest cameras have 150 megapixels, the largest scene 67.
-MAX_PIXELS: Final = 200_000_000
 # Channel read from a colour image: luma, one of its colours, or blue to yellow (CIELAB's b).
 CHANNELS: Final = ("gray", "r", "g", "b", "lab_b")
 _CHANNEL_INDEX: Final = {"b": 0, "g": 1, "r": 2}
@@ -56,7 +55,7 @@ def decode_grey(content: bytes, path: Path, channel: str = "gray") -> Grey:
             )
     try:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:  # an image of any format that is larger than OpenCV allows
+    except cv2.error:  # such as an image of any format with more than MAX_PIXELS
         image = None
     if image is None:
         raise InputError(f"{path}: is not an image that can be decoded")

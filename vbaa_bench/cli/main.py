@@ -10,9 +10,8 @@ from rich.console import Console
 from solver.instrument.errors import InputError
 from vbaa_bench.cli import data, datasets, measure, regression, results
 from vbaa_bench.cli.endurance import endurance_app
-from vbaa_bench.cli.export import export
-from vbaa_bench.cli import data, measure, regression, results
 from vbaa_bench.cli.export import check_exports, export
+from vbaa_bench.cli.fuzz import fuzz
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.cli.view import view
@@ -48,6 +47,7 @@ app.command()(measure.stress)
 app.command()(measure.learned)
 app.command()(measure.leaks)
 app.command()(check_exports)
+app.command()(fuzz)
 app.command()(measure.doctor)
 app.add_typer(speed_app, name="speed")
 app.add_typer(endurance_app, name="endurance")

@@ -111,7 +111,7 @@ class ClusterPool:
         where = self._clients.enter_context(self._address.scheduler())
         while True:
             try:
-                client = Client(where, set_as_default=False)  # type: ignore[no-untyped-call]
+                client = Client(where, set_as_default=False)
                 return self._clients.enter_context(client)
             except (OSError, TimeoutError) as error:
                 if time.monotonic() > end:

@@ -5,14 +5,19 @@ columns run from +x through +y around.
 """
 
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, truncated
 from vbaa_bench.dataset.exr_channels import channels
 
 HEIGHT, WIDTH = 128, 256
+# Weights of the channels in the luminance (ITU-R BT.709).
+LUMINANCE: Final = {"R": 0.2126, "G": 0.7152, "B": 0.0722}
+# Chosen: a map of 8192 x 4096 px in colour and with transparency; converting it takes 1.3 GB.
+MAX_VALUES: Final = 4 * 8192 * 4096
 # Samples along each side of a pixel: antialiases the edges of windows and lamps.
 SUBPIXELS = 4
 # Steps in polar angle of the integral over the upper hemisphere.
@@ -68,13 +73,15 @@ def read_luminance(path: Path) -> Floats:
 
     Raises InputError if it cannot be read, or is negative or not finite.
     """
-    by_name = {name: values.astype(float) for name, values in channels(path).items()}
-    if {"R", "G", "B"} <= set(by_name):
-        image = 0.2126 * by_name["R"] + 0.7152 * by_name["G"] + 0.0722 * by_name["B"]
-    elif len(by_name) == 1:
-        image = next(iter(by_name.values()))
-    else:
-        raise InputError(f"{path}: has channels {', '.join(by_name)}, allowed are R, G, B or one")
+    by_name = channels(path, MAX_VALUES)
+    weights = LUMINANCE if LUMINANCE.keys() <= by_name.keys() else dict.fromkeys(by_name, 1.0)
+    if weights is not LUMINANCE and len(by_name) != 1:
+        names = truncated(", ".join(by_name))
+        raise InputError(f"{path}: has channels {names}, allowed are R, G, B or one")
+    image = np.zeros(1)
+    for name, weight in weights.items():
+        # Each channel is released before the next is converted: they may be large.
+        image = image + weight * by_name.pop(name).astype(float)
     if not (np.isfinite(image).all() and image.min() >= 0):
         raise InputError(f"{path}: allowed are values that are finite and >= 0")
     return image

@@ -25,14 +25,20 @@ def read_surface_image(folder: Path, name: str) -> Floats:
         image = read_luminance(path)
     else:
         gray = read_grey(path)
-        image = _linear(gray / np.iinfo(gray.dtype).max)
-    if max(image.shape) > MAX_SIDE:
-        raise InputError(
-            f"{path}: has {image.shape[1]} x {image.shape[0]} px, allowed are {MAX_SIDE} each way"
-        )
+        _check_size(path, gray.shape)
+        levels = np.iinfo(gray.dtype).max
+        # One value for each gray level, not for each pixel: the image may be large.
+        image = _linear(np.arange(levels + 1) / levels)[gray]
+    _check_size(path, image.shape)
     if not image.mean() > 0:
         raise InputError(f"{path}: is black, allowed is any image with a brighter part")
-    return np.asarray(image / image.mean())
+    image /= image.mean()
+    return image
+
+
+def _check_size(path: Path, shape: tuple[int, ...]) -> None:
+    if max(shape) > MAX_SIDE:
+        raise InputError(f"{path}: has {shape[1]} x {shape[0]} px, allowed are {MAX_SIDE} each way")
 
 
 def _linear(encoded: Floats) -> Floats:

@@ -2,6 +2,7 @@
 
 import io
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -235,7 +236,9 @@ def _document(path: Path, text: str) -> Any:
             depth -= isinstance(event, CollectionEndEvent)
             if depth > MAX_DEPTH:
                 raise _too_deep(path, event.start_mark.line)
-        return YAML(typ="rt").load(io.StringIO(text))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # such as an anchor that is defined twice
+            return YAML(typ="rt").load(io.StringIO(text))
     except MarkedYAMLError as error:
         mark = error.problem_mark
         where = f":{mark.line + 1}:{mark.column + 1}" if mark else ""

@@ -10,7 +10,7 @@ import numpy as np
 from solver.instrument.images import png_bytes
 from tests.sealing import reseal
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.writer import ShardWriter
+from vbaa_bench.dataset.writer import shard_writer
 
 
 class Size(NamedTuple):
@@ -52,7 +52,7 @@ def write_dataset(
     names = [bytes(random.integers(0, 256, 8, dtype=np.uint8)).hex() for _ in frames]
     order = np.argsort(names)
     for shard in range(-(-len(frames) // size.per_shard)):
-        with ShardWriter(layout, shard) as writer:
+        with shard_writer(layout, shard) as writer:
             for i in order[shard * size.per_shard : (shard + 1) * size.per_shard]:
                 push, step = frames[i]
                 split = {"split": splits[push % len(splits)]} if splits else {}

@@ -1,0 +1,1 @@
+"""Fuzzing: random mistakes in every kind of input, each case in a watched child process."""

@@ -1,0 +1,81 @@
+"""The command fuzz: random mistakes in all inputs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vbaa_bench.cli.interrupt import importing
+from vbaa_bench.cli.options import AsJson, Workers
+from vbaa_bench.report.console import console, print_line, print_result, progress_bars, show_table
+
+_COUNT = typer.Option(min=0, max=10_000_000, help="number of cases")
+
+
+def fuzz(
+    scenes: Annotated[int, _COUNT] = 10_000,
+    rigs: Annotated[int, _COUNT] = 2000,
+    tables: Annotated[int, _COUNT] = 2000,
+    images: Annotated[int, _COUNT] = 2000,
+    predictions: Annotated[int, _COUNT] = 2000,
+    records: Annotated[int, _COUNT] = 2000,
+    settings: Annotated[int, _COUNT] = 2000,
+    seed: Annotated[int, typer.Option(min=0, help="seed of all mistakes")] = 1,
+    valid: Annotated[
+        Path, typer.Option(help="folder of valid scenes, in which mistakes are made")
+    ] = Path("scenes"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="folder for cases and findings", show_default="runs/fuzz/<seed>"),
+    ] = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make random mistakes in all kinds of input, and check that each is accepted or refused.
+
+    Each case runs in a watched process: an error without a clear sentence, a hang, too much memory
+    or a file written elsewhere is a finding. The exit status is 1 if there is any. Run it again to
+    continue an interrupted run.
+    """
+    with importing():
+        from solver.instrument.errors import InputError
+        from vbaa_bench.benchmarks.fuzz import command
+        from vbaa_bench.benchmarks.fuzz.material import prepare
+        from vbaa_bench.generation.workers import cores
+
+    counts = {
+        "scenes": scenes,
+        "rigs": rigs,
+        "tables": tables,
+        "images": images,
+        "predictions": predictions,
+        "records": records,
+        "settings": settings,
+    }
+    folder = (out or Path("runs/fuzz") / str(seed)).resolve()
+    if not any(valid.rglob("*.yaml")):
+        raise InputError(f"{valid}: holds no scene (*.yaml)")
+    with console.status("making a small dataset"):
+        prepare(folder / "material", valid)
+    with progress_bars() as bars:
+        tasks = {kind: bars.add_task(kind, total=count) for kind, count in counts.items() if count}
+        try:
+            record = command.fuzz(
+                counts,
+                seed,
+                folder / "material",
+                folder,
+                workers or cores(),
+                lambda kind, done: bars.update(tasks[kind], completed=done),
+            )
+        except KeyboardInterrupt:
+            console.print("interrupted; the same command continues")
+            raise
+    if as_json:
+        print_result(record, "", True)
+    else:
+        show_table(f"fuzz, seed {seed}", command.HEADS, command.rows(record))
+        if record["findings"]:
+            print_line(f"{record['findings']} findings in {folder / 'findings'}")
+    if record["findings"]:
+        raise typer.Exit(1)
