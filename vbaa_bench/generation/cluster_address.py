@@ -1,6 +1,7 @@
 """Address of a Dask scheduler, or a file that describes a cluster to be started."""
 
 import contextlib
+import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,12 +67,12 @@ class ClusterAddress:
         if not _is_file(self.text):
             yield self.text
             return
-        import dask_jobqueue
-
         description = _described(Path(self.text))
         kind, jobs = description.pop("cluster"), description.pop("jobs")
+        # Each kind has a module of its own.
+        started = getattr(importlib.import_module(f"dask_jobqueue.{kind}"), CLUSTERS[kind])
         try:
-            cluster = getattr(dask_jobqueue, CLUSTERS[kind])(**description)
+            cluster = started(**description)
         except (TypeError, ValueError, OSError) as error:
             raise InputError(f"{self.text}: no cluster can be started ({error})") from error
         with cluster:

@@ -1,0 +1,84 @@
+"""Workers of a real Dask cluster on the loopback interface: they die, and differ in version."""
+
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import dask
+import distributed
+import pytest
+
+from solver.instrument.errors import InputError
+from tests.poisoned import PoisonedWorker
+from tests.vbaa_bench.generation.test_failures import failures, poisoned
+from vbaa_bench.dataset.inventory import take_inventory
+from vbaa_bench.generation import cluster
+from vbaa_bench.generation.cluster import ClusterPool
+from vbaa_bench.generation.cluster_address import ClusterAddress
+from vbaa_bench.generation.deaths import DIED
+from vbaa_bench.generation.workers import Job
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[ClusterAddress]:
+    options: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 1, "host": "127.0.0.1"}
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(dashboard_address=None, silence_logs=50, **options) as local,
+    ):
+        yield ClusterAddress.checked(local.scheduler_address)
+
+
+def test_a_frame_at_which_workers_of_a_cluster_die_costs_itself_alone(
+    address: ClusterAddress, tmp_path: Path
+) -> None:
+    missing, counts = poisoned(tmp_path), list[int]()
+    with ClusterPool(address, PoisonedWorker, (tmp_path,), print) as pool:
+        missing.generate(pool, lambda done, _total: counts.append(done))
+    assert failures(missing.layout) == {"frame 1": DIED, "frame 3": DIED}
+    assert take_inventory(missing.layout, missing.contents).failed == missing.inventory.failed
+    assert counts[-1] == 10
+    assert not missing.layout.all_aside()
+
+
+def test_a_worker_of_another_version_is_refused(
+    address: ClusterAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "_program", lambda: "another")
+    with (
+        pytest.raises(InputError, match=r"worker on .*: has another version of the program"),
+        ClusterPool(address, PoisonedWorker, (tmp_path,), print) as pool,
+    ):
+        list(pool.outcomes(deque([Job("image", ("rest/rest_00.png", 1.0))]), lambda _done: None))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("127.0.0.1", "allowed is an address such as tcp://127.0.0.1:8786, or a file"),
+        ("none.yaml", r"none\.yaml: cannot be read"),
+        ("[1, 2]", "is no mapping"),
+        ("cluster: cloud", "cluster is cloud, allowed is one of slurm, pbs"),
+        ("cluster: slurm\njobs: many", "jobs is many, allowed is a number"),
+        ("cluster: slurm\njobs: 2\ncores: 0", "cores is 0, allowed is a number"),
+    ],
+)
+def test_an_address_is_checked_before_anything_is_started(
+    text: str, message: str, tmp_path: Path
+) -> None:
+    if ":" in text or "[" in text:
+        (tmp_path / "cluster.yaml").write_text(text)
+        text = str(tmp_path / "cluster.yaml")
+    with pytest.raises(InputError, match=message):
+        ClusterAddress.checked(text)
+
+
+# dask-jobqueue leaves the pipes of its local processes open.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_file_starts_its_own_cluster(tmp_path: Path) -> None:
+    path = tmp_path / "here.yaml"
+    path.write_text("cluster: local\njobs: 1\nmemory: 1GB\n")
+    with ClusterPool(ClusterAddress.checked(str(path)), PoisonedWorker, (tmp_path,), print) as pool:
+        (ended,) = pool.outcomes(deque([Job("image", ("view", 1.0))]), lambda _done: None)
+    assert ended.result == "view at 1.0"
