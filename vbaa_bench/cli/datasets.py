@@ -7,7 +7,7 @@ import typer
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Workers
-from vbaa_bench.report.console import print_result, progress_bars
+from vbaa_bench.report.console import console, print_result, progress_bars
 
 
 def verify(
@@ -60,3 +60,41 @@ def verify(
     print_result(result.record(), str(result), as_json)
     if result.faults:
         raise typer.Exit(1)
+
+
+def info(dataset: DatasetPath, as_json: AsJson = False) -> None:
+    """Print the facts on a dataset or collection: frames, failures, splits, versions, results."""
+    with importing():
+        from vbaa_bench.dataset.info import info_of
+
+    facts = info_of(dataset)
+    lines = list(facts.lines())
+    width = max(len(name) for name, _ in lines)
+    text = "\n".join(f"{name:{width}}  {value}" for name, value in lines)
+    print_result(facts.record(), text, as_json)
+
+
+def subset(
+    dataset: DatasetPath,
+    out: Annotated[Path, typer.Argument(help="new folder")],
+    frames: Annotated[
+        int | None, typer.Option(min=1, help="largest number of frames, of whole pushes")
+    ] = None,
+    split: Annotated[str | None, typer.Option(help="name of a split")] = None,
+    shards: Annotated[
+        str | None, typer.Option(help="shards, as 7 or 0:10 (0 to 9); pushes may be cut")
+    ] = None,
+    cut_pushes: Annotated[
+        bool, typer.Option("--cut-pushes", help="with --frames: exactly this number of frames")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Copy some frames of a dataset into a new dataset, which is solved and scored as any other."""
+    with importing():
+        from vbaa_bench.dataset.subset import Choice, choice_of
+        from vbaa_bench.dataset.subset import subset as write_subset
+
+    choice: Choice = choice_of(frames, split, shards, cut_pushes)
+    with console.status("copying"):
+        count = write_subset(dataset, out, choice)
+    print_result({"dataset": str(out), "frames": count}, f"{count} frames in {out}", as_json)

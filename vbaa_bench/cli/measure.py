@@ -322,7 +322,7 @@ def check_damage(
     seed: Annotated[int, typer.Option(min=0, help="seed of the damages")] = 1,
     work: Annotated[
         Path | None,
-        typer.Option(help="folder for copies of the dataset", show_default="a temporary one"),
+        typer.Option(help="folder for copies of the dataset", show_default="runs/damage_trials"),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Markdown file to write, and a CSV file beside it")
@@ -335,8 +335,6 @@ def check_damage(
     The exit status is 1 if `verify` misses a damage, or if a command uses a damaged file.
     """
     with importing():
-        import tempfile
-
         import polars as pl
 
         from solver.lab.writing import prepare_output_path, write
@@ -346,11 +344,12 @@ def check_damage(
 
     if out:
         prepare_output_path(out)
-    with progress_bars() as bars, tempfile.TemporaryDirectory(dir=work) as folder:
+    folder = work or Path("runs/damage_trials")
+    with progress_bars() as bars:
         task = bars.add_task("trials", total=trials)
         done = run_trials(
             dataset,
-            Path(folder),
+            folder,
             trials,
             seed,
             workers or cores(),

@@ -42,8 +42,31 @@ class Choice(NamedTuple):
 
     def record(self) -> dict[str, Any]:
         """Return the choice as an object for JSON."""
-        stated = {name: value for name, value in self._asdict().items() if value is not None}
-        return stated if self.frames is not None else {**stated, "cut_pushes": None}
+        if self.frames is not None:
+            return {"choice": "frames", "largest": self.frames, "cut_pushes": self.cut_pushes}
+        if self.split is not None:
+            return {"choice": "split", "split": self.split}
+        return {"choice": "shards", "shards": self.shards}
+
+
+def choice_of(
+    frames: int | None, split: str | None, shards: str | None, cut_pushes: bool
+) -> Choice:
+    """Return the choice that options of the command line state. Raises InputError."""
+    if sum(value is not None for value in (frames, split, shards)) != 1:
+        raise InputError("allowed is one of --frames, --split and --shards")
+    if cut_pushes and frames is None:
+        raise InputError("--cut-pushes is allowed with --frames only")
+    if shards is None:
+        return Choice(frames, split, None, cut_pushes)
+    first, colon, end = shards.partition(":")
+    numbers = [first or "0", end] if colon else [first, first]
+    if not all(number.isdecimal() for number in numbers):
+        raise InputError(f"--shards is {shards}, allowed is a number or a range such as 0:10")
+    start, stop = int(numbers[0]), int(numbers[1]) + (not colon)
+    if start >= stop:
+        raise InputError(f"--shards is {shards}, allowed is a range such as 0:10")
+    return Choice(shards=(start, stop))
 
 
 class Frames(NamedTuple):

@@ -1,13 +1,16 @@
 """Templates of pages, with the formats of numbers that all pages share."""
 
+import functools
+
 import jinja2
 
 from vbaa_bench.report import numbers
 from vbaa_bench.report.drawing import key
 
 
+@functools.cache
 def template(name: str) -> jinja2.Template:
-    """Load a template of this folder."""
+    """Load a template of this folder; it is compiled once."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("vbaa_bench.report", "."),
         autoescape=True,

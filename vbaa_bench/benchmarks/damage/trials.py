@@ -1,16 +1,21 @@
 """Trials: damage one file of a dataset, verify it, run every command, restore it."""
 
-import contextlib
+import json
+import os
 import shutil
+import sys
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from solver.instrument.errors import InputError
+from solver.instrument.files import write_text
+from solver.instrument.hashes import HASHES, digest, read_bytes
 from solver.methods import METHODS
 from vbaa_bench.benchmarks.damage.damages import DAMAGES, kind_of
 from vbaa_bench.benchmarks.damage.readers import READERS
@@ -24,13 +29,17 @@ REFUSED, SAME, SILENT, CRASHED = "refused", "same bytes", "silent", "crashed"
 OUTCOMES: Final = (REFUSED, SAME, SILENT, CRASHED)
 # Folders that commands write into.
 _WRITTEN: Final = ("predictions", "report", "scores")
-# Trials of one job. Chosen: a job takes a minute.
-_PER_JOB: Final = 20
+# Trials of one job. Chosen: a job takes seconds.
+_PER_JOB: Final = 10
+_FINISHED: Final = "trials.jsonl"
+# Damages that leave all names as they are.
+_SAME_NAMES: Final = {"flip", "truncate"}
 
 
 class Trial(NamedTuple):
     """A damaged file, its kind, the damage, whether `verify` names it, outcomes of commands."""
 
+    number: int
     name: str
     kind: str
     damage: str
@@ -49,20 +58,40 @@ def run_trials(
     """Damage files of a finished dataset, one at a time, on copies in the folder `work`.
 
     Kinds of files and of damages take turns; file and place are random. A trial depends on the
-    seed and its number alone. Raises InputError if something is wrong with the dataset itself, or
-    if it is not scored.
+    seed and its number alone; finished ones are kept in `work`, so that an interrupted measurement
+    goes on. Raises InputError if something is wrong with the dataset itself, or if it is not
+    scored.
     """
     wrong = next(iter(_faults(dataset)), None)
     if wrong is not None:
         raise InputError(f"{dataset}: is damaged already ({wrong}), allowed is an intact dataset")
-    jobs = [
-        ("trials", (range(first, min(first + _PER_JOB, count)), seed))
-        for first in range(0, count, _PER_JOB)
-    ]
-    workers = min(workers, len(jobs))
-    with Pool(workers, Laboratory, (dataset, work)) as pool:
-        done = pool.run(jobs, lambda pieces: progress(pieces, count))
-    return [trial for trials in done for trial in trials]
+    run = digest(f"{seed} {digest(read_bytes(dataset / 'truth' / HASHES))}".encode())
+    finished = {trial.number: trial for trial in _read(work / _FINISHED, run)}
+    remaining = [number for number in range(count) if number not in finished]
+    with Pool(max(min(workers, len(remaining)), 1), Laboratory, (dataset, work)) as pool:
+        for first in range(0, len(remaining), _PER_JOB * workers):
+            chosen = remaining[first : first + _PER_JOB * workers]
+            jobs = [("trials", (chosen[n::workers], seed)) for n in range(workers)]
+            done = partial(_report, progress, len(finished), count)
+            for trials in pool.run(jobs, done):
+                finished |= {trial.number: trial for trial in trials}
+            records = [{"run": run, **trial._asdict()} for trial in finished.values()]
+            write_text(work / _FINISHED, "".join(f"{json.dumps(one)}\n" for one in records))
+    for folder in work.glob("worker_*"):
+        shutil.rmtree(folder)
+    return [finished[number] for number in range(count)]
+
+
+def _report(progress: Callable[[int, int], None], before: int, count: int, done: int) -> None:
+    progress(before + done, count)
+
+
+def _read(path: Path, run: str) -> Iterator[Trial]:
+    """Read the finished trials of an interrupted measurement."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    for record in map(json.loads, lines):
+        if record.pop("run") == run:
+            yield Trial(**record)
 
 
 @dataclass
@@ -74,18 +103,15 @@ class Laboratory:
     _expected: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        number = 0
-        while True:
-            folder = self.work / f"worker_{number}"
-            with contextlib.suppress(FileExistsError):
-                folder.mkdir(parents=True)
-                break
-            number += 1
+        folder = self.work / f"worker_{os.getpid()}"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
         self._intact, self._copy = folder / "intact", folder / "copy"
         shutil.copytree(self.dataset, self._copy)
         # The results that commands write may differ from the dataset's in path and machine.
         for name in ("score", "report"):
             READERS[name](self._copy)
+        self._opened = {name: self._files_opened_by(name) for name in READERS}
         self._expected = {name: reader(self._copy) for name, reader in READERS.items()}
         shutil.copytree(self._copy, self._intact)
         self._names = defaultdict[str, list[str]](list)
@@ -93,6 +119,21 @@ class Laboratory:
             if path.is_file():
                 name = path.relative_to(self._intact).as_posix()
                 self._names[kind_of(name)].append(name)
+
+    def _files_opened_by(self, command: str) -> set[str]:
+        """List the files that a command opens for reading, by their names in the dataset."""
+        opened, active = set[str](), True
+
+        def hook(event: str, arguments: tuple[Any, ...]) -> None:
+            if active and event == "open" and isinstance(arguments[0], str | Path):
+                path = Path(arguments[0])
+                if path.is_relative_to(self._copy):
+                    opened.add(path.relative_to(self._copy).as_posix())
+
+        sys.addaudithook(hook)  # cannot be removed, only made inactive
+        READERS[command](self._copy)
+        active = False
+        return opened
 
     def trials(self, tick: Callable[[], None], numbers: Sequence[int], seed: int) -> list[Trial]:
         """Do the trials with some numbers."""
@@ -109,9 +150,15 @@ class Laboratory:
         name = self._names[kind][int(rng.integers(len(self._names[kind])))]
         DAMAGES[damage](self._copy / name, rng)
         named = any(fault.path == self._copy / name for fault in _faults(self._copy))
-        outcomes = {command: self._outcome(command) for command in READERS}
+        # A command that never opens a file cannot notice that its content has changed.
+        outcomes = {
+            command: SAME
+            if damage in _SAME_NAMES and name not in self._opened[command]
+            else self._outcome(command)
+            for command in READERS
+        }
         self._restore(Path(name).parent)
-        return Trial(name, kind, damage, named, outcomes)
+        return Trial(number, name, kind, damage, named, outcomes)
 
     def _outcome(self, command: str) -> str:
         try:
