@@ -1,10 +1,13 @@
 """Commands that export a dataset to the formats of other tools, and check these exports."""
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.progress import TaskID
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson, DatasetPath
@@ -54,13 +57,12 @@ def export(
         print_result({"croissant": str(path)}, str(path), as_json)
         return
     try:
-        with progress_bars() as bars:
-            tasks = {step: bars.add_task(step, total=None) for step in ("writing", "checking")}
+        with ExitStack() as shown:
             result = export_dataset(
                 dataset,
                 to,
                 out,
-                lambda step, done, total: bars.update(tasks[step], completed=done, total=total),
+                _progress(shown, ("reading", "writing", "checking")),
                 centrelines=centrelines,
             )
     except KeyboardInterrupt:
@@ -90,13 +92,8 @@ def check_exports(
         from vbaa_bench.benchmarks.exports.command import check_exports as check
 
     prepare_output_path(out)
-    with progress_bars() as bars:
-        tasks = {step: bars.add_task(step, total=None) for step in ("environments", "exports")}
-        rows = check(
-            datasets,
-            environments,
-            lambda step, done, total: bars.update(tasks[step], completed=done, total=total),
-        )
+    with ExitStack() as shown:
+        rows = check(datasets, environments, _progress(shown, ("environments", "exports")))
     write(out, as_markdown(rows).encode())
     wrong = [row for row in rows if not row.right]
     for row in wrong:
@@ -105,3 +102,20 @@ def check_exports(
     print_result(record, f"{len(rows) - len(wrong)} of {len(rows)} checks are right", as_json)
     if wrong:
         raise typer.Exit(1)
+
+
+def _progress(shown: ExitStack, steps: tuple[str, ...]) -> Callable[[str, int, int], None]:
+    """Return a function that shows the progress of steps; bars appear when the first has begun.
+
+    A mistake that is found before has one sentence and no bars.
+    """
+    tasks: dict[str, TaskID] = {}
+    bars = progress_bars()
+
+    def progress(step: str, done: int, total: int) -> None:
+        if not tasks:
+            shown.enter_context(bars)
+            tasks.update({name: bars.add_task(name, total=None) for name in steps})
+        bars.update(tasks[step], completed=done, total=total)
+
+    return progress

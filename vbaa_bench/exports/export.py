@@ -15,7 +15,7 @@ from vbaa_bench.exports.flat_csv import FlatCsv
 from vbaa_bench.exports.format import Format
 from vbaa_bench.exports.hugging_face import HuggingFace
 from vbaa_bench.exports.lerobot import LeRobot
-from vbaa_bench.exports.output import export_folder
+from vbaa_bench.exports.output import check_absent, export_folder
 from vbaa_bench.exports.parts import parts
 from vbaa_bench.exports.source import Source, open_source
 from vbaa_bench.exports.web_dataset import WebDataset
@@ -55,12 +55,17 @@ def export(
 ) -> Export:
     """Write a dataset or collection in the format `name`, one of FORMATS, to the new folder `out`.
 
-    Every frame is read back and compared. `progress` receives the step and its frames, done and in
-    all. `most_bytes` is the size of the images in one file, by default that of the format. An
-    interrupted export continues at the next call. Raises InputError if the dataset is
-    incomplete or damaged, if the format cannot hold it, or if `out` exists or cannot be written.
+    Every frame is read back and compared. `progress` receives the step, what is done of it, and
+    all of it: shards that are read, then frames. `most_bytes` is the size of the images in one
+    file, by default that of the format. An interrupted export continues at the next call. Raises
+    InputError if the dataset is incomplete or damaged, if the format cannot hold it, or if `out`
+    exists or cannot be written.
     """
-    chosen, source = FORMATS[name](most_bytes), open_source(root, centrelines=centrelines)
+    check_absent(out)
+    chosen = FORMATS[name](most_bytes)
+    source = open_source(
+        root, centrelines=centrelines, progress=lambda n, of: progress("reading", n, of)
+    )
     if reason := chosen.refusal(source):
         raise InputError(f"{root}: {reason}")
     identity = {

@@ -41,15 +41,19 @@ class Output:
         (self.folder / _JOURNAL).unlink(missing_ok=True)
 
 
+def check_absent(out: Path) -> None:
+    """Raise InputError if `out` exists, unless it is an empty folder."""
+    if out.is_symlink() or (out.exists() and not (out.is_dir() and not any(out.iterdir()))):
+        raise InputError(f"{out}: exists already; choose another folder with --out")
+
+
 @contextlib.contextmanager
 def export_folder(out: Path, identity: Record) -> Iterator[Output]:
     """Open the folder in which `out` is written; at the end without error, rename it to `out`.
 
-    `identity` is all that the files depend on. Raises InputError if `out` exists or another process
-    is writing it, and OSError if it cannot be written.
+    `identity` is all that the files depend on. Raises InputError if another process is writing it,
+    and OSError if it cannot be written.
     """
-    if out.is_symlink() or (out.exists() and not (out.is_dir() and not any(out.iterdir()))):
-        raise InputError(f"{out}: exists already; choose another folder with --out")
     aside = out.with_name(f".{out.name}.part")
     aside.mkdir(parents=True, exist_ok=True)
     with locked(aside / ".lock"):

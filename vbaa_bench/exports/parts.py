@@ -81,7 +81,7 @@ def _tables(source: Source, split: str, cut: Cut) -> Iterator[pl.DataFrame]:
     pending: list[pl.DataFrame] = []
     size = frames = 0
     for name in (name for name in source.rigs if split in source.counts[name]):
-        table = source.schema.applied(source.rigs[name].table()).filter(pl.col("split") == split)
+        table = source.table(name).filter(pl.col("split") == split)
         table = in_push_order(table) if cut.whole_pushes else table
         begin = end = 0
         for unit in _units(source.rigs[name], table, cut.whole_pushes):

@@ -1,7 +1,7 @@
 """Reading of one rig for an export: its table of readings and truth, and its files."""
 
 import io
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -55,16 +55,18 @@ class Rig:
         """Bits per pixel of the image files: 8 or 16."""
         return png_head(next(path for name, path in self.files() if name.startswith("rest/"))).bits
 
-    def table(self) -> pl.DataFrame:
+    def table(self, progress: Callable[[int], None] = lambda _: None) -> pl.DataFrame:
         """Read readings and truth of all frames, without centrelines, in the order of the files.
 
-        The columns `rig`, `shard` and `split` are always present. Raises InputError.
+        The columns `rig`, `shard` and `split` are always present. `progress` receives the number of
+        shards that were read, now and then. Raises InputError.
         """
-        numbers = self._shards()
-        table = _joined(
-            _joined(map(self._shard_table, numbers[i : i + _BATCH]))
-            for i in range(0, len(numbers), _BATCH)
-        )
+        batches, numbers = [], self.shards()
+        for i in range(0, len(numbers), _BATCH):
+            batches.append(_joined(map(self._shard_table, numbers[i : i + _BATCH])))
+            if i:
+                progress(i)
+        table = _joined(batches)
         if not table.height:
             raise InputError(f"{self.layout.root}: holds no frames")
         return table
@@ -127,7 +129,7 @@ class Rig:
                     f"{folder / HASHES}: does not list the image of the frame {quoted(name)}"
                 )
 
-    def _shards(self) -> list[int]:
+    def shards(self) -> list[int]:
         """List the numbers of the shards, of which both trees must have the same."""
         numbers = []
         for tree in (self.layout.observations, self.layout.truth):

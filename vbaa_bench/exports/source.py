@@ -5,9 +5,9 @@ files that a hashes.json lists are read, and each must match its sha256.
 """
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Final
 
@@ -34,6 +34,8 @@ class Source:
     counts: Mapping[str, Mapping[str, int]]
     schema: Schema
     collection: bool
+    # The table of one rig, which is needed for every split and again for the check.
+    _read: dict[str, pl.DataFrame] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def frames(self) -> int:
@@ -55,6 +57,13 @@ class Source:
         """Title of the scene."""
         return str(next(iter(self.rigs.values())).scene.get("title") or self.root.name)
 
+    def table(self, name: str) -> pl.DataFrame:
+        """Read the table of a rig, with the columns of all rigs. Raises InputError."""
+        if name not in self._read:
+            self._read.clear()
+            self._read[name] = self.rigs[name].table()
+        return self.schema.applied(self._read[name])
+
     def key(self, rig: str, frame_id: str) -> str:
         """Return the name of a frame that is unique in all rigs."""
         return f"{rig}_{frame_id}" if self.collection else frame_id
@@ -69,10 +78,16 @@ class Source:
 _SPLIT: Final = re.compile(r"\w{1,64}")
 
 
-def open_source(root: Path, *, centrelines: bool = False) -> Source:
+def open_source(
+    root: Path,
+    *,
+    centrelines: bool = False,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> Source:
     """Open a dataset or a collection, and read the tables of all its rigs once.
 
-    With `centrelines`, the schema has their columns. Raises InputError if the folder is missing,
+    With `centrelines`, the schema has their columns. `progress` receives the number of shards that
+    were read, now and then, and of all. Raises InputError if the folder is missing,
     incomplete or damaged.
     """
     if collection := is_collection(root):
@@ -84,13 +99,21 @@ def open_source(root: Path, *, centrelines: bool = False) -> Source:
         check_complete(Layout(root))
         rigs = {"rig": Rig("rig", Layout(root))}
     counts, schemas = {}, []
+    shards = {name: len(rig.shards()) for name, rig in rigs.items()}
+    total, before = sum(shards.values()), 0
     for name, rig in rigs.items():
-        table = rig.table()
+        table = rig.table(partial(_tick, progress, before, total))
+        before += shards[name]
         _check_splits(rig, table["split"])
         counts[name] = dict(table["split"].value_counts().iter_rows())
         schemas.append(table.schema)
     schema = merged_schema(schemas)
-    return Source(root, rigs, counts, schema.with_centrelines(centrelines), collection)
+    schema = schema.with_centrelines(centrelines)
+    return Source(root, rigs, counts, schema, collection, {name: table})
+
+
+def _tick(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
+    progress(before + done, total)
 
 
 def _check_splits(rig: Rig, splits: pl.Series) -> None:

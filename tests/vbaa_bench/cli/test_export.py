@@ -1,0 +1,48 @@
+"""The command export, on rendered frames."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import CommandLine
+from vbaa_bench import cli
+from vbaa_bench.cli.export import FormatName
+from vbaa_bench.exports.export import FORMATS
+
+
+@pytest.fixture
+def command(capfd: pytest.CaptureFixture[str]) -> CommandLine:
+    return CommandLine(cli.main, capfd)
+
+
+def test_the_names_of_formats_are_those_of_the_code() -> None:
+    assert [name.value for name in FormatName] == [*FORMATS, "croissant"]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_rendered_frames_are_exported(
+    command: CommandLine, dataset: Path, tmp_path: Path, name: str
+) -> None:
+    ended = command("export", dataset, "--to", name, "--out", tmp_path / "out", "--json")
+    assert ended.status == 0, ended
+    record = json.loads(ended.out)
+    assert record == {"export": str(tmp_path / "out"), "frames": 4, "splits": {"train": 4}}
+    if name == "bop":  # its truth has masks
+        scene = tmp_path / "out" / "train" / "000000"
+        assert len(list((scene / "mask_visib").iterdir())) == 4
+        info = json.loads((scene / "scene_gt_info.json").read_bytes())
+        assert all(visible["px_count_visib"] > 200 for visible, _ in info.values())
+
+
+def test_mistakes_are_one_sentence(command: CommandLine, dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine").touch()
+    for words, message in (
+        ((dataset, "--to", "csv", "--out", tmp_path / "out"), "out: exists already"),
+        ((tmp_path, "--to", "csv", "--out", tmp_path / "new"), "is not a dataset"),
+        ((dataset, "--to", "hf"), "--to is hf and --out is None, allowed is a new folder"),
+        ((dataset, "--to", "croissant", "--out", tmp_path / "new"), "and none with croissant"),
+    ):
+        assert message in command.refused("export", *words)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
