@@ -305,7 +305,7 @@ def _pixels(rows: Rows, images: dict[str, Any]) -> Iterator[Check]:
     """Compare the sha256 of decoded pixels, in the dataset's type, and the type itself."""
     equal = sum(_digest(images[key]) == row["pixels"] for key, row in rows.items() if key in images)
     yield _check("images with equal pixels", len(rows), equal)
-    types = {str(image.dtype).removeprefix(">").removeprefix("<") for image in images.values()}
+    types = {image.dtype.name for image in images.values()}
     expected = {row["dtype"] for row in rows.values()}
     yield _check("types of pixels", ", ".join(sorted(expected)), ", ".join(sorted(types)))
 
