@@ -156,7 +156,19 @@ def listed(tree: Path) -> list[str] | None:
         folder, _, file_name = name.rpartition("/")
         if folder and file_name == HASHES:
             names |= {f"{folder}/{listed_name}" for listed_name in read_hashes(tree / folder) or {}}
+    # Listing a folder is much faster than a question for each of its files.
+    folders = {name.rpartition("/")[0] for name in names}
+    present = {folder: _files_in(tree / folder) for folder in folders}
     for name in sorted(names):
-        if not (tree / name).is_file():
+        folder, _, file_name = name.rpartition("/")
+        if file_name not in present[folder]:
             raise DamageError(f"{tree / name}: is missing; {MEND}")
     return sorted(names)
+
+
+def _files_in(folder: Path) -> set[str]:
+    try:
+        with os.scandir(folder) as entries:
+            return {entry.name for entry in entries if entry.is_file()}
+    except OSError:
+        return set()

@@ -28,14 +28,16 @@ def read_parquet(
     """
     try:
         names = [name for name in pl.read_parquet_schema(io.BytesIO(data)) if chosen(name)]
-        rows = pl.scan_parquet(io.BytesIO(data)).select(pl.len()).collect().item()
-        if rows * len(names) > max_values:
-            raise InputError(
-                f"{path}: has {rows:,} rows of {len(names)} columns, allowed are {max_values:,} "
-                "values"
-            )
-        return pl.read_parquet(io.BytesIO(data), columns=names)
+        rows = max_values // max(len(names), 1)
+        # One row more shows that there are too many, and never needs more memory.
+        table = pl.read_parquet(io.BytesIO(data), columns=names, n_rows=rows + 1)
     # Polars panics on some damaged files.
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is not a Parquet table ({truncated(reason)})") from error
+    if table.height > rows:
+        raise InputError(
+            f"{path}: has more than {rows:,} rows of {len(names)} columns, allowed are "
+            f"{max_values:,} values"
+        )
+    return table

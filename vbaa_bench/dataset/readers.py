@@ -1,6 +1,7 @@
 """Readers of the truth, and copying of the observations for a method."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -16,6 +17,8 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.schema import migrated_frames, migrated_manifest, version_of
 
+# Threads that read shards. Chosen: more are not faster, and each holds one shard in memory.
+_THREADS: Final = 4
 # Required keys of the manifest.
 _FACTS: Final = {"scene", "seed", "variant", "true_rig"}
 _RIG: Final = {"beam_length_mm", "beam_diameter_mm", "flexural_rigidity_n_mm2", "base_position_mm"}
@@ -96,7 +99,9 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
         raise InputError(f"{root}: holds no shard_*/truth.parquet")
     try:
         # A column that is null in a whole shard has no type there, and random sections differ.
-        shards = [_table(table, centrelines) for table in tables]
+        # Threads: hashing and unpacking happen outside of Python's lock.
+        with ThreadPoolExecutor(_THREADS) as threads:
+            shards = list(threads.map(lambda table: _table(table, centrelines), tables))
         frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
