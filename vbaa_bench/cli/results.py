@@ -147,12 +147,21 @@ def table(
         print(FORMATS[table_format](rows, by, brief=brief))
 
 
-def dictionary() -> None:
+def dictionary(
+    page: Annotated[
+        str, typer.Option(help="columns, the data dictionary; or format, that of datasets")
+    ] = "columns",
+) -> None:
     """Print the data dictionary: every column and key of the files, as Markdown."""
     with importing():
-        from vbaa_bench.report.dictionary import page
+        from solver.instrument.errors import InputError
+        from vbaa_bench.report import dictionary as columns
+        from vbaa_bench.report import format_page
 
-    print(page(), end="")
+    pages = {"columns": columns.page, "format": format_page.page}
+    if page not in pages:
+        raise InputError(f"--page is {page}, allowed is one of {', '.join(pages)}")
+    print(pages[page](), end="")
 
 
 def _solve(

@@ -8,9 +8,10 @@ from solver.instrument.errors import InputError, quoted
 def file_of_scene(folder: Path, name: str) -> Path:
     """Return the path of a file that a scene names, which must be within the scene's folder.
 
-    Subfolders are allowed; absolute paths, `..` and links that lead out of `folder` are not: a
-    scene from elsewhere must not copy other files of this machine into a dataset. Raises
-    InputError.
+    Subfolders are allowed; absolute paths, `..` and links that lead out of it are not: a scene
+    from elsewhere must not copy other files of this machine into a dataset.
+
+    Raises InputError.
     """
     path = folder / name
     try:

@@ -1,7 +1,7 @@
 """Paths of predictions, scores and reports within a dataset.
 
 DATASET/
-  predictions/<method>.csv      one row per frame, see solver/table.py; with another centreline
+  predictions/<method>.csv      one row per frame, see solver/lab/table.py; with another centreline
                                 than the default, <method>@<centreline>.csv; and a user's own
                                 files, CSV or Parquet, unchanged
   scores/scores.parquet, scores.csv, strata.csv, summary.json

@@ -109,7 +109,7 @@ class Laboratory:
         self._intact, self._copy = folder / "intact", folder / "copy"
         shutil.copytree(self.dataset, self._copy)
         # The results that commands write may differ from the dataset's in path and machine.
-        for name in ("score", "report"):
+        for name in reversed(READERS):
             READERS[name](self._copy)
         self._opened = {name: self._files_opened_by(name) for name in READERS}
         self._expected = {name: reader(self._copy) for name, reader in READERS.items()}
@@ -172,10 +172,10 @@ class Laboratory:
     def _restore(self, folder: Path) -> None:
         """Restore a folder, without its subfolders, and those into which commands write."""
         for name in {folder, *map(Path, _WRITTEN)}:
-            for path in (self._copy / name).iterdir():
+            for path in (self._copy / name).glob("*"):
                 if path.is_file():
                     path.unlink()
-            for path in (self._intact / name).iterdir():
+            for path in (self._intact / name).glob("*"):
                 if path.is_file():
                     shutil.copy2(path, self._copy / name)
 
