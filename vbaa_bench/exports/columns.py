@@ -36,6 +36,10 @@ class Schema:
             for name, dtype in self.types.items()
         )
 
+    def with_usual_types(self) -> "Schema":
+        """Choose a type for columns that are null in all frames."""
+        return Schema({name: _usual(name, dtype) for name, dtype in self.types.items()})
+
     def with_centrelines(self, wanted: bool) -> "Schema":
         """Add the columns of centrelines if they are wanted."""
         names = [name for name in TRUTH if wanted and name.startswith(CENTRELINE)]
@@ -68,7 +72,7 @@ def merged_schema(schemas: Iterable[Mapping[str, pl.DataType]]) -> Schema:
     for schema in schemas:
         for name, dtype in schema.items():
             types[name] = _common(name, types.get(name, pl.Null()), dtype)
-    return Schema({name: _usual(name, dtype) for name, dtype in types.items()})
+    return Schema(types)
 
 
 def _usual(name: str, dtype: pl.DataType) -> pl.DataType:

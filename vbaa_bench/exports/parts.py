@@ -10,7 +10,6 @@ import polars as pl
 
 from solver.instrument.errors import DamageError
 from solver.instrument.hashes import MEND, read_bytes
-from vbaa_bench.exports.columns import CENTRELINE
 from vbaa_bench.exports.rig import Rig
 from vbaa_bench.exports.source import Source
 
@@ -70,21 +69,20 @@ def parts(source: Source, cut: Cut) -> Iterator[Part]:
     index = frames = pushes = 0
     for split in source.splits:
         for number, table in enumerate(_tables(source, split, cut)):
-            whole = _with_centrelines(source, table)
-            yield Part(source, index, split, number, frames, pushes, whole)
+            yield Part(source, index, split, number, frames, pushes, source.rows(table))
             index, frames = index + 1, frames + table.height
             pushes += table.select("rig", "push_id").n_unique()
 
 
 def _tables(source: Source, split: str, cut: Cut) -> Iterator[pl.DataFrame]:
-    """Collect frames, or whole pushes, until a limit is reached."""
+    """Collect rows of the index, or those of whole pushes, until a limit is reached."""
     pending: list[pl.DataFrame] = []
     size = frames = 0
-    for name in (name for name in source.rigs if split in source.counts[name]):
-        table = source.table(name).filter(pl.col("split") == split)
-        table = in_push_order(table) if cut.whole_pushes else table
+    chosen = source.index.filter(pl.col("split") == split)
+    for (name,), frames_of_rig in chosen.group_by("rig", maintain_order=True):
+        table = in_push_order(frames_of_rig) if cut.whole_pushes else frames_of_rig
         begin = end = 0
-        for unit in _units(source.rigs[name], table, cut.whole_pushes):
+        for unit in _units(source.rigs[str(name)], table, cut.whole_pushes):
             too_large = size + unit.size > cut.most_bytes or frames + unit.rows > cut.most_frames
             if frames and too_large:
                 yield pl.concat([*pending, table[begin:end]])
@@ -121,15 +119,3 @@ def in_push_order(table: pl.DataFrame) -> pl.DataFrame:
     """Sort frames by push, in the order of their first frames, then by step."""
     first = pl.col("row").min().over("push_id")
     return table.with_row_index("row").sort(first, "step").drop("row")
-
-
-def _with_centrelines(source: Source, table: pl.DataFrame) -> pl.DataFrame:
-    """Fill the columns of centrelines, if the schema has them."""
-    if not any(name.startswith(CENTRELINE) for name in source.schema.types):
-        return table
-    labels = table.select(pl.exclude(f"^{CENTRELINE}.*$"))
-    filled = []
-    for (name,), frames in labels.group_by("rig", maintain_order=True):
-        lines = source.rigs[str(name)].centrelines(frames["shard"].unique(maintain_order=True))
-        filled.append(frames.join(lines, on="frame_id", how="left", maintain_order="left"))
-    return source.schema.applied(pl.concat(filled))

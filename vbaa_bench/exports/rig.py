@@ -1,7 +1,8 @@
 """Reading of one rig for an export: its table of readings and truth, and its files."""
 
 import io
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,20 +12,20 @@ import polars as pl
 
 from solver.instrument.camera import Camera
 from solver.instrument.errors import DamageError, InputError, quoted
-from solver.instrument.hashes import HASHES, MEND, listed, read_bytes, read_hashes
+from solver.instrument.hashes import HASHES, MEND, read_bytes, read_hashes
 from solver.instrument.images import png_head
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_manifest
-from vbaa_bench.exports.columns import CENTRELINE, merged_schema
+from vbaa_bench.exports.columns import CENTRELINE
 
 # Split of frames whose scene states no splits.
 WHOLE: Final = "train"
 # Columns of metadata.csv that are no numbers.
 _TEXTS: Final = {"file_name", "frame_id", "push_id", "split"}
+# Files of a rig outside shards; other names in a hashes.json, such as ../name, are left out.
+_SINGLE: Final = re.compile(r"rig\.json|(calibration|rest)/\w[\w-]*\.png")
 # First columns of every table.
-_PLACE: Final = ("rig", "shard", "frame_id", "split", "push_id", "step")
-# Tables of shards that are joined at once. Chosen: many small tables take more memory than one.
-_BATCH: Final = 256
+PLACE: Final = ("rig", "shard", "frame_id", "split", "push_id", "step")
 
 
 @dataclass(frozen=True)
@@ -55,28 +56,6 @@ class Rig:
         """Bits per pixel of the image files: 8 or 16."""
         return png_head(next(path for name, path in self.files() if name.startswith("rest/"))).bits
 
-    def table(self, progress: Callable[[int], None] = lambda _: None) -> pl.DataFrame:
-        """Read readings and truth of all frames, without centrelines, in the order of the files.
-
-        The columns `rig`, `shard` and `split` are always present. `progress` receives the number of
-        shards that were read, now and then. Raises InputError.
-        """
-        batches, numbers = [], self.shards()
-        for i in range(0, len(numbers), _BATCH):
-            batches.append(_joined(map(self._shard_table, numbers[i : i + _BATCH])))
-            if i:
-                progress(i)
-        table = _joined(batches)
-        if not table.height:
-            raise InputError(f"{self.layout.root}: holds no frames")
-        return table
-
-    def centrelines(self, shards: Iterable[int]) -> pl.DataFrame:
-        """Read the centrelines of the frames of some shards, by `frame_id`. Raises InputError."""
-        tables = [self._truth(number) for number in shards]
-        wanted = pl.col("frame_id"), pl.col(f"^{CENTRELINE}.*$")
-        return pl.concat([table.select(*wanted) for table in tables if table.height])
-
     def image_path(self, shard: int, frame_id: str) -> Path:
         """Return the path of a frame's image."""
         return self.layout.shard(self.layout.observations, shard) / f"{frame_id}.png"
@@ -90,31 +69,29 @@ class Rig:
         """Yield names and paths of rig.json, the board views, the rest images and the manifest."""
         tree = self.layout.observations
         for name in sorted(read_hashes(tree) or {}):
-            if not name.startswith("shard_"):
+            if _SINGLE.fullmatch(name):
                 yield name, tree / name
         yield "truth_manifest.json", self.layout.manifest
 
-    def _shard_table(self, number: int) -> pl.DataFrame:
-        """Read the frames of one shard, of which there may be none."""
-        folder = self.layout.shard(self.layout.observations, number)
-        readings, truth = _readings(folder / "metadata.csv"), self._truth(number)
-        if not (readings.height or truth.height):  # all its frames have failed
-            return pl.DataFrame()
-        names = ["frame_id", *(name for name in truth.columns if name not in readings.columns)]
-        labels = truth.select(name for name in names if not name.startswith(CENTRELINE))
-        table = readings.join(labels, on="frame_id", how="inner", maintain_order="left")
-        if not table.height == readings.height == truth.height:
-            raise InputError(
-                f"{folder / 'metadata.csv'}: has {readings.height} frames and truth.parquet "
-                f"{truth.height}, {table.height} of them the same; allowed are the same frames"
-            )
-        self._check_names(folder, table["frame_id"])
-        split = pl.col("split") if "split" in table.columns else pl.lit(WHOLE).alias("split")
-        place = [pl.lit(self.name).alias("rig"), pl.lit(number).alias("shard"), split]
-        return table.with_columns(place).select(*_PLACE, pl.exclude(*_PLACE))
+    def frames(self, shard: int, *, centrelines: bool = False) -> pl.DataFrame:
+        """Read readings and truth of the frames of one shard, of which there may be none.
 
-    def _truth(self, number: int) -> pl.DataFrame:
-        path = self.layout.shard(self.layout.truth, number) / "truth.parquet"
+        The columns `rig`, `shard` and `split` are always present. Raises InputError.
+        """
+        metadata = self.layout.shard(self.layout.observations, shard) / "metadata.csv"
+        try:
+            table = _joined(metadata, _readings(metadata), self._truth(shard), centrelines)
+            if not table.height:  # all its frames have failed
+                return table
+            self._check_names(metadata.parent, table["frame_id"])
+            split = pl.col("split") if "split" in table.columns else pl.lit(WHOLE).alias("split")
+            place = [pl.lit(self.name).alias("rig"), pl.lit(shard).alias("shard"), split]
+            return table.with_columns(place).select(*PLACE, pl.exclude(*PLACE))
+        except pl.exceptions.PolarsError as error:
+            raise InputError(f"{metadata}: cannot be read ({error})") from error
+
+    def _truth(self, shard: int) -> pl.DataFrame:
+        path = self.layout.shard(self.layout.truth, shard) / "truth.parquet"
         try:
             return pl.read_parquet(io.BytesIO(read_bytes(path)))
         except pl.exceptions.PolarsError as error:
@@ -133,7 +110,7 @@ class Rig:
         """List the numbers of the shards, of which both trees must have the same."""
         numbers = []
         for tree in (self.layout.observations, self.layout.truth):
-            names = {name.partition("/")[0] for name in listed(tree) or []}
+            names = {name.partition("/")[0] for name in read_hashes(tree) or {}}
             shards = [name.removeprefix("shard_") for name in names if name.startswith("shard_")]
             numbers.append(sorted(int(text) for text in shards if text.isdigit()))
         if numbers[0] != numbers[1]:
@@ -142,21 +119,28 @@ class Rig:
 
 
 def _readings(path: Path) -> pl.DataFrame:
-    """Read a metadata.csv, without `file_name`; an empty cell is null. Raises InputError."""
-    try:
-        table = pl.read_csv(io.BytesIO(read_bytes(path)), infer_schema=False)
-        if not table.height:
-            return table
-        numbers = [name for name in table.columns if name not in {*_TEXTS, "step"}]
-        return table.drop("file_name").with_columns(
-            pl.col(numbers).cast(pl.Float64), pl.col("step").cast(pl.Int64)
+    """Read a metadata.csv, without `file_name`; an empty cell is null. Raises PolarsError."""
+    table = pl.read_csv(io.BytesIO(read_bytes(path)), infer_schema=False)
+    if not table.height:
+        return table
+    numbers = [name for name in table.columns if name not in {*_TEXTS, "step"}]
+    return table.drop("file_name").with_columns(
+        pl.col(numbers).cast(pl.Float64), pl.col("step").cast(pl.Int64)
+    )
+
+
+def _joined(
+    metadata: Path, readings: pl.DataFrame, truth: pl.DataFrame, centrelines: bool
+) -> pl.DataFrame:
+    """Join the tables of a shard. Raises InputError unless both have the same frames."""
+    if not (readings.height or truth.height):
+        return pl.DataFrame()
+    names = ["frame_id", *(name for name in truth.columns if name not in readings.columns)]
+    wanted = [name for name in names if centrelines or not name.startswith(CENTRELINE)]
+    table = readings.join(truth.select(wanted), on="frame_id", how="inner", maintain_order="left")
+    if not table.height == readings.height == truth.height:
+        raise InputError(
+            f"{metadata}: has {readings.height} frames and truth.parquet {truth.height}, "
+            f"{table.height} of them the same; allowed are the same frames"
         )
-    except pl.exceptions.PolarsError as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
-
-
-def _joined(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
-    """Concatenate tables, whose columns may differ; leave out those without rows."""
-    filled = [table for table in tables if table.height]
-    schema = merged_schema(table.schema for table in filled)
-    return pl.concat(map(schema.applied, filled), rechunk=True) if filled else pl.DataFrame()
+    return table

@@ -5,9 +5,10 @@ files that a hashes.json lists are read, and each must match its sha256.
 """
 
 import re
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -18,24 +19,30 @@ from solver.instrument.hashes import HASHES, digest, read_bytes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete
-from vbaa_bench.exports.columns import Schema, merged_schema
-from vbaa_bench.exports.rig import Rig
+from vbaa_bench.exports.columns import CENTRELINE, Schema, merged_schema
+from vbaa_bench.exports.rig import PLACE, Rig
+
+# Rows of shards that are kept after they were read. Chosen: 20 MB without centrelines; frames of a
+# push are in shards that are near to each other.
+_KEPT_ROWS: Final = 20_000
 
 
 @dataclass(frozen=True)
 class Source:
     """Dataset or collection to be exported.
 
-    `counts` are the frames of each rig by split. `schema` has the columns of all rigs.
+    `index` has one row per frame, in the order of the files: rig, shard, frame_id, split, push_id
+    and step. It alone is kept in memory, 0.1 kB per frame. `schema` has the columns of all rigs.
     """
 
     root: Path
     rigs: Mapping[str, Rig]
-    counts: Mapping[str, Mapping[str, int]]
+    index: pl.DataFrame
     schema: Schema
     collection: bool
-    # The table of one rig, which is needed for every split and again for the check.
-    _read: dict[str, pl.DataFrame] = field(default_factory=dict, repr=False, compare=False)
+    _shards: OrderedDict[tuple[str, int], pl.DataFrame] = field(
+        default_factory=OrderedDict, repr=False, compare=False
+    )
 
     @property
     def frames(self) -> int:
@@ -45,10 +52,7 @@ class Source:
     @cached_property
     def splits(self) -> dict[str, int]:
         """Number of frames of each split: the usual splits first, then the others by name."""
-        totals: dict[str, int] = {}
-        for counts in self.counts.values():
-            for split, count in counts.items():
-                totals[split] = totals.get(split, 0) + count
+        totals = dict(self.index["split"].value_counts().iter_rows())
         usual = [name for name in ("train", "val", "validation", "test") if name in totals]
         return {name: totals[name] for name in (*usual, *sorted(totals.keys() - set(usual)))}
 
@@ -57,12 +61,27 @@ class Source:
         """Title of the scene."""
         return str(next(iter(self.rigs.values())).scene.get("title") or self.root.name)
 
-    def table(self, name: str) -> pl.DataFrame:
-        """Read the table of a rig, with the columns of all rigs. Raises InputError."""
-        if name not in self._read:
-            self._read.clear()
-            self._read[name] = self.rigs[name].table()
-        return self.schema.applied(self._read[name])
+    def rows(self, frames: pl.DataFrame) -> pl.DataFrame:
+        """Read all columns of some rows of the index, in their order. Raises InputError."""
+        shards = frames.select("rig", "shard").unique(maintain_order=True).iter_rows()
+        table = pl.concat([self._shard(rig, number) for rig, number in shards])
+        found = frames.select("rig", "frame_id").join(
+            table, on=["rig", "frame_id"], how="inner", maintain_order="left"
+        )
+        return self.schema.applied(found)
+
+    def _shard(self, rig: str, number: int) -> pl.DataFrame:
+        """Read the frames of a shard; the last shards are kept."""
+        if (rig, number) not in self._shards:
+            centrelines = any(name.startswith(CENTRELINE) for name in self.schema.types)
+            table = self.rigs[rig].frames(number, centrelines=centrelines)
+            self._shards[rig, number] = self.schema.applied(table)
+            while len(self._shards) > 1 and self._kept() > _KEPT_ROWS:
+                self._shards.popitem(last=False)
+        return self._shards[rig, number]
+
+    def _kept(self) -> int:
+        return sum(table.height for table in self._shards.values())
 
     def key(self, rig: str, frame_id: str) -> str:
         """Return the name of a frame that is unique in all rigs."""
@@ -74,6 +93,8 @@ class Source:
         return [digest(read_bytes(tree / HASHES)) for tree in trees]
 
 
+# Shards between two messages of progress.
+_BATCH: Final = 256
 # A name of a split is a part of file names, and Hugging Face allows no others.
 _SPLIT: Final = re.compile(r"\w{1,64}")
 
@@ -98,28 +119,28 @@ def open_source(
     else:
         check_complete(Layout(root))
         rigs = {"rig": Rig("rig", Layout(root))}
-    counts, schemas = {}, []
-    shards = {name: len(rig.shards()) for name, rig in rigs.items()}
-    total, before = sum(shards.values()), 0
-    for name, rig in rigs.items():
-        table = rig.table(partial(_tick, progress, before, total))
-        before += shards[name]
-        _check_splits(rig, table["split"])
-        counts[name] = dict(table["split"].value_counts().iter_rows())
-        schemas.append(table.schema)
-    schema = merged_schema(schemas)
-    schema = schema.with_centrelines(centrelines)
-    return Source(root, rigs, counts, schema, collection, {name: table})
+    places = [(rig, number) for rig in rigs.values() for number in rig.shards()]
+    index, schema = [], Schema({})
+    for done, (rig, number) in enumerate(places, start=1):
+        table = rig.frames(number)
+        if table.height:
+            schema = merged_schema([schema.types, table.schema])
+            index.append(table.select(PLACE))
+        if done % _BATCH == 0:  # many small tables take more memory than one
+            index = [pl.concat(index, rechunk=True)]
+            progress(done, len(places))
+    if not index:
+        raise InputError(f"{root}: holds no frames")
+    frames = pl.concat(index, rechunk=True)
+    _check_splits(root, frames["split"])
+    schema = schema.with_usual_types().with_centrelines(centrelines)
+    return Source(root, rigs, frames, schema, collection)
 
 
-def _tick(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
-    progress(before + done, total)
-
-
-def _check_splits(rig: Rig, splits: pl.Series) -> None:
+def _check_splits(root: Path, splits: pl.Series) -> None:
     for name in splits.unique():
         if not _SPLIT.fullmatch(str(name)):
             raise InputError(
-                f"{rig.layout.root}: a split has the name {quoted(name)}, "
+                f"{root}: a split has the name {quoted(name)}, "
                 "allowed are letters, digits and _, at most 64"
             )

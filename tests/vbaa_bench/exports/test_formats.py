@@ -161,8 +161,7 @@ def test_csv_is_flat(tmp_path: Path) -> None:
     assert table.height == 9
     assert {"force_antenna_n_x", "force_antenna_n_z", "hidden_stretches_mm"} <= set(table.columns)
     source = open_source(root)
-    (rig,) = source.rigs.values()
-    expected = dict(rig.table().select("frame_id", "x_c_mm").iter_rows())
+    expected = dict(source.rows(source.index).select("frame_id", "x_c_mm").iter_rows())
     assert dict(table.select("frame_id", "x_c_mm").iter_rows()) == expected
     assert all((out / path).is_file() for path in table["file_name"])
 

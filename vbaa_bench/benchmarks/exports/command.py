@@ -118,18 +118,17 @@ def _checks(
 
 def _expected(source: Source) -> Iterator[str]:
     """Describe each frame, read from the dataset itself: columns, and sha256 of its pixels."""
-    for rig in source.rigs.values():
-        for row in source.table(rig.name).iter_rows(named=True):
-            image = read_grey(rig.image_path(row[SHARD], row["frame_id"]))
-            frame = {
-                "key": source.key(rig.name, row["frame_id"]),
-                **{name: row[name] for name in ("frame_id", "rig", "split", "push_id")},
-                "motor_angle_deg": row["motor_angle_deg"],
-                "dtype": str(image.dtype),
-                "pixels": pixel_digest(image),
-                "columns": {name: value for name, value in row.items() if name != SHARD},
-            }
-            yield json.dumps(frame) + "\n"
+    for row in source.rows(source.index).iter_rows(named=True):
+        image = read_grey(source.rigs[row["rig"]].image_path(row[SHARD], row["frame_id"]))
+        frame = {
+            "key": source.key(row["rig"], row["frame_id"]),
+            **{name: row[name] for name in ("frame_id", "rig", "split", "push_id")},
+            "motor_angle_deg": row["motor_angle_deg"],
+            "dtype": str(image.dtype),
+            "pixels": pixel_digest(image),
+            "columns": {name: value for name, value in row.items() if name != SHARD},
+        }
+        yield json.dumps(frame) + "\n"
 
 
 def pixel_digest(image: Grey) -> str:
