@@ -159,7 +159,7 @@ def _visible(scene: Path, number: int, frame: Frame) -> dict[str, Any]:
 
 def _mask(frame: Frame) -> Any:
     """Read the beam's mask; None if the scene has no such layer."""
-    if "beam_mask" not in frame.rig.scene["layers"]:
+    if "beam_mask" not in frame.rig.stated("layers"):
         return None
     layout, row = frame.rig.layout, frame.row
     folder = layout.shard(layout.truth, row[SHARD])

@@ -83,7 +83,7 @@ def pose_errors(
     if (contact is not None) != (len(entries) == 2):
         yield f"it has {len(entries)} poses"
     if contact is not None and len(entries) == 2:
-        mount = rig.scene["camera"]["mount"]
+        mount = rig.stated("camera.mount")
         point = row["contact_world_mm"] if mount == "world" else contact
         camera_mm = rig.camera.camera_from_antenna.copy()
         camera_mm[:3, 3] /= MILLIMETRE

@@ -130,7 +130,7 @@ def _canonical_files(source: Source) -> list[Node]:
         "images": ("image/png", "observations/shard_*/*.png", "Images of the frames."),
         "truth": (_PARQUET, "truth/shard_*/truth.parquet", "Labels of the frames."),
     }
-    if any(rig.scene["layers"] for rig in source.rigs.values()):
+    if any(rig.stated("layers") for rig in source.rigs.values()):
         sets["layers"] = ("image/x-exr", "truth/shard_*/*.exr", "Labels of the pixels.")
     nodes += [
         file_set(f"{name}-files", media_type, f"{first}{pattern}", f"{text} {note}")
@@ -143,7 +143,7 @@ def _canonical_records(source: Source) -> list[Node]:
     """Describe the frames, readings joined with labels by frame_id, and the images."""
     fields, types = [], source.schema.exported
     stated = {name for name in types if name in READINGS}
-    if not any("splits" in rig.scene and rig.scene["splits"] for rig in source.rigs.values()):
+    if not any(rig.stated("splits") for rig in source.rigs.values()):
         stated.discard("split")
     if source.collection:
         folder = {**extract("readings-files", fileProperty="fullpath"), **_RIG_FOLDER}

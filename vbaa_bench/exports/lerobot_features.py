@@ -101,7 +101,7 @@ def lerobot_features(source: Source) -> Features:
     fixed in the world and there is no encoder, the true one. Lists of varying length are left out.
     """
     rigs = list(source.rigs.values())
-    schema, fixed = source.schema, any(rig.scene["camera"]["mount"] == "world" for rig in rigs)
+    schema, fixed = source.schema, any(rig.stated("camera.mount") == "world" for rig in rigs)
     without = {*_INTERVAL, _ENCODER} if fixed else {*_INTERVAL}
     state = tuple(name for name in schema.readings if name not in without)
     angle = "true_motor_angle_deg" if fixed else _ENCODER

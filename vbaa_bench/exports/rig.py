@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -45,16 +45,22 @@ class Rig:
         """The true camera."""
         return self.truth.camera
 
-    @property
-    def scene(self) -> Mapping[str, Any]:
-        """The scene, as its manifest has it."""
-        scene: Mapping[str, Any] = self.truth.manifest["scene"]
-        return scene
+    def stated(self, key: str) -> Any:
+        """Return what the scene states for a key such as camera.mount. Raises InputError."""
+        value: Any = self.truth.manifest["scene"]
+        for name in key.split("."):
+            if not isinstance(value, dict) or name not in value:
+                raise InputError(f"{self.layout.manifest}: the key scene.{key} is missing")
+            value = value[name]
+        return value
 
     @cached_property
     def bits(self) -> int:
-        """Bits per pixel of the image files: 8 or 16."""
-        return png_head(next(path for name, path in self.files() if name.startswith("rest/"))).bits
+        """Bits per pixel of the image files, 8 or 16. Raises InputError without rest images."""
+        images = [path for name, path in self.files() if name.startswith("rest/")]
+        if not images:
+            raise InputError(f"{self.layout.observations}: holds no rest/rest_*.png")
+        return png_head(images[0]).bits
 
     def image_path(self, shard: int, frame_id: str) -> Path:
         """Return the path of a frame's image."""

@@ -59,7 +59,7 @@ class Source:
     @property
     def title(self) -> str:
         """Title of the scene."""
-        return str(next(iter(self.rigs.values())).scene.get("title") or self.root.name)
+        return str(next(iter(self.rigs.values())).stated("title"))
 
     def rows(self, frames: pl.DataFrame) -> pl.DataFrame:
         """Read all columns of some rows of the index, in their order. Raises InputError."""

@@ -1,5 +1,6 @@
 """An export is whole or absent: interruption, damage, and the check of what was written."""
 
+import errno
 import json
 from pathlib import Path
 from typing import Any
@@ -136,6 +137,40 @@ def test_frames_that_failed_are_left_out(tmp_path: Path) -> None:
     for name in FORMATS:
         out = exported(root, name, tmp_path / name)
         assert "8 frames of one rig" in (out / "README.md").read_text(encoding="utf-8")
+
+
+def test_a_full_disk_is_one_sentence_and_the_export_continues(
+    tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("vbaa_bench.exports.parquet.write_bytes", full)
+    with pytest.raises(InputError, match=r"out: cannot be written \(No space left on device\)"):
+        exported(data, "hf", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    monkeypatch.undo()
+    exported(data, "hf", tmp_path / "out")
+
+
+def test_names_that_leave_the_folder_and_missing_keys_are_not_used(
+    tmp_path: Path, data: Path
+) -> None:
+    (tmp_path / "secret.txt").write_text("secret", encoding="utf-8")
+    table = json.loads((data / "observations" / "hashes.json").read_bytes())
+    table["../../secret.txt"] = sha256(tmp_path / "secret.txt")
+    (data / "observations" / "hashes.json").write_text(json.dumps(table), encoding="utf-8")
+    out = exported(data, "csv", tmp_path / "deep" / "er" / "out")
+    assert "secret.txt" not in {path.name for path in (tmp_path / "deep").rglob("*")}
+    assert (out / "rigs" / "rig" / "rest" / "rest_00.png").is_file()
+    manifest = json.loads((data / "truth" / "manifest.json").read_bytes())
+    del manifest["scene"]["camera"]
+    (data / "truth" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    reseal(Layout(data))
+    with pytest.raises(
+        InputError, match=r"manifest\.json: the key scene\.camera\.mount is missing"
+    ):
+        exported(data, "lerobot", tmp_path / "out")
 
 
 def test_a_folder_that_exists_is_not_touched(tmp_path: Path, data: Path) -> None:
