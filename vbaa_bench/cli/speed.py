@@ -180,6 +180,28 @@ def scores(
     show_table(title, ("stage", "seconds", "processor time, s", "peak memory, GB"), rows)
 
 
+@speed_app.command()
+def loading(
+    datasets: Annotated[list[Path], typer.Argument(help="dataset folders")],
+    out: Annotated[Path, typer.Option(help="Markdown file to write")] = Path(
+        "results/production/torch.md"
+    ),
+    as_json: AsJson = False,
+) -> None:
+    """Measure images per second for training with PyTorch, and check every image."""
+    with importing():
+        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.benchmarks import speed_loading
+
+    prepare_output_path(out)
+    with console.status("measuring"):
+        measured = [speed_loading.measure(dataset) for dataset in datasets]
+    names = " ".join(str(dataset) for dataset in datasets)
+    text = speed_loading.page(measured, f"vbaa-bench speed loading {names}")
+    write(out, text.encode())
+    print_result({"page": str(out), "datasets": measured}, f"{text}\n{out}", as_json)
+
+
 def show_speeds(record: dict[str, Any]) -> None:
     """Print the table of `vbaa-bench speed solve`."""
     width, height = record["image_px"]

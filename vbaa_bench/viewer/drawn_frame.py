@@ -30,7 +30,7 @@ def draw_frame(frame: ViewedFrame, colours: Colours, plot: EllipsePlot) -> np.nd
     contacts are rings on the true centreline, in the colours of the methods. `plot` has the scales
     of the plot of errors, in which nothing is drawn without estimates.
     """
-    image = drawn_image(frame, colours, (_WIDTH, _HEIGHT))
+    image = drawn_image(frame, colours, (_WIDTH, _HEIGHT), margin_px=max(frame.image.shape))
     height, width = image.shape[:2]
     rows = max(_SIDE, _LINE * (len(colours) + 3)) + 2 * _MARGIN
     canvas = np.full((_HEAD + height + rows, max(width, _WIDTH), 3), PAPER, np.uint8)
@@ -56,11 +56,16 @@ def even(picture: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(picture[: height - height % 2, : width - width % 2])
 
 
-def drawn_image(frame: ViewedFrame, colours: Colours, limits: tuple[int, int]) -> np.ndarray:
-    """Draw on the whole image, enlarged by a whole factor, or reduced, to a width and height."""
+def drawn_image(
+    frame: ViewedFrame, colours: Colours, limits: tuple[int, int], margin_px: int
+) -> np.ndarray:
+    """Draw on the rows of the image from a margin above the beam to one below it.
+
+    They are enlarged by a whole factor, or reduced, to a width and height of at most `limits`.
+    """
     height, width = frame.image.shape
     scale = int(max(min(limits[0] // width, limits[1] // height), 1))
-    image = strip(frame.overlay, colours, scale, max(frame.image.shape))
+    image = strip(frame.overlay, colours, scale, margin_px)
     factor = min(limits[0] / image.shape[1], limits[1] / image.shape[0])
     if factor >= 1:
         return image

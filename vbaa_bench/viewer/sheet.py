@@ -16,6 +16,8 @@ from vbaa_bench.viewer.text import BOLD, FAINT, INK, PAPER, write
 MAX_TILES: Final = 30
 _COLUMNS, _WIDTH, _GAP = 3, 520, 12
 _HEAD, _CAPTION, _LINE = 40, 26, 20
+# Rows of the image above and below the beam. Chosen: the object is seen.
+_ABOVE_PX: Final = 60
 # Errors that a line of a tile's caption has.
 _PER_LINE: Final = 3
 
@@ -45,7 +47,7 @@ def contact_sheet(data: ViewedDataset, progress: Progress) -> bytes:
 
 def _tile(frame: ViewedFrame, colours: Colours) -> np.ndarray:
     """Draw a frame with its errors of x_c below."""
-    image = drawn_image(frame, colours, (_WIDTH, _WIDTH))
+    image = drawn_image(frame, colours, (_WIDTH, _WIDTH), _ABOVE_PX)
     height, width = image.shape[:2]
     lines = -(-len(colours) // _PER_LINE)
     tile = np.full((_CAPTION + height + lines * _LINE + 6, _WIDTH, 3), PAPER, np.uint8)
