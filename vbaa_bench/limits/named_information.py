@@ -75,7 +75,7 @@ class Information:
         return Information(tuple(self.names[i] for i in kept), self.matrix[np.ix_(kept, kept)])
 
     def eliminated(self, unknown: Collection[str]) -> "Information":
-        """Return the information on the other parameters where no other data know the `unknown`.
+        """Return the information on the other parameters if no other data inform on `unknown`.
 
         It is the Schur complement.
         """

@@ -31,7 +31,7 @@ SHIFT, BRIGHTNESS, BACKGROUND, WIDTH = range(4)
 
 @dataclass(frozen=True)
 class SurfaceProfile:
-    """Radiance across the beam in one place, and what the camera makes of it.
+    """Radiance across the beam in one place, and its direction, width and blur in the image.
 
     `radiance` (k,) is that of the beam at even offsets from one side to the other, at the middles
     of k equal parts of the width, and `background` that beside it. `half_width` is in [px],
@@ -91,7 +91,7 @@ def information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -
     the sensor's noise.
     """
     profile = gray_profile(surface)
-    # Far from the beam only the background remains; its brightness is no matter of this profile.
+    # Far from the beam only the background remains; its brightness is not part of this profile.
     end = surface.half_width + 2.0 + 3 * surface.point_spread
     inside = np.clip((end - np.abs(profile.offset)) / STEP + 0.5, 0.0, 1.0)
     weighted = profile.slopes * (inside / variance(profile.mean))

@@ -27,8 +27,9 @@ STEP_PX: Final = 0.05
 SAMPLES: Final = 64
 # Samples per pixel for the choice of pixels.
 _FEW_SAMPLES: Final = 16
-# Distance [px] from the beam's ends within which there are at least so many samples: there they do
-# not follow the edges. Chosen: the derivative of a pixel at the tip has an error of 5 %.
+# Distance [px] from the beam's ends within which pixels have at least this number of samples,
+# because samples at the ends do not follow the edges. Chosen: the derivative of a pixel at the tip
+# has an error of 5 %.
 _END_PX: Final = 3.0
 _END_SAMPLES: Final = 2048
 
