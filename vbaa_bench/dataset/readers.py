@@ -10,23 +10,18 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.camera import Camera
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import HASHES, listed, read_bytes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.manifest_schema import checked_manifest
 from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.schema import migrated_frames, migrated_manifest, version_of
+from vbaa_bench.dataset.table_schema import check_unique, checked
+from vbaa_bench.dataset.truth_schema import CENTRELINE, TRUTH
 
 # Threads that read shards. Chosen: more are not faster, and each holds one shard in memory.
 _THREADS: Final = 4
-# Required keys of the manifest.
-_FACTS: Final = {"scene", "seed", "variant", "true_rig"}
-_RIG: Final = {"beam_length_mm", "beam_diameter_mm", "flexural_rigidity_n_mm2", "base_position_mm"}
-_CAMERA: Final = {"width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"} | {
-    "camera_from_antenna",
-    "telecentric",
-    "distortion",
-}
 
 
 @dataclass(frozen=True)
@@ -104,8 +99,11 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
             shards = list(threads.map(lambda table: _table(table, centrelines), tables))
         frames = pl.concat(shards, how="diagonal_relaxed").sort("frame_id")
     except (pl.exceptions.PolarsError, OSError) as error:
-        raise InputError(f"{root}: a truth.parquet cannot be read ({error})") from error
-    return replace(opened.truth, frames=migrated_frames(frames, opened.version))
+        reason = truncated(str(error))
+        raise InputError(f"{root}: a truth.parquet cannot be read ({reason})") from error
+    frames = checked(migrated_frames(frames, opened.version), TRUTH, str(root))
+    check_unique(frames, "frame_id", str(root))
+    return replace(opened.truth, frames=frames)
 
 
 class _Opened(NamedTuple):
@@ -118,8 +116,7 @@ class _Opened(NamedTuple):
 def _opened(root: Path) -> _Opened:
     path = root / "manifest.json"
     document = read_json(path)
-    manifest = migrated_manifest(path, document)
-    _check_manifest(path, manifest)
+    manifest = checked_manifest(path, migrated_manifest(path, document))
     return _Opened(Truth(root, manifest, pl.DataFrame()), version_of(path, document))
 
 
@@ -128,8 +125,13 @@ def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:
 
     Raises InputError if the shard cannot be read.
     """
-    table = read_parquet(shard / "truth.parquet", read_bytes(shard / "truth.parquet"))
-    return table.row(by_predicate=pl.col("frame_id") == frame_id, named=True)
+    rows = read_rows(shard, [frame_id])
+    if len(rows) != 1:
+        raise InputError(
+            f"{shard / 'truth.parquet'}: has {len(rows)} rows of frame {quoted(frame_id)}, allowed "
+            "is one"
+        )
+    return rows[0]
 
 
 def read_rows(shard: Path, frame_ids: Sequence[str]) -> list[dict[str, Any]]:
@@ -137,30 +139,20 @@ def read_rows(shard: Path, frame_ids: Sequence[str]) -> list[dict[str, Any]]:
 
     Raises InputError if the shard cannot be read.
     """
-    table = read_parquet(shard / "truth.parquet", read_bytes(shard / "truth.parquet"))
-    return table.filter(pl.col("frame_id").is_in(frame_ids)).to_dicts()
+    path = shard / "truth.parquet"
+    table = checked(_table(path, centrelines=True), TRUTH, str(path))
+    rows = table.filter(pl.col("frame_id").is_in(frame_ids)).to_dicts()
+    for row in rows:
+        lines = [np.array(row.get(axis) or (), dtype=float) for axis in CENTRELINE]
+        sizes = {line.size for line in lines}
+        if len(sizes) != 1 or sizes == {0} or not np.isfinite(lines).all():
+            raise InputError(f"{path}: the centreline of a frame is missing, or is not finite")
+    return rows
 
 
 def _table(path: Path, centrelines: bool) -> pl.DataFrame:
     left_out = () if centrelines else ("centreline_",)
     return read_parquet(path, read_bytes(path), lambda name: not name.startswith(left_out))
-
-
-def _check_manifest(path: Path, manifest: dict[str, Any]) -> None:
-    """Raise InputError if a required key is missing in a manifest."""
-    rig = manifest.get("true_rig")
-    camera = rig.get("camera") if isinstance(rig, dict) else None
-    for keys, prefix, part in (
-        (_FACTS, "", manifest),
-        (_RIG, "true_rig.", rig),
-        (_CAMERA, "true_rig.camera.", camera),
-    ):
-        missing = sorted(keys - (part.keys() if isinstance(part, dict) else set()))
-        if missing:
-            raise InputError(
-                f"{path}: the key {prefix}{missing[0]} is missing; this manifest was not "
-                "written by generate"
-            )
 
 
 def copy_observations(layout: Layout, target: Path) -> None:

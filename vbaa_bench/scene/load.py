@@ -159,13 +159,8 @@ def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
     `folder` contains the files that the scene names. Raises InputError.
     """
     path = folder / "scene"
-    plain = _Plain(path).of(_as_document(values))
-    random = tuple(
-        {**key, "distribution": parse(key["distribution"], path_of(key["key"]))}
-        for key in plain.get("random_keys", ())
-    )
     try:
-        scene = Scene.model_validate({**plain, "random_keys": random})
+        scene = Scene.model_validate(recorded_values(values, path))
     except ValidationError as error:
         # Such as a dataset of a version in which other scenes were allowed.
         mistakes = listed_mistakes(path, CommentedMap(), error.errors())
@@ -173,12 +168,29 @@ def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
     return SceneFile(path, scene, CommentedMap())
 
 
-def _as_document(value: Any) -> Any:
+def recorded_values(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Convert a scene from a manifest's values to what the model accepts. Raises InputError."""
+    plain = _Plain(path).of(_as_document(values))
+    try:
+        random = tuple(
+            {**key, "distribution": parse(key["distribution"], path_of(key["key"]))}
+            for key in plain.get("random_keys") or ()
+        )
+    except (DistributionError, KeyError, TypeError, AttributeError) as error:
+        message = f"{path}: random_keys are not those of a generated scene"
+        raise InputError(message) from error
+    return {**plain, "random_keys": random}
+
+
+def _as_document(value: Any, depth: int = 1) -> Any:
     """Convert mappings and sequences to the parser's types, without places in a file."""
+    if depth > MAX_DEPTH:
+        raise InputError(f"the scene is nested too deeply, allowed are {MAX_DEPTH} levels")
     if isinstance(value, Mapping):
-        return CommentedMap({key: _as_document(part) for key, part in value.items()})
+        parts = {key: _as_document(part, depth + 1) for key, part in value.items()}
+        return CommentedMap(parts)
     if isinstance(value, list | tuple):
-        return CommentedSeq([_as_document(part) for part in value])
+        return CommentedSeq([_as_document(part, depth + 1) for part in value])
     return value
 
 

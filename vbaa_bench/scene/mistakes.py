@@ -75,7 +75,7 @@ def _mistake(document: Any, mistake: Any) -> tuple[tuple[Key, ...], str]:
 
 def _hint(key: Sequence[Key], location: Sequence[Key]) -> str:
     """Suggest the key that is meant by an unknown one, or list those of its section."""
-    name = str(key[-1])
+    name = str(location[-1])
     section = next((str(part) for part in key[:-1] if isinstance(part, str)), "")
     if renamed := new_key(section, name):
         return f"it is now called {renamed}"

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import read_bytes
 from solver.methods import METHODS
 from vbaa_bench.dataset.derived import read_limits
@@ -16,6 +16,7 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
+from vbaa_bench.dataset.table_schema import checked
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import (
     checked_predictions,
@@ -26,7 +27,7 @@ from vbaa_bench.scoring.metrics import (
 )
 from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.plausible import doubtful_units, unknown_columns
-from vbaa_bench.scoring.scored_quantities import COMPONENTS, SCORED_QUANTITIES
+from vbaa_bench.scoring.score_schema import SCORES
 from vbaa_bench.scoring.summary import summarise
 
 # Chosen: a CSV of more rows exceeds 100 MB, and no spreadsheet opens it.
@@ -130,15 +131,14 @@ def read_scores(results: Results) -> pl.DataFrame:
     table = results.scores / "scores.parquet"
     if not exists(table):
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
-    scores = read_parquet(table, read_bytes(table), max_values=MAX_SCORED_VALUES)
-    if not {
-        "consistent",
-        "information",
-        "x_c_limit_pct_L",
-        *(quantity.in_sigmas for quantity in (*SCORED_QUANTITIES, *COMPONENTS)),
-    } <= set(scores.columns):
-        raise InputError(f"{table}: is from an older version; score the dataset again")
-    return scores
+    try:
+        scores = read_parquet(table, read_bytes(table), max_values=MAX_SCORED_VALUES)
+        return checked(scores, SCORES, str(table))
+    except DamageError:
+        raise
+    except InputError as error:
+        again = "it may be of an older version; score the dataset again"
+        raise InputError(f"{error}; {again}") from error
 
 
 def read_summary(results: Results) -> dict[str, Any]:

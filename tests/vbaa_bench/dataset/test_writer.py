@@ -9,6 +9,7 @@ from solver.instrument.files import write_bytes
 from tests.sealing import reseal
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.dataset.truth_schema import TRUTH
 from vbaa_bench.dataset.writer import shard_writer
 
 
@@ -78,14 +79,19 @@ def test_shards_of_which_one_has_no_contact_are_read_together(tmp_path: Path) ->
     for number, (x_c, force) in enumerate([(None, None), (1.5, [0.0, 1.0, 0.0])]):
         with shard_writer(layout, number) as writer:
             image = np.zeros((4, 5), np.uint8)
-            writer.add(f"f{number}", image, {"step": 0}, {"x_c_mm": x_c, "force_n": force}, {})
+            contact = {"x_c_mm": x_c, "force_antenna_n": force}
+            row = {**dict.fromkeys(TRUTH.required, 0), **dict.fromkeys(TRUTH.present), **contact}
+            row |= {"push_id": "p", "push": ""}
+            del row["frame_id"]
+            writer.add(f"f{number}", image, {"step": 0}, row, {})
     rig = {"beam_length_mm": 1, "beam_diameter_mm": 1, "flexural_rigidity_n_mm2": 1}
     sizes = dict.fromkeys(["width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"], 1)
-    camera = {**sizes, "camera_from_antenna": [], "telecentric": False, "distortion": []}
+    pose = np.eye(4).tolist()
+    camera = {**sizes, "camera_from_antenna": pose, "telecentric": False, "distortion": []}
     true_rig = {**rig, "base_position_mm": [0, 0, 0], "camera": camera}
     facts = {"scene": {}, "seed": 1, "variant": "", "true_rig": true_rig}
     layout.manifest.write_text(json.dumps(facts), encoding="utf-8")
     reseal(layout)
     frames = open_truth(layout.truth).frames
     assert frames["x_c_mm"].to_list() == [None, 1.5]
-    assert frames["force_n"].to_list() == [None, [0.0, 1.0, 0.0]]
+    assert frames["force_antenna_n"].to_list() == [None, [0.0, 1.0, 0.0]]

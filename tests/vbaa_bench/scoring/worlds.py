@@ -81,6 +81,7 @@ FREE = {
 def truth(*rows: dict[str, Any]) -> Truth:
     """The truth of frames f0, f1, ..., each TOUCHED but for what is said; pushes are one frame."""
     full = [
-        {**TOUCHED, "frame_id": f"f{i}", "push_id": f"p{i}", **row} for i, row in enumerate(rows)
+        {**TOUCHED, "frame_id": f"f{i}", "push_id": f"p{i}", "trial": i, **row}
+        for i, row in enumerate(rows)
     ]
     return Truth(Path("nowhere"), MANIFEST, pl.DataFrame(full, infer_schema_length=None))

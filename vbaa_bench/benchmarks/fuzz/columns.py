@@ -94,7 +94,7 @@ def csv_bytes(table: pl.DataFrame, chance: random.Random) -> bytes:
     """Write a table as CSV, some with other separators or damaged."""
     plain = table.select(
         pl.col(name)
-        if not (dtype.is_nested() or dtype in (pl.Binary, pl.Object))
+        if not (dtype.is_nested() or dtype in (pl.Binary, pl.Duration))
         else pl.lit("[]").alias(name)
         for name, dtype in table.schema.items()
     )
@@ -123,7 +123,8 @@ def _renamed(table: pl.DataFrame, chance: random.Random) -> pl.DataFrame:
 
 def _swapped(table: pl.DataFrame, chance: random.Random) -> pl.DataFrame:
     one, other = _name(table, chance), _name(table, chance)
-    return table.with_columns(pl.col(one).alias(other), pl.col(other).alias(one))
+    columns = {one: table[other].alias(one), other: table[one].alias(other)}
+    return table.with_columns(columns.values())
 
 
 def _retyped(table: pl.DataFrame, chance: random.Random) -> pl.DataFrame:

@@ -9,7 +9,7 @@ OUT/
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -67,8 +67,10 @@ def fuzz(
     return summary(seed, {case: result for case, result in results.items() if case in chosen})
 
 
-def _cases(counts: Mapping[str, int]) -> Iterator[Case]:
-    return (Case(kind, number) for kind, count in counts.items() for number in range(count))
+def _cases(counts: Mapping[str, int]) -> list[Case]:
+    """List the cases; kinds take turns, so that an interrupted run has cases of all."""
+    cases = [Case(kind, number) for kind, count in counts.items() for number in range(count)]
+    return sorted(cases, key=lambda case: case.number / counts[case.kind])
 
 
 def _finished(path: Path, seed: int) -> dict[Case, Result]:

@@ -51,7 +51,7 @@ class Rigs:
     def _use(self, observations: Observations) -> None:
         svg(observations.rig.board)
         for frame in observations:
-            frame.read()
+            frame.image()
         set_up(observations)
 
     def _rig_file(self, chance: random.Random, root: Path) -> None:

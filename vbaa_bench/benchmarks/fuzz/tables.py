@@ -58,7 +58,7 @@ class Tables:
     def _use(self, name: str, chance: random.Random, root: Path) -> None:
         if name == _METADATA:
             for frame in open_observations(root / "observations"):
-                frame.read()
+                frame.image()
         elif name == "rigs.csv":
             merge(root)
         else:

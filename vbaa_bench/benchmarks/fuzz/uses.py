@@ -1,6 +1,7 @@
 """What the commands do with a scored dataset or a collection, by name."""
 
 import contextlib
+import functools
 import io
 import tempfile
 from collections.abc import Callable, Mapping
@@ -60,8 +61,8 @@ def store_baseline(root: Path, out: Path) -> None:
 
 
 def merge(root: Path) -> None:
-    """Merge a dataset or collection with itself."""
-    merge_parts([root, root], root.parent / "merged")
+    """Copy a dataset or collection by merging its only part."""
+    merge_parts([root], root.parent / "merged")
 
 
 USES: Final[Mapping[str, Callable[[Path], None]]] = {
@@ -72,12 +73,11 @@ USES: Final[Mapping[str, Callable[[Path], None]]] = {
 }
 
 
+@functools.cache
 def warm_up(material: Path) -> None:
     """Use valid data in all ways once: imports and compilation belong to no case."""
     with tempfile.TemporaryDirectory() as folder:
         root = copied(material / "dataset", Path(folder) / "data")
-        for use in USES.values():
-            use(root)
+        score(root)
         report(root, material / "baseline.json")
-        compare(root, material / "baseline.json")
         store_baseline(root, Path(folder) / "new.json")

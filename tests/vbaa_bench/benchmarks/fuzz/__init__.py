@@ -1,0 +1,1 @@
+"""Tests of vbaa_bench/benchmarks/fuzz."""
