@@ -52,6 +52,9 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
         raise InputError(
             f"{results.predictions}: holds no predictions; solve the dataset or name a file"
         )
+    for name, path in predictions.items():
+        if not name.isprintable():  # it is a heading of tables, also in a terminal
+            raise InputError(f"{path}: rename the file, allowed are names of printable characters")
     warnings: list[str] = []
     scored: list[pl.DataFrame] = []
     contents = {name: read_file(path) for name, path in predictions.items()}

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.one_process import OneProcess
 from vbaa_bench import cli
+from vbaa_bench.generation.workers import SameProcess
 from vbaa_bench.benchmarks.damage import page, readers, trials
 from vbaa_bench.benchmarks.damage.damages import DAMAGES, kind_of
 from vbaa_bench.benchmarks.damage.trials import CRASHED, REFUSED, SAME, SILENT, run_trials
@@ -23,7 +23,7 @@ def careless(root: Path) -> str:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trials, "Pool", OneProcess)
+    monkeypatch.setattr(trials, "Pool", SameProcess)
     chosen = {
         "open_truth": readers.READERS["open_truth"],
         "solve": readers.READERS["solve"],

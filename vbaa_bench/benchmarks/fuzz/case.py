@@ -37,7 +37,7 @@ class Result(NamedTuple):
 
 
 # Allowed outcomes first; all others are findings.
-# "noisy" is refused, after a compiled library has printed a line of its own.
+# "noisy" is accepted or refused, and an image library has printed a line of its own about the file.
 ALLOWED: Final = ("accepted", "refused", "noisy")
 FINDINGS: Final = ("traceback", "hang", "memory", "died", "outside", "printed", "message")
 OUTCOMES: Final = (*ALLOWED, *FINDINGS)

@@ -10,6 +10,7 @@ import faulthandler
 import gc
 import os
 import random
+import re
 import resource
 import shutil
 import sys
@@ -41,6 +42,8 @@ _DATA_SEGMENT: Final = int(2 * MEMORY_LIMIT_MB * 1e6)
 # Chosen: enough for the innermost frames of a traceback.
 _MAX_TEXT: Final = 6000
 _MEGABYTE: Final = 1e6
+# Lines that image libraries print by themselves, about a file that they refuse or repair.
+_LIBRARIES: Final = re.compile(r"(libpng|Corrupt JPEG|Premature end of JPEG|.*EXR|Warning: Exc)")
 
 
 def run_cases(
@@ -114,8 +117,7 @@ class Runner:
             elif outside:
                 outcome, text = "outside", "\n".join(outside[:20])
             elif any(printed):
-                noisy = outcome == "refused" and not caught
-                outcome = "noisy" if noisy else "printed"
+                outcome = "printed" if caught or not _LIBRARIES.match(captured.text) else "noisy"
                 text = _short("\n".join(filter(None, [*printed, text])))
         if memory > MEMORY_LIMIT_MB / 4:
             gc.collect()

@@ -36,7 +36,7 @@ class Misbehaving(Kind):
             case 4:
                 os.write(2, b"from compiled code")
             case 5:
-                os.write(2, b"from compiled code")
+                os.write(2, b"libpng error: from compiled code")
                 raise InputError(f"{folder}/input: is wrong")
             case 6:
                 assert np.ones(300_000_000).sum() > 0  # 2.4 GB
