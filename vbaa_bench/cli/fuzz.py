@@ -28,6 +28,7 @@ def fuzz(
         Path | None,
         typer.Option(help="folder for cases and findings", show_default="runs/fuzz/<seed>"),
     ] = None,
+    page: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -39,6 +40,7 @@ def fuzz(
     """
     with importing():
         from solver.instrument.errors import InputError
+        from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.benchmarks.fuzz import command
         from vbaa_bench.benchmarks.fuzz.material import prepare
         from vbaa_bench.generation.workers import cores
@@ -55,6 +57,8 @@ def fuzz(
     folder = (out or Path("runs/fuzz") / str(seed)).resolve()
     if not any(valid.rglob("*.yaml")):
         raise InputError(f"{valid}: holds no scene (*.yaml)")
+    if page:
+        prepare_output_path(page)
     with console.status("making a small dataset"):
         prepare(folder / "material", valid)
     with progress_bars() as bars:
@@ -71,6 +75,8 @@ def fuzz(
         except KeyboardInterrupt:
             console.print("interrupted; the same command continues")
             raise
+    if page:
+        write(page, command.markdown(record).encode())
     if as_json:
         print_result(record, "", True)
     else:

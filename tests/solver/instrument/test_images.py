@@ -1,3 +1,4 @@
+import struct
 from pathlib import Path
 
 import cv2
@@ -90,3 +91,9 @@ def test_a_deep_image_is_shown_in_eight_bits() -> None:
     assert not eight_bit(np.zeros((2, 2), np.uint16)).any()
     shallow = np.array([[0, 100]], np.uint8)
     assert eight_bit(shallow) is shallow
+
+
+def test_the_size_in_the_header_of_any_format_is_checked_before_decoding() -> None:
+    head = struct.pack("<IIIIiiHHIIiiII", 54, 0, 54, 40, 20_000, 20_000, 1, 24, *[0] * 6)
+    with pytest.raises(cv2.error, match="pixels"):  # 1.2 GB in colour
+        cv2.imdecode(np.frombuffer(b"BM" + head, np.uint8), cv2.IMREAD_UNCHANGED)

@@ -1,11 +1,13 @@
 import resource
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from solver.instrument.errors import InputError
-from vbaa_bench.dataset.exr import CHANNELS, read_exr, write_exr
+from vbaa_bench.dataset.exr import CHANNELS, exr_bytes, read_exr, write_exr
+from vbaa_bench.dataset.exr_channels import channels
 
 
 def test_layers_come_back_also_from_strided_arrays(tmp_path: Path) -> None:
@@ -70,3 +72,15 @@ def test_broken_files_are_named(tmp_path: Path) -> None:
         read_exr(path)
     with pytest.raises(InputError, match=r"none\.exr"):
         read_exr(tmp_path / "none.exr")
+
+
+def test_the_size_in_the_header_is_checked_before_decoding(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    data = exr_bytes({"depth": np.ones((4, 4))})
+    side = struct.pack("<iiii", 0, 0, 3, 3)
+    path.write_bytes(data.replace(side, struct.pack("<iiii", 0, 0, 59_999, 59_999)))
+    with pytest.raises(InputError, match="has 3,600,000,000 values, allowed are 1,073,741,824"):
+        read_exr(path)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="has 16 values, allowed are 15"):
+        channels(path, max_values=15)

@@ -1,7 +1,6 @@
 """Scenes that are damaged or malicious get one sentence each, at once, and never a traceback."""
 
 import os
-import random
 from pathlib import Path
 
 import pytest
@@ -10,13 +9,6 @@ from solver.instrument.errors import LONGEST_SHOWN, InputError
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.scene.load import MAX_FILE_BYTES, load_scene
 from vbaa_bench.scene.mistakes import MAX_MISTAKES
-
-ODD = (
-    *("!!float b", "!!set x", "? key: [1]", "%FOO x", "!!omap [1]", "!!int x", "!!binary x"),
-    *("!!timestamp x", "!!pairs x", "!!set {a, b}", "&a [*a]", "<<: [1]", "*a", "? [1]: 2"),
-    *(".nan", "1e999", "9" * 5000, "[" * 30, "{a: " * 30, "- " * 30, "---", "...", "\0", "\t"),
-    *("'", '"', "|", ">", "`", "@", "[", "]", "{", "}", ": ", "#", "~", "null", "\u2028", "\x85"),
-)
 
 
 def refusal(path: Path, text: str) -> str:
@@ -27,23 +19,6 @@ def refusal(path: Path, text: str) -> str:
     except InputError as error:
         return str(error)
     return ""
-
-
-def test_mutated_scenes_are_loaded_or_refused(tmp_path: Path) -> None:
-    chance = random.Random(12)
-    refused = 0
-    for _ in range(300):
-        lines = SMALL_SCENE.split("\n")
-        for _ in range(chance.randint(1, 3)):
-            at = chance.randrange(len(lines))
-            key, _, value = lines[at].partition(":")
-            where = chance.randrange(len(lines[at]) + 1)
-            odd = chance.choice(ODD)
-            lines[at] = chance.choice(
-                [f"{key}: {odd}", odd, f"{lines[at][:where]}{odd}{lines[at][where:]}", value]
-            )
-        refused += bool(refusal(tmp_path / "scene.yaml", "\n".join(lines)))
-    assert 100 < refused < 300
 
 
 def bomb() -> str:
@@ -59,6 +34,7 @@ def bomb() -> str:
     [
         ("seed: 11", "seed: !!float b", "could not convert string to float: 'b'"),
         ("seed: 11", "seed: !!set x", "is not valid YAML for a scene"),
+        ("seed: 11", "seed: &a 11\ncamera: &a {}", "found duplicate anchor 'a'"),
         ("seed: 11", "? key: [1]", "is not valid YAML for a scene"),
         ("title:", "%FOO x\ntitle:", "is not YAML"),
         ("seed: 11", f"seed: {'[' * 1000}{']' * 1000}", ":3:1: is nested too deeply"),

@@ -118,7 +118,9 @@ def summary(seed: int, results: Mapping[Case, Result]) -> dict[str, Any]:
     }
 
 
-HEADS: Final = ("input", "cases", "accepted", "refused", "findings", "slowest, s", "memory, MB")
+HEADS: Final = (
+    *("input", "cases", "accepted", "refused", "noisy", "findings", "slowest, s", "memory, MB"),
+)
 
 
 def rows(record: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -139,3 +141,10 @@ def rows(record: Mapping[str, Any]) -> list[tuple[str, ...]]:
 def _findings(outcomes: Mapping[str, int]) -> str:
     parts = [f"{outcomes[name]} {name}" for name in FINDINGS if name in outcomes]
     return ", ".join(parts) or "0"
+
+
+def markdown(record: Mapping[str, Any]) -> str:
+    """Format a summary as a table in Markdown, with its seed."""
+    lines = [HEADS, ["---", *["---:"] * (len(HEADS) - 1)], *rows(record)]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return f"Seed {record['seed']}, {record['cases']} cases:\n\n{table}\n"

@@ -107,10 +107,9 @@ def bomb(chance: random.Random) -> bytes:
         return f"P5\n{side} {side}\n255\n".encode() + b"\0" * 100
     if kind == 3:
         image = np.zeros((8, 8), np.uint8)
-        data = bytearray(cv2.imencode(".jpg", image)[1])
-        at = data.find(b"\xff\xc0") + 5
-        data[at : at + 4] = struct.pack(">HH", side, side)
-        return bytes(data)
+        encoded = bytes(cv2.imencode(".jpg", image)[1])
+        at = encoded.find(b"\xff\xc0") + 5
+        return encoded[:at] + struct.pack(">HH", side, side) + encoded[at + 4 :]
     if kind == 4:
         text = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {side} +X {side}\n"
         return text.encode() + b"\0" * 100

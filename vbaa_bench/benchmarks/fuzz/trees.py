@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 
 _DEEP: Final = 200
 # Values in place of others; those of other types than the value are mistakes in any case.
-VALUES: Final = (
+VALUES: Final[tuple[Any, ...]] = (
     *(
         None,
         True,

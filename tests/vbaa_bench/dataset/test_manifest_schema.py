@@ -1,0 +1,62 @@
+"""Manifests of unknown origin are refused with the key that is wrong."""
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from solver.instrument.errors import InputError
+from vbaa_bench.dataset.manifest_schema import checked_manifest
+
+
+@pytest.fixture(scope="module")
+def manifest(dataset: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((dataset / "truth" / "manifest.json").read_bytes())
+    return document
+
+
+def test_a_generated_manifest_is_unchanged(manifest: dict[str, Any]) -> None:
+    assert checked_manifest(Path("m"), manifest) == manifest
+
+
+def test_keys_of_a_newer_version_get_their_defaults(manifest: dict[str, Any]) -> None:
+    older = copy.deepcopy(manifest)
+    del older["scene"]["gravity_m_s2"], older["scene"]["beam"]["bow_mm"]
+    older["scene"]["of_another_version"] = 1
+    scene = checked_manifest(Path("m"), older)["scene"]
+    assert scene["gravity_m_s2"] == manifest["scene"]["gravity_m_s2"]
+    assert scene["beam"] == manifest["scene"]["beam"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("true_rig", None, "true_rig.beam_length_mm is missing"),
+        ("true_rig.beam_length_mm", "x", "true_rig.beam_length_mm is 'x', allowed is a number"),
+        ("true_rig.beam_length_mm", 0, "true_rig.beam_length_mm is 0, allowed is"),
+        ("true_rig.base_position_mm", [1, 2], "a list of three numbers"),
+        ("true_rig.camera.width_px", 0.5, "a whole number"),
+        ("true_rig.camera.telecentric", "no", "allowed is true or false"),
+        ("true_rig.camera.distortion", [0.1], "a list of 0, 5 or 8 numbers"),
+        ("true_rig.camera.camera_from_antenna", [[1.0]], "four rows of four numbers"),
+        ("seed", "x", "seed is 'x'"),
+        ("variant", 3, "variant is 3, allowed is a text"),
+        ("scene", [], r"scene is \[\], allowed are keys and values"),
+        ("scene.camera", 3, "scene.camera is 3"),
+        ("scene.lights", [3], "scene.lights.0"),
+        ("scene.random_keys", [3], "random_keys are not those of a generated scene"),
+    ],
+)
+def test_wrong_values_are_named(
+    manifest: dict[str, Any], key: str, value: object, said: str
+) -> None:
+    document = copy.deepcopy(manifest)
+    *sections, last = key.split(".")
+    node = document
+    for section in sections:
+        node = node[section]
+    node[last] = value
+    with pytest.raises(InputError, match=said):
+        checked_manifest(Path("m"), document)

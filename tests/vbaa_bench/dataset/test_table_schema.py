@@ -1,0 +1,71 @@
+"""Tables of unknown origin are refused with a sentence, and known columns get their types."""
+
+import io
+
+import polars as pl
+import pytest
+
+from solver.instrument.errors import InputError
+from vbaa_bench.dataset.table_schema import (
+    FLAG,
+    INTEGER,
+    NUMBER,
+    NUMBERS,
+    TEXT,
+    Schema,
+    check_unique,
+    checked,
+    read_parquet,
+)
+
+SCHEMA = Schema(
+    types={"name": TEXT, "step": INTEGER, "x": NUMBER, "force": NUMBERS, "hit": FLAG},
+    required=("name",),
+    present=("x",),
+    vectors=("force",),
+    finite=("x",),
+)
+TABLE = pl.DataFrame({"name": ["a", "b"], "x": [1.0, None], "force": [[1.0, 2.0, 3.0], None]})
+
+
+def test_columns_without_values_get_their_types_and_others_are_kept() -> None:
+    table = TABLE.with_columns(x=pl.lit(None), step=pl.lit(3, pl.UInt8), extra=pl.lit(b"x"))
+    types = checked(table, SCHEMA, "t").schema
+    assert (types["x"], types["step"], types["extra"]) == (pl.Float64, pl.Int64, pl.Binary)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (TABLE.drop("name"), "t: the column name is missing"),
+        (TABLE.drop("x"), "t: the column x is missing"),
+        (TABLE.with_columns(name=pl.lit(None)), "t: name is missing in a row"),
+        (TABLE.with_columns(x=pl.lit("1")), "t: x holds String, allowed are numbers"),
+        (TABLE.with_columns(name=pl.lit(1)), "t: name holds Int32, allowed are texts"),
+        (TABLE.with_columns(step=pl.lit(1.5)), "step holds Float64, allowed are whole numbers"),
+        (TABLE.with_columns(step=pl.lit(2**64 - 1, pl.UInt64)), "values of a wrong type"),
+        (TABLE.with_columns(hit=pl.lit(1)), "t: hit holds Int32, allowed are true or false"),
+        (TABLE.with_columns(x=pl.lit(float("inf"))), "t: x is not finite in a row"),
+        (
+            TABLE.with_columns(force=pl.lit(1.0)),
+            "force holds Float64, allowed are lists",
+        ),
+        (TABLE.with_columns(force=pl.lit([1.0])), "force is not a vector of three numbers"),
+        (TABLE.with_columns(force=pl.lit([1.0, float("nan"), 0.0])), "force is not a vector"),
+    ],
+)
+def test_wrong_tables_are_refused(change: pl.DataFrame, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        checked(change, SCHEMA, "t")
+
+
+def test_repeated_names_and_damaged_bytes_are_refused() -> None:
+    check_unique(TABLE, "name", "t")
+    with pytest.raises(InputError, match="t: name 'a' occurs more than once"):
+        check_unique(pl.concat([TABLE, TABLE.head(1)]), "name", "t")
+    stream = io.BytesIO()
+    TABLE.write_parquet(stream)
+    assert read_parquet(stream.getvalue(), "t", ("fo",)).columns == ["name", "x"]
+    for data in (b"", stream.getvalue()[:-20]):
+        with pytest.raises(InputError, match="t: cannot be read as Parquet"):
+            read_parquet(data, "t")
