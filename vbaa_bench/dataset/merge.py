@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from solver.instrument.errors import InputError, truncated
+from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import digest, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection

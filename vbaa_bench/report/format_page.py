@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from solver.instrument import hashes, images, observation
+from solver.instrument import MAX_PIXELS, hashes, observation
 from vbaa_bench.dataset import (
     collection,
     derived,
@@ -91,7 +91,7 @@ def _layers() -> str:
 
 def _bounds() -> str:
     bounds = {
-        "pixels of a PNG image": images.MAX_PIXELS,
+        "pixels of a PNG image": MAX_PIXELS,
         "values (pixels times channels) of an OpenEXR image": exr_channels.MAX_VALUES,
         "values (rows times columns) of a table of one shard or of predictions": parquet.MAX_VALUES,
         "values of a table of scores or limits": parquet.MAX_SCORED_VALUES,

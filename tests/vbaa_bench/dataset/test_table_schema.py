@@ -1,11 +1,13 @@
 """Tables of unknown origin are refused with a sentence, and known columns get their types."""
 
 import io
+from pathlib import Path
 
 import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
+from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.table_schema import (
     FLAG,
     INTEGER,
@@ -15,7 +17,6 @@ from vbaa_bench.dataset.table_schema import (
     Schema,
     check_unique,
     checked,
-    read_parquet,
 )
 
 SCHEMA = Schema(
@@ -65,7 +66,6 @@ def test_repeated_names_and_damaged_bytes_are_refused() -> None:
         check_unique(pl.concat([TABLE, TABLE.head(1)]), "name", "t")
     stream = io.BytesIO()
     TABLE.write_parquet(stream)
-    assert read_parquet(stream.getvalue(), "t", ("fo",)).columns == ["name", "x"]
     for data in (b"", stream.getvalue()[:-20]):
-        with pytest.raises(InputError, match="t: cannot be read as Parquet"):
-            read_parquet(data, "t")
+        with pytest.raises(InputError, match="t: is not a Parquet table"):
+            read_parquet(Path("t"), data)

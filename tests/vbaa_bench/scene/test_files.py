@@ -7,12 +7,12 @@ import pytest
 from solver.instrument.errors import InputError
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.generation.plan import plan
+from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.load import load_scene
-from vbaa_bench.scene.named_files import named_file
 
 
 def test_files_below_the_folder_are_allowed(tmp_path: Path) -> None:
-    assert named_file(tmp_path, "meshes/a.stl") == tmp_path / "meshes" / "a.stl"
+    assert file_of_scene(tmp_path, "meshes/a.stl") == tmp_path / "meshes" / "a.stl"
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ def test_files_below_the_folder_are_allowed(tmp_path: Path) -> None:
         ("../secret.stl", "is outside of the scene's folder"),
         ("/etc/passwd", "is outside of the scene's folder"),
         ("link.stl", "is outside of the scene's folder"),
-        ("a\0b", "is not the name of a file"),
+        ("a\0b", "is not a file name"),
     ],
 )
 def test_files_outside_are_refused(tmp_path: Path, name: str, said: str) -> None:
@@ -30,7 +30,7 @@ def test_files_outside_are_refused(tmp_path: Path, name: str, said: str) -> None
     (tmp_path / "secret.stl").touch()
     (folder / "link.stl").symlink_to(tmp_path / "secret.stl")
     with pytest.raises(InputError, match=said):
-        named_file(folder, name)
+        file_of_scene(folder, name)
 
 
 @pytest.mark.parametrize(
