@@ -22,7 +22,11 @@ def blueprint(data: ViewedDataset, series: Sequence[Series]) -> Any:
     import rerun.blueprint as rrb  # an extra, which takes a second to import
 
     camera, rim = data.truth.camera, 1.12 * HALF
-    space = rrb.Spatial3DView(origin="/space", name="space [mm]", eye_controls=_eye(rrb, data))
+    # A telecentric camera has no pyramid in which its image could be shown.
+    contents = "/space/3d/**" if camera.telecentric else "/space/**"
+    space = rrb.Spatial3DView(
+        origin="/space", contents=contents, name="space [mm]", eye_controls=_eye(rrb, data)
+    )
     image_range = rrb.VisualBounds2D(x_range=[0, camera.width], y_range=[0, camera.height])
     image = rrb.Spatial2DView(origin=f"/{IMAGE}", name="image", visual_bounds=image_range)
     # The ellipses are in the colours of the first plot's legend.
@@ -59,6 +63,6 @@ def _eye(rrb: Any, data: ViewedDataset) -> Any:
     beam = np.array([length / 2, 0.0, 0.0])
     lens = beam if camera.telecentric else camera.viewpoint[:3] / MILLIMETRE
     target = (beam + lens) / 2
-    distance = 0.9 * (float(np.linalg.norm(lens - beam)) + length / 2)
+    distance = max(0.9 * (float(np.linalg.norm(lens - beam)) + length / 2), 1.1 * length)
     position = target + distance * _FROM / np.linalg.norm(_FROM)
     return rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))

@@ -20,10 +20,11 @@ def test_the_page_has_a_row_per_dataset_and_way() -> None:
         "opened_s": 0.05,
         "index_bytes_per_frame": 152.6,
         "torch": "2",
+        "hash_ms": 0.123,
         "ways": {str(one): way for one in WAYS},
     }
     lines = page([record], "vbaa-bench speed loading small").splitlines()
-    assert "| small | 27 | 512 x 176 px, 8 bits | 0.05 | 153 | 2.35 | 2.35 |" in lines
+    assert "| small | 27 | 512 x 176 px, 8 bits | 0.05 | 153 | 2.35 | 0.12 |" in lines
     assert "| 2 workers, fork, checked | 321 (0.5) |" in lines
     assert sum(line.endswith("| 321 (0.5) |") for line in lines) == len(WAYS)
 
