@@ -14,9 +14,9 @@ import pytest
 import vbaa_bench as vb
 from solver.instrument.errors import DamageError, InputError
 from tests.vbaa_bench.stored import store
-from vbaa_bench.api.torch_data import FrameRecords, Record
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.frame_index import index_frames
+from vbaa_bench.dataset.frame_records import FrameRecords, Record
 from vbaa_bench.dataset.labels import USUAL_LABELS, to_array
 
 

@@ -11,7 +11,9 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import digest
-from vbaa_bench.api.torch_data import FrameRecords, torch_dataset
+from vbaa_bench.dataset.frame_index import index_frames
+from vbaa_bench.dataset.frame_records import FrameRecords, frame_records
+from vbaa_bench.dataset.labels import USUAL_LABELS
 
 # Seconds for which each way of loading is measured, after its first epoch. Chosen: rates then
 # differ by a few per cent from run to run.
@@ -56,14 +58,14 @@ def measure(root: Path, seconds: float = _SECONDS) -> dict[str, Any]:
         raise InputError("this measurement needs PyTorch, the extra '.[torch]'") from error
     torch.set_num_threads(1)  # as in the DataLoader's workers
     start = time.perf_counter()
-    records = torch_dataset(root, None)
+    records = _open(root, check=True)
     opened_s = time.perf_counter() - start
     bits = _check_pixels(records)
     rates = {}
     for way in WAYS:
         options = {"persistent_workers": True, "multiprocessing_context": way.start}
         loader = torch.utils.data.DataLoader(
-            torch_dataset(root, None, check=way.check),
+            _open(root, way.check),
             batch_size=_BATCH,
             shuffle=True,
             num_workers=way.workers,
@@ -81,6 +83,10 @@ def measure(root: Path, seconds: float = _SECONDS) -> dict[str, Any]:
         "torch": torch.__version__,
         "ways": rates,
     }
+
+
+def _open(root: Path, check: bool) -> FrameRecords:
+    return frame_records(index_frames(root, None, USUAL_LABELS, check=check), False, None)
 
 
 def _check_pixels(records: FrameRecords) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch.utils.data import Dataset
 
-from vbaa_bench.api.torch_data import FrameRecords, Record
+from vbaa_bench.dataset.frame_records import FrameRecords, Record
 
 
 class TorchRecords(FrameRecords, Dataset):  # type: ignore[misc]  # torch may be absent
