@@ -1,8 +1,12 @@
 """Files that a scene names: meshes, images of surfaces, environment maps."""
 
 from pathlib import Path
+from typing import Final
 
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError, quoted, truncated
+
+# Longest name, with folders. Chosen: file names can have 255 characters.
+MAX_NAME_LENGTH: Final = 250
 
 
 def file_of_scene(folder: Path, name: str) -> Path:
@@ -13,6 +17,10 @@ def file_of_scene(folder: Path, name: str) -> Path:
 
     Raises InputError.
     """
+    if len(name) > MAX_NAME_LENGTH:
+        raise InputError(
+            f"{truncated(name)}: has {len(name)} characters, allowed are {MAX_NAME_LENGTH}"
+        )
     path = folder / name
     try:
         inside = path.resolve().is_relative_to(folder.resolve())

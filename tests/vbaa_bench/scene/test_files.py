@@ -22,6 +22,7 @@ def test_files_below_the_folder_are_allowed(tmp_path: Path) -> None:
         ("/etc/passwd", "is outside of the scene's folder"),
         ("link.stl", "is outside of the scene's folder"),
         ("a\0b", "is not a file name"),
+        ("a" * 251, "has 251 characters, allowed are 250"),
     ],
 )
 def test_files_outside_are_refused(tmp_path: Path, name: str, said: str) -> None:

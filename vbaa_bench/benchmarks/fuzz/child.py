@@ -89,7 +89,7 @@ class Runner:
         os.chdir(self.folder)
         _reset_peak_memory()
         start = time.process_time()
-        faulthandler.dump_traceback_later(CLOCK_LIMIT_S, exit=True, file=sys.__stderr__)
+        faulthandler.dump_traceback_later(CLOCK_LIMIT_S, exit=True, file=2)
         try:
             with (
                 warnings.catch_warnings(record=True) as caught,

@@ -94,7 +94,7 @@ def _finished(path: Path, seed: int) -> dict[Case, Result]:
 
 def summary(seed: int, results: Mapping[Case, Result]) -> dict[str, Any]:
     """Summarise the results by kind: counts by outcome, slowest case, largest memory, findings."""
-    kinds = {}
+    kinds: dict[str, Any] = {}
     for kind in KINDS:
         rows = {case.number: result for case, result in results.items() if case.kind == kind}
         if rows:

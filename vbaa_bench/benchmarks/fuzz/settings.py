@@ -52,7 +52,7 @@ class Settings:
 
 def _key(tree: Any, chance: random.Random) -> str:
     """Choose the dotted key of a value of a scene."""
-    parts = []
+    parts: list[str] = []
     while isinstance(tree, dict | list) and tree and (not parts or chance.random() < 0.8):
         part = chance.choice(list(tree) if isinstance(tree, dict) else range(len(tree)))
         parts.append(str(part))

@@ -130,7 +130,7 @@ def _grafted(place: _Place, chance: random.Random, _: Any, donors: Sequence[Any]
         place.container[key] = copy.deepcopy(other.container[other.key])
 
 
-def _wrapped(place: _Place, chance: random.Random, *_: Any) -> None:
+def _wrapped(place: _Place, chance: random.Random, *_others: Any) -> None:
     value = place.container[place.key]
     for _ in range(chance.choice((1, 1, 1, 2, 5, _DEEP))):
         value = [value] if chance.random() < 0.5 else {"kind": value}

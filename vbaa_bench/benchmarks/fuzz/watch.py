@@ -82,7 +82,10 @@ class Watch:
         """Watch; files below `readable` and those of Python may be read."""
         packages = [Path(package.__path__[0]) for package in (solver, vbaa_bench)]
         installed = {*sysconfig.get_paths().values(), sys.base_prefix, *map(str, packages)}
-        self._readable = tuple(map(os.path.realpath, (*readable, *installed))) + _SYSTEM
+        self._readable = (
+            *(os.path.realpath(str(path)) for path in (*readable, *installed)),
+            *_SYSTEM,
+        )
         self._caches = (str(Path.home() / ".drjit"), str(Path.home() / ".cache"))
         self._folder = ""
         self._events: list[str] = []

@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from solver.instrument.errors import InputError
 from tests.vbaa_bench.benchmarks.fuzz.kinds import Misbehaving
 from vbaa_bench.benchmarks.fuzz import command
-from vbaa_bench.benchmarks.fuzz.command import fuzz, rows
+from vbaa_bench.benchmarks.fuzz.command import fuzz, markdown, rows
 
 
 def test_cases_are_kept_continued_and_summarised(
@@ -18,7 +19,7 @@ def test_cases_are_kept_continued_and_summarised(
     monkeypatch.setattr(command, "KINDS", {"x": Misbehaving})
     out, reached = tmp_path / "out", list[tuple[str, int]]()
 
-    def run(count: int, seed: int = 3) -> dict[str, object]:
+    def run(count: int, seed: int = 3) -> dict[str, Any]:
         return fuzz(
             {"x": count}, seed, tmp_path / "material", out, 1, lambda *at: reached.append(at)
         )
@@ -26,7 +27,8 @@ def test_cases_are_kept_continued_and_summarised(
     run(1)
     record = run(3)  # in a new process, which begins its misbehaviour anew
     assert record["findings"] == 1
-    assert rows(record)[0][:5] == ("x", "3", "0", "2", "1 traceback")
+    assert rows(record)[0][:6] == ("x", "3", "0", "2", "0", "1 traceback")
+    assert "| x | 3 | 0 | 2 | 0 | 1 traceback |" in markdown(record)
     assert reached == [("x", 1), ("x", 1), ("x", 2), ("x", 3)]
     assert "KeyError: 'x'" in (out / "findings" / "x_2" / "finding.txt").read_text()
     assert (out / "findings" / "x_2" / "input").is_file()
