@@ -4,10 +4,18 @@ import shutil
 from pathlib import Path
 from typing import Final
 
-from vbaa_bench.api import data, results
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.generation.collection import generate_collection
+from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.workers import cores
 from vbaa_bench.regression.baseline import write_baseline
 from vbaa_bench.regression.scored_run import read_run
+from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scoring.child import solve
+from vbaa_bench.scoring.collection import score_rigs
+from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.score import found_predictions, score
 
 # A strip of an image, and few frames: a case copies and reads all of it.
 _SCENE: Final = """
@@ -48,14 +56,26 @@ def prepare(folder: Path, scenes: Path, variant: str | None = None) -> None:
     (folder / "files").mkdir()
     for path in (folder / "scenes").rglob("*.stl"):
         shutil.copy(path, folder / "files")
+    chosen, workers = choose(variant), cores()
     for name, text in {"dataset": _DATASET, "collection": _COLLECTION}.items():
-        path = folder / f"{name}.yaml"
-        path.write_text(text, encoding="utf-8")
-        root = folder / name
-        if name == "dataset":
-            data.generate(load_scene(path), root, variant=variant)
-        else:
-            data.generate_rigs(load_scene(path), root, variant=variant)
-        results.score(root, _METHODS)
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    file = load_scene(folder / "dataset.yaml")
+    generate(file, folder / "dataset", chosen, workers, _ignore)
+    _solve(folder / "dataset")
+    score(Results(folder / "dataset"), found_predictions(Results(folder / "dataset")))
+    file = load_scene(folder / "collection.yaml")
+    generate_collection(file, folder / "collection", chosen, workers, _ignore)
+    for root in sorted((folder / "collection").glob("rig_*")):
+        _solve(root)
+    score_rigs(folder / "collection")
     write_baseline(read_run(folder / "dataset"), folder / "baseline.json")
     finished.touch()
+
+
+def _solve(root: Path) -> None:
+    for method in _METHODS:
+        solve(Layout(root), method, Results(root).predictions / f"{method}.csv", 1)
+
+
+def _ignore(_done: int, _total: int) -> None:
+    pass

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from vbaa_bench.api import results
 from vbaa_bench.benchmarks.fuzz.case import UnexpectedOutputError, control_characters
 from vbaa_bench.benchmarks.fuzz.datasets import copied
 from vbaa_bench.dataset.collection import is_collection
@@ -21,13 +20,19 @@ from vbaa_bench.report.collection import collection_report
 from vbaa_bench.report.console import show_scores
 from vbaa_bench.report.report import report as write_report
 from vbaa_bench.scoring.accuracy import accuracy
+from vbaa_bench.scoring.collection import score_rigs
 from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.score import score as write_scores
+from vbaa_bench.scoring.score import with_own
 from vbaa_bench.scoring.tables import FORMATS
 
 
 def score(root: Path, *predictions: Path) -> None:
     """Score a dataset, with predictions of an entrant, and print the table of scores."""
-    summary = results.score(root, predictions=predictions).summary
+    if is_collection(root):
+        summary = score_rigs(root)
+    else:
+        summary = write_scores(Results(root), with_own(Results(root), predictions))
     output = io.StringIO()
     with contextlib.redirect_stdout(output):
         show_scores(summary, summary, as_json=False)

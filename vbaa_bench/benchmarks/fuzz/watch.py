@@ -13,9 +13,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import solver
-import vbaa_bench
-
 _WRITING: Final = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 # Audit events whose first argument, or first two, are paths that are changed.
 _CHANGES: Final = {
@@ -80,7 +77,7 @@ class Watch:
 
     def __init__(self, readable: tuple[Path, ...]) -> None:
         """Watch; files below `readable` and those of Python may be read."""
-        packages = [Path(package.__path__[0]) for package in (solver, vbaa_bench)]
+        packages = [Path(__file__).parents[3] / name for name in ("solver", "vbaa_bench")]
         installed = {*sysconfig.get_paths().values(), sys.base_prefix, *map(str, packages)}
         self._readable = (
             *(os.path.realpath(str(path)) for path in (*readable, *installed)),
