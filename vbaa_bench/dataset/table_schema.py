@@ -4,7 +4,7 @@ Tables come with a dataset, which may be of anyone: a column of another type, or
 length, would be a traceback far from its cause.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import polars as pl
@@ -29,6 +29,7 @@ class Schema(NamedTuple):
     """Types of the known columns; `present` must exist, and `required` also have no nulls.
 
     Columns in `vectors` hold three numbers or null; those in `finite` no infinity and no NaN.
+    Columns in `together` are null in the same rows.
     """
 
     types: Mapping[str, pl.DataType]
@@ -36,6 +37,7 @@ class Schema(NamedTuple):
     present: Collection[str] = ()
     vectors: Collection[str] = ()
     finite: Collection[str] = ()
+    together: Sequence[str] = ()
 
 
 def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
@@ -64,6 +66,10 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
     for name in known.keys() & set(schema.finite):
         if not _all_finite(table[name], null=True):
             raise InputError(f"{source}: {name} is not finite in a row")
+    absent = [table[name].is_null() for name in schema.together]
+    if any((rows != absent[0]).any() for rows in absent):
+        names = ", ".join(schema.together)
+        raise InputError(f"{source}: allowed in a row are all or none of {names}")
     return table
 
 

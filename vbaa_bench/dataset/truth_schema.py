@@ -46,4 +46,5 @@ TRUTH: Final = Schema(
     present=_PRESENT,
     vectors=_VECTORS,
     finite=_NUMBERS,
+    together=("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_n", "f_n"),
 )

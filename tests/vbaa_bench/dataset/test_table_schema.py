@@ -25,12 +25,15 @@ SCHEMA = Schema(
     present=("x",),
     vectors=("force",),
     finite=("x",),
+    together=("x", "force"),
 )
 TABLE = pl.DataFrame({"name": ["a", "b"], "x": [1.0, None], "force": [[1.0, 2.0, 3.0], None]})
 
 
 def test_columns_without_values_get_their_types_and_others_are_kept() -> None:
-    table = TABLE.with_columns(x=pl.lit(None), step=pl.lit(3, pl.UInt8), extra=pl.lit(b"x"))
+    table = TABLE.with_columns(
+        x=pl.lit(None), force=pl.lit(None), step=pl.lit(3, pl.UInt8), extra=pl.lit(b"x")
+    )
     types = checked(table, SCHEMA, "t").schema
     assert [types[name] for name in ("x", "step", "extra")] == [NUMBER, INTEGER, pl.Binary()]
 
@@ -51,8 +54,15 @@ def test_columns_without_values_get_their_types_and_others_are_kept() -> None:
             TABLE.with_columns(force=pl.lit(1.0)),
             "force holds Float64, allowed are lists",
         ),
-        (TABLE.with_columns(force=pl.lit([1.0])), "force is not a vector of three numbers"),
-        (TABLE.with_columns(force=pl.lit([1.0, float("nan"), 0.0])), "force is not a vector"),
+        (
+            TABLE.with_columns(force=pl.lit([1.0, 2.0, 3.0])),
+            "allowed in a row are all or none of x",
+        ),
+        (TABLE.with_columns(x=1.0, force=pl.lit([1.0])), "force is not a vector of three numbers"),
+        (
+            TABLE.with_columns(x=1.0, force=pl.lit([1.0, float("nan"), 0.0])),
+            "force is not a vector",
+        ),
     ],
 )
 def test_wrong_tables_are_refused(change: pl.DataFrame, said: str) -> None:

@@ -81,7 +81,7 @@ def test_shards_of_which_one_has_no_contact_are_read_together(tmp_path: Path) ->
             image = np.zeros((4, 5), np.uint8)
             contact = {"x_c_mm": x_c, "force_antenna_n": force}
             row = {**dict.fromkeys(TRUTH.required, 0), **dict.fromkeys(TRUTH.present), **contact}
-            row |= {"push_id": "p", "push": ""}
+            row |= {"push_id": "p", "push": ""} | dict.fromkeys(TRUTH.together, x_c)
             del row["frame_id"]
             writer.add(f"f{number}", image, {"step": 0}, row, {})
     rig = {"beam_length_mm": 1, "beam_diameter_mm": 1, "flexural_rigidity_n_mm2": 1}
