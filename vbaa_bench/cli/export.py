@@ -107,7 +107,7 @@ def check_exports(
 def _progress(shown: ExitStack, steps: tuple[str, ...]) -> Callable[[str, int, int], None]:
     """Return a function that shows the progress of steps; bars appear when the first has begun.
 
-    A mistake that is found before has one sentence and no bars.
+    A mistake that is detected earlier has one sentence and no bars.
     """
     tasks: dict[str, TaskID] = {}
     bars = progress_bars()

@@ -28,13 +28,13 @@ def poses(rig: Rig, row: Mapping[str, Any], rig_number: int) -> list[dict[str, A
     """
     fixed_from_clamp = camera_frame_from_clamp(rig.truth, row["true_motor_angle_deg"] * DEGREE)
     camera_from_clamp = rig.camera.camera_from_antenna @ fixed_from_clamp
-    found = [_entry(beam_id(rig_number), camera_from_clamp)]
+    entries = [_entry(beam_id(rig_number), camera_from_clamp)]
     if row["force_antenna_n"] is not None and np.any(row["force_antenna_n"]):
         clamp_from_contact = np.eye(4)
         clamp_from_contact[:3, :3] = _contact_axes(np.array(row["force_antenna_n"]))
         clamp_from_contact[:3, 3] = _contact_mm(rig, row) * MILLIMETRE
-        found.append(_entry(beam_id(rig_number) + 1, camera_from_clamp @ clamp_from_contact))
-    return found
+        entries.append(_entry(beam_id(rig_number) + 1, camera_from_clamp @ clamp_from_contact))
+    return entries
 
 
 def _contact_mm(rig: Rig, row: Mapping[str, Any]) -> Floats:

@@ -65,10 +65,10 @@ class Source:
         """Read all columns of some rows of the index, in their order. Raises InputError."""
         shards = frames.select("rig", "shard").unique(maintain_order=True).iter_rows()
         table = pl.concat([self._shard(rig, number) for rig, number in shards])
-        found = frames.select("rig", "frame_id").join(
+        labelled = frames.select("rig", "frame_id").join(
             table, on=["rig", "frame_id"], how="inner", maintain_order="left"
         )
-        return self.schema.applied(found)
+        return self.schema.applied(labelled)
 
     def _shard(self, rig: str, number: int) -> pl.DataFrame:
         """Read the frames of a shard; the last shards are kept."""

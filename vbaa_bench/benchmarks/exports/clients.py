@@ -48,9 +48,9 @@ def hugging_face(folder: Path, rows: Rows) -> Iterator[Check]:
     yield _check("frames by split", _by_split(rows), Counter(split for split, _ in frames))
     keys = {Path(row["path"]).stem: row for row in _raw_images(loaded, Image)}
     yield _check("names of images", set(rows), set(keys))
-    found = {_key(rows, row): row for _, row in frames}
-    yield from _pixels(rows, {key: np.array(row["image"]) for key, row in found.items()})
-    yield _labels(rows, found)
+    loaded_rows = {_key(rows, row): row for _, row in frames}
+    yield from _pixels(rows, {key: np.array(row["image"]) for key, row in loaded_rows.items()})
+    yield _labels(rows, loaded_rows)
     stream = load_dataset(str(folder), streaming=True)
     count = sum(1 for split in stream for _ in stream[split])
     yield _check("frames of the stream", len(rows), count)
@@ -67,18 +67,19 @@ def web_dataset(folder: Path, rows: Rows) -> Iterator[Check]:
     import webdataset
 
     files = sorted(folder.glob("*.tar"))
-    found, splits = {}, Counter[str]()
+    loaded_rows, splits = {}, Counter[str]()
     for file in files:
         for sample in webdataset.WebDataset(str(file), shardshuffle=False).decode():
             splits[file.stem.rpartition("-")[0]] += 1
-            found[sample["__key__"]] = sample
+            loaded_rows[sample["__key__"]] = sample
     yield _check("frames by split", _by_split(rows), splits)
-    yield _check("names of samples", set(rows), set(found))
+    yield _check("names of samples", set(rows), set(loaded_rows))
     images = {
-        key: np.array(PIL.Image.open(io.BytesIO(sample["png"]))) for key, sample in found.items()
+        key: np.array(PIL.Image.open(io.BytesIO(sample["png"])))
+        for key, sample in loaded_rows.items()
     }
     yield from _pixels(rows, images)
-    yield _labels(rows, {key: sample["json"] for key, sample in found.items()})
+    yield _labels(rows, {key: sample["json"] for key, sample in loaded_rows.items()})
     together = webdataset.WebDataset([str(file) for file in files], shardshuffle=False)
     yield _check("frames of all files together", len(rows), sum(1 for _ in together))
 
@@ -92,20 +93,20 @@ def lerobot(folder: Path, rows: Rows) -> Iterator[Check]:
     yield _check("frames", len(rows), len(items))
     files = len(list(folder.glob("data/*/*.parquet")))
     yield _check("files of frames, of which each has its episodes", files, _stated_files(data))
-    found = {_key(rows, item): item for item in items}
-    yield _check("names of frames", set(rows), set(found))
+    loaded_rows = {_key(rows, item): item for item in items}
+    yield _check("names of frames", set(rows), set(loaded_rows))
     images, gray = {}, 0
-    for key, item in found.items():
+    for key, item in loaded_rows.items():
         channels = np.rint(255 * item["observation.image"].numpy()).astype(np.uint8)
         gray += bool((channels == channels[0]).all())
         images[key] = channels[0]
     yield _check("images of three equal channels", len(rows), gray)
     yield from _pixels(rows, images)
-    truth = {key: _without_prefix(item) for key, item in found.items()}
+    truth = {key: _without_prefix(item) for key, item in loaded_rows.items()}
     yield _labels(rows, truth, np.float32)
     action = sum(
         float(item["action"]) == np.float32(rows[key]["motor_angle_deg"])
-        for key, item in found.items()
+        for key, item in loaded_rows.items()
         if rows[key]["motor_angle_deg"] is not None
     )
     yield _check("actions equal to motor angles", len(rows), action)
@@ -213,12 +214,12 @@ def croissant(folder: Path, rows: Rows) -> Iterator[Check]:
         {name.partition("/")[2]: _text(value) for name, value in record.items()}
         for record in data.records("frames")
     ]
-    found = {_key(rows, record): record for record in records}
+    loaded_rows = {_key(rows, record): record for record in records}
     yield _check("frames", len(rows), len(records))
-    yield _check("names of frames", set(rows), set(found))
-    yield _labels(rows, found)
+    yield _check("names of frames", set(rows), set(loaded_rows))
+    yield _labels(rows, loaded_rows)
     if "image" in records[0]:
-        yield from _pixels(rows, {key: np.array(row["image"]) for key, row in found.items()})
+        yield from _pixels(rows, {key: np.array(row["image"]) for key, row in loaded_rows.items()})
     else:
         images = [_text(record["images/file_name"]) for record in data.records("images")]
         names = sorted(f"{row['frame_id']}.png" for row in rows.values())
@@ -315,13 +316,13 @@ def _digest(image: Any) -> str:
     return hashlib.sha256(values.astype(values.dtype.newbyteorder("<")).tobytes()).hexdigest()
 
 
-def _labels(rows: Rows, found: dict[str, dict[str, Any]], precision: Any = float) -> Check:
+def _labels(rows: Rows, loaded_rows: dict[str, dict[str, Any]], precision: Any = float) -> Check:
     """Compare every column that both have; a number in the precision of the client."""
     compared = equal = 0
     for key, row in rows.items():
-        for name in row["columns"].keys() & found.get(key, {}).keys():
+        for name in row["columns"].keys() & loaded_rows.get(key, {}).keys():
             compared += 1
-            equal += _same(row["columns"][name], found[key][name], precision)
+            equal += _same(row["columns"][name], loaded_rows[key][name], precision)
     return _check("equal readings and labels", compared, equal) | {
         "right": str(compared == equal and compared >= 20 * len(rows))
     }

@@ -26,8 +26,8 @@ def test_pixels_are_compared_in_value_type_and_byte_order() -> None:
     image = np.array([[1, 300]], np.uint16)
     rows = {"a": ROWS["a"] | {"pixels": command.pixel_digest(image)}}
 
-    def right(seen: Any) -> list[str]:
-        return [check["right"] for check in clients._pixels(rows, {"a": seen})]
+    def right(image: Any) -> list[str]:
+        return [check["right"] for check in clients._pixels(rows, {"a": image})]
 
     assert right(image) == ["True", "True"]
     assert right(image.astype(">u2")) == ["True", "True"]
@@ -51,10 +51,10 @@ def test_pixels_are_compared_in_value_type_and_byte_order() -> None:
     ],
 )
 def test_every_label_is_compared(name: str, value: Any, precision: Any, right: bool) -> None:
-    found = {"a": ROWS["a"]["columns"] | {name: value}}
-    assert clients._labels(ROWS, found, precision)["right"] == str(right)
-    del found["a"][name]
-    few = {"a": {key: found["a"][key] for key in list(found["a"])[:10]}}
+    loaded_rows = {"a": ROWS["a"]["columns"] | {name: value}}
+    assert clients._labels(ROWS, loaded_rows, precision)["right"] == str(right)
+    del loaded_rows["a"][name]
+    few = {"a": {key: loaded_rows["a"][key] for key in list(loaded_rows["a"])[:10]}}
     assert clients._labels(ROWS, few)["right"] == "False"  # most columns are missing
 
 
