@@ -11,6 +11,8 @@ from tests.vbaa_bench.exports.written import Size, write_dataset
 from vbaa_bench.exports.croissant import write_croissant
 
 DEEP = Size(bits=16)
+# The libraries have warnings of their own.
+pytestmark = pytest.mark.filterwarnings("ignore")
 
 
 def test_datasets_loads_images_of_16_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
