@@ -40,12 +40,14 @@ _CHUNK: Final = 1000
 _FPS: Final = 1
 # LeRobot's limit of a file is 100 MB; images in three channels are about three times larger.
 _FILE_BYTES: Final = 32_000_000
+# Frames per file. Chosen: the statistics of an episode take 100 kB until its file is written.
+_FILE_FRAMES: Final = 2_000
 
 
 class LeRobot(Format):
     """Parquet files with whole episodes."""
 
-    usual_cut: ClassVar = Cut(_FILE_BYTES, whole_pushes=True)
+    usual_cut: ClassVar = Cut(_FILE_BYTES, _FILE_FRAMES, whole_pushes=True)
     layout: ClassVar = """\
 - `meta/`, `data/`: a LeRobotDataset v3.0. A push is an episode; `action` is the motor angle of the
   frame [deg], `observation.state` has the readings, and `truth.*` are the labels, NaN where there

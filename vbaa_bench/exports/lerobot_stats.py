@@ -26,13 +26,14 @@ def value_stats(values: npt.NDArray[Any]) -> Stats:
     rows = values[~np.isnan(values).any(axis=1)].astype(np.float64)
     count = np.array([len(rows)])
     rows = rows if len(rows) else np.zeros((1, values.shape[1]))
+    quantiles = np.quantile(rows, list(QUANTILES.values()), axis=0)
     return {
         "min": rows.min(axis=0),
         "max": rows.max(axis=0),
         "mean": rows.mean(axis=0),
         "std": rows.std(axis=0),
         "count": count,
-        **{name: np.quantile(rows, share, axis=0) for name, share in QUANTILES.items()},
+        **dict(zip(QUANTILES, quantiles, strict=True)),
     }
 
 
