@@ -90,6 +90,8 @@ def _same_image(data: bytes, rig: Rig, shard: int, frame_id: str) -> bool:
     """Test whether an image has the dataset's pixels: the same bytes, or the same when decoded."""
     if digest(data) == rig.image_digest(shard, frame_id):
         return True
+    if not data:
+        return False
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     expected = read_grey(rig.image_path(shard, frame_id))
     if image is None or image.dtype != expected.dtype:

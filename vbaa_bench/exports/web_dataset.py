@@ -22,12 +22,14 @@ from vbaa_bench.exports.source import Source
 
 # Chosen: the library advises 0.1 to 1 GB; a shuffling reader keeps several open.
 _TAR_BYTES: Final = 256_000_000
+# Chosen: the list of a tar file's members is kept in memory, 2 kB per frame.
+_TAR_FRAMES: Final = 10_000
 
 
 class WebDataset(Format):
     """Tar files of bounded size."""
 
-    usual_cut: ClassVar = Cut(_TAR_BYTES)
+    usual_cut: ClassVar = Cut(_TAR_BYTES, _TAR_FRAMES)
     layout: ClassVar = """\
 - `<split>-000000.tar`: `<frame>.png` and `<frame>.json`, one after the other.
 - `index.json`: the tar files and their numbers of frames.
@@ -66,13 +68,17 @@ image, label = Image.open(io.BytesIO(frame["png"])), frame["json"]
         """Read the members of all tar files; the index must list each file and its frames."""
         for shard in json.loads((folder / "index.json").read_bytes())["shardlist"]:
             split = shard["url"].rpartition("-")[0]
+            image = "", b""
             with tarfile.open(folder / shard["url"]) as tar:
-                members = {member.name: tar.extractfile(member) for member in tar}
-                for name, stream in members.items():
-                    key, _, kind = name.partition(".")
-                    labels = members[f"{key}.json"]
-                    if kind == "png" and stream is not None and labels is not None:
-                        yield Exported(key, split, stream.read(), json.loads(labels.read()))
+                for member in tar:
+                    stream = tar.extractfile(member)
+                    key, _, kind = member.name.partition(".")
+                    data = stream.read() if stream else b""
+                    if kind == "png":
+                        image = key, data
+                    else:  # without its own image a frame has none
+                        png = image[1] if image[0] == key else b""
+                        yield Exported(key, split, png, json.loads(data))
 
 
 def _add(tar: tarfile.TarFile, name: str, data: bytes) -> None:
