@@ -11,6 +11,7 @@ from solver.instrument.hashes import HASHES
 from tests.end_to_end.test_generate import digests, quiet
 from vbaa_bench import cli
 from vbaa_bench.api.data import generate_rigs
+from vbaa_bench.api.verification import verify
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
@@ -70,6 +71,16 @@ def test_rigs_do_not_depend_on_workers_order_count_or_part(tmp_path: Path, varia
     assert hashes.stat().st_mtime_ns == written
     assert digests(grown) == digests(together)
     assert sorted(collection.rigs) == [0, 1]
+
+    # What is damaged in it is rendered again, byte for byte.
+    layout, whole = CollectionLayout(grown), digests(grown)
+    image = next(layout.rig(1).observations.glob("shard_*/*.png"))
+    for path in (image, layout.table):
+        path.write_bytes(path.read_bytes()[:-9])
+    assert {fault.path for fault in verify(grown).faults} == {image, layout.table}
+    repaired = verify(grown, repair=True, workers=1)
+    assert (len(repaired.faults), len(repaired.repaired)) == (0, 2)
+    assert digests(grown) == whole
 
     table = collection.table
     assert table["rig"].to_list() == [0, 1]

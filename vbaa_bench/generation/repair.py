@@ -1,6 +1,7 @@
 """Repair of a dataset or collection: what can be rendered again is, damaged results are removed."""
 
 import math
+import shutil
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Final
@@ -58,7 +59,18 @@ def repair(
         variant = choose(_variant([layout_of_one]))
         generate(file, root, variant, workers, progress, remark=remark, part=part)
     for folder in roots:
+        _remove_leftovers(Layout(folder))
         _remove_results(folder, faults)
+
+
+def _remove_leftovers(layout: Layout) -> None:
+    """Remove what interrupted commands left, and folders of shards that are empty."""
+    for path in layout.root.glob(".shard_*.part"):
+        shutil.rmtree(path)
+    for tree in layout.trees:
+        for path in tree.glob("shard_*"):
+            if path.is_dir() and not any(path.iterdir()):
+                path.rmdir()
 
 
 def _is_rendered(root: Path, fault: Fault) -> bool:

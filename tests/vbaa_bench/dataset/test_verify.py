@@ -153,12 +153,14 @@ def test_repair_renders_again_and_names_commands(
     flip(layout.shard(layout.observations, 1) / "metadata.csv")
     (layout.observations / "rest" / "rest_01.png").unlink()
     (layout.truth / "notes.txt").touch()
+    shutil.copytree(layout.shard(layout.truth, 1), layout.shard(layout.truth, 7))
+    layout.aside(3).mkdir()
     flip(results.predictions / "exact_fit.csv")
     flip(results.scores / "scores.csv")
     done = CliRunner().invoke(cli.app, ["verify", str(results.root), "--repair", "--json"])
     record = json.loads(done.stdout)
     assert done.exit_code == 0, done.output
-    assert len(record["repaired"]) == 6
+    assert len(record["repaired"]) == 9
     assert record["faults"] == []
     assert record["commands"] == [
         f"vbaa-bench solve {results.root} --method exact_fit",
