@@ -13,7 +13,7 @@ from vbaa_bench.dataset.copied import seal_copy
 from vbaa_bench.dataset.differences import listing
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import manifest_bytes, read_json
-from vbaa_bench.dataset.readers import check_complete, copy_tree
+from vbaa_bench.dataset.readers import check_complete, complete_table, copy_tree
 from vbaa_bench.dataset.schema import SCHEMA, version_of
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import recorded_scene
@@ -91,7 +91,7 @@ def _check_shards(parts: Sequence[Layout]) -> None:
 
 
 def _shards(part: Layout) -> set[str]:
-    return {name.partition("/")[0] for name in read_hashes(part.truth) or {} if "shard_" in name}
+    return {name.partition("/")[0] for name in complete_table(part.truth) if "shard_" in name}
 
 
 def _copy(parts: Sequence[Layout], out: Layout) -> None:

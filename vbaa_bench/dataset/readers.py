@@ -11,7 +11,7 @@ import polars as pl
 
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError, quoted, truncated
-from solver.instrument.hashes import HASHES, listed, read_bytes
+from solver.instrument.hashes import HASHES, MEND, listed, read_bytes, read_hashes
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.manifest_schema import checked_manifest
@@ -62,6 +62,14 @@ def check_complete(layout: Layout) -> None:
             f"{layout.root}: is incomplete; run the command that generates it again to finish it"
         )
     raise InputError(f"{layout.root}: is not a dataset, observations/{HASHES} is missing")
+
+
+def complete_table(tree: Path) -> dict[str, str]:
+    """Read the hashes.json of a tree. Raises InputError if there is none."""
+    table = read_hashes(tree)
+    if table is None:
+        raise InputError(f"{tree}: is incomplete, {HASHES} is missing; {MEND}")
+    return table
 
 
 def open_manifest(root: Path | str) -> Truth:

@@ -22,7 +22,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import manifest_bytes, read_json
 from vbaa_bench.dataset.parquet import read_parquet
-from vbaa_bench.dataset.readers import check_complete
+from vbaa_bench.dataset.readers import check_complete, complete_table
 from vbaa_bench.dataset.schema import SCHEMA, version_of
 
 _FAILURES: Final = "failures.json"
@@ -111,7 +111,7 @@ def subset(source: Path, out: Path, choice: Choice) -> int:
 
 def _chosen(layout: Layout, choice: Choice) -> dict[int, Frames]:
     """Return the chosen frames by shard. Raises InputError if there are none."""
-    listed = read_hashes(layout.truth) or {}
+    listed = complete_table(layout.truth)
     folders = sorted(name.partition("/")[0] for name in listed if name.endswith(f"/{HASHES}"))
     parts = []
     for folder in folders:

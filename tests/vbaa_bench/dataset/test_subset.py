@@ -126,6 +126,9 @@ def test_what_cannot_be_chosen_is_refused(source: Layout, tmp_path: Path) -> Non
     with pytest.raises(DamageError, match=image.name):
         subset(source.root, tmp_path / "broken", Choice(frames=9))
     assert not (tmp_path / "broken" / "observations" / HASHES).exists()
+    (source.truth / HASHES).unlink()
+    with pytest.raises(InputError, match=r"is incomplete, hashes\.json is missing"):
+        subset(source.root, tmp_path / "none", Choice(frames=9))
 
 
 def parts(source: Layout, folder: Path) -> list[Path]:
