@@ -260,7 +260,7 @@ def _probe(
         layout.truth.mkdir()
         threads = max(cores() // workers, 1)
         with Pool(workers, _ProbedWorker, (file, layout, variant, threads)) as pool:
-            metering: Metering = pool.call("meter", True)
+            metering: Metering = pool.call("meter", ())
             started = clock()
             frames: list[_ProbedFrame] = pool.run(
                 [("probe", (n, (first, name), metering)) for n, name in enumerate(probes)]

@@ -8,7 +8,7 @@ from solver.instrument.syntax import syntax_digests
 
 ROOT: Final = Path(__file__).parent.parent.parent
 # The module that renders frames. Data depend on every module that it imports, also indirectly.
-RENDERING_MODULE: Final = "vbaa_bench.generation.frame_renderer"
+RENDERING_MODULE: Final = "vbaa_bench.generation.dataset_worker"
 # Imported by RENDERING_MODULE, but without effect on the bytes of any file.
 _WITHOUT_EFFECT: Final = {
     "solver.instrument.compiled",

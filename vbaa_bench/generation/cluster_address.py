@@ -107,5 +107,5 @@ def _described(path: Path) -> dict[str, Any]:
         if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 100_000:
             raise InputError(f"{path}: {key} is {value}, allowed is a number from 1 to 100000")
     if not {"interface", "scheduler_options"} & document.keys():
-        document["scheduler_options"] = {"host": "127.0.0.1", "dashboard": False}
+        document["scheduler_options"] = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
     return {"cores": cores, "processes": cores, **document}

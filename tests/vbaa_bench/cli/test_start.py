@@ -75,7 +75,7 @@ def test_the_package_runs_as_a_module(
 
 @pytest.mark.parametrize(
     ("words", "suggested"),
-    [(["genrate", "scene.yaml"], "generate"), (["speed", "rendr", "scene.yaml"], "render")],
+    [(["generat", "scene.yaml"], "generate"), (["speed", "rendr", "scene.yaml"], "render")],
 )
 def test_a_mistyped_command_gets_a_suggestion(words: list[str], suggested: str) -> None:
     done = CliRunner().invoke(cli.app, words)

@@ -154,7 +154,7 @@ def test_repair_renders_again_and_names_commands(
     (layout.observations / "rest" / "rest_01.png").unlink()
     (layout.truth / "notes.txt").touch()
     shutil.copytree(layout.shard(layout.truth, 1), layout.shard(layout.truth, 7))
-    layout.aside(3).mkdir()
+    layout.aside("shard_00003", "host-7").mkdir()
     flip(results.predictions / "exact_fit.csv")
     flip(results.scores / "scores.csv")
     done = CliRunner().invoke(cli.app, ["verify", str(results.root), "--repair", "--json"])

@@ -297,7 +297,7 @@ def test_a_parquet_file_on_which_its_reader_panics_is_refused(
         raise pl.exceptions.PanicException("assertion failed: offset + length <= self.length")
 
     (tmp_path / "own.parquet").write_bytes(b"damaged")
-    monkeypatch.setattr(pl, "read_parquet", panics)
+    monkeypatch.setattr(pl, "read_parquet_schema", panics)
     with pytest.raises(InputError, match=r"own\.parquet: is not a Parquet table \(assert"):
         read_predictions(tmp_path / "own.parquet")
 
