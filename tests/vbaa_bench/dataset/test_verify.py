@@ -174,12 +174,12 @@ def test_repair_renders_again_and_names_commands(
 
 def test_repair_of_what_cannot_be_rendered_says_why(results: Results) -> None:
     layout = results.dataset
+    document = read_json(layout.identity)
     flip(layout.manifest)
     flip(layout.identity)
     with pytest.raises(InputError, match="both records of its scene are damaged; state --scene"):
         verify(results.root, repair=True)
     layout.manifest.unlink()
-    document = read_json(layout.identity.rename(layout.truth / "old"))
     document |= {"subset": {}, "files": {}}
     layout.identity.write_text(json.dumps(document), encoding="utf-8")
     reseal(layout)
