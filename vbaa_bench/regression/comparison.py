@@ -118,15 +118,20 @@ def compare(pairs: Sequence[RunAndBaseline]) -> Comparison:
         )
         scenes[path.stem] = scene
         notes += _notes(scene, old, new)
-    return table(scenes, notes)
+    return table(scenes, notes, [str(path) for _, path in pairs])
 
 
-def table(scenes: dict[str, PairedScene], notes: Sequence[str] = ()) -> Comparison:
-    """Test all cells of paired scenes together. Raises InputError if there is no cell."""
+def table(
+    scenes: dict[str, PairedScene], notes: Sequence[str] = (), sources: Sequence[str] = ()
+) -> Comparison:
+    """Test all cells of paired scenes together. Raises InputError if there is no cell.
+
+    The message names the `sources`, by default the scenes.
+    """
     listed = cells(scenes)
     if not listed:
         raise InputError(
-            f"{', '.join(scenes)}: nothing can be compared, every set of paired frames has fewer "
+            f"{', '.join(sources or scenes)}: nothing can be compared, every set of paired frames has fewer "
             "than nine pushes"
         )
     times = [cell for cell in listed if cell.quantity is TIME]
