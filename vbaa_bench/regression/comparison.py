@@ -131,8 +131,8 @@ def table(
     listed = cells(scenes)
     if not listed:
         raise InputError(
-            f"{', '.join(sources or scenes)}: nothing can be compared, every set of paired frames has fewer "
-            "than nine pushes"
+            f"{', '.join(sources or scenes)}: nothing can be compared, every set of paired frames "
+            "has fewer than nine pushes"
         )
     times = [cell for cell in listed if cell.quantity is TIME]
     others = [cell for cell in listed if cell.quantity is not TIME]
