@@ -21,6 +21,7 @@ from vbaa_bench import cli
 from vbaa_bench.cli import doctor
 from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.generation.workers import SameProcess
 from vbaa_bench.limits import of_dataset
 from vbaa_bench.render.variant import VARIANTS, Probe
@@ -143,7 +144,7 @@ def test_failures_are_listed_in_the_report(
     shutil.copytree(finished, root)
     for path in (root / "predictions").glob("*.csv"):
         lines = path.read_text().splitlines()
-        path.write_text("\n".join(lines[:-1]) + "\n")
+        write_results(path.parent, {path.name: ("\n".join(lines[:-1]) + "\n").encode()})
     assert command("score", root).status == 0
     page = Path(json_record(command, "report", root)["report"]).read_text(encoding="utf-8")
     assert page.count("no prediction for this frame") >= 1
@@ -184,6 +185,8 @@ def test_bad_datasets_are_refused(command: CommandLine, finished: Path, tmp_path
     (root / "observations" / "hashes.json").write_text("[]")
     assert "hashes.json: is not a JSON object" in command.refused("solve", root)
     (root / "scores" / "summary.json").write_text("{")
+    assert "summary.json: is not what was generated" in command.refused("report", root)
+    write_results(root / "scores", {"summary.json": b"{"})
     assert "summary.json: cannot be read as JSON" in command.refused("report", root)
 
 

@@ -1,5 +1,6 @@
 """Small scenes against their committed baselines, and the commands baseline and compare."""
 
+import io
 import json
 import shutil
 from collections.abc import Callable
@@ -10,6 +11,7 @@ import pytest
 
 from tests.command_line import CommandLine
 from vbaa_bench import cli
+from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.generation.workers import SameProcess
@@ -58,7 +60,9 @@ def edited(runs: Path, target: Path, edit: Callable[[pl.DataFrame], pl.DataFrame
     """A copy of the runs without their images, with other scores."""
     shutil.copytree(runs, target, ignore=shutil.ignore_patterns("*.png"))
     for path in target.glob("*/scores/scores.parquet"):
-        edit(pl.read_parquet(path)).write_parquet(path)
+        data = io.BytesIO()
+        edit(pl.read_parquet(path)).write_parquet(data)
+        write_results(path.parent, {path.name: data.getvalue()})
     return target
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.truth_rows import complete_row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import seal
 from vbaa_bench.dataset.writer import shard_writer
@@ -50,7 +51,7 @@ def store(
                 }
                 truth = contact if i else dict.fromkeys(contact)
                 other = dict.fromkeys(("y_c_mm", "s_c_mm", "force_n", "f_n"), 0.1 * i)
-                angles = {"theta_c_deg": 1.0, "psi_deg": None, "model": "exact", "step": i % 2}
+                angles = {"model": "exact", "step": i % 2}
                 line = {f"centreline_{axis}_mm": [0.0, 0.0] for axis in "yz"}
                 line["centreline_x_mm"] = [0.0, 240.0]
                 place = {
@@ -65,7 +66,7 @@ def store(
                     name,
                     image,
                     {**readings, "step": i % 2, **split},
-                    truth | other | angles | line | place,
+                    complete_row(**truth, **(other if i else {}), **angles, **line, **place),
                     {},
                 )
         for name, value in writer.digests.items():

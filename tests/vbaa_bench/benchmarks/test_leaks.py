@@ -15,6 +15,7 @@ from solver.instrument.files import sha256
 from solver.instrument.images import png_bytes
 from solver.instrument.units import DEGREE
 from tests.conftest import SMALL_SCENE
+from tests.truth_rows import complete_row
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.benchmarks.leaks import (
     ImageFacts,
@@ -283,8 +284,8 @@ def written(layout: Layout, dataset: Path, rig: int, planted: bool) -> None:
             for i in range(4 * number, 4 * number + 4):
                 row = {"motor_angle_deg": readings[i], "push_id": random.bytes(8).hex(), "step": 0}
                 pixels = np.zeros((4, 5), dtype=np.uint8)
-                writer.add(names[i], pixels, row, {"x_c_mm": labels[i]}, {})
-            writer.add("f" * 15 + str(number), pixels, row, {"x_c_mm": None}, {})
+                writer.add(names[i], pixels, row, complete_row(x_c_mm=labels[i]), {})
+            writer.add("f" * 15 + str(number), pixels, row, complete_row(), {})
         for tree, digest in writer.digests.items():
             whole[tree][f"shard_{number:05d}/hashes.json"] = digest
     facts = json.loads((dataset / "truth" / "manifest.json").read_text(encoding="utf-8"))

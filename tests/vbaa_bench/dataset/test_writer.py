@@ -7,9 +7,9 @@ import pytest
 
 from solver.instrument.files import write_bytes
 from tests.sealing import reseal
+from tests.truth_rows import complete_row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.dataset.truth_schema import TRUTH
 from vbaa_bench.dataset.writer import shard_writer
 
 
@@ -80,10 +80,7 @@ def test_shards_of_which_one_has_no_contact_are_read_together(tmp_path: Path) ->
         with shard_writer(layout, number) as writer:
             image = np.zeros((4, 5), np.uint8)
             contact = {"x_c_mm": x_c, "force_antenna_n": force}
-            row = {**dict.fromkeys(TRUTH.required, 0), **dict.fromkeys(TRUTH.present), **contact}
-            row |= {"push_id": "p", "push": ""} | dict.fromkeys(TRUTH.together, x_c)
-            del row["frame_id"]
-            writer.add(f"f{number}", image, {"step": 0}, row, {})
+            writer.add(f"f{number}", image, {"step": 0}, complete_row(**contact), {})
     rig = {"beam_length_mm": 1, "beam_diameter_mm": 1, "flexural_rigidity_n_mm2": 1}
     sizes = dict.fromkeys(["width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"], 1)
     pose = np.eye(4).tolist()

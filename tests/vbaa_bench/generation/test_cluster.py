@@ -80,5 +80,8 @@ def test_a_file_starts_its_own_cluster(tmp_path: Path) -> None:
     path = tmp_path / "here.yaml"
     path.write_text("cluster: local\njobs: 1\nmemory: 1GB\n")
     with ClusterPool(ClusterAddress.checked(str(path)), PoisonedWorker, (tmp_path,), print) as pool:
-        (ended,) = pool.outcomes(deque([Job("image", ("view", 1.0))]), lambda _done: None)
+        jobs = deque([Job("image", ("view", 1.0))])
+        for ended in pool.outcomes(jobs, lambda _done: None):
+            if ended.death is not None:  # on a busy machine the first worker may be late
+                jobs.append(ended.job)
     assert ended.result == "view at 1.0"

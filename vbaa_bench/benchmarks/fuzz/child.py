@@ -87,7 +87,7 @@ class Runner:
         chance = random.Random(f"{self._seed} {case.kind} {case.number}")
         tempfile.tempdir = str(self.folder)
         os.chdir(self.folder)
-        _reset_peak_memory()
+        reset_peak_memory()
         start = time.process_time()
         faulthandler.dump_traceback_later(CLOCK_LIMIT_S, exit=True, file=2)
         try:
@@ -159,7 +159,8 @@ def _limit_data_segment() -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (int(used) + _DATA_SEGMENT,) * 2)
 
 
-def _reset_peak_memory() -> None:
+def reset_peak_memory() -> None:
+    """Begin to record the peak of this process's resident memory; on Linux."""
     clear = Path("/proc/self/clear_refs")
     if clear.exists():
         clear.write_text("5", encoding="ascii")
