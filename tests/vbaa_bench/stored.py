@@ -53,7 +53,7 @@ def store(
                 other = dict.fromkeys(("y_c_mm", "s_c_mm", "force_n", "f_n"), 0.1 * i)
                 angles = {"model": "exact", "step": i % 2}
                 line = {f"centreline_{axis}_mm": [0.0, 0.0] for axis in "yz"}
-                line["centreline_x_mm"] = [0.0, 240.0]
+                line |= {f"centreline_{axis}_mm": [0.0, 240.0] for axis in "sx"}
                 place = {
                     "trial": i,
                     "true_motor_angle_deg": -0.5 * i,

@@ -53,7 +53,7 @@ def test_records_join_image_truth_and_readings(tmp_path: Path) -> None:
         truth = (10.0 * i, 5.0 * (i % 2)) if i else (np.nan, np.nan)
         found = [labels["x_c_mm"], labels["compliance_mm_per_n"]]
         np.testing.assert_array_equal(found, np.array(truth, np.float32))
-        assert np.isnan(labels["psi_deg"])
+        assert np.isnan(labels["psi_deg"]) == (i == 0)
         angle = np.nan if i == 1 else -0.5 * i
         np.testing.assert_array_equal(record["readings"]["motor_angle_deg"], np.float32(angle))
         assert list(record["readings"]) == ["motor_angle_deg"]

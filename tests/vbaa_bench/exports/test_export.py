@@ -164,11 +164,11 @@ def test_names_that_leave_the_folder_and_missing_keys_are_not_used(
         exported(data, "csv", tmp_path / "deep" / "er" / "out")
     assert "secret.txt" not in {path.name for path in (tmp_path / "deep").rglob("*")}
     manifest = json.loads((data / "truth" / "manifest.json").read_bytes())
-    del manifest["scene"]["camera"]
+    del manifest["true_rig"]["camera"]
     (data / "truth" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     reseal(Layout(data))
     with pytest.raises(
-        InputError, match=r"manifest\.json: the key scene\.camera\.mount is missing"
+        InputError, match=r"manifest\.json: the key true_rig\.camera\.fx_px is missing"
     ):
         exported(data, "lerobot", tmp_path / "out")
 

@@ -73,6 +73,6 @@ def test_the_object_touches_the_beam(viewed: ViewedDataset) -> None:
 def test_the_reason_is_stated_if_no_body_can_be_built(tmp_path: Path) -> None:
     truth = open_truth(store(tmp_path / "set") / "truth")
     bodies = Bodies(truth, [0], Path())
-    assert "title is missing" in bodies.reason
+    assert "exactly one of pushes and sampling" in bodies.reason
     assert list(bodies.of_frame(0)) == []
     assert bodies.board_lines() == []
