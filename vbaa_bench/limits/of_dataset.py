@@ -20,7 +20,7 @@ from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits.table import SCHEMA, LimitsOfPushes
 from vbaa_bench.limits.visible_places import visible_in_image
 from vbaa_bench.render.variant import activate
-from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import recorded_scene
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
@@ -70,9 +70,14 @@ def limits_of_dataset(
     layout = Layout(root)
     truth = open_truth(layout.truth, centrelines=False)
     file = recorded_scene(truth.manifest["scene"], folder)
-    planned = plan(file)
-    frames = truth.frames.select("frame_id", pl.col("hidden_stretches_mm").fill_null([]))
-    hidden: Hidden = dict(frames.iter_rows())
+    rows = truth.frames.select("frame_id", pl.col("hidden_stretches_mm").fill_null([]))
+    hidden: Hidden = dict(rows.iter_rows())
+    frames = Frames(file.scene)
+    names = itertools.chain.from_iterable(frames.in_shards())
+    # Pushes of frames that failed may be impossible.
+    planned = plan(
+        file, pushes={frames.push_of(name.number) for name in names if name.frame_id in hidden}
+    )
     specs = sorted(
         (spec for spec in planned.frame_specs if spec.frame_id in hidden),
         key=lambda spec: (spec.push_number, spec.step),

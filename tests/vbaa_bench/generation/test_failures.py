@@ -22,6 +22,7 @@ from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.generation.missing_files import MissingFiles
 from vbaa_bench.generation.workers import Pool, SameProcess, WorkerDiedError
+from vbaa_bench.limits import of_dataset
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene
 
@@ -128,7 +129,7 @@ def test_a_frame_that_cannot_be_rendered_is_recorded(
 
 
 def test_an_impossible_push_is_recorded_by_the_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(generating, "Pool", SameProcess)
     path = tmp_path / "tip.yaml"
@@ -144,6 +145,10 @@ def test_an_impossible_push_is_recorded_by_the_command(
     assert all("slips off" in reason for reason in failures(layout).values())
     assert str(tmp_path) not in "".join(failures(layout).values())
     assert "frames failed; the reasons are in truth/shard_*/failures.json" in done.stderr
+    # The limits are those of the frames that exist.
+    monkeypatch.setattr(of_dataset, "Pool", SameProcess)
+    table = of_dataset.limits_of_dataset(layout.root, tmp_path, variant, 1, quiet)
+    assert table["frame_id"].n_unique() == record["frames"]
     # More than half of the pushes: the scene is refused.
     path.write_text(SCENE.replace("[60, 200]", "[239.5, 239.99]").replace("[3, 6]", "[10, 20]"))
     done = CliRunner().invoke(cli.app, ["generate", str(path), "--out", str(tmp_path / "none")])
