@@ -100,7 +100,7 @@ def _check_pixels(records: FrameRecords) -> int:
         bits = 8 * stored.itemsize
         expected = stored[None].astype(np.float32) / np.float32(shard.full_scale)
         if not np.array_equal(np.asarray(record["image"]), expected):
-            raise InputError(f"{path}: the loaded image differs from that which OpenCV reads")
+            raise InputError(f"{path}: the loaded image is not the one that OpenCV reads")
     return bits
 
 

@@ -35,6 +35,11 @@ print("probe", json.dumps({"mitsuba": mi.__version__, "finite": bool((image >= 0
 """
 
 
+# Exit status after SIGKILL. It comes from a person or a lack of memory, never from a variant that
+# does not work: the probe is then repeated once.
+_KILLED: Final = -9
+
+
 @dataclass(frozen=True)
 class Probe:
     """Result of rendering with a variant in a child process; `said` is the version or the error."""
@@ -47,13 +52,9 @@ class Probe:
 def probe(variant: str) -> Probe:
     """Render a tiny image with `variant` in a child process."""
     try:
-        child = subprocess.run(
-            [sys.executable, "-c", _PROBE, variant],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+        child = _rendered(variant)
+        if child.returncode == _KILLED:
+            child = _rendered(variant)
     except subprocess.TimeoutExpired:
         return Probe(variant, False, "timed out after 120 s")
     lines = (child.stderr.strip() or child.stdout.strip()).splitlines()
@@ -65,6 +66,11 @@ def probe(variant: str) -> Probe:
         return Probe(variant, False, f"{message} (exit status {child.returncode})")
     result = json.loads(results[-1].removeprefix("probe "))
     return Probe(variant, bool(result["finite"]), f"mitsuba {result['mitsuba']}")
+
+
+def _rendered(variant: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", _PROBE, variant]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def activate(variant: str, threads: int) -> None:
