@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Final, NamedTuple, Self
 
 from solver.instrument.errors import InputError
@@ -57,12 +56,7 @@ class ClusterPool:
         self._client = self._connected()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._clients.close()  # jobs that have not begun are dropped by the scheduler
 
     def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:

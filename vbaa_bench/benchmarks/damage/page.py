@@ -9,7 +9,6 @@ from vbaa_bench.benchmarks.damage.trials import CRASHED, OUTCOMES, SILENT, Trial
 Row = dict[str, Any]
 
 _HEADS: Final = ("kind of file", "damage", "trials", "named by verify", "used silently", "crashed")
-_COMMAND_HEADS: Final = ("command", *OUTCOMES)
 
 
 def rows(trials: Sequence[Trial]) -> list[Row]:
