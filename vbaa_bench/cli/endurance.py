@@ -46,7 +46,7 @@ def kills(
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Kill a worker, the command or all its processes at random times, until runs complete.
+    """Kill a child, the command or all its processes at random times, until runs complete.
 
     Every completed dataset is compared, byte by byte, with one that was never interrupted.
     """
@@ -60,8 +60,8 @@ def kills(
         "datasets completed": result.completed,
         "resumed": result.resumed,
         "different": "; ".join(result.different) or 0,
-        "runs ended by the death of a worker": "; ".join(result.unfinished) or 0,
-        "workers that outlived their parent": result.orphans,
+        "runs ended by the death of a child": "; ".join(result.unfinished) or 0,
+        "children that outlived their parent": result.orphans,
         "kills after the end": result.too_late,
     }
     rows += [{"killed": name, "kills": value} for name, value in summary.items()]

@@ -20,14 +20,16 @@ from vbaa_bench.benchmarks.endurance.runs import (
     digests,
     finish,
     is_running,
+    is_worker,
     kill,
     started,
     write_scene,
 )
 
-Victim = Literal["worker", "parent", "tree"]
-# One worker process; the command's own process, whose workers must then end; all of them.
-VICTIMS: Final[tuple[Victim, ...]] = ("worker", "parent", "tree")
+Victim = Literal["worker", "other child", "parent", "tree"]
+# A worker process; a child that tests the renderer or tracks resources; the command's own process,
+# whose workers must then end; all of them.
+VICTIMS: Final[tuple[Victim, ...]] = ("worker", "other child", "parent", "tree")
 _FRAMES: Final = 12
 _PER_SHARD: Final = 3
 # Kills come until this multiple of an uninterrupted run's time. Chosen: some come after its end.
@@ -42,7 +44,7 @@ class Kills:
 
     `too_late` kills came after the end of the run. `completed` datasets were compared with one that
     was never interrupted: `different` lists those that differ, `unfinished` the runs that failed
-    although only a worker died, and `orphans` counts workers that outlived their parent.
+    although only a child died, and `orphans` counts children that outlived their parent.
     """
 
     seconds_uninterrupted: float = 0.0
@@ -104,10 +106,13 @@ def _survives(
         if process.poll() is not None:
             kills.too_late += 1
             return process.returncode == 0
-        workers = children(process.pid)
-        if victim == "worker":
-            if not workers or not kill(workers[random.integers(len(workers))]):
-                os.killpg(process.pid, signal.SIGKILL)  # no worker yet: everything
+        descendants = children(process.pid)
+        workers = [pid for pid in descendants if is_worker(pid)]
+        others = [pid for pid in descendants if pid not in workers]
+        group = {"worker": workers, "other child": others}.get(victim)
+        if group is not None:
+            if not group or not kill(group[random.integers(len(group))]):
+                os.killpg(process.pid, signal.SIGKILL)  # no such child now: everything
                 victim = "tree"
         elif victim == "parent":
             kill(process.pid)
@@ -115,12 +120,12 @@ def _survives(
             os.killpg(process.pid, signal.SIGKILL)
         kills.kills[victim] += 1
         status = process.wait()
-    if victim == "worker":
+    if victim in ("worker", "other child"):
         if status:
-            kills.unfinished.append(f"{out.name}: status {status}")
+            kills.unfinished.append(f"{out.name}, {victim} killed: status {status}")
         return status == 0
     end = time.monotonic() + _ORPHANS_S
-    while any(map(is_running, workers)) and time.monotonic() < end:
+    while any(map(is_running, descendants)) and time.monotonic() < end:
         time.sleep(0.1)
-    kills.orphans += sum(map(is_running, workers))
+    kills.orphans += sum(map(is_running, descendants))
     return False

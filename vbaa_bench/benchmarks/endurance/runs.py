@@ -83,6 +83,15 @@ def children(pid: int) -> list[int]:
     return [int(name) for name in names]
 
 
+def is_worker(pid: int) -> bool:
+    """Test whether a process was started by multiprocessing to work, not to track resources."""
+    try:
+        command = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    return b"--multiprocessing-fork" in command
+
+
 def is_running(pid: int) -> bool:
     """Test whether a process runs; one that has ended and was not waited for does not."""
     try:
