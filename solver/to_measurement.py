@@ -11,7 +11,7 @@ from solver.at_rest.pose import Rest
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
 from solver.instrument.image_frame import NO_READINGS, Readings
-from solver.instrument.measurement import Measurement, Tip, View
+from solver.instrument.measurement import Measurement, RestBow, Tip, View
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
 from solver.shading import shading_of
@@ -39,12 +39,13 @@ def to_measurement(
         outside = (points[:, 0] < low) | (points[:, 0] > high)
         points, sigmas = points[outside], sigmas[outside]
     course = course_of(points, rest, rig)
-    shared = np.empty((len(points), 0))
+    shared, removed = np.empty((len(points), 0)), np.zeros_like(points)
     if course is not None:
         normals = course.normals
         across = np.maximum(np.abs((sigmas * normals).sum(axis=1)), 1e-15)
         shading = shading_of(antenna, points, course.turn)
-        points = points - (shading.shift + course.bow)[:, None] * normals
+        removed = course.bow[:, None] * normals
+        points = points - shading.shift[:, None] * normals - removed
         errors = np.column_stack([course.bow_errors, shading.errors])
         shared = errors / across[:, None]
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
@@ -69,6 +70,14 @@ def to_measurement(
         earlier=tuple(earlier),
         viewpoint_known=antenna.calibration.viewpoint_known,
         tip_sigma=antenna.tip_sigma,
+        rest_bow=RestBow(
+            coefficients=rest.bow * axes[1, 1],
+            covariance=rest.covariance,
+            line_covariance=rest.line_covariance,
+            removed=removed @ axes,
+            scale_sigma=bow_error,
+            errors=0 if course is None else course.bow_errors.shape[1],
+        ),
     )
 
 

@@ -1,5 +1,6 @@
 """Convert a fit to an estimate with its values, or to a failure outcome."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +11,8 @@ from solver.fitting.fit import FrameFit
 from solver.fitting.minimise import DEFICIENT, STOPPED
 from solver.fitting.problem import Problem
 from solver.fitting.thresholds import LIMITS
-from solver.fitting.values import values_of
 from solver.fitting.verdict import classified_estimate
-from solver.instrument.arrays import Mask
+from solver.instrument.arrays import Floats, Mask
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
@@ -71,16 +71,12 @@ def estimate_from_fit(
     measurement: Measurement,
     problem: Problem,
     fit: FrameFit,
+    values: Mapping[str, float],
+    covariance: Floats,
     *,
-    psi_known: bool,
     psi_fitted: bool = False,
-    spread: Any = None,
 ) -> Estimate:
-    """Convert a converged fit to an estimate.
-
-    `spread` (8,) is an additional sigma of the fit's parameters, due to another minimum that fits
-    almost as well.
-    """
+    """Convert a converged fit with its values, and their covariance, to an estimate."""
     arrays = problem.arrays
     has_moment = measurement.moment_y is not None and measurement.rig.sensors.moment_y is not None
     count = int(np.count_nonzero(fit.kept))
@@ -98,9 +94,6 @@ def estimate_from_fit(
             f"the nearest exact beam with one contact leaves a chi2 of {fit.chi2 / dof:.1f} "
             f"per degree of freedom in {count} of {problem.points} points",
         )
-    if spread is not None:
-        fit = replace(fit, covariance=fit.covariance + np.outer(spread, spread))
-    values, covariance = values_of(measurement, fit, psi_known)
     rejected = problem.points - count
     remarks = [f"{rejected} of {problem.points} points were rejected"] if rejected else []
     if measurement.moment_y is not None and not has_moment:

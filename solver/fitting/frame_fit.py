@@ -124,7 +124,7 @@ def settle(
         residual = residual[inliers]
     summary[STATUS], summary[CHI2], summary[ITERATIONS] = status, chi2, iterations
     summary[KEPT] = len(residual)
-    summary[WIDENING] = _variance_inflation(residual, chi2)
+    summary[WIDENING] = variance_inflation(residual, chi2)
 
 
 @njit
@@ -149,7 +149,7 @@ def _mark_inliers(
 
 
 @njit
-def _variance_inflation(residual: Floats, chi2: float) -> float:
+def variance_inflation(residual: Floats, chi2: float) -> float:
     """Compute the variance inflation, at least 1, of the covariance for independent errors.
 
     It is chi2 per degree of freedom times the correlation length of the residuals. Each factor is

@@ -106,6 +106,29 @@ class Keys:
             self.refuse(key, f"one of {', '.join(map(str, allowed))}")
         return value
 
+    def numbers(self, key: str, low: float, high: float, most: int) -> Floats:
+        """Look up a list of at most `most` finite numbers (n,) from `low` to `high`."""
+        value = self._value(key)
+        if not (
+            isinstance(value, list)
+            and len(value) <= most
+            and all(_is_number(item, low, high) for item in value)
+        ):
+            self.refuse(key, f"a list of at most {most} numbers from {low:g} to {high:g}")
+        return np.array(value, dtype=np.float64)
+
+    def matrix(self, key: str, low: float, high: float, size: int) -> Floats:
+        """Look up a list of `size` lists of as many finite numbers (size, size)."""
+        value = self._value(key)
+        if not (
+            isinstance(value, list)
+            and len(value) == size
+            and all(isinstance(row, list) and len(row) == size for row in value)
+            and all(_is_number(item, low, high) for row in value for item in row)
+        ):
+            self.refuse(key, f"a list of {size} lists of {size} numbers from {low:g} to {high:g}")
+        return np.array(value, dtype=np.float64)
+
     def triple(self, key: str, low: float, high: float) -> Floats:
         """Look up three finite numbers (3,) from `low` to `high`."""
         value = self._value(key)

@@ -31,6 +31,36 @@ class Tip:
 
 
 @dataclass(frozen=True)
+class RestBow:
+    """The bow of the beam at rest, which was removed from the points of a view.
+
+    `coefficients` (3,) [m] are those of x^2, x^3, x^4, x over the beam's length, in the frame of
+    the beam at rest. `covariance` (5, 5) is that of the line at rest with them: its y at the clamp
+    [m] and slope, coefficients [m]; of the former two the measurement's `base_covariance` contains
+    `line_covariance` (2, 2), for the straight line through the whole curve. `removed` (n, 2) [m]
+    was subtracted from the points: a bow moves each point along its normal, to first order.
+    `scale_sigma` is the relative error of lengths that this leaves. The first `errors` columns of
+    the view's shared errors are those of the bow. Raises ValueError if array shapes are wrong or a
+    value is not finite.
+    """
+
+    coefficients: Floats
+    covariance: Floats
+    line_covariance: Floats
+    removed: Floats
+    scale_sigma: float
+    errors: int
+
+    def __post_init__(self) -> None:
+        coefficients = frozen_floats("bow", self.coefficients, (3,))
+        object.__setattr__(self, "coefficients", coefficients)
+        for name, size in (("covariance", 5), ("line_covariance", 2)):
+            matrix = frozen_floats(name, getattr(self, name), (size, size))
+            object.__setattr__(self, name, matrix)
+        object.__setattr__(self, "removed", frozen_floats("removed", self.removed, (None, 2)))
+
+
+@dataclass(frozen=True)
 class View:
     """Beam in one image, projected onto plane C, in the frame of the beam at rest.
 
@@ -81,7 +111,8 @@ class Measurement:
     the clamp on the beam. Readings that do not exist are None. `viewpoint_known` is False if only
     plane C was calibrated: then only quantities within C can be estimated. `tip_sigma` is the
     relative one-sigma error of the length up to the visible tip, None if it is the rig's tolerance.
-    `earlier` contains the previous frames of the same push, in order. Raises ValueError.
+    `earlier` contains the previous frames of the same push, in order. `rest_bow` is None for a beam
+    without a bow. Raises ValueError.
     """
 
     view: View
@@ -97,6 +128,7 @@ class Measurement:
     earlier: tuple["Measurement", ...] = ()
     viewpoint_known: bool = True
     tip_sigma: float | None = None
+    rest_bow: RestBow | None = None
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_covariance", self.base_covariance, (3, 3))

@@ -11,6 +11,8 @@ from typing import Any
 
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.beam import Beam
+from solver.instrument.beam_shape import UNIFORM, BeamShape
+from solver.instrument.beam_shape_json import beam_shape_keys, read_beam_shape
 from solver.instrument.board import DICTIONARIES, Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.distortion import COUNTS
 from solver.instrument.errors import InputError
@@ -83,7 +85,7 @@ class Rig:
     direction changes as much along the beam; None if the light is as far away as the camera.
     `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
-    colour image.
+    colour image. `shape` is how the beam differs from a uniform one, as stated or learned.
     """
 
     beam: Beam
@@ -103,6 +105,7 @@ class Rig:
     light_distance: float | None = None
     bits: int | None = None
     channel: str = "gray"
+    shape: BeamShape = UNIFORM
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
@@ -164,6 +167,8 @@ def rig_to_json(rig: Rig) -> str:
             "force_sigma_n": rig.sensors.base_force,
             "moment_sigma_n_mm": rig.sensors.base_moment / mm,
         }
+    if not rig.shape.uniform:
+        document["beam_shape"] = beam_shape_keys(rig.shape)
     # Twelve digits: a nanometre on a kilometre, without the rounding errors of unit conversion.
     return json.dumps(_rounded(document), indent=2) + "\n"
 
@@ -250,6 +255,7 @@ def read_rig(path: Path) -> Rig:
         distortion_coefficients=_distortion_coefficients(key, telecentric),
         bits=key.count("camera.bits", *BITS) if key.has("camera.bits") else None,
         channel=key.one_of("camera.channel", CHANNELS) if key.has("camera.channel") else "gray",
+        shape=read_beam_shape(key),
     )
     key.refuse_others()
     return rig

@@ -20,6 +20,7 @@ from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of, without
 from solver.fitting.residuals import PSI
 from solver.fitting.thresholds import LIMITS
+from solver.fitting.values import values_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import UNKNOWN_VIEWPOINT, Measurement
@@ -84,9 +85,9 @@ def _fit(measurement: Measurement) -> Estimate:
         )
     if refusal is not None:
         return refusal
-    return estimate_from_fit(
-        measurement, problem, best, psi_known=True, psi_fitted=True, spread=spread
-    )
+    best = replace(best, covariance=best.covariance + np.outer(spread, spread))
+    values, covariance = values_of(measurement, best, True)
+    return estimate_from_fit(measurement, problem, best, values, covariance, psi_fitted=True)
 
 
 def _robust_minima(problem: Problem) -> list[FrameFit]:

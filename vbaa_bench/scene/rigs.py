@@ -7,6 +7,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam, circular_rigidity
+from solver.instrument.beam_shape import stated_shape
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
 from solver.instrument.rig import Rig, Sensors, Tolerances
@@ -71,6 +72,12 @@ def nominal_rig(scene: Scene) -> Rig:
         light_slope=light.slope,
         light_slope_sigma=light.sigma,
         light_distance=light.distance_mm * MILLIMETRE,
+        shape=stated_shape(
+            taper=tolerances.tip_ratio_pct * PERCENT,
+            softness=tolerances.clamp_softness,
+            section=tolerances.aspect_ratio_pct * PERCENT,
+            friction=tolerances.friction,
+        ),
     )
 
 

@@ -104,6 +104,13 @@ class ToleranceSpec(Part):
     board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
+    # Stated sigmas of what a uniform, frictionless beam on a rigid clamp does not have: width of
+    # the tip over that at the clamp, less one; the section's second axis over its first, less one;
+    # coefficient of friction; the clamp's rotation over its moment, in units of L / EI.
+    tip_ratio_pct: Annotated[float, Field(ge=0, le=80)] = 0.0
+    aspect_ratio_pct: Annotated[float, Field(ge=0, le=50)] = 0.0
+    friction: Annotated[float, Field(ge=0, le=2)] = 0.0
+    clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
     # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.
     true_rig: Literal["nominal", "drawn"] = "nominal"
 

@@ -1,0 +1,193 @@
+"""Fit a beam of changing section to one frame: least squares, robust where residuals require it.
+
+Plain least squares comes first; its result is kept if the residuals look like noise. Otherwise
+Tukey's biweight is used, with a cut that decreases from the scale of the residuals to that of the
+stated sigmas (graduated non-convexity; Blake and Zisserman 1987): before the section is fitted,
+residuals are large everywhere, and no point may be rejected for that.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import S_C, Q
+from solver.fitting.fit import FrameFit
+from solver.fitting.frame_fit import variance_inflation
+from solver.fitting.minimise import CONVERGED, DEFICIENT, STOPPED
+from solver.fitting.robust import MEDIAN, VARIANCE_FACTOR, scale, tukey
+from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_residuals import rod_residuals
+from solver.fitting.thresholds import LIMITS
+from solver.instrument.arrays import Floats
+
+_MAX_ITERATIONS: Final = 60
+# Levenberg and Marquardt's damping after a step that failed for the first time, and its factor.
+# Chosen.
+_FIRST_DAMPING, _FACTOR = 1e-3, 10.0
+_MAX_DAMPING: Final = 1e6
+
+
+class _Linearised(NamedTuple):
+    """Objective at p, its half gradient (f,) and normal matrix (f, f) by the free parameters."""
+
+    p: Floats
+    residual: Floats
+    jacobian: Floats
+    weight: Floats
+    objective: float
+    gradient: Floats
+    normal: Floats
+
+
+class _Minimum(NamedTuple):
+    at: _Linearised
+    status: int
+    iterations: int
+
+
+def fit_rod(problem: RodProblem, start: Floats) -> FrameFit | None:
+    """Fit from the parameters `start` (p,); return None if no beam has their shape.
+
+    The result has the parameters of `rod_residuals`; fixed ones have no covariance. Points are in
+    the order of `problem`.
+    """
+    first = _minimise(problem, start, np.inf)
+    if first is None:
+        return None
+    at, status, iterations = first
+    residual, count = at.residual, problem.points.shape[1]
+    dof = max(count - 2, 1)
+    # As in `frame_fit`: six sigmas of chi2 detect a run of outliers that has biased the fit.
+    limit = dof * (1 + 6 * math.sqrt(2 / dof))
+    kept = np.ones(count, dtype=np.bool_)
+    robust = at.objective > limit or np.abs(residual).max() > LIMITS.suspicious_sigmas
+    if robust or status == STOPPED:
+        cut = LIMITS.tukey_cut
+        largest = float(np.median(np.abs(residual))) / MEDIAN
+        factors = [2.0**k for k in range(max(math.ceil(math.log2(max(largest, 1.0))), 2), -1, -1)]
+        for factor in factors:
+            at, status, extra = _minimise(problem, at.p, factor * cut) or first
+            iterations += extra
+        inflation = scale(at.residual, LIMITS.max_scale)
+        if inflation > LIMITS.min_scale:
+            cut *= inflation
+            at, status, extra = _minimise(problem, at.p, cut) or first
+            iterations += extra
+        kept = np.abs(at.residual) < cut
+        at = _weighted(problem, at, kept.astype(float))
+    inverse = _inverse(at.normal)
+    covariance = np.zeros((len(at.p), len(at.p)))
+    inflation = variance_inflation(np.ascontiguousarray(at.residual[kept]), at.objective)
+    if inverse is None:
+        status = DEFICIENT
+    else:
+        efficiency = VARIANCE_FACTOR if robust else 1.0
+        covariance[np.ix_(problem.free, problem.free)] = inverse * (efficiency * inflation)
+    return FrameFit(at.p, covariance, status, at.objective, kept, iterations, inflation)
+
+
+def _minimise(problem: RodProblem, start: Floats, cut: float) -> _Minimum | None:
+    """Minimise by damped Gauss-Newton steps; return None if the start has no shape."""
+    at = _linearised(problem, start, cut)
+    if at is None:
+        return None
+    damping = 0.0
+    for iteration in range(1, _MAX_ITERATIONS + 1):
+        moved, length = _step(problem, at, cut, damping)
+        if moved is None and math.isnan(length):
+            return _Minimum(at, DEFICIENT, iteration)
+        if moved is not None and damping == 0 and moved.objective > at.objective and length > 1:
+            # The valley of section and contact is curved. A step along its tangent leads uphill,
+            # and the next one back to its bottom.
+            moved, _ = _step(problem, moved, cut, 0.0)
+        # Sigmas depend on the shape, so a short step may be right without reducing the objective.
+        if moved is not None and (
+            moved.objective <= at.objective * (1 + 1e-9) or (length < 1 and damping == 0)
+        ):
+            at, damping = moved, damping / _FACTOR if damping > _FIRST_DAMPING else 0.0
+            if length < LIMITS.step_sigmas:
+                return _Minimum(at, CONVERGED, iteration)
+        else:
+            damping = max(damping * _FACTOR, _FIRST_DAMPING)
+            if damping > _MAX_DAMPING:
+                break
+    return _Minimum(at, STOPPED, iteration)
+
+
+def _step(
+    problem: RodProblem, at: _Linearised, cut: float, damping: float
+) -> tuple[_Linearised | None, float]:
+    """Take a damped step; return where it leads, and its length in sigmas.
+
+    The first is None where no beam has the shape, the second NaN where a direction is undetermined.
+    """
+    unit = np.sqrt(np.maximum(np.diag(at.normal), 1e-300))
+    scaled = at.normal / np.outer(unit, unit)
+    scaled[np.diag_indices_from(scaled)] += damping
+    try:
+        step = -np.linalg.solve(scaled, at.gradient / unit) / unit
+    except np.linalg.LinAlgError:
+        return None, math.nan
+    trial = at.p.copy()
+    trial[problem.free] += step
+    # Load and place stay positive, and do not more than double.
+    allowed = all(0 < trial[i] < 2 * at.p[i] for i in (Q, S_C))
+    moved = _linearised(problem, trial, cut) if allowed else None
+    return moved, math.sqrt(max(float(-step @ at.gradient), 0.0))
+
+
+def residuals_at(problem: RodProblem, p: Floats) -> tuple[Floats, Floats] | None:
+    """Compute residuals (n,) and their Jacobian (p, n) in sigmas; None if there is no shape."""
+    count, own = len(problem.shared), len(p) - problem.shared.shape[1]
+    residual, jacobian = np.empty(count), np.empty((len(p), count))
+    exists = rod_residuals(
+        p[:own], problem.points, problem.bounds, problem.views, problem.widths, problem.radius,
+        residual, jacobian[:own],
+    )  # fmt: skip
+    jacobian[own:] = problem.shared.T
+    residual += problem.shared @ p[own:]
+    return (residual, jacobian) if exists else None
+
+
+def _linearised(problem: RodProblem, p: Floats, cut: float) -> _Linearised | None:
+    rows = residuals_at(problem, p)
+    if rows is None:
+        return None
+    residual, jacobian = rows
+    weight = np.ones(len(residual))
+    chi2 = float(tukey(residual, cut, weight) if cut < np.inf else residual @ residual)
+    return _with_prior(problem, p, residual, jacobian[problem.free], weight, chi2)
+
+
+def _weighted(problem: RodProblem, at: _Linearised, weight: Floats) -> _Linearised:
+    """Return the least-squares problem of points with these weights (n,)."""
+    chi2 = float(weight @ at.residual**2)
+    return _with_prior(problem, at.p, at.residual, at.jacobian, weight, chi2)
+
+
+def _with_prior(
+    problem: RodProblem, p: Floats, residual: Floats, jacobian: Floats, weight: Floats, chi2: float
+) -> _Linearised:
+    weighted = jacobian * weight
+    pull = problem.information @ (p - problem.mean)
+    return _Linearised(
+        p,
+        residual,
+        jacobian,
+        weight,
+        chi2 + float((p - problem.mean) @ pull),
+        weighted @ residual + pull[problem.free],
+        weighted @ jacobian.T + problem.information[np.ix_(problem.free, problem.free)],
+    )
+
+
+def _inverse(normal: Floats) -> Floats | None:
+    """Invert normal equations; None if they do not determine a direction."""
+    unit = np.sqrt(np.diag(normal))
+    if not (unit > 0).all():
+        return None
+    scaled = normal / np.outer(unit, unit)
+    if np.linalg.eigvalsh(scaled)[0] < LIMITS.min_pivot:
+        return None
+    return np.asarray(np.linalg.inv(scaled) / np.outer(unit, unit))

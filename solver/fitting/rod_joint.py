@@ -1,0 +1,145 @@
+"""Learn a beam from pushes: one least-squares fit of all frames, whose beam and clamp are shared.
+
+Every frame has its own contact, force and friction. Width, clamp, plane of bending and the errors
+that all points share are the same in all frames, so that contacts at several places determine what
+one image does not. The frames' own parameters are eliminated (Schur complement), so that the size
+of the joint system is that of the shared ones.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import GRIP, S_C, Q
+from solver.fitting.rod_fit import residuals_at
+from solver.fitting.rod_problem import RodProblem
+from solver.instrument.arrays import Floats
+
+# Parameters of each frame's own; all others are shared.
+_OWN: Final = (Q, S_C, GRIP)
+_MAX_ITERATIONS: Final = 40
+_FIRST_DAMPING: Final = 1e-4
+_FACTOR: Final = 10.0
+_MAX_DAMPING: Final = 1e6
+# Step [sigma] after which the fit has converged. Chosen: far below what noise moves.
+_STEP_SIGMAS: Final = 0.01
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Fit of n frames: `frames` (n, p) are their parameters, `covariance` (s, s) of the shared.
+
+    `shared` (s,) are the indices of the shared parameters that were fitted; `objective` is the sum
+    of squares of all points and priors.
+    """
+
+    frames: Floats
+    shared: Floats
+    covariance: Floats
+    objective: float
+    converged: bool
+
+
+class _System(NamedTuple):
+    """Normal equations at `parameters` (n, p): own blocks (n, o, o), mixed (n, o, s), shared."""
+
+    parameters: Floats
+    objective: float
+    own: Floats
+    mixed: Floats
+    shared: Floats
+    own_gradient: Floats
+    shared_gradient: Floats
+
+
+def fit_jointly(problems: Sequence[RodProblem], starts: Floats) -> JointFit | None:
+    """Fit frames (n) of one beam from their `starts` (n, p); None if a start has no shape.
+
+    The shared parameters start from their prior's mean. Priors of the frames' own parameters are
+    those of each frame.
+    """
+    first = problems[0]
+    own = np.array([i for i in first.free if i in _OWN])
+    shared = np.array([i for i in first.free if i not in _OWN])
+    parameters = np.array(starts)
+    parameters[:, shared] = first.mean[shared]
+    at = _system(problems, parameters, own, shared)
+    if at is None:
+        return None
+    damping, converged = _FIRST_DAMPING, False
+    for _ in range(_MAX_ITERATIONS):
+        step_own, step_shared, length = _steps(at, damping)
+        trial = at.parameters.copy()
+        trial[:, own] += step_own
+        trial[:, shared] += step_shared
+        moved = _system(problems, trial, own, shared)
+        if moved is not None and moved.objective <= at.objective * (1 + 1e-9):
+            at, damping = moved, damping / _FACTOR
+            if length < _STEP_SIGMAS:
+                converged = True
+                break
+        else:
+            damping = max(damping, _FIRST_DAMPING) * _FACTOR
+            if damping > _MAX_DAMPING:
+                break
+    covariance = np.asarray(np.linalg.inv(_reduced(at, 0.0)[0]), dtype=np.float64)
+    return JointFit(at.parameters, shared, covariance, at.objective, converged)
+
+
+def _system(
+    problems: Sequence[RodProblem], parameters: Floats, own: Floats, shared: Floats
+) -> _System | None:
+    n, first = len(problems), problems[0]
+    if (parameters[:, [Q, S_C]] <= 0).any():
+        return None
+    own_blocks = np.empty((n, len(own), len(own)))
+    mixed = np.empty((n, len(own), len(shared)))
+    own_gradient = np.empty((n, len(own)))
+    # The prior of the shared parameters counts once.
+    deviation = parameters[0, shared] - first.mean[shared]
+    information = first.information[np.ix_(shared, shared)]
+    shared_block, shared_gradient = information.copy(), information @ deviation
+    objective = float(deviation @ shared_gradient)
+    for i, problem in enumerate(problems):
+        rows = residuals_at(problem, parameters[i])
+        if rows is None:
+            return None
+        residual, jacobian = rows
+        by_own, by_shared = jacobian[own], jacobian[shared]
+        prior = problem.information[np.ix_(own, own)]
+        pull = parameters[i, own] - problem.mean[own]
+        own_blocks[i] = by_own @ by_own.T + prior
+        mixed[i] = by_own @ by_shared.T
+        own_gradient[i] = by_own @ residual + prior @ pull
+        shared_block += by_shared @ by_shared.T
+        shared_gradient += by_shared @ residual
+        objective += float(residual @ residual + pull @ prior @ pull)
+    return _System(
+        parameters, objective, own_blocks, mixed, shared_block, own_gradient, shared_gradient
+    )
+
+
+def _reduced(at: _System, damping: float) -> tuple[Floats, Floats, Floats]:
+    """Eliminate the frames' own parameters: reduced matrix (s, s), gradient, inverse own blocks."""
+    own = at.own.copy()
+    diagonal = np.arange(own.shape[1])
+    own[:, diagonal, diagonal] *= 1 + damping
+    inverse = np.linalg.inv(own)
+    matrix = at.shared - np.einsum("nos,nop,npt->st", at.mixed, inverse, at.mixed)
+    matrix[np.diag_indices_from(matrix)] += damping * np.diag(at.shared)
+    gradient = at.shared_gradient - np.einsum("nos,nop,np->s", at.mixed, inverse, at.own_gradient)
+    return (matrix + matrix.T) / 2, gradient, np.asarray(inverse, dtype=np.float64)
+
+
+def _steps(at: _System, damping: float) -> tuple[Floats, Floats, float]:
+    """Compute a damped step of own (n, o) and shared (s,) parameters, and its length in sigmas."""
+    matrix, gradient, inverse = _reduced(at, damping)
+    unit = np.sqrt(np.diag(matrix))
+    step_shared = -np.linalg.solve(matrix / np.outer(unit, unit), gradient / unit) / unit
+    right = at.own_gradient + at.mixed @ step_shared
+    step_own = -np.einsum("nop,np->no", inverse, right)
+    decrease = -(step_shared @ at.shared_gradient) - float((step_own * at.own_gradient).sum())
+    return step_own, step_shared, math.sqrt(max(float(decrease), 0.0))

@@ -1,0 +1,143 @@
+"""Convert a measurement to the arrays of the fit of a beam of changing section."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
+from solver.fitting.problem import Problem
+from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BOW
+from solver.instrument.measurement import Measurement, RestBow
+
+
+@dataclass(frozen=True)
+class RodProblem:
+    """Points of one frame and the prior of its parameters, in units of the beam's length.
+
+    `points` (4, n), `bounds` and `views` are those of `residuals`; `widths` and `radius` those of
+    `rod.curve_of`. The parameters are those of `rod_residuals`, and then the errors that all points
+    share: `shared` (n, k) is the shift of each point, in sigmas, by one sigma of each. `mean` (p,)
+    and `information` (p, p) are their prior; `free` (f,) are the indices of those that are fitted.
+    """
+
+    points: Floats
+    bounds: Any
+    views: Floats
+    widths: int
+    radius: float
+    shared: Floats
+    mean: Floats
+    information: Floats
+    free: Any
+
+    @property
+    def shape_size(self) -> int:
+        """Number of parameters of the shape, which come first."""
+        return len(self.mean) - POSE - int(self.shared.shape[1])
+
+    @property
+    def bow(self) -> range:
+        """Indices of the bow's coefficients."""
+        return range(WIDTHS + self.widths, self.shape_size)
+
+
+def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
+    """Add the stated or learned beam of the measurement's rig to the arrays of `problem`."""
+    points, bounds, views, *_ = problem.arrays
+    bow = measurement.rest_bow
+    shared = problem.shared_errors[:, 0 if bow is None else bow.errors :]
+    mean, covariance = _prior(measurement, shared.shape[1])
+    uncertain = np.flatnonzero(np.diag(covariance) > 0)
+    information = np.zeros_like(covariance)
+    block = np.ix_(uncertain, uncertain)
+    # In units of the sigmas, which differ by orders of magnitude.
+    sigmas = np.sqrt(np.diag(covariance))[uncertain]
+    unit = np.outer(sigmas, sigmas)
+    information[block] = np.linalg.inv(covariance[block] / unit) / unit
+    return RodProblem(
+        points=points,
+        bounds=bounds - bounds[0],
+        views=views,
+        widths=len(measurement.rig.shape.widths),
+        radius=measurement.rig.beam.radius / measurement.rig.beam.length,
+        shared=shared,
+        mean=mean,
+        information=information,
+        free=np.array([Q, S_C, *uncertain]),
+    )
+
+
+def _prior(measurement: Measurement, shared: int) -> tuple[Floats, Floats]:
+    """Compute mean (p,) and covariance (p, p) of all parameters but load and place."""
+    shape, rest = measurement.rig.shape, measurement.rest_bow
+    first = WIDTHS + len(shape.widths)
+    size = first + (0 if rest is None else BOW)
+    mean = np.zeros(size + POSE + shared)
+    covariance = np.zeros((len(mean), len(mean)))
+    covariance[GRIP, GRIP] = shape.friction_sigma**2
+    mean[size + PSI] = measurement.handedness * (measurement.rig.known_psi or 0.0)
+    covariance[size + PSI, size + PSI] = shape.psi_sigma**2
+    own = np.arange(size + POSE, len(mean))
+    covariance[own, own] = 1.0
+    # The bow is an odd function of the side to which the rig deflects.
+    count = 1 + len(shape.widths) + (0 if rest is None else len(shape.bow))
+    sides = np.ones(count)
+    sides[1 + len(shape.widths) :] = measurement.handedness
+    learned = [size + SOFTNESS, *range(WIDTHS, WIDTHS + count - 1)]
+    values = np.array([shape.softness, *shape.widths, *shape.bow])[:count]
+    mean[learned] = values * sides
+    covariance[np.ix_(learned, learned)] = shape.covariance[:count, :count] * np.outer(sides, sides)
+    unit = np.array([1, 1, measurement.rig.beam.length]) / measurement.rig.beam.length
+    pose = slice(size + DX, size + TILT + 1)
+    covariance[pose, pose] = measurement.base_covariance * np.outer(unit, unit)
+    if rest is not None:
+        line, bow = [size + DY, size + TILT], list(range(first, size))
+        covariance[np.ix_(line, line)] -= rest.line_covariance * np.outer(unit[1:], unit[1:])
+        _add_rest(mean, covariance, line, bow, rest, measurement.rig.beam.length, len(shape.bow))
+    return mean, covariance
+
+
+def _add_rest(
+    mean: Floats,
+    covariance: Floats,
+    line: list[int],
+    bow: list[int],
+    rest: RestBow,
+    length: float,
+    learned: int,
+) -> None:
+    """Add the line at rest, and its bow unless it was learned, to the prior.
+
+    Line and bow of the rest images are correlated. A learned bow determines the line with the
+    conditional covariance of the rest images, whose own bow may be a part of what was learned.
+    """
+    unit = np.array([1 / length, 1.0, *[1 / length] * BOW])
+    joint = rest.covariance * np.outer(unit, unit)
+    coefficients = rest.coefficients / length
+    if not learned:
+        mean[bow] = coefficients
+        both = [*line, *bow]
+        covariance[np.ix_(both, both)] += joint
+        return
+    gain = joint[:2, 2:] @ np.linalg.pinv(joint[2:, 2:], hermitian=True)
+    mean[line] += gain @ (mean[bow] - coefficients)
+    by_learned = gain @ covariance[bow]
+    covariance[line] += by_learned
+    covariance[:, line] += by_learned.T
+    spread = joint[:2, :2] - gain @ joint[2:, :2] + gain @ covariance[np.ix_(bow, bow)] @ gain.T
+    covariance[np.ix_(line, line)] += spread
+
+
+def only(problem: RodProblem, kept: Any) -> RodProblem:
+    """Return the problem with only the `kept` (n,) points."""
+    counts = [int(kept[a:b].sum()) for a, b in pairwise(problem.bounds)]
+    return replace(
+        problem,
+        points=np.ascontiguousarray(problem.points[:, kept]),
+        bounds=np.cumsum([0, *counts]),
+        shared=problem.shared[kept],
+    )

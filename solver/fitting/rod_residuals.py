@@ -1,0 +1,148 @@
+"""Compute residuals of one frame of a beam of changing section, with the exact Jacobian.
+
+All lengths are in units of the beam's length L. The parameters are those of the shape, as in
+`beam_models.rod`, followed by
+
+    psi            inclination of the deformation plane D against the calibration plane C
+    dx, dy, tilt   the clamp's position on C, and the rotation of its tangent without load
+    softness       rotation of a clamp that gives, over its moment in units of EI / L
+
+Points, views and the rays through them are those of `residuals`.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+
+from solver.beam_models.rod import GRIP, Curve, Q, U, curve_of, interpolated
+from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y, weight_of
+from solver.fitting.thresholds import LIMITS
+from solver.instrument.arrays import Floats
+from solver.instrument.compiled import njit
+
+# Parameters after those of the shape, in this order.
+PSI, DX, DY, TILT, SOFTNESS = range(5)
+POSE: Final = 5
+
+
+@njit
+def clamp_moment(curve: Curve, p: Floats) -> tuple[float, Floats]:
+    """Compute the moment at the clamp [EI / L] and its gradient (k,) by the shape's parameters."""
+    gradient = np.empty(len(curve.by_base))
+    root = np.sqrt(1 + p[GRIP] * p[GRIP])
+    load, lever = p[Q] * root, curve.base[0]
+    for i in range(len(gradient)):
+        gradient[i] = load * curve.by_base[i, 0]
+    gradient[Q] += root * lever
+    gradient[GRIP] += p[Q] * p[GRIP] / root * lever
+    return load * lever, gradient
+
+
+@njit
+def rod_residuals(
+    p: Floats,
+    points: Floats,
+    bounds: Any,
+    views: Floats,
+    widths: int,
+    radius: float,
+    residual: Floats,
+    jacobian: Floats,
+) -> bool:
+    """Write `residual` (n,) and `jacobian` (p, n) in sigmas; return whether the shape exists.
+
+    `widths` is the number of the shape's parameters of the width.
+
+    The Jacobian is evaluated where each point's ray would be without its error, as in `residuals`.
+    """
+    k = len(p) - POSE
+    curve = curve_of(p[:k], widths, radius)
+    if not curve.exists or abs(p[k + PSI]) >= np.pi / 2:
+        return False
+    n = bounds[-1]
+    shifted = np.empty((2, n))
+    for i in range(n):
+        shifted[X, i], shifted[Y, i] = points[X, i], points[Y, i]
+    if not _evaluate(p, curve, shifted, points, bounds, views, residual, jacobian):
+        return False
+    scratch = np.empty(n)
+    for i in range(n):
+        shifted[X, i] -= residual[i] * points[SIGMA_X, i]
+        shifted[Y, i] -= residual[i] * points[SIGMA_Y, i]
+    return _evaluate(p, curve, shifted, points, bounds, views, scratch, jacobian)
+
+
+@njit
+def _evaluate(
+    p: Floats,
+    curve: Curve,
+    positions: Floats,
+    points: Floats,
+    bounds: Any,
+    views: Floats,
+    residual: Floats,
+    jacobian: Floats,
+) -> bool:
+    k = len(p) - POSE
+    nodes, gradients = curve.nodes, curve.gradients
+    last = nodes.shape[1] - 2
+    lever, height, angle = curve.base
+    moment, by_moment = clamp_moment(curve, p[:k])
+    turn = p[k + TILT] + p[k + SOFTNESS] * moment
+    cos_tilt, sin_tilt = np.cos(turn), np.sin(turn)
+    cos_psi, sin_psi = np.cos(p[k + PSI]), np.sin(p[k + PSI])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    dx, dy = p[k + DX], p[k + DY]
+    node = last
+    for view in range(len(views)):
+        vx, vy, vw = views[view]
+        for i in range(bounds[view], bounds[view + 1]):
+            mx, my = positions[X, i], positions[Y, i]
+            rotated_x = cos_tilt * (mx - dx) + sin_tilt * (my - dy)
+            rotated_y = cos_tilt * (my - dy) - sin_tilt * (mx - dx)
+            ray_x = cos_tilt * (vx - vw * mx) + sin_tilt * (vy - vw * my)
+            ray_y = cos_tilt * (vy - vw * my) - sin_tilt * (vx - vw * mx)
+            grazing = cos_psi - sin_psi * ray_y
+            if grazing < LIMITS.min_grazing:
+                return False
+            y = rotated_y / grazing
+            x = rotated_x + sin_psi * ray_x * y
+            along, across = x * cosine + y * sine, y * cosine - x * sine
+            u = lever - along
+            while node > 0 and u < nodes[U, node]:
+                node -= 1
+            while node < last and u > nodes[U, node + 1]:
+                node += 1
+            value, tangent, weights = interpolated(nodes, node, u)
+            by_x, by_y = tangent * cosine - sine, cosine + tangent * sine
+            by_turn = tangent * across - along
+            # As in `residuals`: by y, x following along the ray, and by the ray's direction.
+            by_y += by_x * sin_psi * ray_x
+            by_k = by_y / grazing
+            by_ray_x, by_ray_y = by_x * sin_psi * y, by_k * y * sin_psi
+            sigma_x = cos_tilt * points[SIGMA_X, i] + sin_tilt * points[SIGMA_Y, i]
+            sigma_y = cos_tilt * points[SIGMA_Y, i] - sin_tilt * points[SIGMA_X, i]
+            weight = weight_of((by_x - vw * by_ray_x) * sigma_x + (by_k - vw * by_ray_y) * sigma_y)
+            residual[i] = (height + across - value) * weight
+            by_tilt = by_x * rotated_y - by_k * rotated_x + by_ray_x * ray_y - by_ray_y * ray_x
+            for j in range(k):
+                moved = (
+                    weights[0] * gradients[j, 0, node]
+                    + weights[1] * gradients[j, 1, node]
+                    + weights[2] * gradients[j, 0, node + 1]
+                    + weights[3] * gradients[j, 1, node + 1]
+                )
+                jacobian[j, i] = weight * (
+                    curve.by_base[j, 1]
+                    - tangent * curve.by_base[j, 0]
+                    + by_turn * curve.by_base[j, 2]
+                    - moved
+                    + by_tilt * p[k + SOFTNESS] * by_moment[j]
+                )
+            by_psi = by_k * y * (sin_psi + cos_psi * ray_y) + by_x * cos_psi * ray_x * y
+            jacobian[k + PSI, i] = by_psi * weight
+            jacobian[k + DX, i] = (sin_tilt * by_k - cos_tilt * by_x) * weight
+            jacobian[k + DY, i] = -(sin_tilt * by_x + cos_tilt * by_k) * weight
+            jacobian[k + TILT, i] = by_tilt * weight
+            jacobian[k + SOFTNESS, i] = by_tilt * moment * weight
+    return True

@@ -1,0 +1,87 @@
+"""How the beam and its clamp differ from a uniform beam on a rigid clamp."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from solver.instrument.arrays import Floats, frozen_floats
+
+# Coefficients of a bow, those of the rest images.
+BOW: Final = 3
+
+
+@dataclass(frozen=True)
+class BeamShape:
+    """Width along the beam, clamp that gives, section out of round, friction; with their sigmas.
+
+    `widths` (m,) are coefficients of the width over that at the clamp, 1 + s (c_0 + c_1 P_1(2 s -
+    1) + ...), s the arc length over the beam's length; the flexural rigidity is proportional to
+    its fourth power. `softness` is the clamp's rotation over its moment, in units of L / EI. `bow`
+    are the coefficients (3,) of s^2, s^3, s^4 of the line at rest, over the length; it is empty
+    where the bow was not learned, and is then that of the rest images. `covariance` is that of
+    (softness, widths, bow). `section_sigma` is that of the
+    section's second axis over its first, less one, in an unknown direction; `friction_sigma` is
+    that of the coefficient of friction of an unknown object. Raises ValueError if array shapes are
+    inconsistent or a value is not finite or a sigma is negative.
+    """
+
+    widths: Floats = field(default_factory=lambda: np.zeros(0))
+    softness: float = 0.0
+    bow: Floats = field(default_factory=lambda: np.zeros(0))
+    covariance: Floats = field(default_factory=lambda: np.zeros((1, 1)))
+    section_sigma: float = 0.0
+    friction_sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        widths = frozen_floats("widths", self.widths, (None,))
+        object.__setattr__(self, "widths", widths)
+        bow = frozen_floats("bow", self.bow, (None,))
+        object.__setattr__(self, "bow", bow)
+        if len(bow) not in (0, BOW):
+            raise ValueError(f"the bow has {len(bow)} coefficients, allowed are none or {BOW}")
+        count = 1 + len(widths) + len(bow)
+        covariance = frozen_floats("covariance", self.covariance, (count, count))
+        object.__setattr__(self, "covariance", covariance)
+        for name in ("softness", "section_sigma", "friction_sigma"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and (value >= 0 or name == "softness")):
+                raise ValueError(f"{name} is {value}, allowed is a finite number")
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the beam is certainly uniform and frictionless, on a rigid clamp."""
+        certain = not self.covariance.any() and not (self.section_sigma or self.friction_sigma)
+        return certain and not (self.softness or self.widths.any() or len(self.bow))
+
+    @property
+    def psi_sigma(self) -> float:
+        """Sigma [rad] of the angle between the planes of the force and of the deflection.
+
+        With axes in the ratio 1 + e, at an angle a to the force, it is e sin(2 a) to first order.
+        """
+        return self.section_sigma / math.sqrt(2)
+
+    @property
+    def rigidity_sigma(self) -> float:
+        """Relative sigma of EI in the force's plane: it changes by 2 e sin(a)^2, to first order."""
+        return self.section_sigma * math.sqrt(1.5)
+
+
+UNIFORM = BeamShape()
+
+
+def stated_shape(taper: float, softness: float, section: float, friction: float) -> BeamShape:
+    """Return a beam that was not learned: a uniform one, with the stated sigmas.
+
+    `taper` is the sigma of the tip's width over that at the clamp.
+    """
+    widths = np.zeros(1 if taper else 0)
+    sigmas = np.array([softness, taper] if taper else [softness])
+    return BeamShape(
+        widths=widths,
+        covariance=np.diag(sigmas**2),
+        section_sigma=section,
+        friction_sigma=friction,
+    )

@@ -1,0 +1,68 @@
+"""The section `beam_shape` of rig.json: how the beam differs from a uniform one."""
+
+from typing import Any, Final
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BOW, UNIFORM, BeamShape, stated_shape
+from solver.instrument.keys import Keys
+
+# Chosen: a polynomial of more terms is not determined by a beam's images.
+MAX_WIDTHS: Final = 6
+# Chosen far beyond any beam that bends like one.
+MAX_WIDTH: Final = 10.0
+MAX_SOFTNESS: Final = 10.0
+MAX_BOW: Final = 1.0
+MAX_SIGMA: Final = 10.0
+
+
+def beam_shape_keys(shape: BeamShape) -> dict[str, Any]:
+    """Return the keys of a beam's shape: the stated sigmas, or what was learned."""
+    keys: dict[str, Any] = {
+        "section_sigma": shape.section_sigma,
+        "friction_sigma": shape.friction_sigma,
+    }
+    sigmas = np.sqrt(np.diag(shape.covariance))
+    taper = float(sigmas[1]) if len(sigmas) > 1 else 0.0
+    stated = stated_shape(taper, float(sigmas[0]), shape.section_sigma, shape.friction_sigma)
+    if shape.softness == 0 and not len(shape.bow) and np.array_equal(shape.widths, stated.widths):
+        return keys | {"taper_sigma": taper, "clamp_softness_sigma": float(sigmas[0])}
+    return keys | {
+        "widths": shape.widths.tolist(),
+        "clamp_softness": shape.softness,
+        "bow": shape.bow.tolist(),
+        "covariance": shape.covariance.tolist(),
+    }
+
+
+def read_beam_shape(key: Keys) -> BeamShape:
+    """Read the section; a beam without it is uniform. Raises InputError."""
+    if not key.has("beam_shape"):
+        return UNIFORM
+    section, friction = _sigma(key, "section_sigma"), _sigma(key, "friction_sigma")
+    if not key.has("beam_shape.widths"):
+        return stated_shape(
+            _sigma(key, "taper_sigma"), _sigma(key, "clamp_softness_sigma"), section, friction
+        )
+    widths = key.numbers("beam_shape.widths", -MAX_WIDTH, MAX_WIDTH, MAX_WIDTHS)
+    softness = key.number("beam_shape.clamp_softness", -MAX_SOFTNESS, MAX_SOFTNESS)
+    bow = key.numbers("beam_shape.bow", -MAX_BOW, MAX_BOW, BOW)
+    if len(bow) not in (0, BOW):
+        key.refuse("beam_shape.bow", f"a list of none or {BOW} numbers")
+    covariance = _covariance(key, 1 + len(widths) + len(bow))
+    return BeamShape(widths, softness, bow, covariance, section, friction)
+
+
+def _sigma(key: Keys, name: str) -> float:
+    name = f"beam_shape.{name}"
+    return key.number(name, 0, MAX_SIGMA) if key.has(name) else 0.0
+
+
+def _covariance(key: Keys, size: int) -> Floats:
+    name, limit = "beam_shape.covariance", MAX_SIGMA**2
+    matrix = key.matrix(name, -limit, limit, size)
+    # Twelve digits are written: sums of them may be negative by their rounding.
+    if not np.array_equal(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] < -1e-9 * limit:
+        key.refuse(name, "a symmetric matrix without negative eigenvalues")
+    return matrix
