@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
@@ -16,7 +16,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.manifest_schema import checked_manifest
 from vbaa_bench.dataset.parquet import read_parquet
-from vbaa_bench.dataset.schema import migrated_frames, migrated_manifest, version_of
+from vbaa_bench.dataset.schema import SCHEMA, migrated_frames, migrated_manifest, version_of
 from vbaa_bench.dataset.table_schema import check_unique, checked
 from vbaa_bench.dataset.truth_schema import CENTRELINE, TRUTH
 
@@ -26,11 +26,15 @@ _THREADS: Final = 4
 
 @dataclass(frozen=True)
 class Truth:
-    """An opened truth tree: the manifest and one row per frame, sorted by frame id."""
+    """An opened truth tree: the manifest and one row per frame, sorted by frame id.
+
+    `version` is that of the format of its files; manifest and frames are of the current one.
+    """
 
     root: Path
     manifest: dict[str, Any]
     frames: pl.DataFrame
+    version: int = SCHEMA
 
     @property
     def camera(self) -> Camera:
@@ -79,7 +83,10 @@ def open_manifest(root: Path | str) -> Truth:
     """
     root = Path(root)
     check_complete(Layout(root.parent))
-    return _opened(root).truth
+    path = root / "manifest.json"
+    document = read_json(path)
+    manifest = checked_manifest(path, migrated_manifest(path, document))
+    return Truth(root, manifest, pl.DataFrame(), version_of(path, document))
 
 
 def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
@@ -90,9 +97,8 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     InputError if the tree is missing, damaged or incomplete.
     """
     root = Path(root)
-    check_complete(Layout(root.parent))
+    opened = open_manifest(root)
     names = listed(root)
-    opened = _opened(root)
     tables = [
         table
         for table in sorted(root.glob("shard_*/truth.parquet"))
@@ -109,23 +115,25 @@ def open_truth(root: Path | str, *, centrelines: bool = True) -> Truth:
     except (pl.exceptions.PolarsError, OSError) as error:
         reason = truncated(str(error))
         raise InputError(f"{root}: a truth.parquet cannot be read ({reason})") from error
-    frames = checked(migrated_frames(frames, opened.version), TRUTH, str(root))
-    check_unique(frames, "frame_id", str(root))
-    return replace(opened.truth, frames=frames)
+    return replace(opened, frames=_checked(frames, opened.version, root))
 
 
-class _Opened(NamedTuple):
-    """Truth without frames, and the version of its format."""
+def read_shard(truth: Truth, number: int, *, centrelines: bool = True) -> pl.DataFrame:
+    """Read the frames of one shard of an opened truth; no rows or columns if all have failed.
 
-    truth: Truth
-    version: int
+    Without `centrelines`, the columns `centreline_*` are left out. Raises InputError if the shard
+    is missing or damaged.
+    """
+    path = Layout(truth.root.parent).shard(truth.root, number) / "truth.parquet"
+    table = _table(path, centrelines)
+    return _checked(table, truth.version, path) if table.height else pl.DataFrame()
 
 
-def _opened(root: Path) -> _Opened:
-    path = root / "manifest.json"
-    document = read_json(path)
-    manifest = checked_manifest(path, migrated_manifest(path, document))
-    return _Opened(Truth(root, manifest, pl.DataFrame()), version_of(path, document))
+def _checked(frames: pl.DataFrame, version: int, source: Path) -> pl.DataFrame:
+    """Migrate frames of a version, and check their columns and names. Raises InputError."""
+    frames = checked(migrated_frames(frames, version), TRUTH, str(source))
+    check_unique(frames, "frame_id", str(source))
+    return frames
 
 
 def read_frame(shard: Path, frame_id: str) -> dict[str, Any]:

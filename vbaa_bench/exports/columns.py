@@ -7,6 +7,7 @@ from typing import Final
 import polars as pl
 
 from solver.instrument.errors import InputError
+from vbaa_bench.dataset import truth_schema
 from vbaa_bench.dataset.column import Column
 from vbaa_bench.generation.columns import JOINED, READINGS, TRUTH
 
@@ -17,10 +18,7 @@ PLACE: Final = {
     "split": Column("part of the set for training or testing; train if there are no splits"),
 }
 SHARD: Final = "shard"
-# Types of columns that are null in all frames; the others are numbers.
-_TEXTS: Final = {"hidden_by", "hidden_place", "processor"}
-VECTORS: Final = {name for name, column in TRUTH.items() if "(x, y, z)" in column.meaning}
-_LISTS: Final = VECTORS | {"hidden_stretches_mm"}
+VECTORS: Final = frozenset(truth_schema.TRUTH.vectors)
 
 
 @dataclass(frozen=True)
@@ -37,8 +35,8 @@ class Schema:
         )
 
     def with_usual_types(self) -> "Schema":
-        """Choose a type for columns that are null in all frames."""
-        return Schema({name: _usual(name, dtype) for name, dtype in self.types.items()})
+        """Choose numbers for columns that are null in all frames, such as drawn values."""
+        return Schema({name: _usual(dtype) for name, dtype in self.types.items()})
 
     def with_centrelines(self, wanted: bool) -> "Schema":
         """Add the columns of centrelines if they are wanted."""
@@ -75,13 +73,10 @@ def merged_schema(schemas: Iterable[Mapping[str, pl.DataType]]) -> Schema:
     return Schema(types)
 
 
-def _usual(name: str, dtype: pl.DataType) -> pl.DataType:
-    """Return the type of a column; if it is null in all frames, that of its name."""
+def _usual(dtype: pl.DataType) -> pl.DataType:
     if not _unknown(dtype):
         return dtype
-    if name in _LISTS:
-        return pl.List(pl.Float64())
-    return pl.String() if name in _TEXTS else pl.Float64()
+    return pl.List(pl.Float64()) if isinstance(dtype, pl.List) else pl.Float64()
 
 
 def _unknown(dtype: pl.DataType) -> bool:

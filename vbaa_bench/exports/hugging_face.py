@@ -16,7 +16,7 @@ from vbaa_bench.exports.columns import SHARD
 from vbaa_bench.exports.croissant import document_errors, write_exported
 from vbaa_bench.exports.format import Exported, Format
 from vbaa_bench.exports.output import Record
-from vbaa_bench.exports.parquet import features, image_column, write_parquet
+from vbaa_bench.exports.parquet import GROUP_ROWS, features, image_column, write_parquet
 from vbaa_bench.exports.parts import Cut, Part
 from vbaa_bench.exports.source import Source
 
@@ -90,7 +90,7 @@ image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
         for split in source.splits:
             for path in sorted((folder / "data").glob(f"{split}-*-of-*.parquet")):
                 lazy = pl.scan_parquet(path)
-                for batch in lazy.collect_batches(chunk_size=100, maintain_order=True):
+                for batch in lazy.collect_batches(chunk_size=GROUP_ROWS, maintain_order=True):
                     for row in batch.iter_rows(named=True):
                         image = row.pop("image")
                         yield Exported(Path(image["path"]).stem, split, image["bytes"], row)

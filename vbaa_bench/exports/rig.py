@@ -15,8 +15,7 @@ from solver.instrument.errors import DamageError, InputError, quoted
 from solver.instrument.hashes import HASHES, MEND, read_bytes, read_hashes
 from solver.instrument.images import png_head
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.readers import Truth, open_manifest
-from vbaa_bench.exports.columns import CENTRELINE
+from vbaa_bench.dataset.readers import Truth, open_manifest, read_shard
 
 # Split of frames whose scene states no splits.
 WHOLE: Final = "train"
@@ -24,8 +23,8 @@ WHOLE: Final = "train"
 _TEXTS: Final = {"file_name", "frame_id", "push_id", "split"}
 # Files of a rig outside shards; other names in a hashes.json, such as ../name, are left out.
 _SINGLE: Final = re.compile(r"rig\.json|(calibration|rest)/\w[\w-]*\.png")
-# First columns of every table.
-PLACE: Final = ("rig", "shard", "frame_id", "split", "push_id", "step")
+# First columns of every table, which make the index of the frames.
+INDEX: Final = ("rig", "shard", "frame_id", "split", "push_id", "step")
 
 
 @dataclass(frozen=True)
@@ -86,22 +85,16 @@ class Rig:
         """
         metadata = self.layout.shard(self.layout.observations, shard) / "metadata.csv"
         try:
-            table = _joined(metadata, _readings(metadata), self._truth(shard), centrelines)
+            truth = read_shard(self.truth, shard, centrelines=centrelines)
+            table = _joined(metadata, _readings(metadata), truth)
             if not table.height:  # all its frames have failed
                 return table
             self._check_names(metadata.parent, table["frame_id"])
             split = pl.col("split") if "split" in table.columns else pl.lit(WHOLE).alias("split")
             place = [pl.lit(self.name).alias("rig"), pl.lit(shard).alias("shard"), split]
-            return table.with_columns(place).select(*PLACE, pl.exclude(*PLACE))
+            return table.with_columns(place).select(*INDEX, pl.exclude(*INDEX))
         except pl.exceptions.PolarsError as error:
             raise InputError(f"{metadata}: cannot be read ({error})") from error
-
-    def _truth(self, shard: int) -> pl.DataFrame:
-        path = self.layout.shard(self.layout.truth, shard) / "truth.parquet"
-        try:
-            return pl.read_parquet(io.BytesIO(read_bytes(path)))
-        except pl.exceptions.PolarsError as error:
-            raise InputError(f"{path}: cannot be read ({error})") from error
 
     def _check_names(self, folder: Path, names: pl.Series) -> None:
         """Raise InputError unless hashes.json lists the image of every frame."""
@@ -135,15 +128,12 @@ def _readings(path: Path) -> pl.DataFrame:
     )
 
 
-def _joined(
-    metadata: Path, readings: pl.DataFrame, truth: pl.DataFrame, centrelines: bool
-) -> pl.DataFrame:
+def _joined(metadata: Path, readings: pl.DataFrame, truth: pl.DataFrame) -> pl.DataFrame:
     """Join the tables of a shard. Raises InputError unless both have the same frames."""
     if not (readings.height or truth.height):
         return pl.DataFrame()
     names = ["frame_id", *(name for name in truth.columns if name not in readings.columns)]
-    wanted = [name for name in names if centrelines or not name.startswith(CENTRELINE)]
-    table = readings.join(truth.select(wanted), on="frame_id", how="inner", maintain_order="left")
+    table = readings.join(truth.select(names), on="frame_id", how="inner", maintain_order="left")
     if not table.height == readings.height == truth.height:
         raise InputError(
             f"{metadata}: has {readings.height} frames and truth.parquet {truth.height}, "

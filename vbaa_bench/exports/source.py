@@ -20,7 +20,7 @@ from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import check_complete
 from vbaa_bench.exports.columns import CENTRELINE, Schema, merged_schema
-from vbaa_bench.exports.rig import PLACE, Rig
+from vbaa_bench.exports.rig import INDEX, Rig
 
 # Rows of shards that are kept after they were read. Chosen: 20 MB without centrelines; frames of a
 # push are in shards that are near to each other.
@@ -125,7 +125,7 @@ def open_source(
         table = rig.frames(number)
         if table.height:
             schema = merged_schema([schema.types, table.schema])
-            index.append(table.select(PLACE))
+            index.append(table.select(INDEX))
         if done % _BATCH == 0:  # many small tables take more memory than one
             index = [pl.concat(index, rechunk=True)]
             progress(done, len(places))
@@ -133,6 +133,9 @@ def open_source(
         raise InputError(f"{root}: holds no frames")
     frames = pl.concat(index, rechunk=True)
     _check_splits(root, frames["split"])
+    names = frames.select("rig", "frame_id")
+    if (twice := names.filter(names.is_duplicated())).height:
+        raise InputError(f"{root}: the frame {quoted(twice['frame_id'][0])} is in two shards")
     schema = schema.with_usual_types().with_centrelines(centrelines)
     return Source(root, rigs, frames, schema, collection)
 

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from vbaa_bench.exports.lerobot_stats import combined, value_stats
 from vbaa_bench.exports.output import Record
 from vbaa_bench.exports.parts import Part
 from vbaa_bench.exports.rig import Rig
-from vbaa_bench.exports.source import Source
+from vbaa_bench.exports.source import Source, open_source
 from vbaa_bench.exports.web_dataset import WebDataset
 
 
@@ -119,6 +120,25 @@ def reseal_tree(root: Path) -> None:
     table = {path.relative_to(tree).as_posix(): sha256(path) for path in files}
     table["rig.json"] = sha256(tree / "rig.json")
     (tree / "hashes.json").write_text(json.dumps(table), encoding="utf-8")
+
+
+def test_the_truth_is_migrated_and_its_types_are_checked(tmp_path: Path, data: Path) -> None:
+    # The manifest states no version: it is of the first, whose truth has no `processor`.
+    assert open_source(data).schema.types["processor"] == pl.String
+    path = next(data.glob("truth/shard_*/truth.parquet"))
+    pl.read_parquet(path).with_columns(x_c_mm=pl.lit("x")).write_parquet(path)
+    reseal(Layout(data))
+    message = r"truth\.parquet: x_c_mm holds String, allowed are numbers"
+    with pytest.raises(InputError, match=message):
+        exported(data, "hf", tmp_path / "out")
+
+
+def test_a_frame_in_two_shards_is_refused(tmp_path: Path, data: Path) -> None:
+    for tree in Layout(data).trees:
+        shutil.copytree(tree / "shard_00000", tree / "shard_00009")
+    reseal(Layout(data))
+    with pytest.raises(InputError, match=r"data: the frame '[0-9a-f]+' is in two shards"):
+        exported(data, "csv", tmp_path / "out")
 
 
 def test_frames_that_failed_are_left_out(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from solver.instrument.images import png_bytes
 from tests.sealing import reseal
+from tests.truth_rows import complete_row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.writer import shard_writer
 
@@ -62,7 +63,7 @@ def write_dataset(
                     names[i],
                     random.integers(0, 2**size.bits, shape, dtype=kind),
                     {"motor_angle_deg": angle, **name, **split, "moment_y_n_mm": 0.1 * step},
-                    {**name, **truth(random, free=step == 0 and push == 0)},
+                    {**truth(random, free=step == 0 and push == 0), **name},
                     {},
                 )
     reseal(layout)
@@ -70,27 +71,27 @@ def write_dataset(
 
 
 def truth(random: np.random.Generator, free: bool) -> dict[str, Any]:
-    """Draw some columns of the truth of a frame, which touches something unless it is `free`."""
+    """Draw the truth of a frame, which touches something unless it is `free`."""
     contact = random.normal(size=3)
-    return {
-        "model": "exact",
-        "trial": int(random.integers(1000)),
-        "true_motor_angle_deg": float(random.normal()),
-        "x_c_mm": None if free else float(contact[0]),
-        "contact_row": None if free else int(random.integers(400)),
-        "force_antenna_n": None if free else [0.0, float(random.normal()), 0.2],
-        "contact_antenna_mm": None if free else contact.tolist(),
-        "contact_world_mm": None if free else contact.tolist(),
-        "k_s_n_m": None,
-        "hidden_by": None,
-        "visible_share": 0.9,
-        "hidden_stretches_mm": [1.0, 2.5] if free else [],
-        "above_yield": False,
-        "centreline_s_mm": [0.0, 1.0, 2.0],
-        "centreline_x_mm": [0.0, 1.0, 2.0],
-        "centreline_y_mm": random.normal(size=3).tolist(),
-        "centreline_z_mm": [0.0, 0.0, 0.0],
-    }
+    return complete_row(
+        model="exact",
+        trial=int(random.integers(1000)),
+        true_motor_angle_deg=float(random.normal()),
+        x_c_mm=None if free else float(contact[0]),
+        contact_row=None if free else int(random.integers(400)),
+        force_antenna_n=None if free else [0.0, float(random.normal()), 0.2],
+        contact_antenna_mm=None if free else contact.tolist(),
+        contact_world_mm=None if free else contact.tolist(),
+        k_s_n_m=None,
+        hidden_by=None,
+        visible_share=0.9,
+        hidden_stretches_mm=[1.0, 2.5] if free else [],
+        above_yield=False,
+        centreline_s_mm=[0.0, 1.0, 2.0],
+        centreline_x_mm=[0.0, 1.0, 2.0],
+        centreline_y_mm=random.normal(size=3).tolist(),
+        centreline_z_mm=[0.0, 0.0, 0.0],
+    )
 
 
 def manifest(size: Size, mount: str, telecentric: bool) -> dict[str, Any]:
