@@ -1,19 +1,18 @@
 """Export datasets, and check the exports with the client libraries themselves, offline."""
 
-import hashlib
 import json
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
-
-from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError, truncated
 from solver.instrument.images import read_grey
-from vbaa_bench.benchmarks.exports.environments import HERE, environment, offline
+from vbaa_bench.benchmarks.exports import clients
+from vbaa_bench.benchmarks.exports.clients.check import pixel_digest
+from vbaa_bench.benchmarks.exports.environments import environment, offline
 from vbaa_bench.exports.columns import SHARD
 from vbaa_bench.exports.croissant import write_croissant
 from vbaa_bench.exports.export import export
@@ -102,18 +101,26 @@ def _checks(
         reason = str(error).partition(": ")[2]
         yield Row(name, trial.label, "refusal", "one sentence", reason, True)
         return
-    command = [str(python), str(HERE / "clients.py"), trial.client, str(folder), str(expected)]
-    with tempfile.TemporaryDirectory() as home:
-        done = subprocess.run(
-            command, capture_output=True, text=True, check=False, env=offline(Path(home))
-        )
+    done = _read_by_client(python, trial.client, folder, expected)
     if done.returncode:
         message = truncated(done.stderr.strip().rpartition("\n")[2])
         yield Row(name, trial.label, "no error", "none", message, False)
         return
     for check in json.loads(done.stdout.splitlines()[-1]):
-        right = check.pop("right") == "True"
-        yield Row(name, trial.label, **check, right=right)
+        yield Row(name, trial.label, **check)
+
+
+def _read_by_client(
+    python: Path, client: str, folder: Path, expected: Path
+) -> subprocess.CompletedProcess[str]:
+    """Run a client on an export, in a home of its own with nothing of vbaa_bench but clients/."""
+    package = clients.__name__
+    command = [str(python), "-m", package, client, str(folder.resolve()), str(expected)]
+    with tempfile.TemporaryDirectory() as home:
+        shutil.copytree(Path(clients.__file__).parent, Path(home, *package.split(".")))
+        return subprocess.run(
+            command, cwd=home, capture_output=True, text=True, check=False, env=offline(Path(home))
+        )
 
 
 def _expected(source: Source) -> Iterator[str]:
@@ -129,12 +136,6 @@ def _expected(source: Source) -> Iterator[str]:
             "columns": {name: value for name, value in row.items() if name != SHARD},
         }
         yield json.dumps(frame) + "\n"
-
-
-def pixel_digest(image: Grey) -> str:
-    """Compute the sha256 of an image's pixels, in little-endian order."""
-    values = np.ascontiguousarray(image)
-    return hashlib.sha256(values.astype(values.dtype.newbyteorder("<")).tobytes()).hexdigest()
 
 
 def as_markdown(rows: Sequence[Row]) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,11 @@ import pytest
 
 from solver.instrument.errors import InputError
 from tests.vbaa_bench.exports.written import Size, write_dataset
-from vbaa_bench.benchmarks.exports import clients, command, environments
+from vbaa_bench.benchmarks.exports import command, environments
+from vbaa_bench.benchmarks.exports.clients import check
 from vbaa_bench.exports.source import open_source
 
-ROWS: clients.Rows = {
+ROWS: check.Rows = {
     "a": {
         "pixels": "",
         "dtype": "uint16",
@@ -24,15 +26,15 @@ ROWS: clients.Rows = {
 
 def test_pixels_are_compared_in_value_type_and_byte_order() -> None:
     image = np.array([[1, 300]], np.uint16)
-    rows = {"a": ROWS["a"] | {"pixels": command.pixel_digest(image)}}
+    rows = {"a": ROWS["a"] | {"pixels": check.pixel_digest(image)}}
 
-    def right(image: Any) -> list[str]:
-        return [check["right"] for check in clients._pixels(rows, {"a": image})]
+    def right(image: Any) -> list[bool]:
+        return [one.right for one in check.pixels(rows, {"a": image})]
 
-    assert right(image) == ["True", "True"]
-    assert right(image.astype(">u2")) == ["True", "True"]
-    assert right(image + np.uint16(1)) == ["False", "True"]
-    assert right((image >> 8).astype(np.uint8)) == ["False", "False"]
+    assert right(image) == [True, True]
+    assert right(image.astype(">u2")) == [True, True]
+    assert right(image + np.uint16(1)) == [False, True]
+    assert right((image >> 8).astype(np.uint8)) == [False, False]
 
 
 @pytest.mark.parametrize(
@@ -52,10 +54,10 @@ def test_pixels_are_compared_in_value_type_and_byte_order() -> None:
 )
 def test_every_label_is_compared(name: str, value: Any, precision: Any, right: bool) -> None:
     loaded_rows = {"a": ROWS["a"]["columns"] | {name: value}}
-    assert clients._labels(ROWS, loaded_rows, precision)["right"] == str(right)
+    assert check.labels(ROWS, loaded_rows, precision).right == right
     del loaded_rows["a"][name]
     few = {"a": {key: loaded_rows["a"][key] for key in list(loaded_rows["a"])[:10]}}
-    assert clients._labels(ROWS, few)["right"] == "False"  # most columns are missing
+    assert not check.labels(ROWS, few).right  # most columns are missing
 
 
 def test_refusals_and_errors_are_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,6 +76,14 @@ def test_refusals_and_errors_are_rows(tmp_path: Path, monkeypatch: pytest.Monkey
     (row,) = command._checks(data, command._TRIALS[0], tmp_path / "hf", expected, Path("none"))
     assert (row.measured, row.right) == ("ImportError: no such module", False)
     assert "**wrong**" in command.as_markdown([row])
+
+
+def test_a_client_runs_apart_from_this_project(tmp_path: Path) -> None:
+    done = command._read_by_client(Path(sys.executable), "none", tmp_path, tmp_path)
+    assert done.returncode == 1
+    assert "IsADirectoryError" in done.stderr  # it began to read EXPECTED
+    assert "__main__.py" in done.stderr
+    assert str(environments.HERE) not in done.stderr
 
 
 def test_an_environment_is_installed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
