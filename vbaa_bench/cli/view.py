@@ -54,8 +54,8 @@ def view(
 ) -> None:
     """Show frames with truth and estimates: as a recording for rerun, an animation or one picture.
 
-    A recording needs the extra '.[view]', and an MP4 the extra '.[video]'. The estimates are those
-    in the dataset's folder predictions/.
+    A recording needs the extra `view` of this package, and an MP4 the extra `video`. The estimates
+    are those in the dataset's folder predictions/.
     """
     with importing():
         from solver.lab.writing import prepare_output_path, write
