@@ -9,6 +9,7 @@ import numpy as np
 
 from solver.instrument.errors import InputError
 from vbaa_bench.benchmarks.endurance.runs import children, last_message, started, write_scene
+from vbaa_bench.benchmarks.process_memory import memory_mb
 
 _PER_SHARD: Final = 50
 # Seconds between samples. Chosen: hundreds of samples of a run of an hour.
@@ -54,8 +55,8 @@ def long_run(
     process = started(scene, out, "--workers", str(workers))
     while process.poll() is None:
         count = _PER_SHARD * len(list(out.glob("observations/shard_*")))
-        parent = _memory_mb(process.pid)
-        memory = parent + sum(map(_memory_mb, children(process.pid)))
+        parent = memory_mb(process.pid)
+        memory = parent + sum(map(memory_mb, children(process.pid)))
         samples.append(Sample(time.monotonic() - start, count, memory, parent))
         progress(count, frames)
         time.sleep(_INTERVAL_S)
@@ -86,13 +87,3 @@ def summary(samples: list[Sample], frames: int) -> LongRun:
     memory = [float(np.median(part[:, column])) for column in (2, 3) for part in (first, last)]
     hours = samples[-1].seconds / 3600
     return LongRun(frames, hours, rate(first), rate(last), *memory)
-
-
-def _memory_mb(pid: int) -> float:
-    """Return the resident memory of a process [MB]; 0 if it has ended."""
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return 0.0
-    sizes = [line.split()[1] for line in lines if line.startswith("VmRSS:")]
-    return float(sizes[0]) * 1024 / 1e6 if sizes else 0.0

@@ -36,12 +36,12 @@ from vbaa_bench.benchmarks.fuzz.case import (
     verdict,
 )
 from vbaa_bench.benchmarks.fuzz.watch import Watch, changes, listing
+from vbaa_bench.benchmarks.process_memory import memory_mb
 
 # Data segment [bytes] beyond that of an idle process; twice the allowed memory.
 _DATA_SEGMENT: Final = int(2 * MEMORY_LIMIT_MB * 1e6)
 # Chosen: enough for the innermost frames of a traceback.
 _MAX_TEXT: Final = 6000
-_MEGABYTE: Final = 1e6
 # Lines that image libraries print by themselves, about a file that they refuse or repair.
 _LIBRARIES: Final = re.compile(r"(libpng|Corrupt JPEG|Premature end of JPEG|.*EXR|Warning: Exc)")
 
@@ -153,10 +153,8 @@ def _short(text: str) -> str:
 
 
 def _limit_data_segment() -> None:
-    status = Path("/proc/self/status")
-    if status.is_file():
-        used = _status_mb("VmData") * _MEGABYTE
-        resource.setrlimit(resource.RLIMIT_DATA, (int(used) + _DATA_SEGMENT,) * 2)
+    if used_mb := memory_mb("self", "VmData"):
+        resource.setrlimit(resource.RLIMIT_DATA, (int(used_mb * 1e6) + _DATA_SEGMENT,) * 2)
 
 
 def reset_peak_memory() -> None:
@@ -168,13 +166,4 @@ def reset_peak_memory() -> None:
 
 def peak_memory_mb() -> float:
     """Return the peak of this process's resident memory since it was reset."""
-    if Path("/proc/self/status").is_file():
-        return _status_mb("VmHWM")
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-
-
-def _status_mb(key: str) -> float:
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-        if line.startswith(f"{key}:"):
-            return float(line.split()[1]) * 1024 / _MEGABYTE
-    return 0.0
+    return memory_mb("self", "VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3

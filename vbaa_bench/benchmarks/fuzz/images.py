@@ -17,17 +17,7 @@ from vbaa_bench.render.environment import read_environment
 from vbaa_bench.render.image_files import read_surface_image
 
 _NUMBERS: Final = (
-    "0",
-    "-1",
-    "nan",
-    "inf",
-    "1e308",
-    "1e400",
-    "99999999999",
-    "1/2/3",
-    "x",
-    "",
-    "1e-300",
+    *("0", "-1", "nan", "inf", "1e308", "1e400", "99999999999", "1/2/3", "x", "", "1e-300"),
 )
 
 

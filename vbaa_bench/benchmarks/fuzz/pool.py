@@ -19,6 +19,7 @@ from vbaa_bench.benchmarks.fuzz.case import (
     Result,
 )
 from vbaa_bench.benchmarks.fuzz.child import run_cases
+from vbaa_bench.benchmarks.process_memory import memory_mb
 
 # Time [s] for a child to end itself at its limit, after which it is killed.
 _GRACE_S: Final = 10.0
@@ -124,7 +125,8 @@ def _result(child: _Child, readable: bool) -> tuple[Result | None, bool]:
     if (child.case is not None or not child.ready) and seconds > limit:
         child.process.kill()
         return Result("hang", seconds, 0.0, f"killed after {seconds:.0f} s"), True
-    if child.case is not None and (memory := _resident_mb(child.process.pid)) > MEMORY_LIMIT_MB * 2:
+    memory = memory_mb(child.process.pid or 0) if child.case is not None else 0.0
+    if memory > MEMORY_LIMIT_MB * 2:
         child.process.kill()
         return Result("memory", seconds, memory, f"killed at {memory:.0f} MB"), True
     return None, False
@@ -136,14 +138,6 @@ def _last_output(child: _Child) -> str:
         return (child.work / "output").read_text(encoding="utf-8", errors="replace")[-3000:]
     except OSError:
         return ""
-
-
-def _resident_mb(pid: int | None) -> float:
-    statm = Path(f"/proc/{pid}/statm")
-    try:
-        return int(statm.read_text(encoding="ascii").split()[1]) * 4096 / 1e6
-    except (OSError, IndexError):
-        return 0.0
 
 
 def _end(child: _Child) -> None:

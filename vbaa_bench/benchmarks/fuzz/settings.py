@@ -10,16 +10,7 @@ from vbaa_bench.benchmarks.fuzz.trees import VALUES
 from vbaa_bench.scene.load import load_scene
 
 _ODD_KEYS: Final = (
-    "",
-    ".",
-    "..",
-    "a.b.c",
-    "0",
-    "rigs",
-    "seed.x",
-    "random_keys",
-    "pushes.",
-    "\x1b[1m",
+    *("", ".", "..", "a.b.c", "0", "rigs", "seed.x", "random_keys", "pushes.", "\x1b[1m"),
 )
 
 

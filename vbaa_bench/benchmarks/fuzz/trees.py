@@ -8,26 +8,8 @@ from typing import Any, Final, NamedTuple
 _DEEP: Final = 200
 # Values in place of others; those of other types than the value are mistakes in any case.
 VALUES: Final[tuple[Any, ...]] = (
-    *(
-        None,
-        True,
-        False,
-        0,
-        1,
-        -1,
-        2,
-        3,
-        0.5,
-        7,
-        255,
-        256,
-        1000,
-        65536,
-        2**31,
-        2**63,
-        2**64,
-        -(2**63),
-    ),
+    *(None, True, False, 0, 1, -1, 2, 3, 0.5, 7, 255, 256, 1000, 65536),
+    *(2**31, 2**63, 2**64, -(2**63)),
     *(0.0, -0.0, 1e-3, 1e-9, 1e-300, 5e-324, 1e6, 1e18, 1e300, -1e300, 1.7976931348623157e308),
     *(float("nan"), float("inf"), float("-inf"), 10**400),
     *("", " ", "x", "nan", "inf", "1", "1e5", "None", "null", "true", "\u202e", "ä", "\U0001f41d"),
