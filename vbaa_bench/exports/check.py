@@ -78,10 +78,18 @@ def same_value(value: Any, expected: Any) -> bool:
     if isinstance(expected, list) and value is not None:
         return len(value) == len(expected) and all(map(same_value, value, expected))
     if expected is None:
-        return value is None or value == "" or bool(np.isnan(value).all())
+        return _is_missing(value)
     if isinstance(value, np.float32):
         return bool(value == np.float32(expected))
     return bool(value == expected)
+
+
+def _is_missing(value: Any) -> bool:
+    if isinstance(value, list):
+        return bool(value) and all(map(_is_missing, value))
+    if isinstance(value, float | np.floating):
+        return bool(np.isnan(value))
+    return value is None or value == ""
 
 
 def _same_image(data: bytes, rig: Rig, shard: int, frame_id: str) -> bool:

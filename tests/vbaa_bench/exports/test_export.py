@@ -19,6 +19,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.exports import lerobot
 from vbaa_bench.exports.bop import Bop
 from vbaa_bench.exports.bop_poses import poses
+from vbaa_bench.exports.check import same_value
 from vbaa_bench.exports.export import FORMATS
 from vbaa_bench.exports.flat_csv import FlatCsv
 from vbaa_bench.exports.hugging_face import HuggingFace
@@ -255,6 +256,27 @@ def test_changed_labels_and_missing_frames_are_named(
     assert "x_c_mm of the frame" in str(caught.value)
     assert "is missing" in str(caught.value)
     assert "{'train': 8} frames by split" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "expected", "same"),
+    [
+        (None, None, True),
+        (float("nan"), None, True),
+        ([float("nan")] * 3, None, True),
+        ("", None, True),
+        ("text", None, False),
+        (0.0, None, False),
+        ([], None, False),
+        (None, 0.1, False),
+        (np.float32(0.1), 0.1, True),
+        (0.1000001, 0.1, False),
+        ([1.0], [1.0, 2.0], False),
+        ([1.0, 2.0], [1.0, 2.0], True),
+    ],
+)
+def test_values_are_compared(value: Any, expected: Any, same: bool) -> None:
+    assert same_value(value, expected) == same
 
 
 def test_shifted_offsets_are_named(
