@@ -73,48 +73,65 @@ class _Opened(NamedTuple):
 
 
 def _opened(path: Path, deadline_s: float) -> _Opened:
-    """Open and lock the lock file."""
+    """Open and lock the lock file. Raises InputError after the deadline, and OSError."""
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            _acquire(descriptor)
-        except (BlockingIOError, PermissionError) as error:
-            os.close(descriptor)
-            if time.monotonic() < deadline_s:
-                time.sleep(_POLL_S)
-                continue
-            raise InputError(
-                f"{path.parent}: is being written by {_holder(path)}; wait until it is done, "
-                "or choose another folder"
-            ) from error
-        except OSError as error:
-            if error.errno not in _WITHOUT_LOCKS:
+            owner = _owned(path, descriptor)
+            # The previous holder may have removed the file after we opened and before we locked it.
+            if owner is not None or _is_same(descriptor, path):
+                return _Opened(descriptor, owner)
+        except (BlockingIOError, PermissionError, FileExistsError) as error:
+            if time.monotonic() > deadline_s:
                 os.close(descriptor)
-                raise
-            return _Opened(descriptor, _owned(path.with_name(f"{path.name}.owner")))
-        # The previous holder may have removed the file after we opened and before we locked it.
-        with contextlib.suppress(FileNotFoundError):
-            if os.path.samestat(os.fstat(descriptor), path.stat()):
-                return _Opened(descriptor)
+                raise InputError(_refusal(path, isinstance(error, FileExistsError))) from error
+            time.sleep(_POLL_S)
+        except OSError:
+            os.close(descriptor)
+            raise
         os.close(descriptor)
 
 
-def _owned(owner: Path) -> Path:
-    """Create the file that takes the place of a lock. Raises InputError if it exists."""
+def _owned(path: Path, descriptor: int) -> Path | None:
+    """Lock an open file; or, where there are no locks, create and return a file in its place.
+
+    Raises FileExistsError if that exists, and another OSError if the lock is held.
+    """
+    try:
+        _acquire(descriptor)
+    except OSError as error:
+        if error.errno not in _WITHOUT_LOCKS:
+            raise
+    else:
+        return None
+    owner = _owner(path)
     if _has_died(owner):
         owner.unlink(missing_ok=True)
+    created = os.open(owner, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
     try:
-        descriptor = os.open(owner, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-    except FileExistsError as error:
-        raise InputError(
-            f"{owner.parent}: is being written by {_holder(owner)}; wait until it is done, or, if "
-            f"it has died, delete {owner}"
-        ) from error
-    try:
-        os.write(descriptor, _this_process())
+        os.write(created, _this_process())
     finally:
-        os.close(descriptor)
+        os.close(created)
     return owner
+
+
+def _owner(path: Path) -> Path:
+    return path.with_name(f"{path.name}.owner")
+
+
+def _is_same(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _refusal(path: Path, without_locks: bool) -> str:
+    holder = _owner(path) if without_locks else path
+    remedy = f"if it has died, delete {holder}" if without_locks else "choose another folder"
+    return (
+        f"{path.parent}: is being written by {_holder(holder)}; wait until it is done, or {remedy}"
+    )
 
 
 def _this_process() -> bytes:

@@ -5,6 +5,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,12 @@ def test_a_file_takes_the_place_of_a_lock_where_there_are_none(
         ):
             pass
     assert not list(tmp_path.iterdir())
+    # As with a lock, a second process may wait for the first.
+    foreign = json.dumps({"pid": 1, "host": "another", "since": "today"})
+    owner.write_text(foreign)
+    threading.Timer(0.2, owner.unlink).start()
+    with locked(lock, wait_s=60.0):
+        assert json.loads(owner.read_text())["pid"] == os.getpid()
     # A process of this machine that has died bars nobody; another machine's may still run.
     dead = subprocess.run(
         [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
