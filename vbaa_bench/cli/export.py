@@ -48,8 +48,8 @@ def export(
 
     if (to == FormatName.CROISSANT) != (out is None):
         raise InputError(
-            f"--to is {to} and --out is {out}, allowed is a new folder, and none with croissant, "
-            "which writes into the dataset"
+            f"--to is {to} and --out is {out}, allowed is a new folder, or no --out with --to "
+            "croissant, which writes into the dataset"
         )
     if out is None:
         with console.status("reading the dataset"):

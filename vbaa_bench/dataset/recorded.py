@@ -23,8 +23,8 @@ def write_recorded(folder: Path, files: Mapping[str, bytes], removed: Collection
     """Write the files of a folder by name, and record their sha256 in its hashes.json.
 
     `removed` are names of files that are deleted. After a crash every file is the old or the new
-    one, and one that does not match hashes.json is reported when it is read. Raises OSError, and
-    then no file has changed; InputError if another process keeps writing into the folder.
+    one, and one that does not match hashes.json is reported when it is read. Raises OSError, where
+    a full disk changes no file; InputError if another process keeps writing into the folder.
     """
     folder.mkdir(parents=True, exist_ok=True)
     aside = {name: folder / f".{name}.new" for name in files}

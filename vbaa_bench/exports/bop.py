@@ -55,9 +55,9 @@ class Bop(Format):
 - `models/models_info.json`: sizes in mm. There are no meshes: the beam bends.
 - Not of BOP: the beam is no rigid object. `obj_id` 2 i + 1 is the frame *clamp* of rig i; 2 i + 2
   is the contact: its origin is the contact point on the centreline, y is the direction of the force
-  on the beam, and x is the clamp's x made perpendicular to y. `cam_distortion` in
-  `scene_camera.json` has the lens distortion in OpenCV's order. `scene_vbaa.json` has the frame id,
-  the readings and the labels of each image."""
+  on the beam, and x is that of the part of the clamp's x that is perpendicular to y.
+  `cam_distortion` in `scene_camera.json` has the lens distortion in OpenCV's order.
+  `scene_vbaa.json` has the frame id, the readings and the labels of each image."""
     loading: ClassVar = """\
 import json
 

@@ -23,8 +23,9 @@ def poses(rig: Rig, row: Mapping[str, Any], rig_number: int) -> list[dict[str, A
     """Compute the poses of the clamp and, if something is touched, of the contact.
 
     The clamp's frame has its x axis along the clamped beam. The contact's origin is the contact
-    point on the centreline; y is the direction of the force on the beam, x the clamp's x axis made
-    perpendicular to y. BOP maps model to camera: `cam_R_m2c` by rows, `cam_t_m2c` in mm.
+    point on the centreline; y is the direction of the force on the beam, x that of the part of the
+    clamp's x axis that is perpendicular to y. BOP maps model to camera: `cam_R_m2c` by rows,
+    `cam_t_m2c` in mm.
     """
     fixed_from_clamp = camera_frame_from_clamp(rig.truth, row["true_motor_angle_deg"] * DEGREE)
     camera_from_clamp = rig.camera.camera_from_antenna @ fixed_from_clamp

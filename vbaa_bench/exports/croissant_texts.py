@@ -1,4 +1,4 @@
-"""Texts of Croissant documents: citation, and RAI 1.0 properties on how the data were made."""
+"""Texts of Croissant documents: citation, and RAI 1.0 properties of the data."""
 
 from typing import Final
 

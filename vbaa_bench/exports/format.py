@@ -21,7 +21,7 @@ class Exported(NamedTuple):
 
 
 class Format(ABC):
-    """An export format: `cut` divides the frames into parts, of `most_bytes` if that is given."""
+    """An export format: `cut` divides the frames into parts, by default by `usual_cut`."""
 
     usual_cut: ClassVar[Cut]
     # Shown in the card: the files with the frames, and how they are loaded.

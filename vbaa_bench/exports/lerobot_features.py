@@ -33,7 +33,7 @@ _DTYPES: Final = {
 
 
 class Feature(NamedTuple):
-    """A feature: the columns of the table from which it is made, and the type of its values.
+    """A feature: its columns of the table, and the type of its values.
 
     A feature of several columns, and one of a vector, has `size` values; others one.
     """

@@ -106,7 +106,7 @@ class Rig:
                 )
 
     def shards(self) -> list[int]:
-        """List the numbers of the shards, of which both trees must have the same."""
+        """List the numbers of the shards. Raises DamageError if the trees have different ones."""
         numbers = []
         for tree in (self.layout.observations, self.layout.truth):
             names = {name.partition("/")[0] for name in read_hashes(tree) or {}}

@@ -11,7 +11,7 @@ from vbaa_bench.viewer.frames import ViewedDataset
 from vbaa_bench.viewer.picture import IMAGE
 from vbaa_bench.viewer.plots import Series
 
-# Direction from which space is seen. Chosen: from the side of the object, and from above.
+# Direction from which space is shown. Chosen: from the side of the object, and from above.
 _FROM: Final = np.array([0.25, -1.0, 0.3])
 # Chosen: the steps of a push can be followed.
 _FRAMES_PER_SECOND: Final = 4.0

@@ -51,7 +51,7 @@ def draw_frame(frame: ViewedFrame, colours: Colours, plot: EllipsePlot) -> np.nd
 
 
 def even(picture: np.ndarray) -> np.ndarray:
-    """Cut a picture to even sizes, which video codecs need."""
+    """Cut a picture (height, width, 3) to even sizes, which video codecs need."""
     height, width = picture.shape[:2]
     return np.ascontiguousarray(picture[: height - height % 2, : width - width % 2])
 
@@ -59,9 +59,10 @@ def even(picture: np.ndarray) -> np.ndarray:
 def drawn_image(
     frame: ViewedFrame, colours: Colours, limits: tuple[int, int], margin_px: int
 ) -> np.ndarray:
-    """Draw on the rows of the image from a margin above the beam to one below it.
+    """Draw on the rows of the image from a margin above the beam to one below it; in BGR.
 
-    They are enlarged by a whole factor, or reduced, to a width and height of at most `limits`.
+    These rows (height, width, 3) are enlarged by a whole factor, or reduced, to a width and height
+    of at most `limits`.
     """
     height, width = frame.image.shape
     scale = int(max(min(limits[0] // width, limits[1] // height), 1))

@@ -55,5 +55,5 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def present(point: Floats | None) -> list[np.ndarray]:
-    """Return a list of the point, or an empty one."""
+    """Return a list of the point (2,) or (3,); an empty list for None."""
     return [] if point is None else [point]

@@ -16,7 +16,7 @@ from vbaa_bench.viewer.text import BOLD, FAINT, INK, PAPER, write
 MAX_TILES: Final = 30
 _COLUMNS, _WIDTH, _GAP = 3, 520, 12
 _HEAD, _CAPTION, _LINE = 40, 26, 20
-# Rows of the image above and below the beam. Chosen: the object is seen.
+# Rows of the image above and below the beam. Chosen: the object is in view.
 _ABOVE_PX: Final = 60
 # Errors in a line of a tile's caption. Chosen: of three, those with long names touched.
 _PER_LINE: Final = 2

@@ -14,14 +14,14 @@ from vbaa_bench.viewer.contact import estimated_contact
 from vbaa_bench.viewer.frames import ViewedDataset, ViewedFrame
 from vbaa_bench.viewer.log import Log, present, rgb
 
-# Colours, chosen: muted for bodies, so that beam and estimates are seen first.
+# Colours, chosen: muted for bodies, so that beam and estimates stand out.
 _BODIES: Final = {"object": "#3f6fb5", "second_peg": "#3f6fb5", "occluder": "#4f8a4f"}
 _OTHER_BODY: Final = "#6b7078"
 _BOARD: Final = "#4a4f57"
 _FORCE: Final = "#ffe814"
 _AXES: Final = ("#d05050", "#50b050", "#5080d0")
 # Lengths of the axes and of the arrow of a force over that of the beam, and of the camera's pyramid
-# over its distance. Chosen: all are seen at once with the whole beam.
+# over its distance. Chosen: all are in view with the whole beam.
 _AXIS, _ARROW, _PYRAMID = 0.08, 0.15, 0.6
 
 

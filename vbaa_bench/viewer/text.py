@@ -22,12 +22,15 @@ def write(
     size: int = 16,
     weight: int = REGULAR,
 ) -> None:
-    """Write a line of text; `at` is the left end of its base line [px], `size` its height."""
+    """Write a line of text on a picture (height, width, 3), BGR.
+
+    `at` is the left end of its base line (x, y) and `size` its height, in pixels.
+    """
     cv2.putText(canvas, text, at, colour, _FONT, size, weight)
 
 
 def write_right(
     canvas: np.ndarray, text: str, at: tuple[int, int], colour: Colour = INK, size: int = 16
 ) -> None:
-    """Write a line of text that ends at `at`."""
+    """Write a line of text whose base line ends at `at` (x, y) [px]."""
     cv2.putText(canvas, text, at, colour, _FONT, size, REGULAR, cv2.PUT_TEXT_ALIGN_RIGHT)

@@ -51,7 +51,8 @@ def run_all(
 ) -> Iterator[tuple[Case, Result]]:
     """Run cases in `workers` children; yield each with its result as it ends.
 
-    `keep(case, folder)` is called with the input of each finding before it is deleted.
+    `keep(case, folder)` is called with the input of each finding before it is deleted. Raises
+    RuntimeError if a child cannot start.
     """
     remaining = iter(cases)
     started = 0

@@ -28,7 +28,10 @@ from vbaa_bench.scoring.tables import FORMATS
 
 
 def score(root: Path, *predictions: Path) -> None:
-    """Score a dataset, with predictions of an entrant, and print the table of scores."""
+    """Score a dataset, with predictions of an entrant, and print the table of scores.
+
+    Raises UnexpectedOutputError if the table could control a terminal.
+    """
     if is_collection(root):
         summary = score_rigs(root)
     else:
@@ -49,7 +52,7 @@ def report(root: Path, baseline: Path | None = None) -> None:
 
 
 def table(root: Path, by: str | None = None, name: str = "markdown") -> None:
-    """Format the table of accuracies."""
+    """Format the table of accuracies. Raises UnexpectedOutputError as `score` does."""
     text = FORMATS[name](accuracy([root], by), by)
     if characters := control_characters(text):
         raise UnexpectedOutputError(f"the table has the characters {characters!r}")
