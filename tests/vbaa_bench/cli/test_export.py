@@ -42,7 +42,7 @@ def test_mistakes_are_one_sentence(command: CommandLine, dataset: Path, tmp_path
         ((dataset, "--to", "csv", "--out", tmp_path / "out"), "out: exists already"),
         ((tmp_path, "--to", "csv", "--out", tmp_path / "new"), "is not a dataset"),
         ((dataset, "--to", "hf"), "--to is hf and --out is None, allowed is a new folder"),
-        ((dataset, "--to", "croissant", "--out", tmp_path / "new"), "and none with croissant"),
+        ((dataset, "--to", "croissant", "--out", tmp_path / "new"), "or no --out with --to"),
     ):
         assert message in command.refused("export", *words)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
