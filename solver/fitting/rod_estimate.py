@@ -56,6 +56,20 @@ def fit_frame(problem: Problem, rod: RodProblem) -> FrameFit | None:
 
     The fit's `kept` (n,) is in the order of the measurement's points.
     """
+    start = uniform_start(problem, rod)
+    fit = None if start is None else fit_rod(rod, start)
+    if fit is None:
+        return None
+    kept = np.empty_like(fit.kept)
+    kept[problem.order] = fit.kept
+    return replace(fit, kept=kept)
+
+
+def uniform_start(problem: Problem, rod: RodProblem) -> Floats | None:
+    """Return the rod's parameters (p,) with load, place and clamp of a uniform beam near the points.
+
+    Return None if there is none.
+    """
     size = rod.shape_size
     uniform = start_of(problem, float(rod.mean[size + PSI]))
     if uniform is None:
@@ -65,12 +79,7 @@ def fit_frame(problem: Problem, rod: RodProblem) -> FrameFit | None:
     _, _, _, arc = contact_at(uniform[residuals.Q], uniform[residuals.LEVER])
     start[S_C] = min(arc[0], _MAX_START)
     start[size + DX : size + TILT + 1] = uniform[residuals.DX : residuals.TILT + 1]
-    fit = fit_rod(rod, start)
-    if fit is None:
-        return None
-    kept = np.empty_like(fit.kept)
-    kept[problem.order] = fit.kept
-    return replace(fit, kept=kept)
+    return start
 
 
 def rod_values(

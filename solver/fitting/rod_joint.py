@@ -19,9 +19,9 @@ from solver.fitting.rod_problem import RodProblem
 from solver.instrument.arrays import Floats
 
 # Parameters of each frame's own; all others are shared.
-_OWN: Final = (Q, S_C, GRIP)
-_MAX_ITERATIONS: Final = 40
-_FIRST_DAMPING: Final = 1e-4
+OWN: Final = (Q, S_C, GRIP)
+_MAX_ITERATIONS: Final = 60
+_FIRST_DAMPING: Final = 1e-3
 _FACTOR: Final = 10.0
 _MAX_DAMPING: Final = 1e6
 # Step [sigma] after which the fit has converged. Chosen: far below what noise moves.
@@ -55,38 +55,52 @@ class _System(NamedTuple):
     shared_gradient: Floats
 
 
-def fit_jointly(problems: Sequence[RodProblem], starts: Floats) -> JointFit | None:
-    """Fit frames (n) of one beam from their `starts` (n, p); None if a start has no shape.
+def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) -> JointFit | None:
+    """Fit n frames of one beam.
 
-    The shared parameters start from their prior's mean. Priors of the frames' own parameters are
-    those of each frame.
+    The shared parameters start from those of `common` (p,), each frame's own from the best of its
+    `starts` (n, a, 3), in the order of OWN. Return None if no start of a frame has a shape.
     """
     first = problems[0]
-    own = np.array([i for i in first.free if i in _OWN])
-    shared = np.array([i for i in first.free if i not in _OWN])
-    parameters = np.array(starts)
-    parameters[:, shared] = first.mean[shared]
-    at = _system(problems, parameters, own, shared)
+    own = np.array([i for i in first.free if i in OWN])
+    shared = np.array([i for i in first.free if i not in OWN])
+    nearest = [
+        _nearest(problem, common, start[:, own], own)
+        for problem, start in zip(problems, starts, strict=True)
+    ]
+    parameters = np.array([start for start in nearest if start is not None])
+    at = _system(problems, parameters, own, shared) if len(parameters) == len(problems) else None
     if at is None:
         return None
-    damping, converged = _FIRST_DAMPING, False
+    damping, converged = 0.0, False
     for _ in range(_MAX_ITERATIONS):
-        step_own, step_shared, length = _steps(at, damping)
-        trial = at.parameters.copy()
-        trial[:, own] += step_own
-        trial[:, shared] += step_shared
-        moved = _system(problems, trial, own, shared)
+        moved, length = _step(problems, at, own, shared, damping)
+        if moved is not None and damping == 0 and moved.objective > at.objective:
+            # As in `rod_fit`: the valley is curved, and the next step leads back to its bottom.
+            moved, _ = _step(problems, moved, own, shared, 0.0)
         if moved is not None and moved.objective <= at.objective * (1 + 1e-9):
-            at, damping = moved, damping / _FACTOR
+            at, damping = moved, damping / _FACTOR if damping > _FIRST_DAMPING else 0.0
             if length < _STEP_SIGMAS:
                 converged = True
                 break
         else:
-            damping = max(damping, _FIRST_DAMPING) * _FACTOR
+            damping = max(damping * _FACTOR, _FIRST_DAMPING)
             if damping > _MAX_DAMPING:
                 break
     covariance = np.asarray(np.linalg.inv(_reduced(at, 0.0)[0]), dtype=np.float64)
     return JointFit(at.parameters, shared, covariance, at.objective, converged)
+
+
+def _nearest(problem: RodProblem, common: Floats, starts: Floats, own: Floats) -> Floats | None:
+    """Return `common` with the start (o,) of the smallest residuals; None if none has a shape."""
+    best, smallest = None, np.inf
+    for start in starts:
+        trial = common.copy()
+        trial[own] = start
+        rows = residuals_at(problem, trial)
+        if rows is not None and rows[0] @ rows[0] < smallest:
+            best, smallest = trial, rows[0] @ rows[0]
+    return best
 
 
 def _system(
@@ -134,12 +148,17 @@ def _reduced(at: _System, damping: float) -> tuple[Floats, Floats, Floats]:
     return (matrix + matrix.T) / 2, gradient, np.asarray(inverse, dtype=np.float64)
 
 
-def _steps(at: _System, damping: float) -> tuple[Floats, Floats, float]:
-    """Compute a damped step of own (n, o) and shared (s,) parameters, and its length in sigmas."""
+def _step(
+    problems: Sequence[RodProblem], at: _System, own: Floats, shared: Floats, damping: float
+) -> tuple[_System | None, float]:
+    """Take a damped step; return where it leads, None if nowhere, and its length in sigmas."""
     matrix, gradient, inverse = _reduced(at, damping)
     unit = np.sqrt(np.diag(matrix))
     step_shared = -np.linalg.solve(matrix / np.outer(unit, unit), gradient / unit) / unit
     right = at.own_gradient + at.mixed @ step_shared
     step_own = -np.einsum("nop,np->no", inverse, right)
     decrease = -(step_shared @ at.shared_gradient) - float((step_own * at.own_gradient).sum())
-    return step_own, step_shared, math.sqrt(max(float(decrease), 0.0))
+    trial = at.parameters.copy()
+    trial[:, own] += step_own
+    trial[:, shared] += step_shared
+    return _system(problems, trial, own, shared), math.sqrt(max(float(decrease), 0.0))

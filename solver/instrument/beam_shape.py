@@ -22,8 +22,9 @@ class BeamShape:
     are the coefficients (3,) of s^2, s^3, s^4 of the line at rest, over the length; it is empty
     where the bow was not learned, and is then that of the rest images. `covariance` is that of
     (softness, widths, bow). `section_sigma` is that of the
-    section's second axis over its first, less one, in an unknown direction; `friction_sigma` is
-    that of the coefficient of friction of an unknown object. Raises ValueError if array shapes are
+    section's second axis over its first, less one, in an unknown direction, and `rigidity_sigma`
+    the relative one of EI for this reason; `friction_sigma` is that of the coefficient of friction
+    of an unknown object. Raises ValueError if array shapes are
     inconsistent or a value is not finite or a sigma is negative.
     """
 
@@ -32,6 +33,7 @@ class BeamShape:
     bow: Floats = field(default_factory=lambda: np.zeros(0))
     covariance: Floats = field(default_factory=lambda: np.zeros((1, 1)))
     section_sigma: float = 0.0
+    rigidity_sigma: float = 0.0
     friction_sigma: float = 0.0
 
     def __post_init__(self) -> None:
@@ -44,7 +46,7 @@ class BeamShape:
         count = 1 + len(widths) + len(bow)
         covariance = frozen_floats("covariance", self.covariance, (count, count))
         object.__setattr__(self, "covariance", covariance)
-        for name in ("softness", "section_sigma", "friction_sigma"):
+        for name in ("softness", "section_sigma", "rigidity_sigma", "friction_sigma"):
             value = getattr(self, name)
             if not (math.isfinite(value) and (value >= 0 or name == "softness")):
                 raise ValueError(f"{name} is {value}, allowed is a finite number")
@@ -63,11 +65,6 @@ class BeamShape:
         """
         return self.section_sigma / math.sqrt(2)
 
-    @property
-    def rigidity_sigma(self) -> float:
-        """Relative sigma of EI in the force's plane: it changes by 2 e sin(a)^2, to first order."""
-        return self.section_sigma * math.sqrt(1.5)
-
 
 UNIFORM = BeamShape()
 
@@ -75,7 +72,8 @@ UNIFORM = BeamShape()
 def stated_shape(taper: float, softness: float, section: float, friction: float) -> BeamShape:
     """Return a beam that was not learned: a uniform one, with the stated sigmas.
 
-    `taper` is the sigma of the tip's width over that at the clamp.
+    `taper` is the sigma of the tip's width over that at the clamp. With a section's axes in the
+    ratio 1 + e, at an angle a to the force, EI is larger by 2 e sin(a)^2, to first order.
     """
     widths = np.zeros(1 if taper else 0)
     sigmas = np.array([softness, taper] if taper else [softness])
@@ -83,5 +81,6 @@ def stated_shape(taper: float, softness: float, section: float, friction: float)
         widths=widths,
         covariance=np.diag(sigmas**2),
         section_sigma=section,
+        rigidity_sigma=section * math.sqrt(1.5),
         friction_sigma=friction,
     )

@@ -32,6 +32,7 @@ def beam_shape_keys(shape: BeamShape) -> dict[str, Any]:
         "widths": shape.widths.tolist(),
         "clamp_softness": shape.softness,
         "bow": shape.bow.tolist(),
+        "rigidity_sigma": shape.rigidity_sigma,
         "covariance": shape.covariance.tolist(),
     }
 
@@ -51,7 +52,8 @@ def read_beam_shape(key: Keys) -> BeamShape:
     if len(bow) not in (0, BOW):
         key.refuse("beam_shape.bow", f"a list of none or {BOW} numbers")
     covariance = _covariance(key, 1 + len(widths) + len(bow))
-    return BeamShape(widths, softness, bow, covariance, section, friction)
+    rigidity = _sigma(key, "rigidity_sigma")
+    return BeamShape(widths, softness, bow, covariance, section, rigidity, friction)
 
 
 def _sigma(key: Keys, name: str) -> float:

@@ -1,0 +1,1 @@
+"""Learning the beam and its clamp from pushes against unknown objects."""

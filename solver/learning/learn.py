@@ -1,0 +1,189 @@
+"""Learn the beam and its clamp from pushes against unknown objects at unknown places.
+
+The simplest beam is chosen that predicts pushes which it was not learned from as well as the best
+one (cross-validation; Stone 1974), within the error of their difference. Images alone determine the
+shape of EI along the beam, not its scale.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from solver.beam_models.rod import WIDTHS
+from solver.fitting.rod_joint import JointFit, fit_jointly
+from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_residuals import SOFTNESS
+from solver.fitting.thresholds import LIMITS
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.errors import InputError
+from solver.instrument.measurement import Measurement
+from solver.learning.candidates import Candidate, candidates_of, prior_of
+from solver.learning.pushes import BentFrame, bent_frame, problems_of
+
+# Beam of the frames' own fits, whose residuals show outliers.
+_CONE: Final = Candidate(1, False)
+# Fewest pushes: one to learn from and one to predict. Parts of the cross-validation. Chosen.
+MIN_PUSHES: Final = 2
+_PARTS: Final = 5
+# Misfit of a candidate that has no shape near the frames. Chosen: far above any other.
+_UNFITTED: Final = 1e12
+# Standard errors within which a simpler beam is as good as the best one. Chosen: five pushes give
+# the error itself to a third.
+_ERRORS: Final = 2.0
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How well a candidate predicts pushes that it was not learned from.
+
+    `pushes` (n,) are the mean squares of the residuals [sigma] of each push; `excess` is their mean
+    above that of the best candidate, with its standard error. `noise` is the excess that three
+    sigmas of noise in one parameter cause.
+    """
+
+    candidate: Candidate
+    pushes: Floats
+    excess: float
+    excess_error: float
+    noise: float
+
+    @property
+    def misfit(self) -> float:
+        """Mean over the pushes."""
+        return float(self.pushes.mean())
+
+
+@dataclass(frozen=True)
+class LearnedBeam:
+    """A learned beam, the candidates that were compared, and the frames that it was learned from.
+
+    `misfit` is the mean square of the residuals [sigma] of all frames.
+    """
+
+    shape: BeamShape
+    chosen: Candidate
+    trials: tuple[Trial, ...]
+    frames: int
+    misfit: float
+
+
+def learn_beam(pushes: Sequence[Sequence[Measurement]]) -> LearnedBeam:
+    """Learn the beam of a rig from the measurements of its pushes, whose order does not matter.
+
+    Raises InputError if fewer than two pushes show a contact, or no beam fits them.
+    """
+    frames = _bent_pushes(pushes)
+    if len(frames) < MIN_PUSHES:
+        raise InputError(
+            f"{len(frames)} of {len(pushes)} pushes show a contact, needed are {MIN_PUSHES} to "
+            "learn the beam"
+        )
+    stated = _stated(pushes)
+    trials = _compare(frames, stated)
+    chosen = _simplest(trials)
+    every = [frame for push in frames for frame in push]
+    learned = _learn(every, prior_of(chosen, stated))
+    if learned is None or not learned.converged:
+        raise InputError("no beam fits the pushes: are they of one beam, with one contact each?")
+    return LearnedBeam(learned.shape, chosen, trials, len(every), learned.misfit)
+
+
+@dataclass(frozen=True)
+class _Learned:
+    shape: BeamShape
+    misfit: float
+    converged: bool
+
+
+def _stated(pushes: Sequence[Sequence[Measurement]]) -> BeamShape:
+    return next(measurement for push in pushes for measurement in push).rig.shape
+
+
+def _bent_pushes(pushes: Sequence[Sequence[Measurement]]) -> list[list[BentFrame]]:
+    """Return the bent frames of the pushes that have any."""
+    prior = prior_of(_CONE, _stated(pushes)) if any(pushes) else BeamShape()
+    bent = [[bent_frame(measurement, prior) for measurement in push] for push in pushes]
+    present = [[frame for frame in push if frame is not None] for push in bent]
+    return [push for push in present if push]
+
+
+def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[Trial, ...]:
+    """Predict every push with every candidate, learned from the other parts of the pushes."""
+    parts = np.arange(len(pushes)) % _PARTS
+    candidates = candidates_of(stated)
+    misfits = np.full((len(candidates), len(pushes)), _UNFITTED)
+    for row, candidate in enumerate(candidates):
+        prior = prior_of(candidate, stated)
+        for part in set(parts.tolist()):
+            others = [frame for i, push in enumerate(pushes) if parts[i] != part for frame in push]
+            learned = _learn(others, prior)
+            for i in np.flatnonzero(parts == part):
+                predicted = None if learned is None else _fit(pushes[i], learned.shape)
+                if predicted is not None:
+                    misfits[row, i] = predicted[1]
+    excess = misfits - misfits[int(np.argmin(misfits.mean(axis=1)))]
+    points = sum(int(frame.inliers.sum()) for push in pushes for frame in push)
+    noise = LIMITS.close_chi2 / points
+    error = excess.std(axis=1, ddof=1) / np.sqrt(len(pushes))
+    return tuple(
+        Trial(candidate, misfits[i], float(excess[i].mean()), float(error[i]), noise)
+        for i, candidate in enumerate(candidates)
+    )
+
+
+def _simplest(trials: Sequence[Trial]) -> Candidate:
+    """Return the first candidate that is as good as the best, within the noise."""
+    return next(
+        trial.candidate
+        for trial in trials
+        if trial.excess <= max(_ERRORS * trial.excess_error, trial.noise)
+    )
+
+
+def _fit(
+    frames: Sequence[BentFrame], shape: BeamShape
+) -> tuple[JointFit, float, list[RodProblem]] | None:
+    """Fit frames with this beam; return the fit, its misfit and the problems."""
+    problems = problems_of(frames, shape)
+    common = problems[0].mean.copy()
+    if len(shape.widths) and not shape.widths.any():  # a prior
+        common[WIDTHS] = np.median([frame.taper for frame in frames])
+    fit = fit_jointly(problems, common, np.array([frame.starts for frame in frames]))
+    if fit is None:
+        return None
+    count = sum(len(problem.shared) for problem in problems)
+    return fit, fit.objective / count, problems
+
+
+def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:
+    """Learn a beam from frames; residuals larger than stated widen its covariance."""
+    result = _fit(frames, prior)
+    if result is None:
+        return None
+    fit, misfit, problems = result
+    size = problems[0].shape_size
+    indices = [size + SOFTNESS, *range(WIDTHS, size)]
+    values = fit.frames[0, indices]
+    covariance = np.zeros((len(indices), len(indices)))
+    column = {int(parameter): i for i, parameter in enumerate(fit.shared)}
+    fitted = [i for i, parameter in enumerate(indices) if parameter in column]
+    rows = [column[indices[i]] for i in fitted]
+    covariance[np.ix_(fitted, fitted)] = fit.covariance[np.ix_(rows, rows)] * max(misfit, 1.0)
+    side = frames[0].measurement.handedness
+    sides = np.ones(len(indices))
+    sides[1 + len(prior.widths) :] = side
+    values, covariance = values * sides, covariance * np.outer(sides, sides)
+    bow = 1 + len(prior.widths)
+    shape = BeamShape(
+        widths=values[1:bow],
+        softness=float(values[0]),
+        bow=values[bow:],
+        covariance=(covariance + covariance.T) / 2,
+        section_sigma=prior.section_sigma,
+        rigidity_sigma=prior.rigidity_sigma,
+        friction_sigma=prior.friction_sigma,
+    )
+    return _Learned(shape, misfit, fit.converged)

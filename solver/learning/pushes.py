@@ -1,0 +1,67 @@
+"""Bent frames of pushes, and their problems for a beam."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import WIDTHS
+from solver.fitting.fit_estimate import refusal_of
+from solver.fitting.problem import problem_of
+from solver.fitting.residuals import SIGMA_X, SIGMA_Y
+from solver.fitting.rod_estimate import fit_frame, uniform_start, with_bow
+from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
+from solver.instrument.arrays import Floats, Mask
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.measurement import Measurement
+
+
+class BentFrame(NamedTuple):
+    """A frame with contact: its measurement with the bow, and its inliers as sorted for the fit.
+
+    `starts` (2, 3) are load, place and grip of a uniform beam and of the frame's own fit, whose
+    prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances.
+    """
+
+    measurement: Measurement
+    inliers: Mask
+    starts: Floats
+    taper: float
+    inflation: float
+
+
+def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
+    """Fit a frame by itself; None if it shows no contact with a cone of this prior."""
+    bowed = with_bow(_with_shape(measurement, prior))
+    problem = problem_of(bowed, with_tips=False)
+    rod = rod_problem_of(bowed, problem)
+    fit = fit_frame(problem, rod) if problem.points else None
+    if fit is None or refusal_of(measurement, problem, fit) is not None:
+        return None
+    start = uniform_start(problem, rod)
+    return BentFrame(
+        measurement=bowed,
+        inliers=fit.kept[problem.order],
+        starts=np.array([fit.p[:WIDTHS] if start is None else start[:WIDTHS], fit.p[:WIDTHS]]),
+        taper=float(fit.p[WIDTHS]),
+        inflation=float(fit.variance_inflation),
+    )
+
+
+def problems_of(frames: Sequence[BentFrame], shape: BeamShape) -> list[RodProblem]:
+    """Return the frames' problems with this stated or learned beam, without outliers."""
+    return [_problem(frame, shape) for frame in frames]
+
+
+def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
+    measurement = _with_shape(frame.measurement, shape)
+    problem = rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+    points = problem.points.copy()
+    points[[SIGMA_X, SIGMA_Y]] *= np.sqrt(frame.inflation)
+    widened = replace(problem, points=points, shared=problem.shared / np.sqrt(frame.inflation))
+    return only(widened, frame.inliers)
+
+
+def _with_shape(measurement: Measurement, shape: BeamShape) -> Measurement:
+    return replace(measurement, rig=replace(measurement.rig, shape=shape))
