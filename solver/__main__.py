@@ -18,7 +18,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.images import CHANNELS, png_bytes
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
-from solver.instrument.rig import read_rig
+from solver.instrument.rig import read_rig, rig_to_json
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.lab.check import calibration_report
 from solver.lab.console import console, setting_up, table, with_progress
@@ -30,7 +30,9 @@ from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import prepare_output_path, write
-from solver.methods import METHODS
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
+from solver.learning.page import page, summary
+from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
@@ -106,6 +108,9 @@ def solve(
         prepare_output_path(target)
     with setting_up(quiet):
         antenna = set_up(observations, learn_extractor)
+        if method in LEARNING:
+            beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
+            antenna = with_shape(antenna, beam.shape)
         warm_up(antenna, function, next(observations.read_rest_images()))
     rows: dict[int, Row] = {}
     interrupted = False
@@ -190,6 +195,38 @@ def check(
     """Report the quality of the calibration and of the rest images."""
     report = calibration_report(set_up(open_rig(rig)))
     print(report.json() if json else report.text())
+
+
+@app.command()
+def learn(
+    observations: Annotated[
+        Path, typer.Argument(help="folder of observations: pushes at several places of the beam")
+    ],
+    out: Annotated[Path, typer.Option(help="rig.json to write, with the learned beam")],
+    centreline: Annotated[
+        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
+    ] = "profile_fit",
+    web_page: Annotated[
+        Path | None, typer.Option("--page", help="HTML page with pictures to write")
+    ] = None,
+) -> None:
+    """Learn the beam and its clamp from pushes against unknown objects, by images alone.
+
+    Frames of a push share push_id in metadata.csv; with a column split, those marked "learn" are
+    used. The rig's EI at the clamp stays: images show only how EI changes along the beam.
+    """
+    files, learn_extractor = open_observations(observations), find_extractor(centreline)
+    for path in filter(None, (out, web_page)):
+        prepare_output_path(path)
+    with setting_up(quiet=False):
+        antenna = set_up(files, learn_extractor)
+    beam = learn_from_frames(antenna, frames_to_learn(files.frames))
+    write(out, rig_to_json(replace(files.rig, shape=beam.shape)).encode())
+    if web_page:
+        write(web_page, page(beam, files.rig).encode())
+    Console(highlight=False, soft_wrap=True).print(
+        f"{summary(beam)}\nwritten to {out}", markup=False
+    )
 
 
 @app.command()

@@ -31,6 +31,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"__init__", "__main__"},
         {"api"},
         {"lab"},
+        {"learning"},
         {"tracker"},
         {"to_measurement", "set_up"},
         {"shading"},

@@ -66,7 +66,7 @@ def fit_frame(problem: Problem, rod: RodProblem) -> FrameFit | None:
 
 
 def uniform_start(problem: Problem, rod: RodProblem) -> Floats | None:
-    """Return the rod's parameters (p,) with load, place and clamp of a uniform beam near the points.
+    """Return the parameters (p,) with load, place and clamp of a uniform beam near the points.
 
     Return None if there is none.
     """

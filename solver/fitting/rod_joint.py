@@ -93,13 +93,14 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
 
 def _nearest(problem: RodProblem, common: Floats, starts: Floats, own: Floats) -> Floats | None:
     """Return `common` with the start (o,) of the smallest residuals; None if none has a shape."""
-    best, smallest = None, np.inf
+    best, smallest = None, math.inf
     for start in starts:
         trial = common.copy()
         trial[own] = start
         rows = residuals_at(problem, trial)
-        if rows is not None and rows[0] @ rows[0] < smallest:
-            best, smallest = trial, rows[0] @ rows[0]
+        size = math.inf if rows is None else float(rows[0] @ rows[0])
+        if size < smallest:
+            best, smallest = trial, size
     return best
 
 

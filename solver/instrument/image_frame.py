@@ -32,7 +32,8 @@ class ImageFrame:
     """One image of the pushing beam: its path and the readings taken with it.
 
     Frames of one push share `push_id` and are ordered by `step`. `channel` is the channel read from
-    a colour image.
+    a colour image. `split` is the part of the set to which the frame belongs; the beam is learned
+    from the part "learn".
     """
 
     frame_id: str
@@ -41,6 +42,7 @@ class ImageFrame:
     push_id: str = ""
     step: int = 0
     channel: str = "gray"
+    split: str = ""
 
     def image(self) -> Grey:
         """Read the gray image (height, width). Raises InputError."""

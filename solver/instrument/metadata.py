@@ -2,6 +2,7 @@
 
 Columns: file_name, frame_id (by default the file's stem) and motor_angle_deg, which
 is empty if there is no encoder. Optional columns: push_id and step (frames of one push, in order),
+split ("learn" for those from which the beam is learned),
 removed_from_mm and removed_to_mm (an interval of Sigma_a's x axis to be left out), moment_y_n_mm
 (the moment sensor), base_force_{x,y,z}_n and base_moment_{x,y,z}_n_mm (the force sensor: force and
 moment of the clamp on the beam, in Sigma_a).
@@ -62,6 +63,7 @@ def read_frames(table: Path) -> Iterator[ImageFrame]:
             readings=readings,
             push_id=cells.name("push_id"),
             step=cells.count("step"),
+            split=cells.name("split"),
         )
 
 

@@ -120,7 +120,7 @@ def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[
         for part in set(parts.tolist()):
             others = [frame for i, push in enumerate(pushes) if parts[i] != part for frame in push]
             learned = _learn(others, prior)
-            for i in np.flatnonzero(parts == part):
+            for i in np.flatnonzero(parts == part).tolist():
                 predicted = None if learned is None else _fit(pushes[i], learned.shape)
                 if predicted is not None:
                     misfits[row, i] = predicted[1]

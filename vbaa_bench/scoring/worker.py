@@ -21,7 +21,8 @@ from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import solve_shots, warm_up
 from solver.lab.shots import Files, Shot
 from solver.lab.table import Row
-from solver.methods import METHODS, Method
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
+from solver.methods import LEARNING, METHODS, Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
 from vbaa_bench.scoring.estimate_faults import estimate_faults
@@ -63,6 +64,14 @@ def opened(observations: Path, centreline: str) -> tuple[Observations, Antenna]:
     return opened_observations, set_up(opened_observations, EXTRACTORS[centreline])
 
 
+@functools.lru_cache(maxsize=1)
+def learned(observations: Path, centreline: str) -> Antenna:
+    """Return the antenna with the beam that its frames for learning show. Raises InputError."""
+    frames, antenna = opened(observations, centreline)
+    beam = learn_from_frames(antenna, frames_to_learn(frames.frames))
+    return with_shape(antenna, beam.shape)
+
+
 def work(
     task: Task,
     indices: Sequence[int],
@@ -95,6 +104,8 @@ def work(
         if information:
             check_information(information, f"method '{task.method}'")
         method = _MethodWrapper(function, task.memory_gb)
+        if task.method in LEARNING:
+            antenna = learned(task.observations, task.centreline)
     except InputError as error:
         send(refused=str(error))
         return

@@ -1,0 +1,58 @@
+"""Learn the beam from the images of a set of observations."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from solver.antenna import Antenna
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.errors import InputError
+from solver.instrument.image_frame import ImageFrame
+from solver.instrument.measurement import Measurement
+from solver.learning.learn import LearnedBeam, learn_beam
+from solver.to_measurement import to_measurement
+from solver.tracker import extract_centreline, reject_moved_camera
+
+# Name of the split from which a beam is learned.
+SPLIT: Final = "learn"
+
+
+def frames_to_learn(frames: Sequence[ImageFrame]) -> list[ImageFrame]:
+    """Return the frames of the split SPLIT, or all if no frame has a split."""
+    chosen = [frame for frame in frames if frame.split == SPLIT]
+    return chosen or [frame for frame in frames if not frame.split]
+
+
+def learn_from_frames(
+    antenna: Antenna,
+    frames: Sequence[ImageFrame],
+    progress: Callable[[int], None] = lambda _done: None,
+) -> LearnedBeam:
+    """Learn the beam from images of pushes; frames without a push are pushes of their own.
+
+    Images that cannot be used are left out. Raises InputError as `learn_beam`.
+    """
+    pushes: dict[str, list[Measurement]] = {}
+    for done, frame in enumerate(frames, 1):
+        measurement = _measurement(antenna, frame)
+        if measurement is not None:
+            pushes.setdefault(frame.push_id or frame.frame_id, []).append(measurement)
+        progress(done)
+    if not pushes:
+        raise InputError("no image shows the beam, needed are two pushes to learn it")
+    return learn_beam(list(pushes.values()))
+
+
+def with_shape(antenna: Antenna, shape: BeamShape) -> Antenna:
+    """Return the antenna whose rig has this beam."""
+    return replace(antenna, rig=replace(antenna.rig, shape=shape))
+
+
+def _measurement(antenna: Antenna, frame: ImageFrame) -> Measurement | None:
+    try:
+        image = frame.image()
+        if reject_moved_camera(antenna, image) is not None:
+            return None
+        return to_measurement(antenna, extract_centreline(antenna, image), frame.readings)
+    except (InputError, ValueError):
+        return None

@@ -1,0 +1,125 @@
+"""What was learned of a beam, in words and as a page with pictures."""
+
+from html import escape
+from typing import Final
+
+import numpy as np
+
+from solver.beam_models.rod import width_at
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.rig import Rig
+from solver.instrument.units import MILLIMETRE, PERCENT
+from solver.learning.learn import LearnedBeam
+
+# Size of a picture [px], and its margins.
+_WIDTH, _HEIGHT, _MARGIN = 640, 220, 46
+_PLACES: Final = np.linspace(0.0, 1.0, 81)
+
+
+def widths_of(shape: BeamShape) -> tuple[Floats, Floats]:
+    """Compute the width over that at the clamp, and its sigma, at 81 places (81,) of the beam."""
+    rows = np.zeros((len(_PLACES), len(shape.widths)))
+    values = np.ones(len(_PLACES))
+    for i, s in enumerate(_PLACES):
+        values[i], _ = width_at(s, shape.widths, rows[i])
+    covariance = shape.covariance[1 : 1 + len(shape.widths), 1 : 1 + len(shape.widths)]
+    return values, np.sqrt(np.maximum(((rows @ covariance) * rows).sum(axis=1), 0.0))
+
+
+def bow_of(shape: BeamShape, length: float) -> tuple[Floats, Floats]:
+    """Compute the line at rest [mm] less its tangent at the clamp, and its sigma, at 81 places."""
+    if not len(shape.bow):
+        return np.zeros(len(_PLACES)), np.zeros(len(_PLACES))
+    powers = np.column_stack([_PLACES ** (j + 2) for j in range(len(shape.bow))])
+    covariance = shape.covariance[-len(shape.bow) :, -len(shape.bow) :]
+    unit = length / MILLIMETRE
+    variance = ((powers @ covariance) * powers).sum(axis=1)
+    return np.asarray(powers @ shape.bow * unit), np.sqrt(np.maximum(variance, 0.0)) * unit
+
+
+def summary(beam: LearnedBeam) -> str:
+    """Describe a learned beam in a few lines."""
+    values, sigmas = widths_of(beam.shape)
+    lines = [
+        f"{beam.chosen.name}, from {beam.frames} frames; residuals {np.sqrt(beam.misfit):.2f} "
+        "sigma",
+        f"width at the tip over that at the clamp: {values[-1]:.5f} +- {sigmas[-1]:.2g}",
+    ]
+    if beam.chosen.soft:
+        sigma = np.sqrt(beam.shape.covariance[0, 0])
+        lines.append(
+            f"rotation of the clamp over its moment, in L / EI: {beam.shape.softness:.5f} "
+            f"+- {sigma:.2g}"
+        )
+    return "\n".join(lines)
+
+
+def page(beam: LearnedBeam, rig: Rig) -> str:
+    """Write an HTML page: the beam that was chosen, its width and bow, and the candidates."""
+    width, width_sigma = widths_of(beam.shape)
+    bow, bow_sigma = bow_of(beam.shape, rig.beam.length)
+    rows = "".join(
+        f"<tr><td>{escape(trial.candidate.name)}</td><td>{trial.misfit:.4f}</td>"
+        f"<td>{trial.excess:.4f}</td></tr>"
+        for trial in beam.trials
+    )
+    length = rig.beam.length / MILLIMETRE
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width"><title>A learned beam</title>'
+        f"<style>{_STYLE}</style></head><body><h1>A learned beam</h1>"
+        f"<pre>{escape(summary(beam))}</pre>"
+        "<h2>Width along the beam, % of that at the clamp, with two sigmas</h2>"
+        f"{_picture(length, width / PERCENT, width_sigma / PERCENT)}"
+        "<h2>Line at rest [mm], with two sigmas</h2>"
+        f"{_picture(length, bow, bow_sigma)}"
+        "<h2>Beams that were compared</h2><p>Mean square of the residuals, in sigmas, of pushes "
+        "that each was not learned from; and its excess over the best. The first that is as good "
+        "as the best, within the noise, is chosen.</p>"
+        f"<table><tr><th>beam</th><th>misfit</th><th>excess</th></tr>{rows}</table>"
+        "<p>The horizontal axis is the distance from the clamp in mm. Images determine how EI "
+        "changes along the beam; its value at the clamp is the rig's.</p></body></html>\n"
+    )
+
+
+_STYLE: Final = (
+    ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:680px;"
+    "margin:2rem auto;padding:0 1rem}svg{width:100%;height:auto}pre{white-space:pre-wrap}"
+    "td,th{padding:.2rem .8rem .2rem 0;text-align:left}svg text{fill:currentColor;"
+    "font:12px system-ui,sans-serif}.line{stroke:currentColor;fill:none}"
+    ".band{fill:#0b57d0;opacity:.25}.axis{stroke:currentColor;opacity:.3}"
+)
+
+
+def _picture(length_mm: float, values: Floats, sigmas: Floats) -> str:
+    """Draw values (81,) along the beam and a band of two sigmas as SVG."""
+    low, high = float((values - 2 * sigmas).min()), float((values + 2 * sigmas).max())
+    pad = max(0.05 * (high - low), 1e-3 * max(abs(low), abs(high), 1e-3))
+    low, high = low - pad, high + pad
+    x = _MARGIN + _PLACES * (_WIDTH - _MARGIN - 10)
+
+    def y(of: Floats) -> Floats:
+        return np.asarray(10 + (high - of) / (high - low) * (_HEIGHT - 40))
+
+    def path(x_values: Floats, y_values: Floats) -> str:
+        return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x_values, y_values, strict=True))
+
+    band_x = np.append(x, x[::-1])
+    band_y = np.append(y(values + 2 * sigmas), y(values - 2 * sigmas)[::-1])
+    ticks = np.linspace(low + pad, high - pad, 3)
+    grid = "".join(
+        f'<path class="axis" d="M{_MARGIN} {level:.1f}H{_WIDTH - 10}"/>'
+        f'<text x="2" y="{level + 4:.1f}">{tick:.4g}</text>'
+        for tick, level in zip(ticks, y(ticks), strict=True)
+    )
+    places = "".join(
+        f'<text x="{x[i]:.0f}" y="{_HEIGHT - 8}" text-anchor="{anchor}">{_PLACES[i] * length_mm:.4g}'
+        "</text>"
+        for i, anchor in ((0, "start"), (40, "middle"), (80, "end"))
+    )
+    return (
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img">{grid}{places}'
+        f'<polygon class="band" points="{path(band_x, band_y)}"/>'
+        f'<polyline class="line" points="{path(x, y(values))}"/></svg>'
+    )
