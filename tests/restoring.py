@@ -13,7 +13,7 @@ from solver.instrument.hashes import HASHES
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.dataset_worker import WrittenShard
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.workers import Ended, Job
+from vbaa_bench.generation.job import Ended, Job
 from vbaa_bench.render.sample_table import SampleTable
 
 

@@ -24,7 +24,9 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
-from vbaa_bench.generation.workers import Pool, SameProcess, WorkerDiedError
+from vbaa_bench.generation.job import WorkerDiedError
+from vbaa_bench.generation.same_process import SameProcess
+from vbaa_bench.generation.workers import Pool
 from vbaa_bench.render.variant import FAST, PLAIN
 from vbaa_bench.scene.load import load_scene
 

@@ -12,7 +12,7 @@ from vbaa_bench.geometry.rings import facets, ring_count, rings
 from vbaa_bench.geometry.tip import shaped, tip_rings
 from vbaa_bench.geometry.tube import arc_length_of_vertices, around_of_vertices, strip, tube
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.frames import random_generator
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 

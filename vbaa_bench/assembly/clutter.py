@@ -17,9 +17,9 @@ from vbaa_bench.geometry.solids import together
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.world import Surface
 from vbaa_bench.scene.clutter import ClutterSpec
-from vbaa_bench.scene.frames import random_generator
 from vbaa_bench.scene.objects import NothingSpec
 from vbaa_bench.scene.paint import Paint
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 

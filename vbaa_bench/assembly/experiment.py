@@ -19,9 +19,9 @@ from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import EquilibriumError, State
 from vbaa_bench.mechanics.surfaces import Line, upright
-from vbaa_bench.scene.frames import Push
 from vbaa_bench.scene.laboratory import ClampSpec
 from vbaa_bench.scene.objects import NothingSpec, PadSpec, PlungerSpec, WallSpec
+from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
 

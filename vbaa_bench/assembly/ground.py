@@ -21,7 +21,7 @@ from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.textures import gradient_texture, image_texture, random_texture
 from vbaa_bench.render.world import Surface
 from vbaa_bench.scene.clutter import EdgeSpec
-from vbaa_bench.scene.frames import random_generator
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 

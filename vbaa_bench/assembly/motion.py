@@ -11,7 +11,7 @@ from solver.instrument.units import DEGREE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.mechanics.state import EquilibriumError
-from vbaa_bench.scene.frames import StepTarget
+from vbaa_bench.scene.push import StepTarget
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.shutter import STEADY, Flicker, Shutter, effective_count

@@ -19,7 +19,6 @@ from vbaa_bench.render.textures import (
     random_texture,
     speckle_texture,
 )
-from vbaa_bench.scene.frames import random_generator
 from vbaa_bench.scene.objects import NothingSpec
 from vbaa_bench.scene.paint import (
     BrushedTextureSpec,
@@ -27,6 +26,7 @@ from vbaa_bench.scene.paint import (
     PaintedPart,
     SpeckleTextureSpec,
 )
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 

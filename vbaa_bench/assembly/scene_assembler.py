@@ -32,9 +32,10 @@ from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.world import RenderUnit, Surface, World
-from vbaa_bench.scene.frames import FrameSpec, random_generator
+from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
 from vbaa_bench.scene.paint import PaintedPart
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
 

@@ -40,8 +40,9 @@ from vbaa_bench.generation.frame_renderer import (
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import render_static_layer
 from vbaa_bench.render.variant import is_scalar
-from vbaa_bench.scene.frames import Frames, FrameSpec, frame_specs, random_generator, render_seed
+from vbaa_bench.scene.frames import Frames, FrameSpec, frame_specs
 from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.scene.random_streams import random_generator, render_seed
 
 # Frames and calibration views that are measured. Chosen: an odd number of frames has a median, and
 # two views differ by a few per cent.

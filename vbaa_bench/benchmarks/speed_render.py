@@ -45,8 +45,8 @@ from vbaa_bench.render.plain import (
 )
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
-from vbaa_bench.scene.frames import random_generator
 from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.random_streams import random_generator
 
 # Ours: factors of the scene's noise targets. Plain: samples per pixel.
 _SCALES = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)

@@ -8,14 +8,14 @@ import typer
 from rich.console import Console
 
 from solver.instrument.errors import InputError
-from vbaa_bench.cli import data, datasets, measure, regression, results
+from vbaa_bench.cli import checks, data, datasets, measure, regression, results
 from vbaa_bench.cli.endurance import endurance_app
 from vbaa_bench.cli.export import check_exports, export
 from vbaa_bench.cli.fuzz import fuzz
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.cli.view import view
-from vbaa_bench.generation.workers import WorkerDiedError
+from vbaa_bench.generation.job import WorkerDiedError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
 app.command()(results.run)
@@ -40,17 +40,17 @@ app.command()(regression.alarms)
 app.command()(data.contact_sheet)
 app.command()(data.outside)
 app.command()(data.check_camera)
-app.command()(measure.check_limits)
-app.command()(measure.check_method)
-app.command()(measure.check_damage)
+app.command()(checks.check_limits)
+app.command()(checks.check_method)
+app.command()(checks.check_damage)
 app.command()(measure.budget)
 app.command()(measure.stability)
 app.command()(measure.stress)
 app.command()(measure.learned)
-app.command()(measure.leaks)
+app.command()(checks.leaks)
 app.command()(check_exports)
 app.command()(fuzz)
-app.command()(measure.doctor)
+app.command()(checks.doctor)
 app.add_typer(speed_app, name="speed")
 app.add_typer(endurance_app, name="endurance")
 

@@ -1,24 +1,13 @@
-"""Commands that measure methods, datasets and this machine: stability, stress and others."""
+"""Commands that measure methods: their noise, their errors under disturbances, and the causes."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import TaskID
-from rich.table import Table
 
 from vbaa_bench.cli.interrupt import importing
-from vbaa_bench.cli.options import (
-    MEMORY_GB,
-    METHODS,
-    AsJson,
-    DatasetPath,
-    Memory,
-    ScenePath,
-    Variant,
-    Workers,
-)
+from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, ScenePath, Variant, Workers
 from vbaa_bench.report.console import console, print_result, progress_bars, show_table
 
 
@@ -138,79 +127,6 @@ def learned(
     show_table(title, regressor.HEADS, regressor.cells(record))
 
 
-def check_limits(
-    scenes: Annotated[list[Path], typer.Argument(help="scene files")],
-    frames: Annotated[int, typer.Option(min=1, help="frames per scene")] = 3,
-    exposures: Annotated[
-        int, typer.Option(min=100, help="noisy exposures of the first frame of each scene")
-    ] = 2000,
-    out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
-    variant: Variant = None,
-    as_json: AsJson = False,
-) -> None:
-    """Compare information limits with those of re-rendered images, and with noisy exposures."""
-    with importing():
-        from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.benchmarks import limit_agreement, limit_page, limit_trials
-        from vbaa_bench.render.variant import choose
-
-    if out:
-        prepare_output_path(out)
-    with progress_bars() as progress:
-        task = progress.add_task("rendering", total=frames * len(scenes))
-        record = limit_page.measure(
-            scenes, choose(variant), frames, exposures, lambda: progress.advance(task)
-        )
-    if out:
-        counts = f"--frames {frames} --exposures {exposures} --out {out}"
-        command = f"vbaa-bench check-limits {' '.join(map(str, scenes))} {counts}"
-        write(out, limit_page.markdown(record, command).encode())
-    if as_json:
-        print_result(record, "", True)
-        return
-    show_table(
-        "ratios of standard deviations",
-        limit_agreement.HEADS,
-        limit_agreement.lines(record["agreement"]),
-    )
-    show_table("noisy exposures", limit_trials.HEADS, limit_trials.lines(record["trials"]))
-
-
-def check_method(
-    method: Annotated[str, typer.Argument(help="package.module:function, or a name of the solver")],
-    dataset: Annotated[
-        Path | None,
-        typer.Argument(
-            help="dataset folder, from generate or run", show_default="three pushes, rendered once"
-        ),
-    ] = None,
-    memory: Memory = MEMORY_GB,
-    variant: Variant = None,
-    as_json: AsJson = False,
-) -> None:
-    """Run a method on a dozen frames; say what is missing or wrong before a long run.
-
-    Units, frame of reference, values that are not finite, covariance, errors, time, memory, and
-    whether a second run gives the same results. The exit status is 1 if something is wrong.
-    """
-    with importing():
-        from vbaa_bench.benchmarks import check_method as checks
-        from vbaa_bench.generation.workers import cores
-        from vbaa_bench.render.variant import choose
-
-    root = dataset
-    if root is None:
-        with console.status("rendering three pushes into runs/check_method"):
-            root = checks.built_in_dataset(Path("runs/check_method"), choose(variant), cores())
-    with console.status(f"solving {checks.FRAMES} frames twice"):
-        findings = checks.check_method(method, root, memory)
-    record = {"findings": [finding._asdict() for finding in findings]}
-    lines = [f"{finding.status:5}  {finding.sentence}" for finding in findings]
-    print_result(record, "\n".join(lines), as_json)
-    if any(finding.status == "wrong" for finding in findings):
-        raise typer.Exit(1)
-
-
 def budget(
     datasets: Annotated[list[Path], typer.Argument(help="folders of datasets")],
     method: Annotated[
@@ -252,122 +168,3 @@ def budget(
         print_result({"rows": rows}, "", True)
     else:
         show_table("error of x_c by cause", command.HEADS, map(command.cells, rows))
-
-
-def leaks(dataset: DatasetPath, as_json: AsJson = False) -> None:
-    """Test whether order, names, image files or the encoder of a dataset predict the contact.
-
-    DATASET may be a collection. The exit status is 1 if a feature is better than chance; by chance,
-    one clean feature in a hundred is.
-    """
-    with importing():
-        from vbaa_bench.benchmarks.leaks import find_leaks
-
-    with console.status("searching for leaks"):
-        tests = find_leaks(dataset)
-    if as_json:
-        print_result({"features": [test.record() for test in tests]}, "", True)
-    else:
-        show_table(
-            "held-out R^2 of x_c over beam length",
-            ("feature", "frames", "R^2", "99 % of permutations", "passes"),
-            [
-                (
-                    test.feature,
-                    str(test.frames),
-                    f"{test.r_squared:.4f}",
-                    f"{test.chance:.4f}",
-                    "yes" if test.passes else "no",
-                )
-                for test in tests
-            ],
-        )
-    if not all(test.passes for test in tests):
-        raise typer.Exit(1)
-
-
-def doctor(
-    install: Annotated[
-        bool, typer.Option("--install", help="install missing libraries with apt, as root")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="print one line only")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Report which renderer variants work on this machine, and what to install."""
-    # Import nothing that needs the renderer's libraries: this command must run without them.
-    with importing():
-        from vbaa_bench.cli import doctor as checks
-
-    if install:
-        console.print(checks.install_libraries())
-        if quiet:
-            return
-    diagnosis = checks.diagnose()
-    table = Table("variant", "works", "message")
-    for probe in diagnosis.probes:
-        table.add_row(probe.variant, "yes" if probe.works else "no", probe.said)
-    if as_json:
-        print_result(diagnosis.record(), "", True)
-    else:
-        if not quiet:
-            Console().print(table)
-        console.print(diagnosis.advice)
-    if not diagnosis.healthy:
-        raise typer.Exit(1)
-
-
-def check_damage(
-    dataset: DatasetPath,
-    trials: Annotated[int, typer.Option(min=1, help="number of damaged files")] = 1000,
-    seed: Annotated[int, typer.Option(min=0, help="seed of the damages")] = 1,
-    work: Annotated[
-        Path | None,
-        typer.Option(help="folder for copies of the dataset", show_default="runs/damage_trials"),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Markdown file to write, and a CSV file beside it")
-    ] = None,
-    workers: Workers = None,
-    as_json: AsJson = False,
-) -> None:
-    """Damage files of a solved, scored dataset, on a copy: is each named, is none used silently?
-
-    The exit status is 1 if `verify` misses a damage, or if a command uses a damaged file.
-    """
-    with importing():
-        import polars as pl
-
-        from solver.lab.writing import prepare_output_path, write
-        from vbaa_bench.benchmarks.damage import page
-        from vbaa_bench.benchmarks.damage.trials import run_trials
-        from vbaa_bench.generation.workers import cores
-
-    if out:
-        prepare_output_path(out)
-    folder = work or Path("runs/damage_trials")
-    with progress_bars() as bars:
-        task = bars.add_task("trials", total=trials)
-        done = run_trials(
-            dataset,
-            folder,
-            trials,
-            seed,
-            workers or cores(),
-            lambda number, _total: bars.update(task, completed=number),
-        )
-    if out:
-        options = f"{dataset} --trials {trials} --seed {seed} --out {out}"
-        text = page.markdown(done, f"vbaa-bench check-damage {options}")
-        write(out, text.encode())
-        write(out.with_suffix(".csv"), pl.DataFrame(page.rows(done)).write_csv().encode())
-    commands = page.command_rows(done)
-    if as_json:
-        record = {"rows": page.rows(done), "commands": commands, "passed": page.passed(done)}
-        print_result(record, "", True)
-    else:
-        named = sum(trial.named for trial in done)
-        heads = tuple(commands[0])
-        cells = [tuple(str(row[head]) for head in heads) for row in commands]
-        show_table(f"{named} of {trials} damages named by verify", heads, cells)
-    if not page.passed(done):
-        raise typer.Exit(1)

@@ -20,7 +20,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.dataset.code import code_digests
 from vbaa_bench.dataset.manifest import versions
 from vbaa_bench.generation.cluster_address import ClusterAddress
-from vbaa_bench.generation.workers import Ended, Job, WorkerDiedError
+from vbaa_bench.generation.job import Ended, Job, WorkerDiedError
 
 # Jobs at the scheduler at a time. Chosen: enough for hundreds of workers, and little to submit
 # again when the scheduler restarts.

@@ -15,8 +15,8 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.generate import Machine, generate
+from vbaa_bench.generation.job import Job
 from vbaa_bench.generation.plan import accepted_rig
-from vbaa_bench.generation.workers import Job
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.schema import Scene

@@ -6,7 +6,7 @@ from typing import Final
 
 from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.generation.workers import WorkerDiedError
+from vbaa_bench.generation.job import WorkerDiedError
 
 # Deaths of processes that rendered the same frame, after which the frame is given up. Chosen: a
 # single death has other reasons, such as a lack of memory or a person who ends the process.

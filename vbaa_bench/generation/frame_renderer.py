@@ -31,8 +31,10 @@ from vbaa_bench.render.sample_table import Sampled, SampleTable
 from vbaa_bench.render.variant import activate, is_scalar
 from vbaa_bench.render.visibility import visibility
 from vbaa_bench.render.world import World
-from vbaa_bench.scene.frames import FrameSpec, Push, random_generator, render_seed
+from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.random_scene import drawn_values, rest_scene
+from vbaa_bench.scene.random_streams import random_generator, render_seed
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.fixed_pattern import FixedPattern

@@ -25,7 +25,8 @@ from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.missing_files import MissingFiles, shard_hashes
 from vbaa_bench.generation.plan import check_scene
-from vbaa_bench.generation.workers import Pool, SameProcess, cores
+from vbaa_bench.generation.same_process import SameProcess
+from vbaa_bench.generation.workers import Pool, cores
 from vbaa_bench.render.sample_table import SampleTable
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile

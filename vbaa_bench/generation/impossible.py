@@ -19,9 +19,9 @@ from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.scene.files import file_of_scene
-from vbaa_bench.scene.frames import Push
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.mistakes import Key
+from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 
 # Minimum width [px] of the beam. Below it, pixel centres miss the beam over long stretches.

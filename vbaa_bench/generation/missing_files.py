@@ -11,7 +11,7 @@ from vbaa_bench.dataset.layout import Layout, shard_name
 from vbaa_bench.generation.dataset_worker import WrittenShard
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.frame_renderer import Metering
-from vbaa_bench.generation.workers import Ended, Job
+from vbaa_bench.generation.job import Ended, Job
 from vbaa_bench.scene.frames import FrameName
 
 

@@ -14,9 +14,10 @@ from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.impossible import Extremes, too_far_or_near, too_fine
 from vbaa_bench.mechanics.state import EquilibriumError, State
-from vbaa_bench.scene.frames import Frames, FrameSpec, Push
+from vbaa_bench.scene.frames import Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.mistakes import Key
+from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.random_scene import RejectedDrawError, accepted
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene

@@ -4,7 +4,8 @@ import numpy as np
 
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.frames import FrameSpec, random_generator
+from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.schema import Scene
 
 

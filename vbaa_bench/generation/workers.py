@@ -7,8 +7,6 @@ import os
 import pickle
 import signal
 import sys
-import threading
-import traceback
 import types
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -16,47 +14,13 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from types import TracebackType
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, Self
+
+from vbaa_bench.generation.job import Ended, Job, WorkerDiedError
+from vbaa_bench.generation.worker_process import serve
 
 # Seconds between two looks at a pool without news, at which Ctrl-C is noticed on Windows. Chosen.
 _POLL_S: Final = 0.2
-
-
-class WorkerDiedError(Exception):
-    """A worker process ended by itself or was killed, for example for lack of memory."""
-
-    def __str__(self) -> str:
-        return "a worker process died; repeat the command to resume"
-
-
-class WorkerStartError(WorkerDiedError):
-    """A worker process could not build its object, for `reason`."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
-
-    def __str__(self) -> str:
-        return f"a worker process could not start: {self.reason}"
-
-
-class _InterruptedError(BaseException):
-    """The parent has been interrupted, so a worker's result is no longer needed."""
-
-
-class Job(NamedTuple):
-    """Name of a method of the workers' object, and its arguments without the first."""
-
-    method: str
-    arguments: tuple[Any, ...]
-
-
-class Ended(NamedTuple):
-    """A job that has ended with a result, or with the `death` of its process."""
-
-    job: Job
-    result: Any
-    death: WorkerDiedError | None = None
 
 
 def cores() -> int:
@@ -174,7 +138,7 @@ class Pool:
 
     def _started(self) -> _Worker:
         here, there = self._context.Pipe()
-        process = self._context.Process(target=_serve, args=(there, self._stop))
+        process = self._context.Process(target=serve, args=(there, self._stop))
         with _interrupt_blocked(), _main_module_hidden():
             process.start()
         there.close()  # so that the end of the process is the end of the connection
@@ -211,44 +175,6 @@ class Pool:
                 yield Ended(worker.job, None, WorkerDiedError())
 
 
-class SameProcess:
-    """The interface of Pool for one object in this process."""
-
-    def __init__(self, _count: int, build: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        self._object = build(*arguments)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def call(self, method: str, *arguments: Any) -> Any:
-        """Run one job and return its result."""
-        return getattr(self._object, method)(lambda: None, *arguments)
-
-    def run(
-        self,
-        jobs: Sequence[tuple[str, tuple[Any, ...]]],
-        done: Callable[[int], None] = lambda _pieces: None,
-    ) -> list[Any]:
-        """Run all jobs and return their results. `done` gets the number of finished pieces."""
-        return [ended.result for ended in self.outcomes(deque(Job(*job) for job in jobs), done)]
-
-    def outcomes(self, jobs: deque[Job], done: Callable[[int], None]) -> Iterator[Ended]:
-        """Take jobs from the left, run them, and yield each when it has ended."""
-        pieces = 0
-
-        def piece_done() -> None:
-            nonlocal pieces
-            pieces += 1
-            done(pieces)
-
-        while jobs:
-            job = jobs.popleft()
-            yield Ended(job, getattr(self._object, job.method)(piece_done, *job.arguments))
-
-
 @contextlib.contextmanager
 def _interrupt_blocked() -> Iterator[None]:
     """Block Ctrl-C, and deliver it afterwards to this process only.
@@ -278,55 +204,3 @@ def _main_module_hidden() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
-
-
-def _serve(connection: Connection, stop: Any) -> None:
-    """Run jobs in a worker until the parent has no more. An error in building ends the first."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-    def piece_done() -> None:
-        connection.send((False, None))
-        if stop.is_set():
-            raise _InterruptedError
-
-    resident = _build(connection.recv_bytes())
-    with contextlib.suppress(_InterruptedError):
-        while (job := connection.recv()) is not None:
-            connection.send((True, _result(resident, job, piece_done)))
-    connection.close()
-
-
-def _result(resident: Any, job: Job, piece_done: Callable[[], None]) -> Any:
-    if isinstance(resident, Exception):
-        return resident
-    try:
-        return getattr(resident, job.method)(piece_done, *job.arguments)
-    except Exception as error:  # noqa: BLE001  # raised again by the parent
-        error.add_note(traceback.format_exc())
-        return _picklable(error)
-
-
-def _picklable(error: Exception) -> Exception:
-    """Return an error, or one with its text if it cannot be pickled."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:  # noqa: BLE001  # whatever pickling raises
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
-
-
-def _build(pickled: bytes) -> Any:
-    """Build the worker's object, or return the error that prevents it."""
-    try:
-        build, arguments = pickle.loads(pickled)
-        return build(*arguments)
-    except Exception as error:  # noqa: BLE001  # any exception is the reason
-        return WorkerStartError(f"{type(error).__name__}: {error}")
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)

@@ -14,8 +14,8 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.mechanics.loaded import Load
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.frames import StepTarget
 from vbaa_bench.scene.objects import NothingSpec
+from vbaa_bench.scene.push import StepTarget
 
 RIGIDITY: Final = "rigidity"
 # Relative step of the differences. Measured: with a half or double step they change by less than

@@ -23,7 +23,8 @@ from vbaa_bench.limits.of_frame import imaged_beam, is_removed
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.rendered_beam import SAMPLES, STEP_PX, beam_change, near_beam
 from vbaa_bench.render.variant import FAST, is_scalar
-from vbaa_bench.scene.frames import FrameSpec, render_seed
+from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.random_streams import render_seed
 
 # Largest share of render noise. Measured: with 0.03 and less, limits of x_c, s_c and force are
 # within 1 % of the closed form; with 0.1 to 0.4 up to 5 % away.

@@ -35,7 +35,7 @@ from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import information
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.frames import Push
+from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure

@@ -3,51 +3,25 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
+from solver.instrument.units import DEGREE, MILLIMETRE
+from vbaa_bench.scene.push import (
+    Push,
+    StepTarget,
+    expected_pushing_angle,
+    grid_push,
+    grid_size,
+    sampled_push,
+    targets,
+)
 from vbaa_bench.scene.random_scene import accepted, drawn_scene
-from vbaa_bench.scene.schema import PushSpec, Scene
+from vbaa_bench.scene.random_streams import random_generator
+from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scene.unit_values import Draw
-
-
-@dataclass(frozen=True)
-class StepTarget:
-    """Target of one step of a push: a tip deflection or a pushing angle.
-
-    `deflection` is the tip's displacement across the beam over its length; `pushing_angle` [rad]
-    is the motor's rotation. One of the two is None.
-    """
-
-    deflection: float | None
-    pushing_angle: float | None
-
-    def __str__(self) -> str:
-        """Format the target for a plot's legend."""
-        if self.deflection is not None:
-            return f"{self.deflection / PERCENT:.6g} %"
-        return f"{(self.pushing_angle or 0.0) / DEGREE:.6g}°"
-
-
-@dataclass(frozen=True)
-class Push:
-    """One push: first contact, then a sequence of targets.
-
-    First contact is at `contact_distance` [m] (None against a wall), with an object whose normal
-    is tilted by `normal` [rad] and which yields by `compliance` [m/N]. All, with `gravity` (3,)
-    [m/s^2], is in the frame of the antenna at first contact.
-    """
-
-    contact_distance: float | None
-    normal: float
-    compliance: float
-    targets: tuple[StepTarget, ...]
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -131,8 +105,8 @@ class Frames:
         self._samples = () if sampling is None else sampling.draw(scene.seed)
         self._grows = sampling is not None and sampling.method != "grid"
         self._covers = list(_covers(scene))
-        self._grid = _grid_size(grid) if grid else len(self._samples)
-        self._per_push = len(_targets(grid)) if grid else 1
+        self._grid = grid_size(grid) if grid else len(self._samples)
+        self._per_push = len(targets(grid)) if grid else 1
         self._per_repeat = self._grid * len(self._covers)
         self.pushes = (grid.repeats if grid else 1) * self._per_repeat
         # This is a separate random stream, so that no other draw depends on it.
@@ -176,11 +150,11 @@ class Frames:
             for index in range(first, first + self._per_push)
         ]
         grid = scenes[0].pushes
-        push = _grid_push(grid, row) if grid else _sample(self._samples[row])
+        push = grid_push(grid, row) if grid else sampled_push(self._samples[row])
         low, high = scenes[0].motor_angle_at_contact_deg
         onset = float(low + (high - low) * self._onsets[number]) * DEGREE
         if self._per_push == 1:
-            onset += _expected_pushing_angle(push, scenes[0].beam.length_mm * MILLIMETRE)
+            onset += expected_pushing_angle(push, scenes[0].beam.length_mm * MILLIMETRE)
         push = replace(push, gravity=_in_antenna_frame(self._scene.gravity_m_s2, onset))
         return tuple(
             FrameSpec(
@@ -231,64 +205,6 @@ def _shards(scene: Scene, frames: Sequence[FrameName]) -> tuple[tuple[FrameName,
     return tuple(tuple(frames[i : i + size]) for i in range(0, len(frames), size))
 
 
-def _targets(spec: PushSpec) -> tuple[StepTarget, ...]:
-    return (
-        *(StepTarget(percent * PERCENT, None) for percent in spec.deflection_pct or ()),
-        *(StepTarget(None, degrees * DEGREE) for degrees in spec.pushing_angle_deg or ()),
-    )
-
-
-def _axes(spec: PushSpec) -> tuple[Sequence[Any], ...]:
-    """Return the axes of the grid: contact distances, normals and stiffnesses."""
-    return spec.contact_distance_mm or (None,), spec.normal_deg, spec.stiffness_n_m
-
-
-def _grid_size(spec: PushSpec) -> int:
-    return math.prod(map(len, _axes(spec)))
-
-
-def _grid_push(spec: PushSpec, row: int) -> Push:
-    """Return the push in one row of the grid, whose last axis changes fastest."""
-    values = []
-    for axis in reversed(_axes(spec)):
-        row, i = divmod(row, len(axis))
-        values.append(axis[i])
-    stiffness, normal, distance = values
-    return Push(
-        None if distance is None else distance * MILLIMETRE,
-        normal * DEGREE,
-        0.0 if stiffness == "rigid" else 1 / stiffness,
-        _targets(spec),
-    )
-
-
-def _sample(sample: Mapping[str, float]) -> Push:
-    return Push(
-        sample["contact_distance_mm"] * MILLIMETRE,
-        sample["normal_deg"] * DEGREE,
-        1 / sample["stiffness_n_m"] if "stiffness_n_m" in sample else 0.0,
-        (StepTarget(sample["deflection_pct"] * PERCENT, None),),
-    )
-
-
-def _expected_pushing_angle(push: Push, length: float) -> float:
-    """Approximate the pushing angle [rad] of the only step of a push, without solving it.
-
-    This follows from the linear beam, (9) and (10) of Kaneko et al. (2001): an edge at x_c holds it
-    back by dtheta x_c, which displaces the tip by dtheta (3 L - x_c) / 2. With the sine of dtheta
-    it agrees with the exact beam to 0.05 degrees at deflections of up to 20 % of the length, and
-    to 0.5 degrees at 45 %. A tilted edge holds the beam back along its normal only. A wall is
-    touched by the tip.
-    """
-    (target,) = push.targets
-    if target.pushing_angle is not None:
-        return target.pushing_angle
-    assert target.deflection is not None
-    contact = 1.0 if push.contact_distance is None else push.contact_distance / length
-    in_its_plane = math.asin(min(2 * target.deflection / (3 - contact), 1.0))
-    return in_its_plane / math.cos(push.normal)
-
-
 def _in_antenna_frame(
     vector: tuple[float, float, float], motor_angle: float
 ) -> tuple[float, float, float]:
@@ -309,22 +225,8 @@ def _covers(scene: Scene) -> Iterator[Cover | None]:
         yield Cover(kind, place, availability)
 
 
-def random_generator(scene: Scene, stream: str, index: int = 0) -> np.random.Generator:
-    """Make the generator of one random stream of one frame, independent of all other draws."""
-    return np.random.default_rng([scene.seed, index, int.from_bytes(_digest(stream)[:8])])
-
-
-def render_seed(scene: Scene, stream: str, index: int = 0) -> int:
-    """Derive a 32-bit seed for the renderer in the same way."""
-    return int(random_generator(scene, stream, index).integers(2**32))
-
-
 def _name(prefix: "hashlib.blake2b", number: int) -> str:
     """Make an opaque name: the digest of `prefix` with a number appended."""
     digest = prefix.copy()
     digest.update(str(number).encode())
     return digest.digest()[:8].hex()
-
-
-def _digest(text: str) -> bytes:
-    return hashlib.blake2b(text.encode("utf-8")).digest()

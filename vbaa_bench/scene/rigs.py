@@ -14,8 +14,8 @@ from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.scene.camera import CalibrationSpec
-from vbaa_bench.scene.frames import random_generator
 from vbaa_bench.scene.light_direction import light_direction
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.schema import Scene
 
 

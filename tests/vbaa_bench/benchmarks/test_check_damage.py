@@ -11,7 +11,7 @@ from vbaa_bench import cli
 from vbaa_bench.benchmarks.damage import page, readers, trials
 from vbaa_bench.benchmarks.damage.damages import DAMAGES, kind_of
 from vbaa_bench.benchmarks.damage.trials import CRASHED, REFUSED, SAME, SILENT, run_trials
-from vbaa_bench.generation.workers import SameProcess
+from vbaa_bench.generation.same_process import SameProcess
 
 
 def careless(root: Path) -> str:

@@ -8,7 +8,8 @@ import pytest
 
 from tests.command_line import CommandLine
 from vbaa_bench import cli
-from vbaa_bench.generation.workers import Pool, SameProcess
+from vbaa_bench.generation.same_process import SameProcess
+from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits import maps
 
 FEW = ("--contact-distance-pct", "50", "--deflection-pct", "5,10")

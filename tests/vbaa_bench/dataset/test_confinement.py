@@ -114,7 +114,7 @@ def test_sizes_are_bounded_before_memory_is_allocated(
 
 
 # Each unpickles only what its own parent process has sent it through a pipe.
-PIPES = {"solver/first_start.py", "vbaa_bench/generation/workers.py"}
+PIPES = {"solver/first_start.py", "vbaa_bench/generation/worker_process.py"}
 
 
 def test_no_file_is_unpickled() -> None:

@@ -17,7 +17,7 @@ from vbaa_bench.generation import cluster
 from vbaa_bench.generation.cluster import ClusterPool
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import DIED
-from vbaa_bench.generation.workers import Job
+from vbaa_bench.generation.job import Job
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,10 @@ from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
 from vbaa_bench.generation.deaths import DIED, Deaths
 from vbaa_bench.generation.frame_renderer import Metering
 from vbaa_bench.generation.generate import generate
+from vbaa_bench.generation.job import WorkerDiedError
 from vbaa_bench.generation.missing_files import MissingFiles
-from vbaa_bench.generation.workers import Pool, SameProcess, WorkerDiedError
+from vbaa_bench.generation.same_process import SameProcess
+from vbaa_bench.generation.workers import Pool
 from vbaa_bench.limits import of_dataset
 from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene

@@ -12,8 +12,9 @@ from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import RenderedRadiance
 from vbaa_bench.render.variant import PLAIN
-from vbaa_bench.scene.frames import FrameSpec, frame_specs, random_generator
+from vbaa_bench.scene.frames import FrameSpec, frame_specs
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scene.random_streams import random_generator
 
 ROWS = 88
 SCENE = f"""

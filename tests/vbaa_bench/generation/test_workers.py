@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.vbaa_bench.residents import InterruptedAtImport, Resident, broken
-from vbaa_bench.generation.workers import Pool, WorkerStartError, cores
+from vbaa_bench.generation.job import WorkerStartError
+from vbaa_bench.generation.workers import Pool, cores
 
 ROOT = Path(__file__).parents[3]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from vbaa_bench.generation.workers import SameProcess
+from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.limits import maps as mapping
 from vbaa_bench.limits.designs import designs
 from vbaa_bench.limits.places import Grid, grid, places, scene_of_map

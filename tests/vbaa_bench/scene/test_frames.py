@@ -5,8 +5,9 @@ import pytest
 
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.readings import readings
-from vbaa_bench.scene.frames import Frames, frame_specs, random_generator
+from vbaa_bench.scene.frames import Frames, frame_specs
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
 
 SCENES = Path(__file__).parents[3] / "scenes"

@@ -21,7 +21,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.state import EquilibriumError
-from vbaa_bench.scene.frames import Push
+from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, true_rig
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scoring.camera_frame import camera_frame_from_clamp
