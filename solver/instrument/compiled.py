@@ -17,8 +17,7 @@ from typing import Any, Final, TypeVar, cast, overload
 import numba
 import numba.extending
 
-from solver.instrument.files import write_bytes
-from solver.instrument.syntax import syntax_digests
+from solver.instrument.syntax import kept_result, syntax_digests
 
 F = TypeVar("F", bound=Callable[..., Any])
 _SETTINGS: Final = vars(numba.config)
@@ -65,32 +64,22 @@ def _folder(package: Path) -> str:
     cache, own = package / "__pycache__", Path(__file__).parents[1]
     if not os.access(package, os.W_OK):
         return ""
-    sources = {
-        path: (root, path.read_bytes())
-        for root in sorted({package, own})
-        for path in sorted(root.rglob("*.py"))
-    }
-    # Parsing takes half a second: the result for these very bytes is kept.
-    known = cache / f"syntax-{_sha256(b''.join(source for _, source in sources.values()))}"
-    if not known.is_file():
+    roots = sorted({package, own})
+
+    def digest() -> str:
         digests: dict[str, str] = {}
-        for path, (root, source) in sources.items():
-            if b"@njit" in source:
-                module = ".".join(path.relative_to(root.parent).with_suffix("").parts)
-                digests |= syntax_digests([module], root.parent, {root.name}, digests)
-        for older in cache.glob("syntax-*"):
-            older.unlink(missing_ok=True)
-        cache.mkdir(exist_ok=True)
-        write_bytes(known, _sha256("".join(digests.values()).encode()).encode())
-    folder = cache / f"compiled-{known.read_text(encoding='ascii')}"
+        for root in roots:
+            for path in sorted(root.rglob("*.py")):
+                if b"@njit" in path.read_bytes():
+                    module = ".".join(path.relative_to(root.parent).with_suffix("").parts)
+                    digests |= syntax_digests([module], root.parent, {root.name}, digests)
+        return hashlib.sha256("".join(digests.values()).encode()).hexdigest()[:12]
+
+    folder = cache / f"compiled-{kept_result(package, 'syntax', roots, digest)}"
     if not folder.is_dir():
         for older in set(cache.glob("compiled-*")) - {folder}:
             shutil.rmtree(older, ignore_errors=True)
     return str(folder)
-
-
-def _sha256(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()[:12]
 
 
 def compiled_functions() -> set[str] | None:

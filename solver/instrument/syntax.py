@@ -2,8 +2,12 @@
 
 import ast
 import hashlib
-from collections.abc import Collection, Iterable
+import os
+import sys
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
+
+from solver.instrument.files import write_bytes
 
 
 def syntax_digests(
@@ -26,6 +30,30 @@ def syntax_digests(
                 digests[module] = syntax_digest(tree)
                 pending += _imports(tree)
     return dict(sorted(digests.items()))
+
+
+def kept_result(package: Path, name: str, roots: Iterable[Path], compute: Callable[[], str]) -> str:
+    """Return a text that follows from all sources in `roots`, computed once for their very bytes.
+
+    Parsing them takes half a second at every start of a program. The text is kept in the cache of
+    `package`, under `name`, and is computed each time if the package is not writable.
+    """
+    if not os.access(package, os.W_OK):
+        return compute()
+    state = hashlib.sha256(sys.version.encode())  # the format of syntax trees
+    for root in roots:
+        for path in sorted(root.rglob("*.py")):
+            state.update(f"\0{path.relative_to(root.parent)}\0".encode() + path.read_bytes())
+    cache = package / "__pycache__"
+    kept = cache / f"{name}-{state.hexdigest()[:12]}"
+    if kept.is_file():
+        return kept.read_text(encoding="utf-8")
+    text = compute()
+    for older in cache.glob(f"{name}-*"):
+        older.unlink(missing_ok=True)
+    cache.mkdir(exist_ok=True)
+    write_bytes(kept, text.encode())
+    return text
 
 
 def syntax_digest(tree: ast.Module) -> str:

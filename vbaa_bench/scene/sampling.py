@@ -6,7 +6,6 @@ from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
-from scipy.stats import qmc
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.scene.part import ONSET, Onset, Part, Positive, Tilt
@@ -73,6 +72,8 @@ class SamplingSpec(Part):
                 mesh = np.meshgrid(*[centres] * len(axes), indexing="ij")
                 return {name: values.ravel() for name, values in zip(axes, mesh, strict=True)}
             case "sobol":
+                from scipy.stats import qmc  # takes a third of a second, for this method alone
+
                 # An axis has the same dimension whichever others are random.
                 points = qmc.Sobol(len(AXES), rng=np.random.default_rng([seed, _STREAM]))
                 columns = points.random_base2((self.count - 1).bit_length())[: self.count].T
