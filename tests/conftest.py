@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 import pytest
 from hypothesis import settings
@@ -10,6 +11,25 @@ from hypothesis import settings
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
+
+# Test files that take longest, first: no worker process begins one when the others have no more.
+# The first compiles the solver's functions. The next three do not need them, so that no second
+# process compiles the same functions at the same time.
+_LONGEST: Final = (
+    "end_to_end/test_generate.py",
+    "agreement/test_touching.py",
+    "vbaa_bench/generation/test_cluster.py",
+    "vbaa_bench/render/test_unbiased.py",
+    "vbaa_bench/benchmarks/fuzz/test_kinds.py",
+    "end_to_end/test_damage.py",
+    "end_to_end/test_command_line.py",
+    "end_to_end/test_collection.py",
+    "end_to_end/test_regression.py",
+    "end_to_end/test_worlds.py",
+    "vbaa_bench/benchmarks/test_check_camera.py",
+    "vbaa_bench/regression/test_comparison.py",
+    "vbaa_bench/benchmarks/test_limit_trials.py",
+)
 
 # The same examples on every machine, and no deadline on a loaded one.
 settings.register_profile("fixed", derandomize=True, deadline=None, max_examples=60)
@@ -34,6 +54,12 @@ pushes:
   deflection_pct: [10, 20]
 frames_per_shard: 2
 {ALL_LAYERS}"""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order the test files for worker processes, which take one file after the other."""
+    rank = {Path(__file__).parent / name: number for number, name in enumerate(_LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
 @pytest.fixture(scope="session")
