@@ -78,9 +78,9 @@ def small_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def dataset(
     small_scene: Path, variant: str, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Path]:
-    """A complete dataset, made by one worker. Not to be written to: copy it first."""
+    """A complete dataset, made in this process. Not to be written to: copy it first."""
     root = tmp_path_factory.mktemp("data") / "small"
-    generate(load_scene(small_scene), root, variant, 1, lambda _done, _total: None)
+    generate(load_scene(small_scene), root, variant, 0, lambda _done, _total: None)
     yield root
     for path in root.rglob(f".*{os.getpid()}.part"):
         pytest.fail(f"{path} was left behind")

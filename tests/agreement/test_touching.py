@@ -18,6 +18,8 @@ from vbaa_bench.scene.objects import PadSpec
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").rglob("*.yaml"))
 MICROMETRE = 1e-6
+# Pairs of a point and a triangle at once. Measured: 3 times as many exceed the processor's cache.
+_PAIRS = 3000
 
 
 def distances(points: Floats, mesh: trimesh.Trimesh, reach: float) -> Floats:
@@ -28,17 +30,25 @@ def distances(points: Floats, mesh: trimesh.Trimesh, reach: float) -> Floats:
         near, _ = cKDTree(points).query(triangles.mean(axis=1))
         close = near < size + reach
         triangles, normals = triangles[close], normals[close]
-    found = np.full(len(points), np.inf)
-    for i, point in enumerate(points if len(triangles) else []):
-        here = np.broadcast_to(point, (len(triangles), 3))
-        away = point - trimesh.triangles.closest_point(triangles, here)  # type: ignore[no-untyped-call]
-        squares = (away**2).sum(axis=1)
-        closest = np.flatnonzero(squares <= squares.min() * (1 + 1e-6) + 1e-24)
-        # Beside an edge the face that looks most towards the point tells the side.
-        side = 1 if (normals[closest] * away[closest]).sum(axis=1).max() >= 0 else -1
-        # Farther off, the nearest triangle may be one of those left out.
-        found[i] = side * np.sqrt(squares.min()) if squares.min() < reach**2 else np.inf
-    return found
+    if not len(triangles):
+        return np.full(len(points), np.inf)
+    batches = np.array_split(points, len(points) * len(triangles) // _PAIRS + 1)
+    return np.concatenate([_distances(batch, triangles, normals, reach) for batch in batches])
+
+
+def _distances(points: Floats, triangles: Floats, normals: Floats, reach: float) -> Floats:
+    """Signed distances of points (n, 3) from triangles (m, 3, 3), all pairs at once."""
+    pairs = np.repeat(points, len(triangles), axis=0)
+    tiled = np.tile(triangles, (len(points), 1, 1))
+    away = pairs - trimesh.triangles.closest_point(tiled, pairs)  # type: ignore[no-untyped-call]
+    away = away.reshape(len(points), len(triangles), 3)
+    squares = (away**2).sum(axis=2)
+    least = squares.min(axis=1)
+    closest = squares <= least[:, None] * (1 + 1e-6) + 1e-24
+    # Beside an edge the face that looks most towards the point tells the side.
+    towards = np.where(closest, (normals * away).sum(axis=2), -np.inf).max(axis=1)
+    # Farther off, the nearest triangle may be one of those left out.
+    return np.where(least < reach**2, np.where(towards >= 0, 1, -1) * np.sqrt(least), np.inf)
 
 
 def about_the_contact(state: State, width: float) -> Floats:

@@ -61,7 +61,7 @@ def test_two_workers_finish_an_interrupted_dataset_to_the_same_bytes(
         open_observations(layout.observations)
     with pytest.raises(InputError, match="incomplete"):
         open_truth(layout.truth)
-    # One worker rendered everything in order. These jobs begin elsewhere, in two processes.
+    # This process rendered everything in order. These jobs begin elsewhere, in two processes.
     generate(load_scene(small_scene), root, variant, 2, quiet)
     assert digests(root) == digests(dataset)
     assert kept.stat().st_mtime_ns == written
