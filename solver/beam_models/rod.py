@@ -9,9 +9,9 @@ With sigma the arc length from the contact back to the clamp,
 
 Q = F / EI at the clamp; w(s) is the width over that at the clamp, so that EI is proportional to its
 fourth power, and b(s) is the curvature at rest (Antman 2005, ch. IV). At the contact psi is
--atan(grip) and the force's line is radius sin(atan(grip)) away: friction acts on the surface. Where
-the beam is uniform and straight this is the beam of `frictional`, and without friction that of
-`exact`.
+-atan(grip) and the force's line is sin(atan(grip)) times the radius there away: friction acts on
+the surface. Where the beam is uniform and straight this is the beam of `frictional`, and without
+friction that of `exact`.
 
 All lengths are in units of the beam's length. The width is 1 + s (c_0 + c_1 P_1(2 s - 1) + ...)
 with Legendre's polynomials P_k: c_0 alone is a cone, whose tip has the width 1 + c_0. The line at
@@ -49,13 +49,15 @@ class Curve(NamedTuple):
 
     `nodes` (4, m) has the rows U, P, SLOPE, BEND, u increasing from beyond the tip to the clamp.
     `gradients` (k, 2, m) are those of P, and of its slope, at constant u. `contact` is the index of
-    the contact's node. `base` (3,) is (u, P, psi) at the clamp, with the gradients `by_base`
-    (k, 3). `exists` is False for a shape that no beam has; nothing else is then valid.
+    the contact's node, `by_arm` (k,) the gradient of its u. `base` (3,) is (u, P, psi) at the
+    clamp, with the gradients `by_base` (k, 3). `exists` is False for a shape that no beam has;
+    nothing else is then valid.
     """
 
     nodes: Floats
     gradients: Floats
     contact: int
+    by_arm: Floats
     base: Floats
     by_base: Floats
     exists: Any
@@ -229,7 +231,7 @@ def _write(
 
 @njit
 def curve_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -> Curve:
-    """Integrate the shape with parameters p (k,), of a beam with this radius at the contact.
+    """Integrate the shape with parameters p (k,), of a beam with this radius at the clamp.
 
     The first `widths` parameters after the grip are those of the width, the others of the bow.
     """
@@ -237,21 +239,28 @@ def curve_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -> Curve
     free_steps = _FREE_STEPS if k > bow else 1
     nodes = np.empty((4, free_steps + steps + 1))
     gradients = np.empty((k, 2, free_steps + steps + 1))
-    y, by = np.zeros(3), np.zeros((k, 3))
+    y, by, by_arm = np.zeros(3), np.zeros((k, 3)), np.zeros(k)
     exists = p[Q] >= 0 and 0 < p[S_C] < END and abs(p[GRIP]) < np.tan(MOST_ANGLE)
     if exists:
         exists = _least_width(p[WIDTHS:bow]) > LEAST_WIDTH
     if exists:
         square = 1 + p[GRIP] * p[GRIP]
+        sine = p[GRIP] / np.sqrt(square)
+        terms = np.zeros(k - WIDTHS)
+        width, slope = width_at(p[S_C], p[WIDTHS:bow], terms)
+        by_arm[S_C], by_arm[GRIP] = radius * slope * sine, radius * width / square**1.5
+        for i in range(WIDTHS, bow):
+            by_arm[i] = radius * terms[i - WIDTHS] * sine
         for loaded in (False, True):
             y[:], by[:] = 0.0, 0.0
-            y[0], y[2] = radius * p[GRIP] / np.sqrt(square), -np.arctan(p[GRIP])
-            by[GRIP, 0], by[GRIP, 2] = radius / square**1.5, -1 / square
+            y[0], y[2] = radius * width * sine, -np.arctan(p[GRIP])
+            by[:, 0] = by_arm
+            by[GRIP, 2] = -1 / square
             direction, count = (1, steps) if loaded else (-1, free_steps)
             exists = exists and _march(
                 y, by, p, bow, loaded, count, free_steps, direction, nodes, gradients
             )
-    return Curve(nodes, gradients, free_steps, y, by, exists)
+    return Curve(nodes, gradients, free_steps, by_arm, y, by, exists)
 
 
 @njit
@@ -296,7 +305,7 @@ def interpolated(nodes: Floats, i: int, u: float) -> Any:
 
 
 @njit
-def contact_of(curve: Curve, p: Floats, radius: float) -> tuple[Floats, Floats]:
+def contact_of(curve: Curve, p: Floats) -> tuple[Floats, Floats]:
     """Compute (F / EI, theta_c, x_c, y_c, s_c, lean) of a curve and its gradients (6, k).
 
     These are the quantities of `frictional.Contact`, with the load at the clamp's section.
@@ -308,16 +317,14 @@ def contact_of(curve: Curve, p: Floats, radius: float) -> tuple[Floats, Floats]:
     lean = -np.arctan(p[GRIP])
     lever, height, angle = curve.base
     cosine, sine = np.cos(angle), np.sin(angle)
-    along = lever - radius * p[GRIP] / root
+    along = lever - curve.nodes[U, curve.contact]
     x_c = along * cosine + height * sine
     y_c = along * sine - height * cosine
     values[:] = p[Q] * root, angle - lean, x_c, y_c, p[S_C], lean
     gradients[0, Q], gradients[0, GRIP] = root, p[Q] * p[GRIP] / root
     gradients[4, S_C], gradients[5, GRIP] = 1.0, -1 / square
     for i in range(k):
-        by_along = curve.by_base[i, 0]
-        if i == GRIP:
-            by_along -= radius / square**1.5
+        by_along = curve.by_base[i, 0] - curve.by_arm[i]
         by_height, by_angle = curve.by_base[i, 1], curve.by_base[i, 2]
         gradients[1, i] = by_angle - gradients[5, i]
         gradients[2, i] = by_along * cosine + by_height * sine - y_c * by_angle

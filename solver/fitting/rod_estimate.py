@@ -89,7 +89,7 @@ def rod_values(
     rig, size, count = measurement.rig, rod.shape_size, len(fit.p)
     beam, length = rig.beam, rig.beam.length
     curve = curve_of(fit.p[:size], rod.widths, rod.radius)
-    quantities, by_shape = contact_of(curve, fit.p[:size], rod.radius)
+    quantities, by_shape = contact_of(curve, fit.p[:size])
     moment, by_moment = clamp_moment(curve, fit.p[:size])
     # Variables: the fit's parameters, relative errors of all lengths and of EI, the motor angle.
     scale, rigidity, angle = count, count + 1, count + 2

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.rod import WIDTHS
+from solver.beam_models.rod import S_C, WIDTHS
 from solver.fitting.rod_joint import JointFit, fit_jointly
 from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_residuals import SOFTNESS
@@ -41,7 +41,7 @@ class Trial:
 
     `pushes` (n,) are the mean squares of the residuals [sigma] of each push; `excess` is their mean
     above that of the best candidate, with its standard error. `noise` is the excess that three
-    sigmas of noise in one parameter cause.
+    sigmas of one parameter cause, for residuals as correlated as they are.
     """
 
     candidate: Candidate
@@ -112,7 +112,7 @@ def _bent_pushes(pushes: Sequence[Sequence[Measurement]]) -> list[list[BentFrame
 
 def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[Trial, ...]:
     """Predict every push with every candidate, learned from the other parts of the pushes."""
-    parts = np.arange(len(pushes)) % _PARTS
+    parts = _parts(pushes)
     candidates = candidates_of(stated)
     misfits = np.full((len(candidates), len(pushes)), _UNFITTED)
     for row, candidate in enumerate(candidates):
@@ -125,13 +125,24 @@ def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[
                 if predicted is not None:
                     misfits[row, i] = predicted[1]
     excess = misfits - misfits[int(np.argmin(misfits.mean(axis=1)))]
-    points = sum(int(frame.inliers.sum()) for push in pushes for frame in push)
-    noise = LIMITS.close_chi2 / points
+    frames = [frame for push in pushes for frame in push]
+    correlation = float(np.mean([frame.correlation for frame in frames]))
+    noise = LIMITS.close_chi2 * correlation / sum(int(frame.inliers.sum()) for frame in frames)
     error = excess.std(axis=1, ddof=1) / np.sqrt(len(pushes))
     return tuple(
         Trial(candidate, misfits[i], float(excess[i].mean()), float(error[i]), noise)
         for i, candidate in enumerate(candidates)
     )
+
+
+def _parts(pushes: Sequence[Sequence[BentFrame]]) -> Floats:
+    """Divide pushes (n,) by their places along the beam: neighbours are in the same part.
+
+    The errors of a centreline follow the pixel grid, and are the same in a repeated push.
+    """
+    places = [float(np.median([frame.starts[-1, S_C] for frame in push])) for push in pushes]
+    ranks = np.argsort(np.argsort(places))
+    return np.asarray(ranks * min(_PARTS, len(pushes)) // len(pushes))
 
 
 def _simplest(trials: Sequence[Trial]) -> Candidate:

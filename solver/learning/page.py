@@ -114,8 +114,8 @@ def _picture(length_mm: float, values: Floats, sigmas: Floats) -> str:
         for tick, level in zip(ticks, y(ticks), strict=True)
     )
     places = "".join(
-        f'<text x="{x[i]:.0f}" y="{_HEIGHT - 8}" text-anchor="{anchor}">{_PLACES[i] * length_mm:.4g}'
-        "</text>"
+        f'<text x="{x[i]:.0f}" y="{_HEIGHT - 8}" text-anchor="{anchor}">'
+        f"{_PLACES[i] * length_mm:.4g}</text>"
         for i, anchor in ((0, "start"), (40, "middle"), (80, "end"))
     )
     return (

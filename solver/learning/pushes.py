@@ -7,10 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from solver.beam_models.rod import WIDTHS
+from solver.fitting.correlation import correlation_length
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.problem import problem_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rod_estimate import fit_frame, uniform_start, with_bow
+from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.beam_shape import BeamShape
@@ -21,7 +23,8 @@ class BentFrame(NamedTuple):
     """A frame with contact: its measurement with the bow, and its inliers as sorted for the fit.
 
     `starts` (2, 3) are load, place and grip of a uniform beam and of the frame's own fit, whose
-    prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances.
+    prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances, and
+    `correlation` the correlation length of its residuals.
     """
 
     measurement: Measurement
@@ -29,6 +32,7 @@ class BentFrame(NamedTuple):
     starts: Floats
     taper: float
     inflation: float
+    correlation: float
 
 
 def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
@@ -39,13 +43,18 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     fit = fit_frame(problem, rod) if problem.points else None
     if fit is None or refusal_of(measurement, problem, fit) is not None:
         return None
+    rows = residuals_at(rod, fit.p)
+    if rows is None:
+        return None
+    inliers = fit.kept[problem.order]
     start = uniform_start(problem, rod)
     return BentFrame(
         measurement=bowed,
-        inliers=fit.kept[problem.order],
+        inliers=inliers,
         starts=np.array([fit.p[:WIDTHS] if start is None else start[:WIDTHS], fit.p[:WIDTHS]]),
         taper=float(fit.p[WIDTHS]),
         inflation=float(fit.variance_inflation),
+        correlation=correlation_length(rows[0][inliers]),
     )
 
 

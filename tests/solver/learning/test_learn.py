@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+
+from solver.instrument.beam_shape import BeamShape, stated_shape
+from solver.instrument.errors import InputError
+from solver.instrument.measurement import Measurement
+from solver.learning.candidates import candidates_of, prior_of
+from solver.learning.learn import learn_beam
+from solver.learning.page import page, summary, widths_of
+from solver.methods.exact_fit import exact_fit
+from tests.simulated import BEAM, rig
+from tests.tapered import bent, measured
+
+PLACES = (0.35, 0.5, 0.62, 0.75, 0.88)
+
+
+def pushes(taper: float, shape: BeamShape, softness: float = 0.0) -> list[list[Measurement]]:
+    """Three frames at each place, of a clamp that turns by `softness` times its moment."""
+    random = np.random.default_rng(11)
+    frames = []
+    for place in PLACES:
+        push = []
+        for strength in (0.1, 0.2, 0.3):
+            # A load that deflects a uniform beam by this share of its length.
+            beam = bent(taper, place, 3 * strength / place**2)
+            moment = -beam.base_moment[2] * BEAM.length / BEAM.flexural_rigidity
+            push.append(measured(beam, shape, random, tilt=softness * moment))
+        frames.append(push)
+    return frames
+
+
+def test_a_cone_is_learned_from_unknown_contacts() -> None:
+    learned = learn_beam(pushes(-0.1, stated_shape(0.03, 0.0, 0.0, 0.0)))
+    assert learned.chosen.widths >= 1
+    width, sigma = widths_of(learned.shape)
+    assert sigma[-1] < 0.01
+    assert abs(width[-1] - 0.9) < 4 * sigma[-1]
+    assert learned.misfit == pytest.approx(1, abs=0.1)
+    assert "width at the tip" in summary(learned)
+    assert page(learned, rig()).count("<svg") == 2
+
+
+def test_a_beam_that_was_learned_is_estimated_more_accurately() -> None:
+    stated = stated_shape(0.1, 0.0, 0.0, 0.0)
+    learned = learn_beam(pushes(-0.1, stated))
+    random, beam = np.random.default_rng(4), bent(-0.1, 0.7, 0.6)
+    before, after = (exact_fit(measured(beam, shape, random)) for shape in (stated, learned.shape))
+    assert after.sigma("x_c_m") < 0.6 * before.sigma("x_c_m")
+    for estimate in (before, after):
+        assert abs(estimate.values["x_c_m"] - beam.points[0, 0]) < 3.5 * estimate.sigma("x_c_m")
+
+
+def test_a_uniform_beam_on_a_rigid_clamp_needs_nothing_more() -> None:
+    learned = learn_beam(pushes(0.0, BeamShape()))
+    assert (learned.chosen.widths, learned.chosen.soft) == (0, False)
+
+
+def test_a_clamp_that_gives_is_learned() -> None:
+    learned = learn_beam(pushes(0.0, BeamShape(), softness=0.01))
+    assert learned.chosen.soft
+    sigma = np.sqrt(learned.shape.covariance[0, 0])
+    assert learned.shape.softness == pytest.approx(0.01, abs=4 * sigma)
+    assert sigma < 1e-3
+
+
+def test_too_few_pushes_are_refused() -> None:
+    frames = pushes(0.0, BeamShape())
+    with pytest.raises(InputError, match="1 of 1 pushes show a contact, needed are 2"):
+        learn_beam(frames[:1])
+
+
+def test_what_the_rig_states_is_in_every_candidate() -> None:
+    stated = stated_shape(0.05, 0.01, 0.0, 0.2)
+    candidates = candidates_of(stated)
+    assert all(candidate.widths and candidate.soft for candidate in candidates)
+    sizes = [candidate.widths + candidate.soft for candidate in candidates_of(BeamShape())]
+    assert sizes == sorted(sizes)
+    assert sizes[0] == 0
+    prior = prior_of(candidates[-1], stated)
+    assert prior.friction_sigma == 0.2
+    assert len(prior.widths) == candidates[-1].widths

@@ -1,0 +1,37 @@
+"""Measurements of beams that are not uniform, computed by the world's rod, without images."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.measurement import Measurement
+from tests.simulated import BEAM, columns, measurement
+from vbaa_bench.mechanics.loaded import Load, LoadedBeam, loaded
+from vbaa_bench.mechanics.rod import Rod
+
+SIGMA = 0.01 * 0.51e-3  # a hundredth of a pixel [m]
+BASE_SIGMA = 2e-6
+
+
+def bent(taper: float, place: float, load: float, friction: float = 0.0) -> LoadedBeam:
+    """The world's cone under a load [EI / L^2] at an arc length `place` [L]."""
+    length = BEAM.length
+    force = load * BEAM.flexural_rigidity / length**2
+    return loaded(
+        Rod(BEAM, tip_ratio=1 + taper),
+        [Load(place * length, force, friction=(friction, 0.0))],
+        np.linspace(0.0, length, 20_001),
+    )
+
+
+def measured(
+    beam: LoadedBeam, shape: BeamShape, random: np.random.Generator, tilt: float = 0.0
+) -> Measurement:
+    """Columns with noise of a beam, whose clamp has turned by `tilt` [rad]."""
+    turned, (c, s) = beam.centreline.copy(), (np.cos(tilt), np.sin(tilt))
+    turned[:, 1:3] = beam.centreline[:, 1:3] @ np.array([[c, s], [-s, c]])
+    points = columns(turned)
+    points[:, 1] += SIGMA * random.standard_normal(len(points))
+    taken = measurement(points, SIGMA, base_sigma=BASE_SIGMA)
+    return replace(taken, rig=replace(taken.rig, shape=shape))
