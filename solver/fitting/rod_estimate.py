@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from solver.beam_models.exact import contact_at
-from solver.beam_models.rod import S_C, Q, contact_of, curve_of
+from solver.beam_models.rod import GRIP, S_C, Q, contact_of, curve_of
 from solver.fitting import frames, residuals
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
@@ -16,6 +16,7 @@ from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
 from solver.fitting.thresholds import LIMITS
+from solver.fitting.unknown_grip import curved_by_grip
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -129,4 +130,8 @@ def rod_values(
         measurement, contact, clamp_fitted=True
     )
     total = by_contact @ jacobian
-    return values, np.asarray(total @ covariance @ total.T + pose_covariance)
+    result = np.asarray(total @ covariance @ total.T + pose_covariance)
+    force, grip = list(values).index("force_n"), float(fit.p[GRIP])
+    grip_sigma = math.sqrt(fit.covariance[GRIP, GRIP])
+    result[force, force] += curved_by_grip(values["force_n"], grip, grip_sigma)
+    return values, result

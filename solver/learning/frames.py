@@ -34,7 +34,7 @@ def learn_from_frames(
     """
     pushes: dict[str, list[Measurement]] = {}
     for done, frame in enumerate(frames, 1):
-        measurement = _measurement(antenna, frame)
+        measurement = measurement_of(antenna, frame)
         if measurement is not None:
             pushes.setdefault(frame.push_id or frame.frame_id, []).append(measurement)
         progress(done)
@@ -48,7 +48,8 @@ def with_shape(antenna: Antenna, shape: BeamShape) -> Antenna:
     return replace(antenna, rig=replace(antenna.rig, shape=shape))
 
 
-def _measurement(antenna: Antenna, frame: ImageFrame) -> Measurement | None:
+def measurement_of(antenna: Antenna, frame: ImageFrame) -> Measurement | None:
+    """Measure the beam in a frame's image; None if the image cannot be used."""
     try:
         image = frame.image()
         if reject_moved_camera(antenna, image) is not None:

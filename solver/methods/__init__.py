@@ -7,8 +7,8 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
+from solver.methods.exact_fit_learned import exact_fit_learned
 from solver.methods.force_sensor import force_sensor
-from solver.methods.learned_fit import learned_fit
 from solver.methods.linear_fit import linear_fit
 from solver.methods.moment_sensor import moment_sensor
 from solver.methods.push_fit import push_fit, push_fit_friction
@@ -27,10 +27,10 @@ METHODS: Final[dict[str, Method]] = {
     "linear_fit": linear_fit,
     "exact_fit": exact_fit,
     "exact_fit_3d": exact_fit_3d,
-    "learned_fit": learned_fit,
+    "exact_fit_learned": exact_fit_learned,
     "push_fit": push_fit,
     "push_fit_friction": push_fit_friction,
     "force_sensor": force_sensor,
 }
 # Those for which the beam is learned before the first frame.
-LEARNING: Final = frozenset({"learned_fit"})
+LEARNING: Final = frozenset({"exact_fit_learned"})

@@ -85,6 +85,35 @@ def check_method(
         raise typer.Exit(1)
 
 
+def check_learning(
+    datasets: Annotated[list[Path], typer.Argument(help="datasets or collections of rigs")],
+    pushes: Annotated[int, typer.Option(min=2, help="pushes to learn from, without splits")] = 5,
+    draws: Annotated[int, typer.Option(min=1, help="times that they are drawn")] = 4,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the draws")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare the exact fit with the beam as stated, and as learned from other pushes."""
+    with importing():
+        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.benchmarks import learning
+
+    if out:
+        prepare_output_path(out)
+    with progress_bars() as bars:
+        task = bars.add_task("datasets", total=learning.count_datasets(datasets))
+        results = learning.measure(datasets, pushes, draws, seed, lambda: bars.advance(task))
+    if out:
+        options = f"--pushes {pushes} --draws {draws} --seed {seed} --out {out}"
+        command = f"vbaa-bench check-learning {' '.join(map(str, datasets))} {options}"
+        write(out, learning.markdown(results, command).encode())
+    if as_json:
+        lines = [dict(zip(learning.HEADS, one.line(), strict=True)) for one in results]
+        print_result({"results": lines}, "", True)
+        return
+    show_table("the exact fit", learning.HEADS, [one.line() for one in results])
+
+
 def check_damage(
     dataset: DatasetPath,
     trials: Annotated[int, typer.Option(min=1, help="number of damaged files")] = 1000,

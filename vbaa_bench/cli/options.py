@@ -18,7 +18,7 @@ METHODS: Final = (
     "linear_fit",
     "exact_fit",
     "exact_fit_3d",
-    "learned_fit",
+    "exact_fit_learned",
     "push_fit",
     "push_fit_friction",
     "force_sensor",

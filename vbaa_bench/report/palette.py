@@ -26,7 +26,7 @@ BUILT_IN: Final = {
     "linear_fit": Style("#0a7a3c", "#5fd08a", "square"),
     "exact_fit": Style("#0b57d0", "#7db4ff", "circle"),
     "exact_fit_3d": Style("#00737f", "#48d1dd", "diamond"),
-    "learned_fit": Style("#8a6d00", "#ffd54a", "diamond"),
+    "exact_fit_learned": Style("#8a6d00", "#ffd54a", "diamond"),
     "push_fit": Style("#6a1fd0", "#b99bff", "triangle"),
     "push_fit_friction": Style("#b80c7a", "#ff7fcf", "circle"),
     "force_sensor": Style("#3d4752", "#b4bfca", "square"),

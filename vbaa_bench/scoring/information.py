@@ -24,7 +24,7 @@ _OF_METHOD: Final = {
     "linear_fit": "planar",
     "exact_fit": "planar",
     "exact_fit_3d": "image",
-    "learned_fit": "planar",
+    "exact_fit_learned": "planar",
     "push_fit": "push",
     "push_fit_friction": "push",
     "force_sensor": "force",

@@ -9,6 +9,6 @@ from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 
 
-def learned_fit(measurement: Measurement) -> Estimate:
+def exact_fit_learned(measurement: Measurement) -> Estimate:
     """Estimate contact, force and displacement with the rig's learned beam."""
     return exact_fit(measurement)

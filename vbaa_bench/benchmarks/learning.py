@@ -1,0 +1,201 @@
+"""What learning the beam is worth: the exact fit before and after, on pushes not learned from.
+
+In a dataset with the split "learn", the beam is learned from it and tested on all others; in
+others, the pushes to learn from are drawn at random, several times. The rigs of a collection are
+pooled.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Estimate
+from solver.instrument.measurement import Measurement
+from solver.instrument.observation import open_observations
+from solver.instrument.units import MILLIMETRE, PERCENT
+from solver.learning.frames import SPLIT, measurement_of
+from solver.learning.learn import learn_beam
+from solver.methods.exact_fit import exact_fit
+from solver.set_up import set_up
+from solver.tracker import run_method
+from vbaa_bench.dataset.collection import CollectionLayout, is_collection
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.readers import open_truth
+
+# Error in sigmas above which an answer is wrong.
+_WRONG: Final = 3.0
+# Columns of a row of errors: x_c and its sigma [% of the length], force and its sigma [%].
+X_C, X_SIGMA, FORCE, FORCE_SIGMA = range(4)
+
+
+class _Frame(NamedTuple):
+    """A frame's measurement, its push and split, its true contact distance [m] and force [N]."""
+
+    measurement: Measurement
+    push: str
+    split: str
+    x_c: float
+    force: float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of one method on a scene: `rows` (n, 4) of the answered of `frames` frames.
+
+    Only frames with a true contact count. `rows` has the columns X_C to FORCE_SIGMA.
+    """
+
+    scene: str
+    beam: str
+    frames: int
+    rows: Floats
+
+    def line(self) -> tuple[str, ...]:
+        """Format as a line of a table, in the order of HEADS."""
+        if not len(self.rows):
+            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 6)
+        x, x_sigma, force, force_sigma = np.asarray(self.rows).T
+        rmse = float(np.sqrt(np.mean(x**2)))
+        return (
+            self.scene,
+            self.beam,
+            str(self.frames),
+            f"{len(self.rows) / self.frames / PERCENT:.0f}",
+            f"{rmse:.3f}",
+            f"{np.median(np.abs(x)):.3f}",
+            f"{np.mean(np.abs(x) <= _WRONG * x_sigma) / PERCENT:.0f}",
+            f"{np.sqrt(np.mean(x_sigma**2)) / rmse:.2f}",
+            f"{np.sqrt(np.mean(force**2)):.2f}",
+            f"{np.mean(np.abs(force) <= _WRONG * force_sigma) / PERCENT:.0f}",
+        )
+
+
+HEADS: Final = (
+    "dataset",
+    "beam",
+    "frames",
+    "answered, %",
+    "RMSE of x_c, % of L",
+    "median",
+    "within 3 sigma, %",
+    "sigma / RMSE",
+    "RMSE of force, %",
+    "force within 3 sigma, %",
+)
+
+
+def measure(
+    roots: Sequence[Path],
+    pushes: int,
+    draws: int,
+    seed: int,
+    progress: Callable[[], None] = lambda: None,
+) -> list[Errors]:
+    """Estimate with the stated and the learned beam; two results per dataset or collection.
+
+    Where there is no split to learn from, `pushes` pushes are drawn `draws` times, as functions of
+    `seed`. `progress` is called after each dataset. Raises InputError for a damaged dataset, and
+    where no beam can be learned from any.
+    """
+    results = []
+    for root in roots:
+        frames, stated, learned = 0, list[Floats](), list[Floats]()
+        for layout in _datasets(root):
+            for before, after in _trials(layout, pushes, draws, seed):
+                frames += len(before)
+                stated += [row for row in before if row is not None]
+                learned += [row for row in after if row is not None]
+            progress()
+        if not frames:
+            raise InputError(f"{root}: no beam can be learned from its pushes")
+        results.append(Errors(root.name, "as stated", frames, np.array(stated)))
+        results.append(Errors(root.name, "learned", frames, np.array(learned)))
+    return results
+
+
+def count_datasets(roots: Sequence[Path]) -> int:
+    """Count the datasets, those of collections included."""
+    return sum(len(_datasets(root)) for root in roots)
+
+
+def _datasets(root: Path) -> list[Layout]:
+    return list(CollectionLayout(root).rigs().values()) if is_collection(root) else [Layout(root)]
+
+
+Rows = list[Floats | None]
+
+
+def _trials(layout: Layout, pushes: int, draws: int, seed: int) -> Iterator[tuple[Rows, Rows]]:
+    """Yield the errors of the tested frames before and after learning; None for no answer."""
+    frames = _frames(layout)
+    names = list(dict.fromkeys(frame.push for frame in frames))
+    splits = {frame.push for frame in frames if frame.split == SPLIT}
+    random = np.random.default_rng([seed, len(names)])
+    choices = (
+        [splits] if splits else [set(random.permutation(names)[:pushes]) for _ in range(draws)]
+    )
+    for chosen in choices:
+        tested = [frame for frame in frames if frame.push not in chosen]
+        before = [_errors(frame, exact_fit_of(frame.measurement)) for frame in tested]
+        try:
+            shape = learn_beam(
+                [[f.measurement for f in frames if f.push == name] for name in sorted(chosen)]
+            ).shape
+        except InputError:  # too few pushes with a contact: the beam stays as stated
+            yield before, before
+            continue
+        yield before, [_errors(f, exact_fit_of(_with_shape(f.measurement, shape))) for f in tested]
+
+
+def exact_fit_of(measurement: Measurement) -> Estimate:
+    """Estimate by the exact fit; any failure is an outcome."""
+    return run_method(exact_fit, measurement)
+
+
+def _with_shape(measurement: Measurement, shape: BeamShape) -> Measurement:
+    return replace(measurement, rig=replace(measurement.rig, shape=shape))
+
+
+def _errors(frame: _Frame, estimate: Estimate) -> Floats | None:
+    if not estimate.values:
+        return None
+    length = frame.measurement.rig.beam.length * PERCENT
+    relative = frame.force * PERCENT
+    return np.array(
+        [
+            (estimate.values["x_c_m"] - frame.x_c) / length,
+            estimate.sigma("x_c_m") / length,
+            (estimate.values["force_n"] - frame.force) / relative,
+            estimate.sigma("force_n") / relative,
+        ]
+    )
+
+
+def _frames(layout: Layout) -> list[_Frame]:
+    """Measure the frames of a dataset that have a contact and show the beam."""
+    observations = open_observations(layout.observations)
+    antenna = set_up(observations)
+    truth = open_truth(layout.truth, centrelines=False).frames
+    rows = {row["frame_id"]: row for row in truth.iter_rows(named=True)}
+    frames = []
+    for image in observations:
+        row = rows[image.frame_id]
+        measurement = None if row["x_c_mm"] is None else measurement_of(antenna, image)
+        if measurement is not None:
+            x_c = row["x_c_mm"] * MILLIMETRE
+            push = image.push_id or image.frame_id
+            frames.append(_Frame(measurement, push, image.split, x_c, row["force_n"]))
+    return frames
+
+
+def markdown(results: Sequence[Errors], command: str) -> str:
+    """Format results as a page with the command that makes it."""
+    lines = [HEADS, ["---", "---", *["---:"] * (len(HEADS) - 2)], *(one.line() for one in results)]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return f"# Learning the beam\n\n```sh\n{command}\n```\n\n{table}\n"
