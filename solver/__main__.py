@@ -14,7 +14,7 @@ from rich.console import Console
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, quoted
 from solver.instrument.images import CHANNELS, png_bytes
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
@@ -30,7 +30,13 @@ from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import prepare_output_path, write
-from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
+from solver.learning.frames import (
+    frames_to_learn,
+    learn_from_frames,
+    measurement_of,
+    with_shape,
+)
+from solver.learning.known_force import rig_with_force
 from solver.learning.page import page, summary
 from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
@@ -206,6 +212,13 @@ def learn(
     centreline: Annotated[
         str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
     ] = "profile_fit",
+    known_force: Annotated[
+        tuple[str, float, float] | None,
+        typer.Option(
+            help="frame, its contact's force and sigma in N, as of a balance: gives EI",
+            metavar="FRAME_ID NEWTON SIGMA",
+        ),
+    ] = None,
     web_page: Annotated[
         Path | None, typer.Option("--page", help="HTML page with pictures to write")
     ] = None,
@@ -213,7 +226,8 @@ def learn(
     """Learn the beam and its clamp from pushes against unknown objects, by images alone.
 
     Frames of a push share push_id in metadata.csv; with a column split, those marked "learn" are
-    used. The rig's EI at the clamp stays: images show only how EI changes along the beam.
+    used. The rig's EI at the clamp stays unless one force is known: images show only how EI
+    changes along the beam.
     """
     files, learn_extractor = open_observations(observations), find_extractor(centreline)
     for path in filter(None, (out, web_page)):
@@ -221,9 +235,17 @@ def learn(
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
     beam = learn_from_frames(antenna, frames_to_learn(files.frames))
-    write(out, rig_to_json(replace(files.rig, shape=beam.shape)).encode())
+    rig = replace(files.rig, shape=beam.shape)
+    if known_force:
+        frame_id, force, sigma = known_force
+        frame = next((frame for frame in files if frame.frame_id == frame_id), None)
+        measurement = None if frame is None else measurement_of(antenna, frame)
+        if measurement is None:
+            raise InputError(f"--known-force: {quoted(frame_id)} is no frame that shows the beam")
+        rig = rig_with_force(rig, measurement, force, sigma)
+    write(out, rig_to_json(rig).encode())
     if web_page:
-        write(web_page, page(beam, files.rig).encode())
+        write(web_page, page(beam, rig).encode())
     Console(highlight=False, soft_wrap=True).print(
         f"{summary(beam)}\nwritten to {out}", markup=False
     )

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,6 +12,11 @@ from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.measurement import Measurement, RestBow
+
+
+# Least variance of a combination of parameters, over those of its parts. Chosen: a ten-thousandth
+# of their sigmas is certain.
+_CERTAIN: Final = 1e-8
 
 
 @dataclass(frozen=True)
@@ -54,10 +59,7 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
     uncertain = np.flatnonzero(np.diag(covariance) > 0)
     information = np.zeros_like(covariance)
     block = np.ix_(uncertain, uncertain)
-    # In units of the sigmas, which differ by orders of magnitude.
-    sigmas = np.sqrt(np.diag(covariance))[uncertain]
-    unit = np.outer(sigmas, sigmas)
-    information[block] = np.linalg.inv(covariance[block] / unit) / unit
+    information[block] = _information(covariance[block])
     return RodProblem(
         points=points,
         bounds=bounds - bounds[0],
@@ -69,6 +71,15 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
         information=information,
         free=np.array([Q, S_C, *uncertain]),
     )
+
+
+def _information(covariance: Floats) -> Floats:
+    """Invert a covariance (p, p) that may be singular, as where a bow is undecided."""
+    # In units of the sigmas, which differ by orders of magnitude.
+    sigmas = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(sigmas, sigmas))
+    inverse = (vectors / np.maximum(values, _CERTAIN)) @ vectors.T
+    return np.asarray(inverse / np.outer(sigmas, sigmas))
 
 
 def _prior(measurement: Measurement, shared: int) -> tuple[Floats, Floats]:

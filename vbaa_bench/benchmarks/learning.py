@@ -13,13 +13,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BeamShape
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import open_observations
 from solver.instrument.units import MILLIMETRE, PERCENT
 from solver.learning.frames import SPLIT, measurement_of
+from solver.learning.known_force import rig_with_force
 from solver.learning.learn import learn_beam
 from solver.methods.exact_fit import exact_fit
 from solver.set_up import set_up
@@ -95,19 +95,21 @@ def measure(
     pushes: int,
     draws: int,
     seed: int,
+    force_sigma_pct: float | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> list[Errors]:
     """Estimate with the stated and the learned beam; two results per dataset or collection.
 
     Where there is no split to learn from, `pushes` pushes are drawn `draws` times, as functions of
-    `seed`. `progress` is called after each dataset. Raises InputError for a damaged dataset, and
-    where no beam can be learned from any.
+    `seed`. With `force_sigma_pct`, the force of one frame to learn from is known with this sigma,
+    as from a balance. `progress` is called after each dataset. Raises InputError for a damaged
+    dataset, and where no beam can be learned from any.
     """
     results = []
     for root in roots:
         frames, stated, learned = 0, list[Floats](), list[Floats]()
         for layout in _datasets(root):
-            for before, after in _trials(layout, pushes, draws, seed):
+            for before, after in _trials(layout, pushes, draws, seed, force_sigma_pct):
                 frames += len(before)
                 stated += [row for row in before if row is not None]
                 learned += [row for row in after if row is not None]
@@ -131,7 +133,9 @@ def _datasets(root: Path) -> list[Layout]:
 Rows = list[Floats | None]
 
 
-def _trials(layout: Layout, pushes: int, draws: int, seed: int) -> Iterator[tuple[Rows, Rows]]:
+def _trials(
+    layout: Layout, pushes: int, draws: int, seed: int, force_sigma_pct: float | None
+) -> Iterator[tuple[Rows, Rows]]:
     """Yield the errors of the tested frames before and after learning; None for no answer."""
     frames = _frames(layout)
     names = list(dict.fromkeys(frame.push for frame in frames))
@@ -143,23 +147,32 @@ def _trials(layout: Layout, pushes: int, draws: int, seed: int) -> Iterator[tupl
     for chosen in choices:
         tested = [frame for frame in frames if frame.push not in chosen]
         before = [_errors(frame, exact_fit_of(frame.measurement)) for frame in tested]
+        to_learn = [[f for f in frames if f.push == name] for name in sorted(chosen)]
         try:
-            shape = learn_beam(
-                [[f.measurement for f in frames if f.push == name] for name in sorted(chosen)]
-            ).shape
+            beam = learn_beam([[frame.measurement for frame in push] for push in to_learn])
         except InputError:  # too few pushes with a contact: the beam stays as stated
             yield before, before
             continue
-        yield before, [_errors(f, exact_fit_of(_with_shape(f.measurement, shape))) for f in tested]
+        rig = replace(frames[0].measurement.rig, shape=beam.shape)
+        if force_sigma_pct is not None:
+            # The most strongly bent frame of a push.
+            loaded = max(to_learn[0], key=lambda frame: frame.force)
+            sigma = loaded.force * force_sigma_pct * PERCENT
+            force = loaded.force + sigma * random.standard_normal()
+            rig = rig_with_force(rig, loaded.measurement, force, sigma)
+        learned = (replace(frame.measurement, rig=rig) for frame in tested)
+        yield (
+            before,
+            [
+                _errors(frame, exact_fit_of(measurement))
+                for frame, measurement in zip(tested, learned, strict=True)
+            ],
+        )
 
 
 def exact_fit_of(measurement: Measurement) -> Estimate:
     """Estimate by the exact fit; any failure is an outcome."""
     return run_method(exact_fit, measurement)
-
-
-def _with_shape(measurement: Measurement, shape: BeamShape) -> Measurement:
-    return replace(measurement, rig=replace(measurement.rig, shape=shape))
 
 
 def _errors(frame: _Frame, estimate: Estimate) -> Floats | None:

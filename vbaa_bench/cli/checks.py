@@ -89,6 +89,10 @@ def check_learning(
     datasets: Annotated[list[Path], typer.Argument(help="datasets or collections of rigs")],
     pushes: Annotated[int, typer.Option(min=2, help="pushes to learn from, without splits")] = 5,
     draws: Annotated[int, typer.Option(min=1, help="times that they are drawn")] = 4,
+    force_sigma_pct: Annotated[
+        float | None,
+        typer.Option(min=0, max=100, help="sigma of one known force", show_default="none is known"),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of the draws")] = 1,
     out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
     as_json: AsJson = False,
@@ -102,10 +106,14 @@ def check_learning(
         prepare_output_path(out)
     with progress_bars() as bars:
         task = bars.add_task("datasets", total=learning.count_datasets(datasets))
-        results = learning.measure(datasets, pushes, draws, seed, lambda: bars.advance(task))
+        results = learning.measure(
+            datasets, pushes, draws, seed, force_sigma_pct, lambda: bars.advance(task)
+        )
     if out:
-        options = f"--pushes {pushes} --draws {draws} --seed {seed} --out {out}"
-        command = f"vbaa-bench check-learning {' '.join(map(str, datasets))} {options}"
+        options = f"--pushes {pushes} --draws {draws} --seed {seed}"
+        if force_sigma_pct is not None:
+            options += f" --force-sigma-pct {force_sigma_pct:g}"
+        command = f"vbaa-bench check-learning {' '.join(map(str, datasets))} {options} --out {out}"
         write(out, learning.markdown(results, command).encode())
     if as_json:
         lines = [dict(zip(learning.HEADS, one.line(), strict=True)) for one in results]

@@ -1,0 +1,37 @@
+"""EI from one known force: images determine how EI changes along the beam, but not its scale."""
+
+import math
+from dataclasses import replace
+
+from solver.instrument.beam import Beam
+from solver.instrument.errors import InputError
+from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Rig
+from solver.methods.exact_fit import exact_fit
+
+
+def rig_with_force(rig: Rig, measurement: Measurement, force: float, sigma: float) -> Rig:
+    """Return the rig with EI and its sigma from a contact's known force [N], as of a balance.
+
+    `rig` has the learned beam; `measurement` shows the contact. The force is estimated with the
+    rig's EI, to which it is proportional. Raises InputError for a force that is not positive, or
+    a measurement that shows no contact.
+    """
+    if not (math.isfinite(force) and force > 0 and math.isfinite(sigma) and sigma >= 0):
+        raise InputError(
+            f"the known force is {force:g} +- {sigma:g} N, allowed is a positive force with a "
+            "sigma from 0"
+        )
+    certain = replace(rig.tolerances, flexural_rigidity=0.0)
+    assumed = replace(rig, tolerances=certain, shape=replace(rig.shape, rigidity_sigma=0.0))
+    estimate = exact_fit(replace(measurement, rig=assumed))
+    if not estimate.values:
+        raise InputError(f"the frame of the known force shows no contact: {estimate.outcome}")
+    estimated = estimate.values["force_n"]
+    rigidity = rig.beam.flexural_rigidity * force / estimated
+    relative = math.hypot(sigma / force, estimate.sigma("force_n") / estimated)
+    return replace(
+        assumed,
+        beam=Beam(rig.beam.length, rig.beam.diameter, rigidity),
+        tolerances=replace(certain, flexural_rigidity=relative * rigidity),
+    )
