@@ -13,7 +13,6 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.measurement import Measurement, RestBow
 
-
 # Least variance of a combination of parameters, over those of its parts. Chosen: a ten-thousandth
 # of their sigmas is certain.
 _CERTAIN: Final = 1e-8

@@ -1,11 +1,12 @@
 """Selection of the solver's methods for which a dataset has the readings."""
 
 from solver.instrument.observation import Observations
-from solver.methods import METHODS
+from solver.learning.frames import SPLIT
+from solver.methods import LEARNING, METHODS
 
 
 def applicable(observations: Observations) -> list[str]:
-    """List the names of METHODS, without those that need a missing sensor or frame sequence."""
+    """List the names of METHODS, without those that need a missing sensor, sequence or split."""
     sensors = observations.rig.sensors
     pushes = [frame.push_id for frame in observations]
     inapplicable = set()
@@ -15,4 +16,6 @@ def applicable(observations: Observations) -> list[str]:
         inapplicable.add("force_sensor")
     if len(set(pushes)) == len(pushes):
         inapplicable |= {"stiffness", "push_fit", "push_fit_friction"}
+    if all(frame.split != SPLIT for frame in observations):
+        inapplicable |= LEARNING
     return [name for name in METHODS if name not in inapplicable]

@@ -1,0 +1,63 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.__main__ import main
+from solver.instrument.observation import open_observations
+from solver.instrument.rig import read_rig
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
+from solver.learning.page import widths_of
+from solver.set_up import set_up
+from vbaa_bench.scoring.applicable import applicable
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr("sys.argv", ["solver", *arguments])
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def test_the_beam_of_rendered_images_is_learned(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    observations, out, page = dataset / "observations", tmp_path / "rig.json", tmp_path / "p.html"
+    frame = next(iter(open_observations(observations)))
+    force = ("--known-force", frame.frame_id, "0.05", "0.001")
+    arguments = ("learn", str(observations), "--out", str(out), "--page", str(page), *force)
+    assert run(monkeypatch, *arguments) == 0
+    rig = read_rig(out)
+    assert len(rig.shape.bow) == 3
+    width, sigma = widths_of(rig.shape)
+    assert (np.abs(width - 1) <= 4 * sigma + 1e-12).all()
+    assert "<svg" in page.read_text(encoding="utf-8")
+    # The frame of the known force has this force now.
+    assert rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity < 0.05
+    wrong = ("--known-force", "nothing", "0.05", "0.001")
+    assert run(monkeypatch, "learn", str(observations), "--out", str(out), *wrong) == 2
+
+
+def test_frames_to_learn_are_those_of_the_split(dataset: Path) -> None:
+    observations = open_observations(dataset / "observations")
+    assert frames_to_learn(observations.frames) == list(observations.frames)
+    assert "exact_fit_learned" not in applicable(observations)
+    marked = [
+        replace(frame, split="learn" if i % 2 else "test")
+        for i, frame in enumerate(observations.frames)
+    ]
+    assert frames_to_learn(marked) == marked[1::2]
+    assert "exact_fit_learned" in applicable(replace(observations, frames=tuple(marked)))
+
+
+def test_a_learned_antenna_measures_with_the_learned_beam(dataset: Path) -> None:
+    observations = open_observations(dataset / "observations")
+    antenna = set_up(observations)
+    beam = learn_from_frames(antenna, observations.frames)
+    learned = with_shape(antenna, beam.shape)
+    assert learned.rig.shape is beam.shape
+    assert antenna.rig.shape.uniform
+    assert beam.frames == len(observations.frames)

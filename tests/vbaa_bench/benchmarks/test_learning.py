@@ -1,0 +1,47 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.instrument.errors import InputError
+from solver.instrument.observation import Observations, open_observations
+from vbaa_bench.benchmarks import learning as module
+from vbaa_bench.benchmarks.learning import HEADS, Errors, count_datasets, markdown, measure
+
+
+def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
+    rows = np.array([[0.1, 0.05, 1.0, 0.2], [-0.1, 0.02, 1.0, 0.5]])
+    line = dict(zip(HEADS, Errors("a", "learned", 4, rows).line(), strict=True))
+    assert line["answered, %"] == "50"
+    assert line["RMSE of x_c, % of L"] == "0.100"
+    assert line["within 3 sigma, %"] == "50"
+    assert line["sigma / RMSE"] == f"{np.sqrt((0.05**2 + 0.02**2) / 2) / 0.1:.2f}"
+    assert line["RMSE of force, %"] == "1.00"
+    assert line["force within 3 sigma, %"] == "50"
+    empty = Errors("a", "learned", 4, np.empty((0, 4))).line()
+    assert empty[:4] == ("a", "learned", "4", "0")
+    assert len(empty) == len(HEADS)
+    assert "| a | learned | 4 |" in markdown([Errors("a", "learned", 4, rows)], "command")
+
+
+def test_the_beam_is_learned_from_other_pushes_than_it_is_tested_on(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(root: Path) -> Observations:
+        """Return the four frames as pushes of one frame each."""
+        observations = open_observations(root)
+        frames = tuple(replace(frame, push_id="") for frame in observations.frames)
+        return replace(observations, frames=frames)
+
+    monkeypatch.setattr(module, "open_observations", opened)
+    assert count_datasets([dataset]) == 1
+    stated, learned = measure([dataset], pushes=2, draws=2, seed=3, force_sigma_pct=0.1)
+    assert (stated.beam, learned.beam) == ("as stated", "learned")
+    assert 0 < len(learned.rows) <= learned.frames == stated.frames
+    assert np.abs(learned.rows[:, 0]).max() < 1
+
+
+def test_a_dataset_without_pushes_to_test_on_is_refused(dataset: Path) -> None:
+    with pytest.raises(InputError, match="no beam can be learned from its pushes"):
+        measure([dataset], pushes=100, draws=1, seed=3)
