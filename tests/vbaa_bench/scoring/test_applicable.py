@@ -22,4 +22,6 @@ def test_methods_without_readings_are_left_out() -> None:
     pushed = applicable(observations(".", Sensors(), ["a", "a"]))
     assert set(METHODS) - set(pushed) == {"moment_sensor", "force_sensor"} | learning
     every = Sensors(moment_y=1e-4, base_force=1e-3, base_moment=1e-4)
-    assert applicable(observations(".", every, ["a", "a"])) == [name for name in METHODS if name not in learning]
+    assert applicable(observations(".", every, ["a", "a"])) == [
+        name for name in METHODS if name not in learning
+    ]
