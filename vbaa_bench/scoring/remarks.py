@@ -16,9 +16,9 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "antenna's frame; in the world's frame its error is the rotated offset.": any(
             scene["clamp_offset_mm"]
         ),
-        "A tapered beam bends almost like a uniform one with another contact distance, and the "
-        "nominal rig states a uniform beam. chi2 detects the taper only if the deflection is large "
-        "relative to the noise.": beam["tip_ratio"] != 1,
+        "A tapered beam bends almost like a uniform one with another contact distance. Where the "
+        "nominal rig does not state that its beam may be tapered, chi2 detects the taper only if "
+        "the deflection is large relative to the noise.": beam["tip_ratio"] != 1,
         "Not observable from the centreline: a beam with elliptic section bends like a round one "
         "whose flexural rigidity depends on the direction of the force. The relative force error "
         "equals that of the rigidity, and chi2 stays near 1.": beam["section"] == "elliptic",
@@ -33,8 +33,8 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         ),
         "Not observable from one image: friction tilts the force away from the normal, and the "
         "tilted force bends the beam into almost the same shape, so that force and contact are "
-        "biased while chi2 stays near 1. A force sensor at the clamp measures the tilt; "
-        "push_fit_friction estimates it from all frames of a push.": (
+        "biased while chi2 stays near 1, unless the rig states how much friction may occur. A force "
+        "sensor at the clamp measures the tilt; push_fit_friction estimates it from all frames of a push.": (
             target.get("friction", 0) > 0
         ),
         "Not observable from the image: the object moves by itself, which in a push looks like "
