@@ -33,8 +33,9 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         ),
         "Not observable from one image: friction tilts the force away from the normal, and the "
         "tilted force bends the beam into almost the same shape, so that force and contact are "
-        "biased while chi2 stays near 1, unless the rig states how much friction may occur. A force "
-        "sensor at the clamp measures the tilt; push_fit_friction estimates it from all frames of a push.": (
+        "biased while chi2 stays near 1, unless the rig states how much friction may occur. A "
+        "force sensor at the clamp measures the tilt; push_fit_friction estimates it from all "
+        "frames of a push.": (
             target.get("friction", 0) > 0
         ),
         "Not observable from the image: the object moves by itself, which in a push looks like "
