@@ -35,9 +35,7 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "tilted force bends the beam into almost the same shape, so that force and contact are "
         "biased while chi2 stays near 1, unless the rig states how much friction may occur. A "
         "force sensor at the clamp measures the tilt; push_fit_friction estimates it from all "
-        "frames of a push.": (
-            target.get("friction", 0) > 0
-        ),
+        "frames of a push.": (target.get("friction", 0) > 0),
         "Not observable from the image: the object moves by itself, which in a push looks like "
         "compliance.": any(target.get("drift_mm") or []),
         "Where the beam touches the second peg, no single point contact explains its shape: a "
