@@ -164,11 +164,7 @@ class Experiment:
                 )
 
     def _states(self) -> list[State]:
-        model, targets, segments = (
-            self.model,
-            self.push.targets,
-            self.scene.beam.centreline_segments,
-        )
+        model, segments = self.model, self.scene.beam.centreline_segments
         distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
         if model == SPATIAL:
             return push(self.rod, self.motor, self.obstacles, distance, self.steps, segments)
@@ -178,17 +174,16 @@ class Experiment:
             assert isinstance(first.surface, Line)
             solve = partial(planar.push, object_radius=first.surface.radius)
         states = []
-        for target in targets:
-            angle = target.pushing_angle
-            if angle is not None and angle <= 0:
-                states += push(self.rod, self.motor, [first], distance, [Step(angle)], segments)
+        for step in self.steps:
+            if step.size <= 0:
+                states += push(self.rod, self.motor, [first], distance, [step], segments)
             else:
                 states.append(
                     solve(
                         self.rig.beam,
                         distance,
-                        deflection=target.deflection,
-                        pushing_angle=angle,
+                        deflection=step.deflection,
+                        pushing_angle=step.pushing_angle,
                         compliance=first.compliance,
                         intervals=segments,
                     )

@@ -53,14 +53,20 @@ def push(
     length, rigidity = beam.length, beam.flexural_rigidity
     force_unit = rigidity / length**2
     offset = beam.radius / length
-    tau, scale, angle, residual = _solve(
-        contact_distance / length,
-        offset + object_radius / length,
-        compliance * force_unit / length,
-        spring_heading,
-        -1.0 if deflection is None else deflection,
-        pushing_angle or 0.0,
-    )
+    try:
+        tau, scale, angle, residual = _solve(
+            contact_distance / length,
+            offset + object_radius / length,
+            compliance * force_unit / length,
+            spring_heading,
+            -1.0 if deflection is None else deflection,
+            pushing_angle or 0.0,
+        )
+    except np.linalg.LinAlgError as error:  # so small a push that numbers underflow
+        raise EquilibriumError(
+            f"no equilibrium at contact distance {contact_distance:.6g} m "
+            "(the equations are singular)"
+        ) from error
     if not residual <= MAX_RESIDUAL:
         raise EquilibriumError(
             f"no equilibrium at contact distance {contact_distance:.6g} m "

@@ -135,7 +135,7 @@ class RodContactProblem:
                 final, contacts, tip = self._errors(step, engaged, unknown, steps)
                 # Repeat with half the steps to estimate the integration error.
                 coarse, _, _ = self._errors(step, engaged, unknown, steps // 2)
-        except (ValueError, FloatingPointError, ZeroDivisionError) as error:
+        except (ValueError, ArithmeticError) as error:
             raise EquilibriumError(f"no equilibrium ({error})") from error
         # Errors of lengths and angles are relative to the tip's displacement from rest.
         displacement = min(float(np.linalg.norm(tip - self.free_tip)) or 1.0, 1.0)

@@ -43,7 +43,12 @@ def slide(
     previous: PreviousContact,
     before: Equilibrium | None,
 ) -> tuple[PreviousContact, Equilibrium]:
-    """Solve one step with friction in short steps; repeat with finer ones if it is lost."""
+    """Solve one step with friction in short steps; repeat with finer ones if it is lost.
+
+    A step that repeats the one before changes nothing.
+    """
+    if before is not None and step == before.step:
+        return previous, before
     start = step.part(0.0) if before is None else before.step
     count = max(int(np.ceil(abs(step.size - start.size) / FRICTION_STRIDE)), 1)
     for finer in (1, 3, 9):
@@ -108,7 +113,8 @@ def _stick_or_slide(
         return _solve_near(
             continue_from_first_contact(problem, step, contact_distance, resting), step, previous
         )
-    ratio = (step.size - before.step.size) / previous.pace
+    # Only the object has moved in a step of no size: the path starts anew.
+    ratio = (step.size - before.step.size) / previous.pace if previous.pace else 0.0
     onward = replace(previous, ratio=max(ratio, 0.0))  # after a reversal the path starts anew
     if ratio > 0:
         try:

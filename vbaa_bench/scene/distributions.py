@@ -6,6 +6,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import ConfigDict, Discriminator, Field, Tag, TypeAdapter, model_validator
 from scipy.special import ndtr, ndtri
 
+from solver.instrument.errors import quoted
 from vbaa_bench.scene.part import Part
 
 # How often a value is drawn: once per rig, for every push, or for every frame.
@@ -177,7 +178,9 @@ class From(_Distribution):
             value = getattr(self, name)
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not number and not isinstance(value, _Distribution):
-                raise ValueError(f"{name} is {value!r}, allowed is a number or a distribution")
+                raise ValueError(
+                    f"{name} is {quoted(value)}, allowed is a number or a distribution"
+                )
         return self
 
 

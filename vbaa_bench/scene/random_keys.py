@@ -110,12 +110,17 @@ def _parsed(node: Mapping[str, Any], path: Path, parent: Level | None) -> Tree:
     node = {**node, "per": level}
     for name in ("times", "plus"):
         if kind(node.get(name)):
-            node[name] = parse(node[name], (*path, name), level)
-            if node[name].per != level:
+            number = parse(node[name], (*path, name), level)
+            if isinstance(number, tuple):
+                raise DistributionError(
+                    (*path, name), "is a random vector, allowed is a number or a random number"
+                )
+            if number.per != level:
                 raise DistributionError(
                     (*path, name),
-                    f"is drawn per {node[name].per}, allowed is per: {level}, as the key itself",
+                    f"is drawn per {number.per}, allowed is per: {level}, as the key itself",
                 )
+            node[name] = number
     if isinstance(node.get("choice"), tuple):
         node["choice"] = tuple(parse(option, path, level) for option in node["choice"])
     try:

@@ -72,6 +72,29 @@ def test_friction_holds_the_beam_on_a_leaning_edge(friction: float) -> None:
     assert (errors[1:] < 0.6 * errors[:-1]).all()
 
 
+def test_a_repeated_step_changes_nothing() -> None:
+    touched = obstacle(BEAM, 0.12, friction=0.3)
+    once, repeated = (
+        push(ROD, Motor(), [touched], 0.12, [Step(pushing_angle=angle) for angle in angles])
+        for angles in ((0.05, 0.1, 0.15), (0.05, 0.1, 0.1, 0.15))
+    )
+    assert (repeated[2].centreline == repeated[1].centreline).all()
+    assert (repeated[3].centreline == once[2].centreline).all()
+
+
+@pytest.mark.parametrize("towards", [-1e-4, 1e-4])
+def test_an_object_may_move_while_the_motor_stands_still(towards: float) -> None:
+    """The states are the limit of those with a small turn of the motor."""
+    touched, drift = obstacle(BEAM, 0.12, friction=0.3), (0.0, towards, 0.0)
+    still, turned = (
+        push(ROD, Motor(), [touched], 0.12, [Step(0.1), Step(angle, drift=drift), Step(0.15)])
+        for angle in (0.1, 0.1 + 1e-9)
+    )
+    for one, other in zip(still, turned, strict=True):
+        assert one.centreline == pytest.approx(other.centreline, abs=1e-8 * BEAM.length)
+        assert drag(one) == pytest.approx(drag(other), abs=1e-5)
+
+
 def test_only_the_pushed_object_may_have_friction() -> None:
     pegs = [obstacle(BEAM, 0.08), obstacle(BEAM, 0.16, friction=0.1)]
     with pytest.raises(ValueError, match="only the first"):

@@ -138,3 +138,10 @@ def test_one_of_angle_and_deflection_is_given(given: dict[str, float]) -> None:
 def test_a_push_goes_forward(deflection: float) -> None:
     with pytest.raises(ValueError, match="not positive"):
         push(BEAM, 0.12, deflection=deflection)
+
+
+def test_a_push_so_small_that_numbers_underflow_has_no_equilibrium() -> None:
+    with pytest.raises(EquilibriumError, match="singular"):
+        push(BEAM, 0.1, deflection=1e-302)
+    with pytest.raises(EquilibriumError, match="singular"):
+        push(BEAM, 0.1, pushing_angle=1e-302)

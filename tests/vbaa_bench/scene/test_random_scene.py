@@ -124,6 +124,10 @@ def test_a_rig_depends_neither_on_the_number_of_rigs_nor_on_that_of_pushes(tmp_p
             "light: {side_mm: {uniform: [500, 700], per: frame}, height_mm: {from: light.side_mm}}",
             "add per: frame",
         ),
+        (
+            "beam: {length_mm: {from: light.side_mm, times: {uniform: [[1, 2], 3]}}}",
+            "times is a random vector, allowed is a number",
+        ),
         ("beam: {lenght_mm: {uniform: [1, 2]}}", "unknown key; did you mean length_mm"),
         ("beam: {length_mm: -3, diameter_mm: {uniform: [1, 2]}}", "beam.length_mm is -3, allowed"),
         ("camera: {position_mm: [120, 18, {uniform: [300, 900]}]}", "draws of the random keys are"),
