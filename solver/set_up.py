@@ -1,6 +1,7 @@
 """Set up an antenna: calibrate its camera and learn the beam at rest, once per rig."""
 
 import contextlib
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -26,9 +27,9 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
     """Calibrate the camera, and learn the beam's appearance and rest pose.
 
     `learn` makes the extractor from the images of the beam at rest. Raises InputError if the
-    images do not allow it.
+    images do not allow it; the message names the image, or else the folder.
     """
-    with fits_compiled_beside(observations.rig):
+    with _named(observations), fits_compiled_beside(observations.rig):
         try:
             return _set_up(observations, learn)
         except InputError:
@@ -40,6 +41,18 @@ def set_up(observations: Observations, learn: Learn = learn_beam) -> Antenna:
                 with contextlib.suppress(InputError):
                     return _set_up(observations, learn, quarter_turns)
             raise
+
+
+@contextlib.contextmanager
+def _named(observations: Observations) -> Iterator[None]:
+    """Put the folder before messages that name no image, such as those about all views together."""
+    try:
+        yield
+    except InputError as error:
+        images = (*observations.board_views, *observations.rest_images)
+        if any(str(image) in str(error) for image in images):
+            raise
+        raise InputError(f"{observations.root}: {error}") from error
 
 
 def _set_up(observations: Observations, learn: Learn, quarter_turns: int = 0) -> Antenna:

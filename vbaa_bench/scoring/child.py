@@ -179,7 +179,8 @@ def _solve(
             alive = True
             break
         if "refused" in report:
-            refusal = restored_paths(report["refused"])
+            original = str(job.layout.observations)
+            refusal = restored_paths(report["refused"].replace(str(copy), original))
             continue
         solved[report["index"]] = report["row"]
         traceback = traceback or restored_paths(report.get("traceback", ""))

@@ -3,6 +3,7 @@
 import csv
 import errno
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -179,6 +182,19 @@ def test_an_earlier_table_is_kept_if_the_method_cannot_be_imported(
     assert out.read_text(encoding="utf-8") == "estimates of an hour\n"
     assert sorted(path.name for path in tmp_path.glob("*.csv*")) == ["broken.f.csv"]
     assert not list(tmp_path.glob(".*.part"))
+
+
+def test_a_rig_that_cannot_be_used_is_named_by_the_users_own_path(
+    dataset: Path, tmp_path: Path
+) -> None:
+    root = tmp_path / "dark"
+    shutil.copytree(dataset, root)
+    for path in (root / "observations" / "calibration").iterdir():
+        assert cv2.imwrite(str(path), np.zeros_like(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)))
+    reseal(Layout(root))
+    named = f"^{re.escape(str(root / 'observations'))}: calibration view 0"
+    with pytest.raises(InputError, match=named):
+        solve(Layout(root), "two_point", tmp_path / "out.csv", 1)
 
 
 def test_sources_and_neighbours_are_copied_and_datasets_are_not(
