@@ -30,7 +30,10 @@ def _printable(character: str) -> str:
 
 def quoted(value: object) -> str:
     """Quote a value for a message: on one line, a long value truncated."""
-    return truncated(repr(value))
+    try:
+        return truncated(repr(value))
+    except (RecursionError, ValueError):  # too deep, or a whole number of more than 4300 digits
+        return f"a {type(value).__name__} that is too large to be shown"
 
 
 def truncated(text: str) -> str:

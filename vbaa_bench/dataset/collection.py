@@ -16,15 +16,24 @@ from typing import Any, Final, Literal, NamedTuple
 
 import polars as pl
 
-from solver.instrument.errors import DamageError, InputError
+from solver.instrument.errors import DamageError, InputError, truncated
 from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
 from vbaa_bench.dataset.differences import as_in_file, differences, listing
+from vbaa_bench.dataset.document import Document, check_document
 from vbaa_bench.dataset.identity import OtherDatasetError
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.recorded import exists, write_recorded
 
 _RIG: Final = re.compile(r"rig_\d{5,}")
+
+
+class _Scene(Document):
+    """What is read of the scene, whose other values may be random."""
+
+    title: str
+    seed: int
+    rigs: int | None = None
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,12 @@ class CollectionLayout:
     def table(self) -> Path:
         """The table of the rigs and their drawn values."""
         return self.root / "rigs.csv"
+
+    def read_scene(self) -> dict[str, Any]:
+        """Read the collection's scene. Raises InputError if it cannot be one."""
+        document = read_json(self.scene)
+        check_document(self.scene, document, _Scene)
+        return document
 
     def rig(self, number: int) -> Layout:
         """Return the layout of one rig's dataset."""
@@ -70,14 +85,14 @@ class CollectionLayout:
                     f"{self.root}: holds other files ({others[0]}); choose another folder"
                 )
             return "empty"
-        old = read_json(self.scene)
+        old = self.read_scene()
         changed = [one for one in differences(old, new) if one.key not in ("rigs", "title")]
         if changed:
             raise OtherDatasetError(
                 f"{self.root}: holds the collection of another scene ({listing(changed)}); choose "
                 "another folder with --out, start beside it with --fork, or delete this one"
             )
-        return "part" if old.get("rigs", 0) > new.get("rigs", 0) else "smaller"
+        return "part" if (old.get("rigs") or 0) > (new.get("rigs") or 0) else "smaller"
 
     def write_rows(self, rows: Mapping[int, Mapping[str, str | None]]) -> None:
         """Write the table of the rigs, by number. Raises OSError."""
@@ -96,7 +111,9 @@ class CollectionLayout:
             rows = pl.read_csv(read_bytes(self.table), infer_schema=False).to_dicts()
             return {int(row["rig"]): row for row in rows}
         except (pl.exceptions.PolarsError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{self.table}: is not a table of rigs ({error})") from error
+            raise InputError(
+                f"{self.table}: is not a table of rigs ({truncated(str(error))})"
+            ) from error
 
     def folders(self) -> dict[int, Layout]:
         """Find the folders of rigs, complete or not, by number."""

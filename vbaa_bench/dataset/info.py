@@ -183,7 +183,7 @@ class CollectionInfo:
 def collection_info(root: Path) -> CollectionInfo:
     """Collect the facts on a collection. Raises InputError if a file is damaged."""
     layout = CollectionLayout(root)
-    scene, rows = read_json(layout.scene), layout.read_rows()
+    scene, rows = layout.read_scene(), layout.read_rows()
     datasets = [dataset_info(rig.root) for rig in layout.folders().values()]
     impossible = sum(bool(row.get("reason")) for row in rows.values())
     rigs = int(scene.get("rigs") or 1)

@@ -6,8 +6,9 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from solver.instrument.errors import InputError, quoted, truncated
+from solver.instrument.errors import InputError, quoted
 from solver.instrument.keys import Keys
+from vbaa_bench.dataset.document import mistake_sentence
 from vbaa_bench.scene.load import recorded_values
 from vbaa_bench.scene.schema import PushSpec, Scene
 
@@ -78,11 +79,7 @@ def _checked_scene(path: Path, scene: Any) -> dict[str, Any]:
     except ValidationError as error:
         for mistake in error.errors():
             if mistake["type"] not in _OF_OTHER_VERSIONS:
-                name = truncated(".".join(map(str, ("scene", *mistake["loc"]))))
-                raise InputError(
-                    f"{path}: {name} is {quoted(mistake['input'])}, which is not allowed "
-                    f"({truncated(mistake['msg'])})"
-                ) from error
+                raise InputError(mistake_sentence(path, mistake, "scene")) from error
     pushes = PushSpec(contact_distance_mm=(1.0,), deflection_pct=(1.0,))
     defaults = Scene(title="-", seed=0, pushes=pushes).model_dump(mode="json")
     return _filled(scene, {**defaults, "pushes": None})

@@ -120,7 +120,7 @@ def _manifest(parts: Sequence[Layout]) -> dict[str, Any]:
 
 def _merge_collections(parts: Sequence[CollectionLayout], out: CollectionLayout) -> None:
     out.root.mkdir(parents=True, exist_ok=True)
-    scene = read_json(parts[0].scene)
+    scene = parts[0].read_scene()
     rows: dict[int, dict[str, str | None]] = {}
     for part in parts:
         if read_json(part.scene) != scene:

@@ -16,6 +16,9 @@ INTEGER: Final = pl.Int64()
 TEXT: Final = pl.String()
 FLAG: Final = pl.Boolean()
 NUMBERS: Final = pl.List(pl.Float64)
+# Largest number. Chosen: far beyond all results, of which sums of squares then do not overflow; a
+# number of single precision holds it.
+LARGEST: Final = 1e30
 _WORDS: Final = {
     NUMBER: "numbers",
     INTEGER: "whole numbers",
@@ -28,7 +31,8 @@ _WORDS: Final = {
 class Schema(NamedTuple):
     """Types of the known columns; `present` must exist, and `required` also have no nulls.
 
-    Columns in `vectors` hold three numbers or null; those in `finite` no infinity and no NaN.
+    Columns in `vectors` hold three numbers or null. Numbers of these and of the columns in `finite`
+    are at most LARGEST, and not NaN.
     Columns in `together` are null in the same rows.
     """
 
@@ -65,7 +69,7 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
             raise InputError(f"{source}: {name} is not a vector of three numbers in a row")
     for name in known.keys() & set(schema.finite):
         if not _all_finite(table[name], null=True):
-            raise InputError(f"{source}: {name} is not finite in a row")
+            raise InputError(f"{source}: {name} is not finite, or above {LARGEST:g}, in a row")
     absent = [table[name].is_null() for name in schema.together]
     if any((rows != absent[0]).any() for rows in absent):
         names = ", ".join(schema.together)
@@ -74,7 +78,8 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
 
 
 def _all_finite(numbers: pl.Series, *, null: bool) -> bool:
-    return bool(numbers.is_finite().fill_null(value=null).all())
+    """Test whether numbers are finite and not absurdly large; NaN compares as larger."""
+    return bool((numbers.abs() <= LARGEST).fill_null(value=null).all())
 
 
 def _castable(dtype: pl.DataType, wanted: pl.DataType) -> bool:

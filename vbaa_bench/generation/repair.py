@@ -100,7 +100,7 @@ def _scene_of_collection(layout: CollectionLayout, rigs: Collection[Layout]) -> 
         if rig.identity.is_file():
             _scene_of_dataset(rig)  # raises InputError if it names files
             break
-    return check_scene(read_json(layout.scene))
+    return check_scene(layout.read_scene())
 
 
 def _scene_of_dataset(layout: Layout) -> SceneFile:

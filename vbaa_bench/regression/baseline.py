@@ -8,13 +8,16 @@ share; `methods`, the columns of each; and `history`, one entry per version of t
 
 import json
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 import polars as pl
+from pydantic import Field
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.files import write_text
+from vbaa_bench.dataset.document import Document, Figure, check_document
 from vbaa_bench.dataset.manifest import read_json
+from vbaa_bench.dataset.table_schema import INTEGER, NUMBER, TEXT, Schema, checked
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.regression.scored_run import PARAMETERS, PLACE, RESULTS, TEXTS, ScoredRun
 from vbaa_bench.regression.typical import of_push, of_set
@@ -87,30 +90,30 @@ def read_baseline(path: Path) -> Baseline:
     document = read_json(path)
     if document.get("format") != _FORMAT:
         raise InputError(
-            f"{path}: format is {document.get('format')!r}, allowed is {_FORMAT}; "
+            f"{path}: format is {quoted(document.get('format'))}, allowed is {_FORMAT}; "
             "write it with vbaa-bench baseline"
         )
+    baseline = check_document(path, document, _Document)
     try:
-        shared = document["frames"]
         tables = [
             pl.DataFrame(
-                {**shared, **dict.fromkeys(RESULTS), **values, "method": name},
-                schema_overrides=_SCHEMA,
+                {**baseline.frames, **dict.fromkeys(RESULTS), **values, "method": name},
+                schema_overrides=_TYPES,
             )
-            for name, values in document["methods"].items()
+            for name, values in baseline.methods.items()
         ]
-        frames = pl.concat([table.select(list(_SCHEMA)) for table in tables])
-        run = ScoredRun(
-            document["title"],
-            document["scene"],
-            document["images"],
-            document["processor"],
-            frames.drop_nulls("outcome"),
-        )
-        return Baseline(run, list(document["history"]))
-    except (KeyError, TypeError, ValueError, AttributeError, pl.exceptions.PolarsError) as error:
+        frames = pl.concat([table.select(list(_TYPES)) for table in tables])
+    except (TypeError, ValueError, OverflowError, pl.exceptions.PolarsError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: is not a baseline ({reason})") from error
+        raise InputError(f"{path}: is not a baseline ({truncated(reason)})") from error
+    run = ScoredRun(
+        baseline.title,
+        baseline.scene,
+        baseline.images,
+        baseline.processor,
+        checked(frames.drop_nulls("outcome"), _SCHEMA, str(path)),
+    )
+    return Baseline(run, document["history"])
 
 
 def check_same_scene(old: ScoredRun, new: ScoredRun, path: Path) -> None:
@@ -146,10 +149,32 @@ def versions(baseline: Baseline) -> list[Version]:
     return listed
 
 
-_SCHEMA: Final = {
-    name: pl.Int64() if name in _INTEGERS else pl.String() if name in _STRINGS else pl.Float64()
+_TYPES: Final = {
+    name: INTEGER if name in _INTEGERS else TEXT if name in _STRINGS else NUMBER
     for name in (*PLACE, *PARAMETERS, *RESULTS)
-} | {"method": pl.String()}
+} | {"method": TEXT}
+_SCHEMA: Final = Schema(
+    _TYPES,
+    required=(*PLACE, "push", "method"),
+    finite=[name for name, dtype in _TYPES.items() if dtype == NUMBER],
+)
+
+
+class _Entry(Document):
+    why: str
+    typical: dict[str, dict[str, Figure]]
+
+
+class _Document(Document):
+    """Keys of a baseline file, see above."""
+
+    title: str
+    scene: dict[str, Any]
+    images: str
+    processor: str
+    frames: dict[str, list[Any]]
+    methods: Annotated[dict[str, dict[str, list[Any]]], Field(min_length=1)]
+    history: list[_Entry]
 
 
 def _columns(run: ScoredRun) -> dict[str, Any]:

@@ -9,7 +9,6 @@ import polars as pl
 from solver.instrument.hashes import digest, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.regression.compared import COMPARED
 from vbaa_bench.scene.schema import PushSpec, Scene
@@ -71,8 +70,8 @@ def read_run(root: Path) -> ScoredRun:
     scores = read_scores(results)
     if is_collection(root):
         layouts = CollectionLayout(root).rigs()
-        scene = read_json(CollectionLayout(root).scene)
-        title, settings = str(scene["title"]), _without(scene, _NOT_THE_EXPERIMENT)
+        scene = CollectionLayout(root).read_scene()
+        title, settings = scene["title"], _without(scene, _NOT_THE_EXPERIMENT)
     else:
         layouts = {0: results.dataset}
         scores = scores.with_columns(rig=pl.lit(0))

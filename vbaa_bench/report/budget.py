@@ -3,14 +3,28 @@
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from solver.instrument.errors import InputError
+from pydantic import RootModel
+
+from vbaa_bench.dataset.document import Document, Figure, check_document
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.recorded import exists
 
 # Shares that are no causes: the first and the last of every method.
 TOTAL: Final = "total"
 REMAINDER: Final = "remainder"
-_KEYS: Final = ("bias_pct_L", "rmse_pct_L", "low", "high")
+
+
+class _Record(Document):
+    """Share of one cause, as in the file."""
+
+    bias_pct_L: Figure  # noqa: N815  (a unit, as in the file)
+    rmse_pct_L: Figure  # noqa: N815
+    low: Figure
+    high: Figure
+
+
+class _Budget(RootModel[dict[str, dict[str, _Record]]]):
+    """Shares by method and cause."""
 
 
 class Share(NamedTuple):
@@ -36,32 +50,23 @@ def read_budget(path: Path) -> dict[str, list[Share]]:
     """
     if not exists(path):
         return {}
-    methods = {name: _records(path, name, causes) for name, causes in read_json(path).items()}
-    largest = max(
-        (abs(one["rmse_pct_L"]) for m in methods.values() for one in m.values()), default=0.0
-    )
+    methods = check_document(path, read_json(path), _Budget).root
+    largest = max((abs(one.rmse_pct_L) for m in methods.values() for one in m.values()), default=0)
     return {
         name: sorted(
             (
-                Share(cause=cause, **one, width_pct=100 * abs(one["rmse_pct_L"]) / (largest or 1))
+                Share(
+                    cause,
+                    one.bias_pct_L,
+                    one.rmse_pct_L,
+                    one.low,
+                    one.high,
+                    width_pct=100 * abs(one.rmse_pct_L) / (largest or 1),
+                )
                 for cause, one in causes.items()
-                if one["rmse_pct_L"]
+                if one.rmse_pct_L
             ),
             key=lambda share: (share.cause != TOTAL, share.cause == REMAINDER, -share.rmse_pct_L),
         )
         for name, causes in methods.items()
     }
-
-
-def _records(path: Path, method: str, causes: object) -> dict[str, dict[str, float]]:
-    records = {}
-    for cause, values in causes.items() if isinstance(causes, dict) else ():
-        if not isinstance(values, dict) or not all(
-            isinstance(values.get(key), int | float) for key in _KEYS
-        ):
-            raise InputError(
-                f"{path}: {method}, {cause} is {values!r}, allowed are numbers for "
-                f"{', '.join(_KEYS)}"
-            )
-        records[str(cause)] = {key: float(values[key]) for key in _KEYS}
-    return records

@@ -10,7 +10,6 @@ import polars as pl
 
 from solver.instrument.hashes import read_bytes
 from vbaa_bench.dataset.collection import CollectionLayout
-from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.report import gallery
@@ -35,7 +34,7 @@ def collection_report(root: Path, baseline: Path | None = None) -> Path:
     With a baseline file, the page shows what changed. Raises InputError.
     """
     results, layout = Results(root), CollectionLayout(root)
-    summary, scene = read_summary(results), read_json(layout.scene)
+    summary, scene = read_summary(results), layout.read_scene()
     scores = read_scores(results)
     factors = pl.read_csv(read_bytes(results.scores / "factors.csv"), infer_schema_length=None)
     methods = by_error(scores)

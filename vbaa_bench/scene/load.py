@@ -23,6 +23,7 @@ from vbaa_bench.scene.mistakes import (
     listed_mistakes,
     located_message,
 )
+from vbaa_bench.scene.plain import MAX_DEPTH, Plain, as_document, too_deep
 from vbaa_bench.scene.random_checks import random_mistakes
 from vbaa_bench.scene.random_keys import (
     DistributionError,
@@ -41,11 +42,8 @@ from vbaa_bench.scene.random_scene import (
 )
 from vbaa_bench.scene.schema import Scene
 
-# Chosen: shipped scenes are up to 3 kB and four levels deep and have 100 values. A file of the
-# largest size takes two seconds to parse.
+# Chosen: shipped scenes are up to 3 kB. A file of the largest size takes two seconds to parse.
 MAX_FILE_BYTES: Final = 100_000
-MAX_DEPTH: Final = 20
-MAX_VALUES: Final = 10_000
 
 
 @dataclass(frozen=True)
@@ -150,7 +148,8 @@ def check_scene(keys: Mapping[str, Any]) -> SceneFile:
 
     Paths in it are relative to the current folder. Raises InputError with all mistakes.
     """
-    return _checked(Path("Scene"), _as_document(keys), {})
+    path = Path("Scene")
+    return _checked(path, as_document(keys, path), {})
 
 
 def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
@@ -170,7 +169,7 @@ def recorded_scene(values: Mapping[str, Any], folder: Path) -> SceneFile:
 
 def recorded_values(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """Convert a scene from a manifest's values to what the model accepts. Raises InputError."""
-    plain = _Plain(path).of(_as_document(values))
+    plain = Plain(path).of(as_document(values, path))
     try:
         random = tuple(
             {**key, "distribution": parse(key["distribution"], path_of(key["key"]))}
@@ -182,20 +181,8 @@ def recorded_values(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return {**plain, "random_keys": random}
 
 
-def _as_document(value: Any, depth: int = 1) -> Any:
-    """Convert mappings and sequences to the parser's types, without places in a file."""
-    if depth > MAX_DEPTH:
-        raise InputError(f"the scene is nested too deeply, allowed are {MAX_DEPTH} levels")
-    if isinstance(value, Mapping):
-        parts = {key: _as_document(part, depth + 1) for key, part in value.items()}
-        return CommentedMap(parts)
-    if isinstance(value, list | tuple):
-        return CommentedSeq([_as_document(part, depth + 1) for part in value])
-    return value
-
-
 def _checked(path: Path, document: CommentedMap, overrides: Mapping[str, Any]) -> SceneFile:
-    values = _Plain(path).of(document) | overrides
+    values = Plain(path).of(document) | overrides
     if "random_keys" in values:
         message = "is an unknown key; distributions are stated in the places of values"
         raise InputError(located_message(path, document, ("random_keys",), message))
@@ -247,7 +234,7 @@ def _document(path: Path, text: str) -> Any:
             depth += isinstance(event, CollectionStartEvent)
             depth -= isinstance(event, CollectionEndEvent)
             if depth > MAX_DEPTH:
-                raise _too_deep(path, event.start_mark.line)
+                raise too_deep(path, event.start_mark.line)
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # such as an anchor that is defined twice
             return YAML(typ="rt").load(io.StringIO(text))
@@ -263,36 +250,3 @@ def _document(path: Path, text: str) -> Any:
         raise InputError(
             f"{path}: is not valid YAML for a scene ({truncated(str(error))})"
         ) from error
-
-
-def _too_deep(path: Path, line: int = 0) -> InputError:
-    return InputError(f"{path}:{line + 1}:1: is nested too deeply, allowed are {MAX_DEPTH} levels")
-
-
-class _Plain:
-    """Converter of a parsed document to plain Python, with tuples for lists as in the models.
-
-    An alias counts each time it is used: a few lines of aliases of aliases make millions of
-    values. Raises InputError.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._values = path, 0
-
-    def of(self, node: Any, depth: int = 1) -> Any:
-        """Convert a part of the document, `depth` levels down."""
-        self._values += 1
-        if self._values > MAX_VALUES:
-            raise InputError(f"{self._path}: holds too many values, allowed are {MAX_VALUES:,}")
-        if depth > MAX_DEPTH:  # an alias within itself
-            raise _too_deep(self._path)
-        if isinstance(node, CommentedMap):
-            return {key: self.of(value, depth + 1) for key, value in node.items()}
-        if isinstance(node, CommentedSeq):
-            return tuple(self.of(value, depth + 1) for value in node)
-        if isinstance(node, bool) or node is None:
-            return node
-        for plain_type in (int, float, str):
-            if isinstance(node, plain_type):
-                return plain_type(node)
-        return node

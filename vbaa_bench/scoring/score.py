@@ -12,6 +12,7 @@ from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import read_bytes
 from solver.methods import METHODS
 from vbaa_bench.dataset.derived import read_limits
+from vbaa_bench.dataset.document import Document, check_document
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.readers import open_truth
@@ -144,12 +145,27 @@ def read_scores(results: Results) -> pl.DataFrame:
         raise InputError(f"{error}; {again}") from error
 
 
+class _Machine(Document):
+    processor: str
+
+
+class _Summary(Document):
+    """What reports and comparisons read of a summary."""
+
+    methods: dict[str, dict[str, Any]]
+    machine: _Machine
+    versions: dict[str, str]
+    rigs: int = 0
+
+
 def read_summary(results: Results) -> dict[str, Any]:
-    """Read the summary written by `score`. Raises InputError if there is none."""
+    """Read the summary written by `score`. Raises InputError if there is none, or it is damaged."""
     path = results.scores / "summary.json"
     if not exists(path):
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
-    return read_json(path)
+    document = read_json(path)
+    check_document(path, document, _Summary)
+    return document
 
 
 def found_predictions(results: Results) -> dict[str, Path]:

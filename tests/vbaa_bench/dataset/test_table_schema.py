@@ -49,7 +49,9 @@ def test_columns_without_values_get_their_types_and_others_are_kept() -> None:
         (TABLE.with_columns(step=pl.lit(1.5)), "step holds Float64, allowed are whole numbers"),
         (TABLE.with_columns(step=pl.lit(2**64 - 1, pl.UInt64)), "values of a wrong type"),
         (TABLE.with_columns(hit=pl.lit(1)), "t: hit holds Int32, allowed are true or false"),
-        (TABLE.with_columns(x=pl.lit(float("inf"))), "t: x is not finite in a row"),
+        (TABLE.with_columns(x=pl.lit(float("inf"))), "t: x is not finite, or above .*, in a row"),
+        (TABLE.with_columns(x=pl.lit(float("nan"))), "t: x is not finite, or above .*, in a row"),
+        (TABLE.with_columns(x=pl.lit(-1e31)), r"t: x is not finite, or above 1e\+30, in a row"),
         (
             TABLE.with_columns(force=pl.lit(1.0)),
             "force holds Float64, allowed are lists",

@@ -7,12 +7,15 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import LONGEST_SHOWN, InputError
 from tests.vbaa_bench.regression.runs import METHODS, Drawn, changed
 from vbaa_bench.regression.baseline import read_baseline, versions, write_baseline
 from vbaa_bench.regression.cells import PairedScene
 from vbaa_bench.regression.comparison import table
 from vbaa_bench.regression.pairing import pair
+
+# Deeper than any document, and less deep than Python allows.
+NESTED = json.loads('{"kind": ' * 300 + "0" + "}" * 300)
 
 
 def test_a_baseline_is_small_and_equals_its_run(tmp_path: Path) -> None:
@@ -65,9 +68,14 @@ def test_another_scene_is_refused_by_its_key(tmp_path: Path) -> None:
     [
         ({"format": 2}, "format is 2, allowed is 1"),
         ({"methods": {"first": {"outcome": ["contact"]}}}, "is not a baseline"),
-        ({"methods": {}}, "is not a baseline"),
-        ({"frames": None}, "is not a baseline"),
-        ({"history": None}, "is not a baseline"),
+        ({"format": "x" * 9000}, "format is 'xxx"),
+        ({"methods": {"first": {"outcome": ["x" * 9000], "s_c_error_pct_L": ["x" * 9000]}}}, "not"),
+        ({"methods": {}}, "methods is {}, which is not allowed"),
+        ({"frames": None}, "frames is None, which is not allowed"),
+        ({"frames": {"rig": NESTED}}, r"frames\.rig is {'kind': {'kind': "),
+        ({"history": None}, "history is None, which is not allowed"),
+        ({"history": [{"typical": {}}]}, r"the key history\.0\.why is missing"),
+        ({"history": [{"why": "", "typical": {"a": {"b": 1e300}}}]}, r"typical\.a\.b is 1e\+300"),
     ],
 )
 def test_a_file_that_is_no_baseline_is_refused(
@@ -76,7 +84,18 @@ def test_a_file_that_is_no_baseline_is_refused(
     path = tmp_path / "drawn.json"
     write_baseline(Drawn(0, 1).run(), path)
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refusal:
+        read_baseline(path)
+    assert len(str(refusal.value)) < len(str(path)) + 3 * LONGEST_SHOWN
+
+
+def test_a_number_of_a_frame_that_would_overflow_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "drawn.json"
+    write_baseline(Drawn(0, 1).run(), path)
+    document = json.loads(path.read_text())
+    document["frames"]["true_x_c_mm"][0] = 1e300
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"true_x_c_mm is not finite, or above 1e\+30"):
         read_baseline(path)
 
 

@@ -120,9 +120,16 @@ def test_optional_parts_are_shown_where_there_are_data(html: str, tmp_path: Path
     read(full)
     assert full.count('class="share" style="width: 100.0%"') == 2
     assert read_budget(tmp_path / "none.json") == {}
-    file.write_text(json.dumps({"exact_fit": {"noise": {"low": 1}}}))
-    with pytest.raises(InputError, match=r"exact_fit, noise is .* allowed are numbers for bias"):
-        read_budget(file)
+    for wrong, message in (
+        ({"noise": {"low": 1}}, r"the key exact_fit\.noise\.bias_pct_L is missing"),
+        ({"noise": cause | {"low": 10**400}}, r"exact_fit\.noise\.low is 1000"),
+        ({"noise": cause | {"low": "x" * 9000}}, r"exact_fit\.noise\.low is 'xxx"),
+        ({"x" * 9000: 1}, r"exact_fit\.xxx"),
+    ):
+        file.write_text(json.dumps({"exact_fit": wrong}))
+        with pytest.raises(InputError, match=message) as refusal:
+            read_budget(file)
+        assert len(str(refusal.value)) < 1000
 
 
 def test_what_changed_since_a_baseline_is_shown_with_its_history(tmp_path: Path) -> None:

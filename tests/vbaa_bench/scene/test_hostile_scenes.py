@@ -39,6 +39,8 @@ def bomb() -> str:
         ("title:", "%FOO x\ntitle:", "is not YAML"),
         ("seed: 11", f"seed: {'[' * 1000}{']' * 1000}", ":3:1: is nested too deeply"),
         ("seed: 11", f"seed: {'9' * 5000}", "is not valid YAML for a scene"),
+        ("seed: 11", f"seed: 0x{'f' * 5000}", "holds a whole number of 20,000 bits, allowed"),
+        ("seed: 11", f"seed: 11\n? 0x{'f' * 5000}\n: 1", "holds a whole number of 20,000 bits"),
         ("seed: 11", "seed: 11\nbeam: &a {beam: *a}", "beam.beam is an unknown key"),
         ("[10, 20]", "[10, 20]\n  repeats: 1000000000", "repeats is 1000000000, allowed is"),
         (
