@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from solver.instrument.rig import MAX_LIGHT_SLOPE
 from solver.instrument.units import DEGREE
 from vbaa_bench.scene.lighting import (
     AreaSpec,
@@ -27,6 +28,9 @@ EVEN: Final = (math.pi / 4) / (1 + math.pi / 4)
 # Largest distance of the light, in lengths of the beam. Chosen: changes of direction along the beam
 # are then a millionth.
 _FAR: Final = 1e6
+# Height above plane C of lamps in or below it, whose light grazes. Chosen: ten times the least
+# distance that rig.json states.
+_LOWEST_MM: Final = 1e-5
 
 
 class LightDirection(NamedTuple):
@@ -74,7 +78,8 @@ def light_direction(scene: Scene) -> LightDirection:
     variance = sum(lamp.irradiance * (lamp.sigma**2 + (lamp.slope - slope) ** 2) for lamp in lamps)
     farthest = _FAR * scene.beam.length_mm
     distance = 1 / max(convergence - gradient, 1 / farthest)
-    return LightDirection(float(slope), math.sqrt(variance / power), float(distance))
+    sigma = min(math.sqrt(variance / power), MAX_LIGHT_SLOPE)
+    return LightDirection(_bounded(slope), sigma, float(distance))
 
 
 def _lamp(scene: Scene, lamp: LampSpec, to_camera: float, convergence: float) -> _Lamp:
@@ -109,6 +114,12 @@ def _panel(
     """
     middle = np.array([scene.beam.length_mm / 2, 0.0, 0.0])
     wider = 1 + area / (math.pi * float((place - middle) @ (place - middle)))
-    slope = (place[0] - middle[0]) / place[2] - to_camera
-    gradient = convergence - 1 / (place[2] * wider)
-    return _Lamp(irradiance, float(slope), PLACE_SIGMA, float(gradient))
+    height = max(float(place[2]), _LOWEST_MM)
+    slope = _bounded((place[0] - middle[0]) / height - to_camera)
+    gradient = convergence - 1 / (height * wider)
+    return _Lamp(irradiance, slope, PLACE_SIGMA, float(gradient))
+
+
+def _bounded(slope: float) -> float:
+    """Limit a slope to those that rig.json may state."""
+    return float(np.clip(slope, -MAX_LIGHT_SLOPE, MAX_LIGHT_SLOPE))

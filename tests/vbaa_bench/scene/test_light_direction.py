@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from solver.instrument.rig import LIGHT_DISTANCES_MM, MAX_LIGHT_SLOPE
 from vbaa_bench.geometry.lamps import irradiance
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Lamp
@@ -104,6 +105,14 @@ def test_even_light_shifts_the_shading_less() -> None:
     turned = angle - 1e-3
     even, beam = (1 + np.cos(turned)) / 2, np.cos(turned)
     assert shift(even) / shift(beam) == pytest.approx(EVEN, rel=1e-3)
+
+
+@pytest.mark.parametrize("height", [1e-300, 0.0, -100.0])
+def test_light_that_grazes_plane_c_has_the_largest_slope_of_a_rig_file(height: float) -> None:
+    light = direction({"kind": "spot", "position_mm": [500.0, 0.0, height]})
+    assert light.slope == MAX_LIGHT_SLOPE
+    assert 0 < light.sigma <= MAX_LIGHT_SLOPE
+    assert LIGHT_DISTANCES_MM[0] <= light.distance_mm <= LIGHT_DISTANCES_MM[1]
 
 
 def test_light_from_all_around_may_come_from_anywhere() -> None:
