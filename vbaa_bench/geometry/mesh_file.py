@@ -26,6 +26,8 @@ def read_mesh(path: Path, unit_m: float) -> trimesh.Trimesh:
     file, for anything but a single closed solid of a plausible size.
     """
     vertices, faces = _parsed(path)
+    if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise InputError(f"{path}: has a vertex without three coordinates, or a face without three")
     if len(faces) == 0:
         raise InputError(f"{path}: has no faces, allowed is a closed mesh")
     if len(faces) > MAX_FACES:

@@ -188,6 +188,11 @@ end_header
         ("a.ply", b"nothing of the kind\n" * 20, "is not a .ply mesh that can be read"),
         ("a.stl", bytes(range(128, 256)) * 9, "is not a .stl mesh that can be read"),
         ("a.obj", TEXTURED.encode() + b"f 1 2 99\n", "is not a .obj mesh that can be read"),
+        (
+            "a.obj",
+            b"v 0 0 0\nv 1 0 0\nv 0 1\nf 1 2 3\n",
+            "has a vertex without three coordinates, or a face without three",
+        ),
         ("a.ply", POINTS.encode(), "has no faces, allowed is a closed mesh"),
         ("a.ply", ASTRAY.encode(), "has faces with undefined vertices"),
     ],
