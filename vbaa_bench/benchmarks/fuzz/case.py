@@ -57,25 +57,25 @@ class UnexpectedOutputError(Exception):
     """A command printed something that must not be printed."""
 
 
-def verdict(action: Callable[[], None], folder: Path) -> tuple[str, str]:
-    """Run an action; return the outcome and the message of an error.
+def verdict(action: Callable[[], None], *folders: Path) -> tuple[str, str]:
+    """Run an action on files in `folders`; return the outcome and the message of an error.
 
     Exceptions other than InputError and UnexpectedOutputError are not caught.
     """
     try:
         action()
     except InputError as error:
-        flaw = message_flaw(str(error), folder)
+        flaw = message_flaw(str(error), *folders)
         return ("message", f"{flaw}: {error}") if flaw else ("refused", str(error))
     except UnexpectedOutputError as error:
         return "printed", str(error)
     return "accepted", ""
 
 
-def message_flaw(message: str, folder: Path) -> str:
+def message_flaw(message: str, *folders: Path) -> str:
     """Return what is wrong with an error message, or an empty text.
 
-    It must be printable and short, and name a file or option.
+    It must be printable and short, and name a file in one of `folders`, or an option.
     """
     lines = message.splitlines()
     if len(message) > MAX_MESSAGE or max(map(len, lines), default=0) > MAX_LINE:
@@ -84,7 +84,7 @@ def message_flaw(message: str, folder: Path) -> str:
         return "the message is empty"
     if unprintable := control_characters(message):
         return f"the message has the characters {unprintable!r}"
-    if str(folder) not in message and not any(name in message for name in _NAMED):
+    if not any(name in message for name in (*map(str, folders), *_NAMED)):
         return "the message names no file"
     return ""
 

@@ -98,7 +98,9 @@ class Runner:
             ):
                 warnings.simplefilter("always")
                 outcome, text = verdict(
-                    lambda: self._kinds[case.kind].attempt(chance, self.folder), self.folder
+                    lambda: self._kinds[case.kind].attempt(chance, self.folder),
+                    self.folder,
+                    self._material,
                 )
         except MemoryError:
             outcome, text = "memory", _short(traceback.format_exc())

@@ -41,6 +41,8 @@ _COLUMNS: Final[Sequence[Callable[[int], pl.Series]]] = (
     lambda n: pl.Series([1] * n).cast(pl.Decimal(20, 3)),
     lambda n: pl.Series([[1.0, 2.0]] * n, dtype=pl.Array(pl.Float64, 2)),
 )
+# Chosen: a hundred times a table twice would be a file of a gigabyte, which belongs to no case.
+_MAX_ROWS: Final = 2000
 _CELLS: Final[Sequence[Any]] = (
     *(None, "", "x", "nan", "inf", "-inf", "1e999", "-1", "0", "1,5", "1_000", "0x10", " 1 "),
     *("1e308", "9" * 400, "\u202e", "a\nb", 'a"b', "\x1b[31m", "=1+1", "../../x", "\x00", "true"),
@@ -150,7 +152,7 @@ def _fewer(table: pl.DataFrame, chance: random.Random) -> pl.DataFrame:
 
 
 def _repeated(table: pl.DataFrame, chance: random.Random) -> pl.DataFrame:
-    return pl.concat([table] * chance.choice((2, 2, 100)))
+    return pl.concat([table] * chance.choice((2, 2, 100))).head(_MAX_ROWS)
 
 
 def _shuffled(table: pl.DataFrame, chance: random.Random) -> pl.DataFrame:

@@ -57,6 +57,7 @@ def test_children_that_die_wait_or_write_are_replaced(
     ("message", "flaw"),
     [
         ("/case/a.yaml:1:1: seed is 'x', allowed is a number", ""),
+        ("/material/baseline.json: is of another scene", ""),
         ("--set is 'x', allowed is KEY=VALUE", ""),
         ("seed is wrong", "names no file"),
         ("", "is empty"),
@@ -66,6 +67,6 @@ def test_children_that_die_wait_or_write_are_replaced(
     ],
 )
 def test_a_message_is_short_printable_and_names_its_file(message: str, flaw: str) -> None:
-    found = message_flaw(message, Path("/case"))
+    found = message_flaw(message, Path("/case"), Path("/material"))
     assert flaw in found
     assert bool(found) == bool(flaw)
