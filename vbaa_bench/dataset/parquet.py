@@ -8,6 +8,7 @@ from typing import Final
 import polars as pl
 
 from solver.instrument.errors import InputError, truncated
+from vbaa_bench.dataset.table_schema import Schema, check_types
 
 # Largest numbers of values of a shard or a predictions file, and of scores or limits. A few bytes
 # can unpack to any number of equal values. Chosen: a million frames of 100 columns, 0.8 GB; ten
@@ -21,13 +22,18 @@ def read_parquet(
     data: bytes,
     chosen: Callable[[str], bool] = lambda _name: True,
     max_values: int = MAX_VALUES,
+    schema: Schema | None = None,
 ) -> pl.DataFrame:
     """Parse the bytes of a Parquet table; only columns whose names are `chosen` are read.
 
-    Raises InputError if it is no such table or has too many values; `path` is for the message.
+    Raises InputError if it is no such table, has too many values or, before any value is read, if
+    a column has another type than in `schema`; `path` is for the message.
     """
     try:
-        names = [name for name in pl.read_parquet_schema(io.BytesIO(data)) if chosen(name)]
+        dtypes = pl.read_parquet_schema(io.BytesIO(data))
+        names = [name for name in dtypes if chosen(name)]
+        if schema is not None:
+            check_types({name: dtypes[name] for name in names}, schema, str(path))
         rows = max_values // max(len(names), 1)
         # One row more shows that there are too many, and never needs more memory.
         table = pl.read_parquet(io.BytesIO(data), columns=names, n_rows=rows + 1)

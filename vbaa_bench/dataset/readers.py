@@ -168,7 +168,9 @@ def read_rows(shard: Path, frame_ids: Sequence[str]) -> list[dict[str, Any]]:
 
 def _table(path: Path, centrelines: bool) -> pl.DataFrame:
     left_out = () if centrelines else ("centreline_",)
-    return read_parquet(path, read_bytes(path), lambda name: not name.startswith(left_out))
+    return read_parquet(
+        path, read_bytes(path), lambda name: not name.startswith(left_out), schema=TRUTH
+    )
 
 
 def copy_observations(layout: Layout, target: Path) -> None:

@@ -52,22 +52,19 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
     for name in schema.required:
         if table[name].null_count():
             raise InputError(f"{source}: {name} is missing in a row")
+    check_types(table.schema, schema, source)
     known = {name: dtype for name, dtype in schema.types.items() if name in table.columns}
-    for name, dtype in known.items():
-        if not _castable(table[name].dtype, dtype):
-            held = truncated(str(table[name].dtype))
-            raise InputError(f"{source}: {name} holds {held}, allowed are {_WORDS[dtype]}")
     try:
         table = table.with_columns(pl.col(name).cast(dtype) for name, dtype in known.items())
     except pl.exceptions.PolarsError as error:
         reason = truncated(str(error).splitlines()[0])
         raise InputError(f"{source}: a column has values of a wrong type ({reason})") from error
-    for name in known.keys() & set(schema.vectors):
+    for name in [name for name in known if name in schema.vectors]:
         vectors = table[name].drop_nulls()
         numbers = vectors.explode()
         if not (vectors.list.len() == 3).all() or not _all_finite(numbers, null=False):
             raise InputError(f"{source}: {name} is not a vector of three numbers in a row")
-    for name in known.keys() & set(schema.finite):
+    for name in [name for name in table.columns if name in schema.finite]:
         if not _all_finite(table[name], null=True):
             raise InputError(f"{source}: {name} is not finite, or above {LARGEST:g}, in a row")
     absent = [table[name].is_null() for name in schema.together]
@@ -75,6 +72,14 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
         names = ", ".join(schema.together)
         raise InputError(f"{source}: allowed in a row are all or none of {names}")
     return table
+
+
+def check_types(dtypes: Mapping[str, pl.DataType], schema: Schema, source: str) -> None:
+    """Check the types of a table's columns, which may not be read yet. Raises InputError."""
+    for name, dtype in schema.types.items():
+        if name in dtypes and not _castable(dtypes[name], dtype):
+            held = truncated(str(dtypes[name]))
+            raise InputError(f"{source}: {name} holds {held}, allowed are {_WORDS[dtype]}")
 
 
 def _all_finite(numbers: pl.Series, *, null: bool) -> bool:

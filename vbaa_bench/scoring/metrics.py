@@ -12,6 +12,7 @@ from solver.instrument.hashes import read_bytes
 from vbaa_bench.dataset.parquet import read_parquet
 from vbaa_bench.dataset.readers import Truth
 from vbaa_bench.dataset.recorded import exists
+from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import check_information, information_of, with_limits
 from vbaa_bench.scoring.refusals import right_refusals
@@ -237,7 +238,9 @@ def _error(quantity: ScoredQuantity) -> pl.Expr:
 
 
 def _in_sigmas(quantity: ScoredQuantity) -> pl.Expr:
-    return (pl.col(quantity.error) / pl.col(quantity.sigma)).alias(quantity.in_sigmas)
+    # A sigma may be so small that the ratio is infinite.
+    ratio = pl.col(quantity.error) / pl.col(quantity.sigma)
+    return ratio.clip(-LARGEST, LARGEST).alias(quantity.in_sigmas)
 
 
 def _percentages(length_mm: float) -> list[pl.Expr]:
@@ -247,12 +250,18 @@ def _percentages(length_mm: float) -> list[pl.Expr]:
         (100 * pl.col("x_c_error_mm") / length_mm).alias("x_c_error_pct_L"),
         (100 * pl.col("x_c_limit_mm") / length_mm).alias("x_c_limit_pct_L"),
         (100 * pl.col("s_c_error_mm") / length_mm).alias("s_c_error_pct_L"),
-        (100 * pl.col("force_error_n") / pl.col("true_force_n")).alias("force_error_pct"),
-        (100 * pl.col("f_error_n") / pl.col("true_f_n")).alias("f_error_pct"),
+        _relative("force_error_n", "true_force_n").alias("force_error_pct"),
+        _relative("f_error_n", "true_f_n").alias("f_error_pct"),
         pl.when(spring)
-        .then(100 * pl.col("compliance_error_mm_per_n") / pl.col("true_compliance_mm_per_n"))
+        .then(_relative("compliance_error_mm_per_n", "true_compliance_mm_per_n"))
         .alias("compliance_error_pct"),
     ]
+
+
+def _relative(error: str, true: str) -> pl.Expr:
+    """Make the expression of an error relative to its true value [%]; null if this is zero."""
+    ratio = 100 * pl.col(error) / pl.col(true)
+    return pl.when(pl.col(true) != 0).then(ratio.clip(-LARGEST, LARGEST))
 
 
 def _vector_error(name: str, unit: str, true: str) -> pl.Expr:

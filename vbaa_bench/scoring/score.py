@@ -136,8 +136,11 @@ def read_scores(results: Results) -> pl.DataFrame:
     if not exists(table):
         raise InputError(f"{results.scores}: holds no scores; score the dataset first")
     try:
-        scores = read_parquet(table, read_bytes(table), max_values=MAX_SCORED_VALUES)
-        return checked(scores, SCORES, str(table))
+        scores = read_parquet(table, read_bytes(table), max_values=MAX_SCORED_VALUES, schema=SCORES)
+        if scores.is_empty():
+            raise InputError(f"{table}: has no rows")
+        numbers = [name for name, dtype in scores.schema.items() if dtype.is_float()]
+        return checked(scores, SCORES._replace(finite=numbers), str(table))
     except DamageError:
         raise
     except InputError as error:

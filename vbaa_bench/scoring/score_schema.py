@@ -41,5 +41,4 @@ SCORES: Final = Schema(
         *(name for name in _NUMBERS if name != "reference_ms"),
         *("message", "hidden_by", "hidden_place"),
     ),
-    finite=_NUMBERS,
 )

@@ -151,7 +151,7 @@ def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | Non
     error in sigmas, 1. `sigma_over_rmse` is the mean stated sigma over the RMSE: 1 if all frames
     have the same sigma, else less.
     """
-    stated = rows.drop_nulls(one.in_sigmas)
+    stated = rows.drop_nulls([one.in_sigmas, one.error, one.sigma])
     if stated.is_empty():
         return None
     error, in_sigmas = _values(stated, one.error), np.abs(_values(stated, one.in_sigmas))

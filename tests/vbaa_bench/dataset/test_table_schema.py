@@ -78,6 +78,19 @@ def test_repeated_names_and_damaged_bytes_are_refused() -> None:
         check_unique(pl.concat([TABLE, TABLE.head(1)]), "name", "t")
     stream = io.BytesIO()
     TABLE.write_parquet(stream)
+    assert read_parquet(Path("t"), stream.getvalue(), schema=SCHEMA).equals(TABLE)
     for data in (b"", stream.getvalue()[:-20]):
         with pytest.raises(InputError, match="t: is not a Parquet table"):
             read_parquet(Path("t"), data)
+
+
+def test_types_are_checked_before_any_value_is_read() -> None:
+    """The values of the column are damaged, its type is not."""
+    stream = io.BytesIO()
+    TABLE.with_columns(x=pl.Series([{"a": 1}] * 2)).write_parquet(stream, compression="zstd")
+    data = bytearray(stream.getvalue())
+    data[4:60] = bytes(56)
+    with pytest.raises(
+        InputError, match=r"t: x holds Struct\(\{'a': Int64\}\), allowed are numbers"
+    ):
+        read_parquet(Path("t"), bytes(data), schema=SCHEMA)

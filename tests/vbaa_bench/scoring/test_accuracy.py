@@ -198,6 +198,15 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         complete.drop(column).write_parquet(table)
         with pytest.raises(InputError, match="score the dataset again"):
             accuracy([scored])
+    for wrong, message in (
+        (complete.clear(), "has no rows"),
+        (complete.with_columns(snr=pl.lit(1e300)), "snr is not finite, or above"),
+        (complete.with_columns(pl.lit(float("inf")).alias("factor.x")), r"factor\.x is not finite"),
+        (complete.with_columns(snr=pl.lit([1.0])), "snr holds List"),
+    ):
+        wrong.write_parquet(table)
+        with pytest.raises(InputError, match=message):
+            accuracy([scored])
     table.write_bytes(b"no table")
     with pytest.raises(InputError, match="is not a Parquet table"):
         accuracy([scored])

@@ -1,6 +1,7 @@
 """Errors, refusals and stated errors, of truths written by hand."""
 
 import io
+import math
 import random
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +16,12 @@ from hypothesis import strategies as st
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.estimate import Outcome
 from tests.vbaa_bench.scoring.worlds import FREE, truth
+from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.metrics import checked_predictions, read_predictions, score_frames
+from vbaa_bench.scoring.parameters import parameter_rows
 from vbaa_bench.scoring.refusals import right_refusals
-from vbaa_bench.scoring.summary import summarise_method
+from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES
+from vbaa_bench.scoring.summary import calibration, summarise_method
 
 
 def scored(true: list[dict[str, Any]], answers: list[dict[str, Any] | None]) -> pl.DataFrame:
@@ -111,6 +115,23 @@ def test_a_sigma_that_is_not_positive_states_nothing(sigma: float | None) -> Non
     found = summarise_method(rows)
     assert found["calibration"]["x_c"] is None
     assert found["consistent_rate"] is None
+
+
+def test_a_sigma_that_is_absurdly_small_is_wrong_by_a_finite_ratio() -> None:
+    answers: list[dict[str, Any] | None] = [{"x_c_mm": 121.0, "x_c_sigma_mm": 5e-324}] * 2
+    rows = scored([{}, {"push_id": "other"}], answers)
+    assert rows["x_c_error_in_sigmas"].to_list() == [LARGEST, LARGEST]
+    stated = summarise_method(rows)["calibration"]["x_c"]
+    assert (stated["coverage_95"], stated["nees"]) == (0, pytest.approx(LARGEST**2))
+    figures = [value for row in parameter_rows(rows) for value in row.values()]
+    assert all(math.isfinite(value) for value in figures if isinstance(value, float))
+
+
+@pytest.mark.parametrize("column", ["x_c_error_mm", "x_c_sigma_mm"])
+def test_a_ratio_without_its_error_or_sigma_is_not_counted(column: str) -> None:
+    rows = scored([{}], [{"x_c_mm": 121.0, "x_c_sigma_mm": 0.3}])
+    without = rows.with_columns(pl.lit(None, pl.Float64).alias(column))
+    assert calibration(without, SCORED_QUANTITIES[0]) is None
 
 
 def test_stated_sigmas_are_held_against_errors() -> None:
