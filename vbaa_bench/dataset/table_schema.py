@@ -33,7 +33,7 @@ class Schema(NamedTuple):
 
     Columns in `vectors` hold three numbers or null. Numbers of these and of the columns in `finite`
     are at most LARGEST, and not NaN.
-    Columns in `together` are null in the same rows.
+    Those in `positive` are at least 1 / LARGEST. Columns in `together` are null in the same rows.
     """
 
     types: Mapping[str, pl.DataType]
@@ -41,6 +41,7 @@ class Schema(NamedTuple):
     present: Collection[str] = ()
     vectors: Collection[str] = ()
     finite: Collection[str] = ()
+    positive: Collection[str] = ()
     together: Sequence[str] = ()
 
 
@@ -67,6 +68,9 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
     for name in [name for name in table.columns if name in schema.finite]:
         if not _all_finite(table[name], null=True):
             raise InputError(f"{source}: {name} is not finite, or above {LARGEST:g}, in a row")
+    for name in [name for name in table.columns if name in schema.positive]:
+        if not (table[name] >= 1 / LARGEST).fill_null(value=True).all():
+            raise InputError(f"{source}: {name} is not above {1 / LARGEST:g} in a row")
     absent = [table[name].is_null() for name in schema.together]
     if any((rows != absent[0]).any() for rows in absent):
         names = ", ".join(schema.together)

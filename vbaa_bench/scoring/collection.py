@@ -10,11 +10,11 @@ import polars as pl
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.collection import CollectionLayout
-from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.child import Job, MethodRun, solve_each
 from vbaa_bench.scoring.factors import factor_columns, factor_table, rig_factors
+from vbaa_bench.scoring.information import scored_limits
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import checked_predictions, parsed, read_file, score_frames
 from vbaa_bench.scoring.parameters import parameter_rows
@@ -82,7 +82,7 @@ def score_rigs(root: Path, names: Sequence[str] | None = None) -> dict[str, Any]
     scored: list[pl.DataFrame] = []
     for number, layout in CollectionLayout(root).rigs().items():
         results, truth = Results(layout.root), open_truth(layout.truth, centrelines=False)
-        limits = read_limits(layout)
+        limits = scored_limits(layout)
         columns = factor_columns(truth)
         for name, path in found_predictions(results).items():
             if names is None or name in names:

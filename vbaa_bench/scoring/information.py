@@ -5,6 +5,9 @@ from typing import Any, Final
 import polars as pl
 
 from solver.instrument.errors import InputError, quoted
+from vbaa_bench.dataset.derived import LIMITS, read_limits
+from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.table_schema import LARGEST, NUMBER, TEXT, Schema, checked
 from vbaa_bench.scoring.scored_quantities import LIMITED
 
 # Information sets, as in the table of limits, in words.
@@ -35,6 +38,16 @@ SIMPLE: Final = {
     "x_c_simple_rms_mm": ("x_c_simple_bias_mm", "x_c_simple_sigma_mm"),
     "force_simple_rms_n": ("force_simple_bias_n", "force_simple_sigma_n"),
 }
+_KEYS: Final = ("frame_id", "information")
+_NUMBERS: Final = (
+    *(quantity.limit for quantity in LIMITED),
+    *(name for pair in SIMPLE.values() for name in pair),
+)
+_TABLE: Final = Schema(
+    types={**dict.fromkeys(_KEYS, TEXT), **dict.fromkeys(_NUMBERS, NUMBER)},
+    required=_KEYS,
+    present=_NUMBERS,
+)
 # Methods that use a moment sensor where there is one.
 _WITH_SENSOR: Final = ("exact_fit_3d",)
 
@@ -55,11 +68,25 @@ def check_information(name: str, source: str) -> None:
         )
 
 
+def scored_limits(layout: Layout) -> pl.DataFrame | None:
+    """Read the information limits of a dataset; None if they were never computed.
+
+    Raises InputError for a table that is damaged, or was not written by `limits`.
+    """
+    limits, source = read_limits(layout), str(layout.derived / LIMITS)
+    if limits is None:
+        return None
+    table = checked(limits, _TABLE, source)
+    if table.select(_KEYS).is_duplicated().any():
+        raise InputError(f"{source}: a frame has two rows of one information set, allowed is one")
+    return table
+
+
 def with_limits(scores: pl.DataFrame, limits: pl.DataFrame | None) -> pl.DataFrame:
     """Add the information limits of each frame, and SIMPLE; null where there are none.
 
     `limits` has one row per `frame_id` and `information`, see `dataset.derived`. A limit that is
-    not a positive number counts as null.
+    not a positive number, or is absurdly small or large, counts as null.
     """
     columns = [quantity.limit for quantity in LIMITED]
     if limits is None:
@@ -68,12 +95,12 @@ def with_limits(scores: pl.DataFrame, limits: pl.DataFrame | None) -> pl.DataFra
         "frame_id",
         "information",
         *(
-            pl.when(pl.col(name).is_finite() & (pl.col(name) > 0)).then(pl.col(name))
+            pl.when(pl.col(name).is_between(1 / LARGEST, LARGEST)).then(pl.col(name))
             for name in columns
         ),
         *(
-            (pl.col(bias) ** 2 + pl.col(sigma) ** 2).sqrt().alias(name)
+            (pl.col(bias) ** 2 + pl.col(sigma) ** 2).sqrt().clip(upper_bound=LARGEST).alias(name)
             for name, (bias, sigma) in SIMPLE.items()
         ),
     )
-    return scores.join(positive, on=["frame_id", "information"], how="left", validate="m:1")
+    return scores.join(positive, on=_KEYS, how="left", validate="m:1")

@@ -11,13 +11,13 @@ import polars as pl
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import read_bytes
 from solver.methods import METHODS
-from vbaa_bench.dataset.derived import read_limits
 from vbaa_bench.dataset.document import Document, check_document
 from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.dataset.parquet import MAX_SCORED_VALUES, read_parquet
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import check_none_missing, exists, write_results
 from vbaa_bench.dataset.table_schema import checked
+from vbaa_bench.scoring.information import scored_limits
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.metrics import (
     checked_predictions,
@@ -48,7 +48,7 @@ def score(results: Results, predictions: Mapping[str, Path]) -> dict[str, Any]:
     Raises InputError, also if the truth is not what was generated.
     """
     truth = open_truth(results.dataset.truth, centrelines=False)
-    true, limits = true_frames(truth), read_limits(results.dataset)
+    true, limits = true_frames(truth), scored_limits(results.dataset)
     if not predictions:
         raise InputError(
             f"{results.predictions}: holds no predictions; solve the dataset or name a file"

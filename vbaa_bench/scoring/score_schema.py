@@ -41,4 +41,5 @@ SCORES: Final = Schema(
         *(name for name in _NUMBERS if name != "reference_ms"),
         *("message", "hidden_by", "hidden_place"),
     ),
+    positive=tuple(quantity.limit for quantity in LIMITED),
 )

@@ -202,6 +202,7 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         (complete.clear(), "has no rows"),
         (complete.with_columns(snr=pl.lit(1e300)), "snr is not finite, or above"),
         (complete.with_columns(pl.lit(float("inf")).alias("factor.x")), r"factor\.x is not finite"),
+        (complete.with_columns(x_c_limit_mm=pl.lit(0.0)), "x_c_limit_mm is not above 1e-30"),
         (complete.with_columns(snr=pl.lit([1.0])), "snr holds List"),
     ):
         wrong.write_parquet(table)

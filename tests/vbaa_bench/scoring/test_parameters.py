@@ -1,5 +1,6 @@
 """Figures by quantity and stratum, in units of the information limit, and the share of it."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,13 @@ import polars as pl
 import pytest
 
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import HASHES
 from tests.vbaa_bench.scoring.worlds import FREE, truth
+from vbaa_bench.dataset.derived import write_limits
+from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.scoring.columns import LIMITS
 from vbaa_bench.scoring.efficiency import efficiency
-from vbaa_bench.scoring.information import information_of
+from vbaa_bench.scoring.information import information_of, scored_limits
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames
 from vbaa_bench.scoring.parameters import ALL, parameter_rows
 from vbaa_bench.scoring.summary import summarise, summarise_method
@@ -73,6 +77,29 @@ def test_limits_are_those_of_the_method_s_information_set() -> None:
     assert scored([answer])["x_c_limit_mm"].to_list() == [None]
     with pytest.raises(InputError, match="information 'all' is unknown, allowed is one of planar"):
         scored([answer | {"information": "all"}])
+
+
+def test_a_table_of_limits_is_checked_when_it_is_read(tmp_path: Path) -> None:
+    layout, table = Layout(tmp_path), limits(2, "planar", [1.0, 2.0])
+    layout.truth.mkdir()
+    (layout.truth / HASHES).write_text("{}\n", encoding="utf-8")
+    assert scored_limits(layout) is None
+    write_limits(layout, table)
+    assert scored_limits(layout) is not None
+    for wrong, message in (
+        (table.drop("x_c_limit_mm"), "the column x_c_limit_mm is missing"),
+        (table.with_columns(x_c_limit_mm=pl.lit("x")), "x_c_limit_mm holds String, allowed are"),
+        (table.with_columns(frame_id=pl.lit("f0")), "a frame has two rows of one information set"),
+    ):
+        write_limits(layout, wrong)
+        with pytest.raises(InputError, match=rf"limits\.parquet: {message}"):
+            scored_limits(layout)
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, 5e-324, 1e300, float("inf"), float("nan")])
+def test_a_limit_that_is_no_plausible_number_counts_as_none(limit: float) -> None:
+    (row,) = scored([{"x_c_mm": 120.0}], limits=limits(1, "planar", [limit])).to_dicts()
+    assert row["x_c_limit_mm"] is None
 
 
 def test_the_information_of_a_fit_in_space_follows_from_the_sensors() -> None:
