@@ -199,7 +199,7 @@ def test_facts_of_a_collection_are_sums(dataset: Path, tmp_path: Path) -> None:
     root = tmp_path / "rigs"
     for number in range(2):
         shutil.copytree(dataset, root / f"rig_{number:05d}")
-    (root / "collection.json").write_text(json.dumps({"title": "Two rigs", "rigs": 3}))
+    (root / "collection.json").write_text(json.dumps({"title": "Two rigs", "seed": 1, "rigs": 3}))
     (root / "rigs.csv").write_text("rig,reason\n0,\n1,\n2,too stiff\n")
     facts = collection_info(root)
     assert (facts.rigs, facts.impossible_rigs, facts.frames) == (3, 1, 8)
