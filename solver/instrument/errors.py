@@ -33,7 +33,7 @@ def quoted(value: object) -> str:
     try:
         return truncated(repr(value))
     except (RecursionError, ValueError):  # too deep, or a whole number of more than 4300 digits
-        return f"a {type(value).__name__} that is too large to be shown"
+        return f"of type {type(value).__name__}, and too large to be shown"
 
 
 def truncated(text: str) -> str:
