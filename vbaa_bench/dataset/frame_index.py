@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from solver.instrument.errors import DamageError, InputError
+from solver.instrument.errors import DamageError, InputError, truncated
 from solver.instrument.hashes import MEND, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.labels import check_labels, label_columns, select_labels, to_array
@@ -147,7 +147,9 @@ def _part(
             possible_labels=frozenset(label_columns(schema)),
         )
     except (pl.exceptions.PolarsError, OSError) as error:
-        raise InputError(f"{folder}: its tables cannot be read ({error})") from error
+        raise InputError(
+            f"{folder}: its tables cannot be read ({truncated(str(error))})"
+        ) from error
 
 
 def _ids(folder: Path, names: pl.Series) -> np.ndarray:

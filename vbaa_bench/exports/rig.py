@@ -11,7 +11,7 @@ from typing import Any, Final
 import polars as pl
 
 from solver.instrument.camera import Camera
-from solver.instrument.errors import DamageError, InputError, quoted
+from solver.instrument.errors import DamageError, InputError, quoted, truncated
 from solver.instrument.hashes import HASHES, MEND, read_bytes, read_hashes
 from solver.instrument.images import png_head
 from vbaa_bench.dataset.layout import Layout
@@ -94,7 +94,7 @@ class Rig:
             place = [pl.lit(self.name).alias("rig"), pl.lit(shard).alias("shard"), split]
             return table.with_columns(place).select(*INDEX, pl.exclude(*INDEX))
         except pl.exceptions.PolarsError as error:
-            raise InputError(f"{metadata}: cannot be read ({error})") from error
+            raise InputError(f"{metadata}: cannot be read ({truncated(str(error))})") from error
 
     def _check_names(self, folder: Path, names: pl.Series) -> None:
         """Raise InputError unless hashes.json lists the image of every frame."""

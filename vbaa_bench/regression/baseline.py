@@ -122,8 +122,8 @@ def check_same_scene(old: ScoredRun, new: ScoredRun, path: Path) -> None:
     different = [key for key in keys if old.scene.get(key) != new.scene.get(key)]
     if different:
         raise InputError(
-            f"{path}: is of another scene than the run, '{old.title}' and '{new.title}'; "
-            f"{different[0]} differs"
+            f"{path}: is of another scene than the run, {quoted(old.title)} and "
+            f"{quoted(new.title)}; {truncated(different[0])} differs"
         )
 
 

@@ -61,6 +61,9 @@ def test_another_scene_is_refused_by_its_key(tmp_path: Path) -> None:
     other = replace(run, title="Other", scene={**run.scene, "light": {"side_mm": 5}})
     with pytest.raises(InputError, match=r"'Drawn' and 'Other'; light differs"):
         write_baseline(other, path, "by mistake")
+    with pytest.raises(InputError, match="is of another scene than the run") as refusal:
+        write_baseline(replace(other, title="x" * 9000, scene={"y" * 9000: 1}), path, "by mistake")
+    assert len(str(refusal.value)) < len(str(path)) + 4 * LONGEST_SHOWN
 
 
 @pytest.mark.parametrize(
