@@ -25,6 +25,17 @@ _OPTIONAL: Any = {
     "light": {"slope": 0.1, "slope_sigma": 0.1, "distance_mm": 300.0},
     "moment_sensor": {"sigma_n_mm": 0.1},
     "force_sensor": {"force_sigma_n": 0.1, "moment_sigma_n_mm": 0.1},
+    "beam_shape": {
+        "taper_sigma": 0.02,
+        "section_sigma": 0.02,
+        "friction_sigma": 0.2,
+        "clamp_softness": 0.001,
+        "clamp_softness_sigma": 0.001,
+        "rigidity_sigma": 0.01,
+        "widths": [-0.03],
+        "bow": [0.001, 0.0, 0.0],
+        "covariance": [[1e-6 * (i == j) for j in range(5)] for i in range(5)],
+    },
 }
 
 
