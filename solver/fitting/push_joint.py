@@ -30,7 +30,7 @@ PUSH: Final = 4
 _LEVER_TOLERANCE: Final = 1e-10
 _MAX_STEPS: Final = 20
 # Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
-_RADIUS_SIGMA: Final = 0.05
+RADIUS_SIGMA: Final = 0.05
 # Prior sigma of Coulomb's coefficient and of each grip: a typical coefficient of dry friction.
 DRY: Final = 0.4
 
@@ -173,7 +173,7 @@ class Push:
         residual[count + 1 :] = parameters[self.size :]
         jacobian[count:, reach:] = np.eye(1 + grip_count)
         sigma = np.full(len(residual), self.encoder_sigma)
-        sigma[count], sigma[count + 1 :] = _RADIUS_SIGMA * self.rig.beam.length, DRY
+        sigma[count], sigma[count + 1 :] = RADIUS_SIGMA * self.rig.beam.length, DRY
         return residual / sigma, jacobian / sigma[:, None]
 
     def moved_by_shared_errors(self, fit: Fit) -> Floats:

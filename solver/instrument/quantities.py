@@ -28,7 +28,8 @@ _POINTS: Final = tuple(itertools.product(("antenna", "world"), "xyz"))
 # In Sigma_a and Sigma_o, as `antenna` and `world`: the contact point, eqs. (1)-(5). In Sigma_a: the
 # force on the beam; the displacement of the beam at the contact, eqs. (28), (29).
 # For a push: the object's compliance 1/k_s; k_s itself if the compliance is significantly above 0;
-# Coulomb's friction coefficient; and the motor angle at first contact.
+# Coulomb's friction coefficient; the radius of the object, 0 for an edge; and the motor angle at
+# first contact.
 QUANTITIES: Final[dict[str, Column]] = {
     "x_c_m": Column("x_c_mm", MILLIMETRE),
     "y_c_m": Column("y_c_mm", MILLIMETRE),
@@ -43,6 +44,7 @@ QUANTITIES: Final[dict[str, Column]] = {
     "compliance_m_per_n": Column("compliance_mm_per_n", MILLIMETRE),
     "stiffness_n_per_m": Column("stiffness_n_per_m", 1.0),
     "friction": Column("friction", 1.0),
+    "object_radius_m": Column("object_radius_mm", MILLIMETRE),
     "onset_angle_rad": Column("onset_angle_deg", DEGREE),
     "motor_angle_rad": Column("motor_angle_deg", DEGREE),
 }

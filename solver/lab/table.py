@@ -13,6 +13,7 @@ from solver.instrument.quantities import QUANTITIES
 CORRELATIONS: Final = {
     "x_c_force_correlation": ("x_c_m", "force_n"),
     "x_c_y_c_correlation": ("x_c_m", "y_c_m"),
+    "contact_world_x_y_correlation": ("contact_world_x_m", "contact_world_y_m"),
 }
 COLUMNS: Final = (
     "frame_id",

@@ -3,7 +3,9 @@
 A push is planar (psi = 0), against one object that is at rest or yields on a linear spring along
 the normal of the beam at first contact, as in the paper's Fig. 10. Then every frame's shape follows
 from the motor angle and four parameters: the contact distance at rest, the motor angle of first
-contact, the object's compliance 1/k_s, and its radius. The fit estimates the compliance, not the
+contact, the object's compliance 1/k_s, and its radius. On a round object the contact rolls, which
+determines the radius where it is large enough; it is 0 for an edge, and covers 0 if its sigma does.
+The fit estimates the compliance, not the
 stiffness: the compliance is regular for a rigid object (Fig. 11, and (30), (31) with tan) and may
 have either sign, so that its interval covers zero if the object is rigid.
 
@@ -37,7 +39,7 @@ from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.gauss_newton import Fit, gauss_newton
 from solver.fitting.problem import problem_of, without
 from solver.fitting.push_frame import PushFrame
-from solver.fitting.push_joint import BASE, DRY, PUSH, Push
+from solver.fitting.push_joint import BASE, DRY, PUSH, RADIUS_SIGMA, Push
 from solver.fitting.residuals import LEVER
 from solver.fitting.sliding import grip_matrix
 from solver.fitting.thresholds import LIMITS
@@ -49,6 +51,9 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 
+# The radius is reported only if its sigma is below this share of its prior sigma. Derived: the
+# prior then makes the radius smaller by less than 7 %.
+MAX_RADIUS_SHARE: Final = 0.25
 # Friction is reported only if its sigma is below this, half of its prior sigma.
 MAX_FRICTION_SIGMA: Final = DRY / 2
 
@@ -60,6 +65,8 @@ def push_fit_friction(measurement: Measurement) -> Estimate:
 
 def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     """Estimate the last frame's contact, the object's compliance and the onset, with covariance.
+
+    The radius of the object is among the values where the push determines it.
 
     With `friction` also estimate its coefficient, which a single frame does not determine.
     """
@@ -242,6 +249,14 @@ def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, floa
     jacobian[rows, n:] = -compliance, 3 * compliance
     jacobian[rows + 1, push_index + 1] = 1.0
     values |= {"compliance_m_per_n": compliance, "onset_angle_rad": onset}
+    radius_index = push.size - 1
+    radius_sigma = math.sqrt(fit.covariance[radius_index, radius_index])
+    if radius_sigma < MAX_RADIUS_SHARE * RADIUS_SIGMA * last.rig.beam.length:
+        reach = float(fit.parameters[radius_index])
+        values["object_radius_m"] = reach - last.rig.beam.radius
+        # The contact rolls on the object over a distance that grows with the lengths.
+        by_radius = np.append(np.arange(n) == radius_index, [0.0, reach])
+        jacobian = np.vstack([jacobian, by_radius])
     if push.friction and math.sqrt(fit.covariance[push.size, push.size]) < MAX_FRICTION_SIGMA:
         values["friction"] = float(fit.parameters[push.size])
         jacobian = np.vstack([jacobian, np.arange(n + 2) == push.size])

@@ -43,6 +43,7 @@ _ESTIMATES: Final = {
     "compliance_mm_per_n": Column("compliance 1/k_s of the object; of a rigid one 0"),
     "stiffness_n_per_m": Column("stiffness k_s, if the compliance is significantly above 0"),
     "friction": Column("friction coefficient between beam and object"),
+    "object_radius_mm": Column("radius of the touched object; of an edge 0"),
     "onset_angle_deg": Column("motor angle at first contact", SIGMA_O),
     "motor_angle_deg": Column("estimated motor angle", SIGMA_O),
 }
@@ -67,6 +68,9 @@ PREDICTIONS: Final = {
     **_quantities(),
     "x_c_force_correlation": Column("stated correlation of x_c_mm and force_n", "", _NOT_ESTIMATED),
     "x_c_y_c_correlation": Column("stated correlation of x_c_mm and y_c_mm", "", _NOT_ESTIMATED),
+    "contact_world_x_y_correlation": Column(
+        "stated correlation of contact_world_x_mm and contact_world_y_mm", SIGMA_O, _NOT_ESTIMATED
+    ),
     "chi2": Column("sum of squared residuals in sigmas", "", _NOT_ESTIMATED),
     "dof": Column("degrees of freedom of chi2", "", _NOT_ESTIMATED),
     "iterations": Column("iterations of the fit", "", _NOT_ESTIMATED),
@@ -101,7 +105,7 @@ def _truths_and_errors() -> dict[str, Column]:
             PREDICTIONS[quantity.column].frame,
             "the limits were not computed, or the data do not determine it",
         )
-    for name in ("true_stiffness_n_per_m", "true_friction"):
+    for name in ("true_stiffness_n_per_m", "true_friction", "true_object_radius_mm"):
         columns[name] = columns[name]._replace(null="the object does not have it")
     # The motor always has an angle.
     columns["true_motor_angle_deg"] = TRUTH["true_motor_angle_deg"]

@@ -16,7 +16,7 @@ from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.conditions import CONDITIONS
 from vbaa_bench.scoring.information import check_information, information_of, with_limits
 from vbaa_bench.scoring.refusals import right_refusals
-from vbaa_bench.scoring.scene_values import scene_value
+from vbaa_bench.scoring.scene_values import object_radius, scene_value
 from vbaa_bench.scoring.scored_quantities import (
     COMPONENTS,
     NUMBERS,
@@ -182,7 +182,10 @@ def score_frames(
 def true_frames(truth: Truth) -> pl.DataFrame:
     """Tabulate what scores contain of the truth: one row per frame, without any method."""
     return (
-        truth.frames.with_columns(friction=scene_value(truth, "object.friction").cast(pl.Float64))
+        truth.frames.with_columns(
+            friction=scene_value(truth, "object.friction").cast(pl.Float64),
+            object_radius_mm=object_radius(truth),
+        )
         .select(
             "frame_id",
             *CONDITIONS,

@@ -20,3 +20,14 @@ def scene_value(truth: Truth, key: str, default: Any = None) -> pl.Expr:
     for part in key.split("."):
         value = value.get(part) if isinstance(value, dict) else None
     return pl.lit(default if value is None else value)
+
+
+def object_radius(truth: Truth) -> pl.Expr:
+    """Return an expression of the radius [mm] of each frame's object: 0 of an edge, null of none.
+
+    An object of any other shape, such as a mesh or a wall, has none.
+    """
+    sharp = scene_value(truth, "object.kind", "block").is_in(["block", "knife_edge"])
+    names = ("radius_mm", "nose_radius_mm", "face_radius_mm")
+    radii = [scene_value(truth, f"object.{name}").cast(pl.Float64) for name in names]
+    return pl.when(sharp).then(0.0).otherwise(pl.coalesce(radii))

@@ -13,7 +13,8 @@ from vbaa_bench.dataset.labels import HAS_CONTACT, TRUE_COMPLIANCE
 class ScoredQuantity:
     """Scored quantity: its columns in a predictions table, and its true value.
 
-    `true` is an expression of the columns of `Truth.frames` and of the friction coefficient.
+    `true` is an expression of the columns of `Truth.frames`, of the friction coefficient and
+    of the object's radius.
 
     Names of its columns in the scores end with `unit`, if it has one: `<name>_error_<unit>`.
     """
@@ -81,6 +82,7 @@ SCORED_QUANTITIES: Final = (
     ScoredQuantity("displacement_z", "mm", _Y_C * _PSI.sin()),
     ScoredQuantity("stiffness", "n_per_m", pl.col("k_s_n_m")),
     ScoredQuantity("friction", "", pl.when(HAS_CONTACT).then(pl.col("friction"))),
+    ScoredQuantity("object_radius", "mm", pl.when(HAS_CONTACT).then(pl.col("object_radius_mm"))),
     ScoredQuantity("onset_angle", "deg", _ONSET),
     ScoredQuantity("motor_angle", "deg", pl.col("true_motor_angle_deg")),
 )

@@ -327,6 +327,31 @@ def test_outliers_do_not_move_the_object() -> None:
     )
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.01])
+def test_the_radius_of_the_object_is_honest(radius: float) -> None:
+    errors, sigmas = [], []
+    for seed in range(8):
+        measurement, _ = measured_push(
+            still(0.12, 0.0), np.random.default_rng(seed), radius=radius, scale_sigma=1e-4
+        )
+        answer = push_fit(measurement)
+        sigmas.append(answer.sigma("object_radius_m"))
+        errors.append((answer.values["object_radius_m"] - radius) / sigmas[-1])
+    assert max(sigmas) < 1.1e-3
+    assert np.abs(errors).max() < 3
+    assert 0.5 < np.sqrt(np.mean(np.square(errors))) < 1.6
+
+
+def test_a_push_that_does_not_determine_the_radius_reports_none() -> None:
+    measurement, _ = measured_push(
+        still(0.12, 0.0), np.random.default_rng(1), radius=0.01, angles_deg=(3.0, 4.0)
+    )
+    answer = push_fit(measurement)
+    assert answer.outcome is Outcome.CONTACT
+    assert "compliance_m_per_n" in answer.values
+    assert "object_radius_m" not in answer.values
+
+
 def test_a_single_object_is_not_refused() -> None:
     random = np.random.default_rng(8)
     for distance, compliance, radius in ((0.05, 0.0, 0.0), (0.21, 0.3, 0.01), (0.12, 0.02, 0.005)):

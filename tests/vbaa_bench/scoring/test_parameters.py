@@ -15,7 +15,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.scoring.columns import LIMITS
 from vbaa_bench.scoring.efficiency import efficiency
 from vbaa_bench.scoring.information import information_of, scored_limits
-from vbaa_bench.scoring.metrics import checked_predictions, score_frames
+from vbaa_bench.scoring.metrics import checked_predictions, score_frames, true_frames
 from vbaa_bench.scoring.parameters import ALL, parameter_rows
 from vbaa_bench.scoring.summary import summarise, summarise_method
 
@@ -207,3 +207,25 @@ def test_friction_is_compared_with_the_scene() -> None:
         world.manifest["scene"] = before
     assert rows["true_friction"].to_list() == [0.3, None]
     assert rows["friction_error"].to_list() == [pytest.approx(0.02), None]
+
+
+@pytest.mark.parametrize(
+    ("touched", "radius"),
+    [
+        ({"kind": "cylinder", "radius_mm": 8.0}, 8.0),
+        ({"kind": "plunger", "nose_radius_mm": 2.0}, 2.0),
+        ({"kind": "block", "side_mm": 12.0}, 0.0),
+        ({"kind": "mesh", "file": "hexagon.stl"}, None),
+    ],
+)
+def test_the_radius_is_compared_with_that_of_a_round_object(
+    touched: dict[str, str | float], radius: float | None
+) -> None:
+    world = truth({}, FREE)
+    scene = {**world.manifest["scene"], "object": touched}
+    world.manifest["scene"], before = scene, world.manifest["scene"]
+    try:
+        rows = true_frames(world).sort("frame_id")
+    finally:
+        world.manifest["scene"] = before
+    assert rows["true_object_radius_mm"].to_list() == [radius, None]
