@@ -9,12 +9,27 @@ from solver.instrument.images import read_grey
 
 
 @dataclass(frozen=True)
+class Carriage:
+    """Pose of Sigma_o on the table of the object: x, y [m] and turn about z [rad].
+
+    `position_sigma` [m] is the standard deviation of each coordinate, `turn_sigma` [rad] that of
+    the turn.
+    """
+
+    x: float
+    y: float
+    turn: float
+    position_sigma: float = 0.0
+    turn_sigma: float = 0.0
+
+
+@dataclass(frozen=True)
 class Readings:
     """Readings that belong to an image; each is None if it does not exist.
 
     `motor_angle` [rad] is the encoder's reading. `removed` [m] is an interval of Sigma_a's x axis
     to be left out. `moment_y` [N m], `base_force` (3,) [N] and `base_moment` (3,) [N m] are sensor
-    readings.
+    readings. `carriage` is the pose of an antenna that is carried about its object.
     """
 
     motor_angle: float | None = None
@@ -22,6 +37,7 @@ class Readings:
     moment_y: float | None = None
     base_force: tuple[float, float, float] | None = None
     base_moment: tuple[float, float, float] | None = None
+    carriage: Carriage | None = None
 
 
 NO_READINGS = Readings()

@@ -5,7 +5,9 @@ is empty if there is no encoder. Optional columns: push_id and step (frames of o
 split ("learn" for those from which the beam is learned),
 removed_from_mm and removed_to_mm (an interval of Sigma_a's x axis to be left out), moment_y_n_mm
 (the moment sensor), base_force_{x,y,z}_n and base_moment_{x,y,z}_n_mm (the force sensor: force and
-moment of the clamp on the beam, in Sigma_a).
+moment of the clamp on the beam, in Sigma_a), carriage_x_mm, carriage_y_mm and carriage_turn_deg
+(the pose of Sigma_o on the table of the object), and their errors carriage_sigma_mm and
+carriage_turn_sigma_deg.
 """
 
 import csv
@@ -18,7 +20,7 @@ from typing import Final
 
 from solver.instrument.errors import InputError, quoted, truncated
 from solver.instrument.hashes import read_bytes
-from solver.instrument.image_frame import ImageFrame, Readings
+from solver.instrument.image_frame import Carriage, ImageFrame, Readings
 from solver.instrument.units import DEGREE, MILLIMETRE
 
 # Longest name in a table. Chosen: file names can have 255 characters, suffix included.
@@ -56,6 +58,7 @@ def read_frames(table: Path) -> Iterator[ImageFrame]:
             base_moment=None
             if moment is None
             else (moment[0] * MILLIMETRE, moment[1] * MILLIMETRE, moment[2] * MILLIMETRE),
+            carriage=cells.carriage(),
         )
         yield ImageFrame(
             frame_id=cells.name("frame_id") or path.stem,
@@ -111,6 +114,26 @@ class _Cells:
                 "a file beside the table"
             )
         return folder / path
+
+    def carriage(self) -> Carriage | None:
+        """Read the pose of a carriage; None if its cells are empty. Sigmas are 0 where empty."""
+        pose = self.numbers("carriage_x_mm", "carriage_y_mm", "carriage_turn_deg")
+        (sigma,) = self.numbers("carriage_sigma_mm") or [0.0]
+        (turn_sigma,) = self.numbers("carriage_turn_sigma_deg") or [0.0]
+        if min(sigma, turn_sigma) < 0:
+            raise InputError(
+                f"{self.where}: carriage_sigma_mm is {sigma:g} and carriage_turn_sigma_deg "
+                f"{turn_sigma:g}, allowed is >= 0"
+            )
+        if pose is None:
+            return None
+        return Carriage(
+            pose[0] * MILLIMETRE,
+            pose[1] * MILLIMETRE,
+            pose[2] * DEGREE,
+            sigma * MILLIMETRE,
+            turn_sigma * DEGREE,
+        )
 
     def name(self, column: str) -> str:
         """Read a short text; return an empty one if there is none."""

@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
-from solver.instrument.transforms import rigid
+from solver.instrument.transforms import apply, rigid, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry import objects
 from vbaa_bench.geometry.mesh_file import read_mesh, touching
@@ -32,6 +33,13 @@ from vbaa_bench.scene.objects import (
 
 # Allowed extent of a mesh, in beam radii. Outside this range a wrong unit is likely.
 MIN_EXTENT, MAX_EXTENT = 0.5, 2000.0
+
+
+class PlacedMesh(NamedTuple):
+    """Mesh in the object's frame [m], and `object_from_file` (4, 4), its pose there."""
+
+    mesh: trimesh.Trimesh
+    object_from_file: Floats
 
 
 @dataclass(frozen=True)
@@ -155,20 +163,41 @@ class Body:
                     slope,
                 )
             case MeshSpec():
-                return _from_file(
-                    file_of_scene(self.folder, spec.file), spec.unit_mm * mm, self.beam_radius
-                ).copy()
+                return self._placed_mesh(spec).mesh.copy()
             case NothingSpec():
                 raise ValueError("no mesh to build")
 
+    def object_from_table(self) -> Floats:
+        """Compute the pose (4, 4) of the object's table in the object's frame.
+
+        The object is fixed on the table, whose frame is that of the mesh's file; for other objects
+        it is the object's own.
+        """
+        spec = self.spec
+        return self._placed_mesh(spec).object_from_file if isinstance(spec, MeshSpec) else np.eye(4)
+
+    def _placed_mesh(self, spec: MeshSpec) -> PlacedMesh:
+        path, unit = file_of_scene(self.folder, spec.file), spec.unit_mm * MILLIMETRE
+        return _placed_mesh(path, unit, spec.turn_deg * DEGREE, self.beam_radius)
+
 
 @lru_cache(maxsize=4)
-def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
-    """Read a mesh and move its first point of contact with a beam along x to its frame's origin.
+def _from_file(path: Path, unit: float) -> trimesh.Trimesh:
+    return read_mesh(path, unit)
+
+
+@lru_cache(maxsize=4)
+def _placed_mesh(path: Path, unit: float, turn: float, beam_radius: float) -> PlacedMesh:
+    """Turn a mesh about z, and move its first contact with a beam along x to its frame's origin.
 
     Raises InputError if its size is implausible.
     """
-    mesh = touching(read_mesh(path, unit), beam_radius)
+    object_from_file = turn_about_z(turn)
+    turned = _from_file(path, unit).copy()
+    if turn:
+        turned.vertices = apply(object_from_file, np.asarray(turned.vertices))
+    before = turned.vertices[0]
+    mesh = touching(turned, beam_radius)
     extent = float(mesh.extents.max())
     if not MIN_EXTENT * beam_radius < extent < MAX_EXTENT * beam_radius:
         raise InputError(
@@ -187,7 +216,8 @@ def _from_file(path: Path, unit: float, beam_radius: float) -> trimesh.Trimesh:
         fraction = float((beam[0, 1:] - point[1:]) @ across) / squared if squared > 0 else 0.0
         point = point + fraction * part.direction
     mesh.apply_translation([-point[0], 0.0, 0.0])
-    return mesh
+    object_from_file[:3, 3] = mesh.vertices[0] - before
+    return PlacedMesh(mesh, object_from_file)
 
 
 def place(at: Floats, tangent: Floats, tilt: float, reach: float) -> Floats:

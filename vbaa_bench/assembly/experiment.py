@@ -228,6 +228,17 @@ class Experiment:
         mesh.vertices = apply(pose, np.asarray(mesh.vertices))
         return mesh
 
+    def table_from_antenna(self, onset: float) -> Floats:
+        """Compute the pose (4, 4) of Sigma_a at motor angle zero on the object's table.
+
+        `onset` [rad] is the motor angle at first contact. The object is where it is first touched.
+        """
+        # Mechanics has its world in the clamp at first contact; see `camera_frame_from_clamp`.
+        antenna_from_world = invert(self.clamp_from_world(onset))
+        antenna_from_world[:3, 3] += self.rig.base_position
+        antenna_from_object = antenna_from_world @ self.obstacles[0].world_from_object
+        return invert(antenna_from_object @ self.body.object_from_table())
+
     def clamp_from_world(self, motor_angle: float) -> Floats:
         """Compute clamp_from_world (4, 4) at a motor angle [rad]."""
         return self.motor.clamp_from_world(-motor_angle, (0.0, 0.0, 0.0))

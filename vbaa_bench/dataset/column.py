@@ -32,6 +32,7 @@ CLAMP: Final = "clamp"
 SIGMA_A: Final = "Sigma_a"
 SIGMA_D: Final = "Sigma_d"
 SIGMA_O: Final = "Sigma_o"
+TABLE: Final = "table"
 ALONG_X: Final = "Sigma_a, x axis"
 FREE: Final = "nothing is touched"
 

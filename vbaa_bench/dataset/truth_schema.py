@@ -11,7 +11,7 @@ _INTEGERS: Final = ("step", "trial", "repeat", "contact_row")
 _VECTORS: Final = (
     *("force_antenna_n", "contact_deformation_mm", "contact_antenna_mm", "contact_world_mm"),
     *("second_force_antenna_n", "second_contact_antenna_mm"),
-    *("tip_mm", "base_force_n", "base_moment_n_mm"),
+    *("tip_mm", "base_force_n", "base_moment_n_mm", "touched_table_mm"),
 )
 CENTRELINE: Final = tuple(f"centreline_{axis}_mm" for axis in "sxyz")
 _LISTS: Final = ("hidden_stretches_mm", *CENTRELINE)
@@ -21,6 +21,7 @@ _NUMBERS: Final = (
     *("psi_deg", "force_psi_deg", "force_n", "f_n", "w_s_mm", "second_s_c_mm", "residual"),
     *("largest_stress_mpa", "availability_asked", "hidden_from_mm", "hidden_to_mm"),
     *("visible_share", "availability_seen"),
+    *("true_carriage_x_mm", "true_carriage_y_mm", "true_carriage_turn_deg"),
 )
 # Columns that the scores need, in all frames; others may be absent from older datasets.
 _REQUIRED: Final = ("frame_id", "push_id", "step", "push", "trial", "true_motor_angle_deg")

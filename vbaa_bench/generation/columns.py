@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from vbaa_bench.dataset.column import ALONG_X, CLAMP, FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column
+from vbaa_bench.dataset.column import ALONG_X, CLAMP, FREE, SIGMA_A, SIGMA_D, SIGMA_O, TABLE, Column
 
 # Columns that join the truth to the readings; both files have them.
 JOINED: Final = {
@@ -54,6 +54,12 @@ TRUTH: Final = {
     "second_s_c_mm": Column("arc length of the second contact", "along the beam", _ONE_CONTACT),
     "second_force_antenna_n": Column("force of the second object (x, y, z)", SIGMA_A, _ONE_CONTACT),
     "second_contact_antenna_mm": Column("second contact point (x, y, z)", SIGMA_A, _ONE_CONTACT),
+    "true_carriage_x_mm": Column("x of the origin of Sigma_o; absent without a carriage", TABLE),
+    "true_carriage_y_mm": Column("y of the origin of Sigma_o; absent without a carriage", TABLE),
+    "true_carriage_turn_deg": Column("rotation of Sigma_o; absent without a carriage", TABLE),
+    "touched_table_mm": Column(
+        "touched point of the object (x, y, z); absent without a carriage", TABLE, FREE
+    ),
     "tip_mm": Column("tip of the beam (x, y, z)", CLAMP),
     "base_force_n": Column("force of the clamp on the beam (x, y, z)", SIGMA_A),
     "base_moment_n_mm": Column("moment of the clamp on the beam (x, y, z)", SIGMA_A),
@@ -82,6 +88,7 @@ TRUTH: Final = {
 }
 
 _REMOVED: Final = "nothing is removed; absent if the scene removes nothing"
+_CARRIAGE: Final = "never; absent without a carriage"
 _FORCE_SENSOR: Final = "never; absent without a force sensor"
 
 # Made by `readings`, after file_name and frame_id.
@@ -109,6 +116,11 @@ READINGS: Final = {
         )
         for axis in "xyz"
     },
+    "carriage_x_mm": Column("x of the origin of Sigma_o", TABLE, _CARRIAGE),
+    "carriage_y_mm": Column("y of the origin of Sigma_o", TABLE, _CARRIAGE),
+    "carriage_turn_deg": Column("rotation of Sigma_o", TABLE, _CARRIAGE),
+    "carriage_sigma_mm": Column("standard deviation of this x and of this y", TABLE, _CARRIAGE),
+    "carriage_turn_sigma_deg": Column("standard deviation of this rotation", TABLE, _CARRIAGE),
 }
 
 # Made by `dataset_facts`. Poses are 4 x 4 matrices with translations in metres.

@@ -215,7 +215,13 @@ class FrameRenderer:
         drawn = drawn_values(self.scene.random_keys, spec.scene)
         truth |= {f"drawn.{key}": value for key, value in drawn.items()}
         truth["processor"] = processor()
-        values = readings(self.scene, spec, pose.state, pose.hidden)
+        values = readings(
+            self.scene,
+            spec,
+            pose.state,
+            pose.hidden,
+            pose.experiment.table_from_antenna(spec.onset) if self.scene.carriage else None,
+        )
         return RenderedFrame(image, values, truth, rendered.by_name())
 
     def photograph(self, spec: FrameSpec, metering: Metering) -> tuple[Grey, RenderedRadiance]:

@@ -1,7 +1,10 @@
 """Sensor readings of a frame: the columns of metadata.csv beside the image's name."""
 
+import math
+
 import numpy as np
 
+from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.frames import FrameSpec
@@ -10,13 +13,17 @@ from vbaa_bench.scene.schema import Scene
 
 
 def readings(
-    scene: Scene, spec: FrameSpec, state: State, hidden: tuple[float, float] | None
+    scene: Scene,
+    spec: FrameSpec,
+    state: State,
+    hidden: tuple[float, float] | None,
+    table_from_antenna: Floats | None = None,
 ) -> dict[str, str | float | int]:
     """Collect the readings of a frame by column; all frames of a scene have the same columns.
 
     A cell is empty if there is no reading: the motor angle if the camera is fixed in the world, the
     removed stretch if nothing is removed. If `hidden` [m] is covered by an occluder in the image,
-    it is not revealed.
+    it is not revealed. `table_from_antenna` (4, 4) is the true pose of a carriage.
     """
     values: dict[str, str | float | int] = {
         "motor_angle_deg": "" if scene.camera.mount == "world" else _encoder(scene, spec, state),
@@ -44,7 +51,22 @@ def readings(
         values |= {
             f"base_moment_{axis}_n_mm": float(v) for axis, v in zip("xyz", moments, strict=True)
         }
+    if scene.carriage is not None and table_from_antenna is not None:
+        # The carriage is at rest during a push.
+        noise = random_generator(scene, "carriage", spec.push_number)
+        true = carriage_pose(table_from_antenna)
+        position, turn = scene.carriage.position_sigma_mm, scene.carriage.turn_sigma_deg
+        for (name, value), sigma in zip(true.items(), (position, position, turn), strict=True):
+            values[f"carriage_{name}"] = float(noise.normal(value, sigma))
+        values |= {"carriage_sigma_mm": position, "carriage_turn_sigma_deg": turn}
     return values
+
+
+def carriage_pose(table_from_antenna: Floats) -> dict[str, float]:
+    """Convert a pose (4, 4) of the antenna on the table to its position and turn, by column."""
+    x, y = table_from_antenna[:2, 3] / MILLIMETRE
+    turn = math.atan2(table_from_antenna[1, 0], table_from_antenna[0, 0])
+    return {"x_mm": float(x), "y_mm": float(y), "turn_deg": turn / DEGREE}
 
 
 def _encoder(scene: Scene, spec: FrameSpec, state: State) -> float:

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.transforms import turn_about_z
+from solver.instrument.transforms import invert, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.generation.readings import carriage_pose
 from vbaa_bench.mechanics.state import Contact, State
 from vbaa_bench.render.visibility import Visibility
 from vbaa_bench.scene.frames import FrameSpec
@@ -52,6 +53,7 @@ def truth_row(
         "true_motor_angle_deg": phi / DEGREE,
         **_contact(experiment, state, phi),
         **_second_contact(experiment, state),
+        **_on_table(experiment, spec, state),
         "tip_mm": (state.tip / mm).tolist(),
         "base_force_n": state.base_force.tolist(),
         "base_moment_n_mm": (state.base_moment / mm).tolist(),
@@ -156,6 +158,20 @@ def _second_contact(experiment: Experiment, state: State) -> dict[str, Any]:
         "second_force_antenna_n": second.force.tolist(),
         "second_contact_antenna_mm": ((second.point + base) / MILLIMETRE).tolist(),
     }
+
+
+def _on_table(experiment: Experiment, spec: FrameSpec, state: State) -> dict[str, Any]:
+    """Collect the true pose of a carriage, and the touched point on its table."""
+    if experiment.scene.carriage is None:
+        return {}
+    table_from_antenna = experiment.table_from_antenna(spec.onset)
+    pose = {f"true_carriage_{k}": v for k, v in carriage_pose(table_from_antenna).items()}
+    if not state.contacts:
+        return {**pose, "touched_table_mm": None}
+    object_from_clamp = invert(experiment.clamp_from_object(state, spec.step))
+    touched = object_from_clamp @ np.append(state.contact.point + state.contact.lever, 1.0)
+    on_table = invert(experiment.body.object_from_table()) @ touched
+    return {**pose, "touched_table_mm": (on_table[:3] / MILLIMETRE).tolist()}
 
 
 def _stiffness_ratio(experiment: Experiment, state: State) -> float | None:

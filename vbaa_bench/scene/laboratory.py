@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.paint import Paint, PaintedPart
-from vbaa_bench.scene.part import Below, Fraction, Part, Positive
+from vbaa_bench.scene.part import Below, Fraction, Part, Positive, Tolerance
 
 
 class HubSpec(PaintedPart):
@@ -46,6 +46,17 @@ class ClampSpec(PaintedPart):
                 f"length and width, {most:g}"
             )
         return self
+
+
+class CarriageSpec(Part):
+    """A carriage that brings the antenna to the object, push after push, and reads its own pose.
+
+    The object is fixed on a table, whose frame is that of the object: of a mesh, that of its file.
+    The readings have normal errors with these sigmas, new ones in every push.
+    """
+
+    position_sigma_mm: Tolerance = 0.005
+    turn_sigma_deg: Annotated[float, Field(ge=0, le=10)] = 0.002
 
 
 class ForceSensorSpec(Part):

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from vbaa_bench.scene.paint import PaintedPart, TextureSpec
-from vbaa_bench.scene.part import Below, Fraction, NonNegative, Part, Positive, Triple
+from vbaa_bench.scene.part import Below, Fraction, NonNegative, Part, Positive, Triple, Turn
 
 
 class _ObjectSpec(PaintedPart):
@@ -123,13 +123,15 @@ class PadSpec(UprightSpec):
 class MeshSpec(_ObjectSpec):
     """Any closed mesh in an STL, OBJ or PLY file; its path is relative to the scene's folder.
 
-    Its +y axis points to the beam and +z to the camera. It is moved along y until it touches a
-    straight beam, and along x until it does so at the contact distance.
+    Its +y axis points to the beam and +z to the camera. It is turned by `turn_deg` about +z, moved
+    along y until it touches a straight beam, and along x until it does so at the contact distance.
     """
 
     kind: Literal["mesh"]
     file: Annotated[str, Field(min_length=1)]
     unit_mm: Positive = 1.0
+    # Drawn for every push, this is an antenna that is carried about one object: see `carriage`.
+    turn_deg: Turn = 0.0
 
 
 class NothingSpec(Part):

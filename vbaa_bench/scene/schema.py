@@ -12,7 +12,13 @@ from pydantic import Field, model_validator
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
-from vbaa_bench.scene.laboratory import ClampSpec, ForceSensorSpec, HubSpec, MomentSensorSpec
+from vbaa_bench.scene.laboratory import (
+    CarriageSpec,
+    ClampSpec,
+    ForceSensorSpec,
+    HubSpec,
+    MomentSensorSpec,
+)
 from vbaa_bench.scene.lighting import (
     AmbientSpec,
     BackgroundSpec,
@@ -213,6 +219,7 @@ class Scene(Part):
     occlusion: OcclusionSpec | None = None
     hub: HubSpec = HubSpec()
     clamp: ClampSpec | None = None
+    carriage: CarriageSpec | None = None
     sensor: SensorSpec = SensorSpec()
     moment_sensor: MomentSensorSpec | None = None
     force_sensor: ForceSensorSpec | None = None

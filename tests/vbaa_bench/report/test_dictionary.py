@@ -5,6 +5,7 @@ import dataclasses
 import json
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 
 from solver.instrument.board import Charuco, LineNetwork
@@ -73,7 +74,9 @@ def test_units_are_those_of_the_names() -> None:
 
 def test_truth_and_true_rig_of_a_dataset_are_described(dataset: Path) -> None:
     truth = open_truth(Layout(dataset).truth)
-    assert set(truth.frames.columns) == set(TRUTH) - {"drawn.*"}
+    # Columns of a carriage exist only with one.
+    absent = {"drawn.*", "touched_table_mm", *(n for n in TRUTH if n.startswith("true_carriage_"))}
+    assert set(truth.frames.columns) == set(TRUTH) - absent
     assert keys(truth.manifest["true_rig"]) == set(TRUE_RIG)
     assert undescribed_nulls(truth.frames, TRUTH) == []
 
@@ -93,13 +96,13 @@ def test_readings_of_all_sensors_are_described(tmp_path: Path) -> None:
         f"{SMALL_SCENE}\nmoment_sensor: {{sigma_n_mm: 0.01}}\n"
         "force_sensor: {force_sigma_n: 1.0e-4, moment_sigma_n_mm: 0.01}\n"
         "occlusion: {kind: [removed], place: [middle], availability: [0.5]}\n"
-        "splits: {shares: {train: 0.5, test: 0.5}}\n",
+        "splits: {shares: {train: 0.5, test: 0.5}}\ncarriage: {}\n",
         encoding="utf-8",
     )
     scene = load_scene(path).scene
     spec = frame_specs(scene)[0]
     state = Experiment(scene, true_rig(scene), spec.push, tmp_path).states()[0]
-    values = readings(scene, spec, state, (0.1, 0.2))
+    values = readings(scene, spec, state, (0.1, 0.2), np.eye(4))
     assert {"file_name", "frame_id", *values} == set(READINGS)
 
 
