@@ -17,6 +17,7 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.images import CHANNELS, png_bytes
 from solver.instrument.measurement import Measurement
+from solver.instrument.metadata import read_frames
 from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
 from solver.instrument.rig import read_rig, rig_to_json
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
@@ -24,6 +25,9 @@ from solver.lab.check import calibration_report
 from solver.lab.console import console, setting_up, table, with_progress
 from solver.lab.controls import NO_CONTROLS, Controls, controls_of
 from solver.lab.live import json_line, solve_shots, warm_up
+from solver.lab.outline import csv_text as outline_table
+from solver.lab.outline import read_estimates
+from solver.lab.outline import summary as outline_summary
 from solver.lab.overlay import OverlayWriter, draw
 from solver.lab.shots import Files, Source
 from solver.lab.sources import open_source
@@ -40,6 +44,8 @@ from solver.learning.known_force import rig_with_force
 from solver.learning.page import page, summary
 from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
+from solver.outline.contacts import contacts_of
+from solver.outline.fit import fit_outline
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
 from solver.tracker import extract_centreline
@@ -304,6 +310,31 @@ def rigidity(
         f'    "flexural_rigidity_sigma_n_mm2": {sigma:.3g},',
         markup=False,
     )
+
+
+@app.command()
+def outline(
+    estimates: Annotated[Path, typer.Argument(help="CSV of estimates, written by solve")],
+    rig: Annotated[Path, typer.Option(help="rig.json, or the observations folder it is in")],
+    readings: Annotated[
+        Path | None,
+        typer.Option(
+            help="table like metadata.csv with the poses of the carriage, beside the images",
+            show_default="those of the observations folder",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="CSV to write")] = Path("outline.csv"),
+) -> None:
+    """Estimate the outline of an object that was touched from many poses of the antenna."""
+    prepare_output_path(out)
+    if readings is None:
+        observations = open_observations(rig)
+        frames, nominal = observations.frames, observations.rig
+    else:
+        frames, nominal = tuple(read_frames(readings)), read_rig(rig_file(rig))
+    result = fit_outline(contacts_of(read_estimates(estimates), frames, nominal))
+    write(out, outline_table(result).encode())
+    Console(highlight=False, soft_wrap=True).print(outline_summary(result), markup=False)
 
 
 def _open(

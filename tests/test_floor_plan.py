@@ -37,7 +37,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"shading"},
         {"antenna", "first_start"},
         {"at_rest"},
-        {"calibrate", "centreline", "methods"},
+        {"calibrate", "centreline", "methods", "outline"},
         {"fitting"},
         {"planes", "beam_models"},
         {"instrument"},

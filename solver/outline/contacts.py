@@ -1,0 +1,161 @@
+"""Touched points of an object on its table: estimates of single frames, placed by the carriage.
+
+Methods estimate the contact in Sigma_o, the frame of the antenna at motor angle zero. A carriage
+brings the antenna to the object, and its readings place Sigma_o in the frame of the table, on
+which the object is fixed. The object is touched where the beam's surface is, one radius from the
+centreline against the force on the beam, which is the outward normal of a slippery object.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.instrument.estimate import Outcome
+from solver.instrument.image_frame import ImageFrame
+from solver.instrument.rig import Rig
+from solver.instrument.units import DEGREE, MILLIMETRE
+
+# Smallest variance of a point over that which its estimate states, after the part that all contacts
+# share is subtracted. Chosen: rounding must not make a variance zero.
+_LEAST_SHARE: Final = 1e-3
+# Smallest sigma of such an error [m, rad]. Chosen: without it a tolerance of zero divides by zero.
+_LEAST_SIGMA: Final = 1e-9
+# Errors that all contacts share: shift (x, y) [m] of Sigma_a, and its rotation about z [rad].
+SHARED: Final = 3
+
+Row = Mapping[str, float | str | None]
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Touched points (n, 2) [m] on the table, their outward normals (n,) [rad], and their errors.
+
+    `covariances` (n, 2, 2) are the errors of single contacts. `shared` (n, 2, 3) is the derivative
+    of the points by the error of Sigma_a, which is the same in all contacts and has the sigmas
+    `shared_sigmas` (3,).
+    """
+
+    frame_ids: tuple[str, ...]
+    points: Floats
+    normals: Floats
+    covariances: Floats
+    shared: Floats
+    shared_sigmas: Floats
+
+    def total_covariances(self) -> Floats:
+        """Compute the covariances (n, 2, 2) of the points with all their errors."""
+        by_sigma = self.shared * self.shared_sigmas
+        return np.asarray(self.covariances + by_sigma @ by_sigma.transpose(0, 2, 1))
+
+
+class _Contact(NamedTuple):
+    """One contact, as in `Contacts`."""
+
+    point: Floats
+    normal: float
+    covariance: Floats
+    shared: Floats
+
+
+def contacts_of(rows: Iterable[Row], frames: Iterable[ImageFrame], rig: Rig) -> Contacts:
+    """Place the contacts of a table of estimates on the table of their object.
+
+    `rows` have the columns of the solver's CSV; only those with the outcome "contact" are used.
+    `frames` have the readings of the carriage. Raises InputError if a reading or a column is
+    missing.
+    """
+    by_id = {frame.frame_id: frame for frame in frames}
+    names, contacts = [], []
+    for row in rows:
+        if row["outcome"] != Outcome.CONTACT:
+            continue
+        name = str(row["frame_id"])
+        if name not in by_id:
+            raise InputError(f"the frame {name} of the estimates is missing in the readings")
+        names.append(name)
+        contacts.append(_contact(row, by_id[name], rig))
+    if not contacts:
+        raise InputError("the estimates have no frame with the outcome 'contact'")
+    points, normals, covariances, shared = zip(*contacts, strict=True)
+    return Contacts(
+        tuple(names),
+        np.array(points),
+        np.array(normals),
+        np.array(covariances),
+        np.array(shared),
+        shared_sigmas(rig),
+    )
+
+
+def _contact(row: Row, frame: ImageFrame, rig: Rig) -> _Contact:
+    carriage, motor_angle = frame.readings.carriage, frame.readings.motor_angle
+    if carriage is None:
+        raise InputError(f"the readings of frame {frame.frame_id} have no carriage_x_mm")
+    if row.get("motor_angle_deg") is not None:
+        motor_angle = _number(row, "motor_angle_deg") * DEGREE
+    if motor_angle is None:
+        raise InputError(f"frame {frame.frame_id} has no motor angle")
+    x, y, x_sigma, y_sigma = (
+        _number(row, f"contact_world_{name}_mm") * MILLIMETRE
+        for name in ("x", "y", "x_sigma", "y_sigma")
+    )
+    correlation = _number(row, "contact_world_x_y_correlation")
+    if not (min(x_sigma, y_sigma) > 0 and abs(correlation) < 1):
+        raise InputError(
+            f"frame {frame.frame_id} of the estimates has contact_world sigmas of "
+            f"{x_sigma / MILLIMETRE:g} and {y_sigma / MILLIMETRE:g} mm and a correlation of "
+            f"{correlation:g}, allowed are sigmas > 0 and a correlation between -1 and 1"
+        )
+    off_diagonal = correlation * x_sigma * y_sigma
+    in_world = np.array([[x_sigma**2, off_diagonal], [off_diagonal, y_sigma**2]])
+    # The error of Sigma_a is a shift, and a rotation about the board's middle: `fitting/frames.py`.
+    arm = np.array([x, y])
+    by_sigma_a = np.column_stack([np.eye(2), _across(arm - rig.antenna_from_board[:2, 3])])
+    common = by_sigma_a * shared_sigmas(rig)
+    cosine, sine = math.cos(carriage.turn), math.sin(carriage.turn)
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    by_turn = turn @ _across(arm) * carriage.turn_sigma
+    own = turn @ _subtracted(in_world, common @ common.T) @ turn.T
+    own += carriage.position_sigma**2 * np.eye(2) + np.outer(by_turn, by_turn)
+    direction = math.atan2(_number(row, "force_y_n"), _number(row, "force_x_n"))
+    normal = direction + motor_angle + carriage.turn
+    outward = np.array([math.cos(normal), math.sin(normal)])
+    return _Contact(
+        np.array([carriage.x, carriage.y]) + turn @ arm - rig.beam.radius * outward,
+        normal,
+        own,
+        turn @ by_sigma_a,
+    )
+
+
+def shared_sigmas(rig: Rig) -> Floats:
+    """Return the sigmas (3,) of the shift [m] and the rotation [rad] of Sigma_a."""
+    tolerances = rig.tolerances
+    shift = tolerances.board_translation
+    return np.maximum([shift, shift, tolerances.board_rotation], _LEAST_SIGMA)
+
+
+def _subtracted(covariance: Floats, part: Floats) -> Floats:
+    """Subtract a part of a covariance (2, 2); what remains is positive in every direction."""
+    scale = np.linalg.cholesky(covariance)
+    whitened = np.linalg.solve(scale, np.linalg.solve(scale, part).T)
+    values, vectors = np.linalg.eigh(np.eye(2) - whitened)
+    root = scale @ vectors * np.sqrt(np.maximum(values, _LEAST_SHARE))
+    return np.asarray(root @ root.T)
+
+
+def _across(vector: Floats) -> Floats:
+    """Rotate a vector (2,) by a right angle."""
+    return np.array([-vector[1], vector[0]])
+
+
+def _number(row: Row, name: str) -> float:
+    value = row.get(name)
+    if not isinstance(value, float):
+        raise InputError(f"frame {row['frame_id']} of the estimates has no {name}")
+    return value
