@@ -13,6 +13,7 @@ from vbaa_bench.cli.endurance import endurance_app
 from vbaa_bench.cli.export import check_exports, export
 from vbaa_bench.cli.fuzz import fuzz
 from vbaa_bench.cli.limits import limits
+from vbaa_bench.cli.outline import outline
 from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.cli.view import view
 from vbaa_bench.generation.job import WorkerDiedError
@@ -48,6 +49,7 @@ app.command()(measure.budget)
 app.command()(measure.stability)
 app.command()(measure.stress)
 app.command()(measure.learned)
+app.command()(outline)
 app.command()(checks.leaks)
 app.command()(check_exports)
 app.command()(fuzz)

@@ -64,7 +64,7 @@ def run(
     root, counts = generate_dataset(choice, out, workers, variant)
     if limits:
         store_limits(root, scene.parent, workers, variant)
-    runs = _solve(root, method, centreline, repeats, memory)
+    runs = solve_dataset(root, method, centreline, repeats, memory)
     with importing():
         from vbaa_bench.api import results
 
@@ -92,7 +92,7 @@ def solve(
     as_json: AsJson = False,
 ) -> None:
     """Run methods on a dataset's observations, each in a process without access to the truth."""
-    runs = _solve(dataset, method, centreline, repeats, memory)
+    runs = solve_dataset(dataset, method, centreline, repeats, memory)
     record = {"predictions": {name: str(method_run.table) for name, method_run in runs.items()}}
     lines = [f"{method_run.table}: {outcomes(method_run.table)}" for method_run in runs.values()]
     print_result(record, "\n".join(lines), as_json)
@@ -164,13 +164,14 @@ def dictionary(
     print(pages[page](), end="")
 
 
-def _solve(
+def solve_dataset(
     root: Path,
     methods: list[str] | None,
     centrelines: list[str] | None,
     repeats: int,
     memory: float,
 ) -> "dict[str, MethodRun]":
+    """Run methods on a dataset with a line of progress; return their runs by name."""
     with importing():
         from vbaa_bench.api import results
 

@@ -133,7 +133,7 @@ def test_an_unknown_centreline_is_refused_before_anything_is_done(
         pytest.fail("it has begun")
 
     monkeypatch.setattr(commands, "generate_dataset", nothing)
-    monkeypatch.setattr(commands, "_solve", nothing)
+    monkeypatch.setattr(commands, "solve_dataset", nothing)
     monkeypatch.setattr(sys, "argv", ["vbaa-bench", command, ".", "--centreline", "magic"])
     with pytest.raises(SystemExit) as ended:
         cli.main()

@@ -1,0 +1,1 @@
+"""Outlines of objects from pushes all around them, scored against their meshes."""

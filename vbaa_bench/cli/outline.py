@@ -1,0 +1,54 @@
+"""The command `outline`: generate, solve, reconstruct and score."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vbaa_bench.cli.data import SceneChoice, generate_dataset
+from vbaa_bench.cli.interrupt import importing
+from vbaa_bench.cli.options import MEMORY_GB, AsJson, Seed, Variant, Workers
+from vbaa_bench.cli.results import solve_dataset
+from vbaa_bench.report.console import print_result, show_table
+
+
+def outline(
+    scenes: Annotated[list[Path], typer.Argument(help="scene files with a carriage")],
+    method: Annotated[str, typer.Option(help="method of the solver")] = "exact_fit",
+    seed: Seed = None,
+    work: Annotated[Path, typer.Option(help="folder for the datasets")] = Path("runs/outline"),
+    out: Annotated[Path | None, typer.Option(help="folder for README.md and the pictures")] = None,
+    workers: Workers = None,
+    variant: Variant = None,
+    as_json: AsJson = False,
+) -> None:
+    """Reconstruct the outlines of objects from pushes all around them, and score them.
+
+    Datasets that exist are reused.
+    """
+    with importing():
+        from solver.lab.writing import prepare_output_path, write
+        from vbaa_bench.benchmarks.outline.measure import measure
+        from vbaa_bench.benchmarks.outline.page import HEADS, lines, markdown
+        from vbaa_bench.benchmarks.outline.picture import png
+        from vbaa_bench.scene.load import load_scene
+
+    if out:
+        prepare_output_path(out / "README.md")
+    records = {}
+    for path in scenes:
+        name = path.stem if seed is None else f"{path.stem}_{seed}"
+        root, _ = generate_dataset(SceneChoice(path, seed, None), work / name, workers, variant)
+        solve_dataset(root, [method], None, 1, MEMORY_GB)
+        file = load_scene(path, seed, ())
+        records[name], reconstruction = measure(file, root, method)
+        if out:
+            write(out / f"{name}.png", png(reconstruction, file.scene.title))
+    if out:
+        options = "" if seed is None else f" --seed {seed}"
+        command = f"vbaa-bench outline {' '.join(map(str, scenes))}{options} --out {out}"
+        write(out / "README.md", markdown(records, command).encode())
+    if as_json:
+        print_result({"scenes": records}, "", True)
+    else:
+        show_table("outlines", HEADS, lines(records))
