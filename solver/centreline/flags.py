@@ -4,7 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from solver.centreline.smooth import DEGREE, curve, local_median, local_scatter, running_median
+from solver.centreline.smooth import (
+    DEGREE,
+    FINE_DEGREE,
+    curve,
+    local_median,
+    local_scatter,
+    running_median,
+)
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.centreline import Flag
@@ -68,21 +75,15 @@ def fit_and_flag_outliers(
     """
     n = len(length)
     disturbed = _disturbed_columns(length, brightness, flags, on_beam)
-    used_sigma, normalised = np.full(n, np.inf), np.empty(n)
+    used_sigma = np.full(n, np.inf)
     for i in range(n):
         if flags[i] == 0 and (disturbed[i] or not on_beam[i]):
             flags[i] = FOREIGN
         if flags[i] == 0:
             used_sigma[i] = sigma[i]
-    smooth = curve(length, off_path, used_sigma, length, DEGREE, LIMITS.tukey_cut)
+    smooth, inflation = _course(length, off_path, used_sigma)
     if len(smooth) == 0:
         return smooth
-    n_good = 0
-    for i in range(n):
-        if flags[i] == 0:
-            normalised[n_good] = (off_path[i] - smooth[i]) / sigma[i]
-            n_good += 1
-    inflation = _sigma_inflation(normalised[:n_good])
     for i in range(n):
         sigma[i] *= inflation
         residual = abs(off_path[i] - smooth[i])
@@ -99,6 +100,37 @@ def fit_and_flag_outliers(
         if near_edge[i] and flags[i] == 0:
             flags[i] = FOREIGN
     return smooth
+
+
+@njit
+def _course(length: Floats, off_path: Floats, sigma: Floats) -> tuple[Floats, float]:
+    """Fit the smooth course (n,), and compute the factor by which the points exceed their sigmas.
+
+    The course has length 0 if too few points have a finite sigma.
+    """
+    smooth = curve(length, off_path, sigma, length, DEGREE, LIMITS.tukey_cut)
+    if len(smooth) == 0:
+        return smooth, 1.0
+    inflation = _sigma_inflation(_normalised(off_path, smooth, sigma))
+    if inflation > 1:
+        fine = curve(length, off_path, sigma, length, FINE_DEGREE, LIMITS.tukey_cut)
+        if len(fine) > 0:
+            fine_inflation = _sigma_inflation(_normalised(off_path, fine, sigma))
+            # A finer curve does not reduce scatter, but it reduces the misfit of a smooth beam.
+            if fine_inflation < LIMITS.max_fine_inflation * inflation:
+                smooth, inflation = fine, fine_inflation
+    return smooth, inflation
+
+
+@njit
+def _normalised(y: Floats, smooth: Floats, sigma: Floats) -> Floats:
+    """Return the residuals of y (n,), in sigmas, where sigma (n,) is finite."""
+    residual, count = np.empty(len(y)), 0
+    for i in range(len(y)):
+        if np.isfinite(sigma[i]):
+            residual[count] = (y[i] - smooth[i]) / sigma[i]
+            count += 1
+    return residual[:count]
 
 
 @njit

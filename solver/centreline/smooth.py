@@ -14,6 +14,8 @@ from solver.instrument.small_matrices import solve_definite
 MAX_ITERATIONS = 12
 # A numpy scalar is compiled once, a literal for every value.
 DEGREE = np.int64(7)
+# For a beam that is bent by more than one contact, whose curvature has several kinks.
+FINE_DEGREE = np.int64(15)
 # Points this far apart err independently in compressed images, whose blocks have 8 or 16 pixels.
 LAG = 16
 
@@ -45,7 +47,7 @@ def curve(x: Floats, y: Floats, sigma: Floats, at: Floats, degree: Any, cut: flo
     if count < LIMITS.min_curve_points or high <= low:
         return empty
     span = (high - low) / max(highest - lowest, 1e-300)
-    max_degree = 7 if span > 0.6 else 5 if span > 0.3 else 3 if span > 0.1 else 1
+    max_degree = degree if span > 0.6 else 5 if span > 0.3 else 3 if span > 0.1 else 1
     terms = min(degree, max_degree, count // 4) + 1
     basis = _chebyshev(known_x[:count], low, high, terms)
     coefficients = _reweighted(basis, known_y[:count], known_sigma[:count], cut)

@@ -61,12 +61,35 @@ def in_all_frames(
 ) -> tuple[dict[str, float], Floats, Floats]:
     """Compute values (m,) by name, Jacobian (m, 11) by contact, covariance (m, m) due to Sigma_a.
 
+    The arguments are those of `with_jacobians`.
+    """
+    values, by_contact, by_pose = with_jacobians(
+        measurement,
+        contact,
+        psi_fitted=psi_fitted,
+        clamp_fitted=clamp_fitted,
+        linear=linear,
+        plane=plane,
+    )
+    return values, by_contact, pose_covariance(measurement, by_pose)
+
+
+def with_jacobians(
+    measurement: Measurement,
+    contact: Floats,
+    *,
+    psi_fitted: bool = False,
+    clamp_fitted: bool = False,
+    linear: bool = False,
+    plane: float = 0.0,
+) -> tuple[dict[str, float], Floats, Floats]:
+    """Compute values (m,) by name, Jacobians (m, 11) by contact and (m, 6) by errors of Sigma_a.
+
     `contact` (11,) is (x_c, y_c, s_c, force, theta_c, psi, dx, dy, tilt, motor angle, lean) in the
     frame of the beam at rest; `measurement` may already be un-projected onto a plane inclined by
-    `plane` [rad]. The last matrix is the covariance of the values due to the error of Sigma_a.
-    Values that are not estimated are absent: the third dimension if psi was neither fitted nor
-    stated by the rig, Sigma_o if neither the encoder nor a fitted clamp gives the motor angle,
-    and with `linear` the values that linear theory neglects.
+    `plane` [rad]. Values that are not estimated are absent: the third dimension if psi was neither
+    fitted nor stated by the rig, Sigma_o if neither the encoder nor a fitted clamp gives the motor
+    angle, and with `linear` the values that linear theory neglects.
     """
     rig, world_camera = measurement.rig, tilt_is_motor_angle(measurement)
     values, by_contact, by_pose = _with_jacobian(
@@ -85,15 +108,19 @@ def in_all_frames(
         by_tilt,
         linear,
     )
-    tolerances = rig.tolerances
-    shift, rotation = tolerances.board_translation**2, tolerances.board_rotation**2
-    variances = np.array((shift, shift, shift + tolerances.base_position**2, *[rotation] * 3))
-    by_pose = by_pose[indices]
     return (
         dict(zip(names, values[indices].tolist(), strict=True)),
         np.asarray(by_contact[indices]),
-        np.asarray((by_pose * variances) @ by_pose.T),
+        np.asarray(by_pose[indices]),
     )
+
+
+def pose_covariance(measurement: Measurement, by_pose: Floats) -> Floats:
+    """Compute the covariance (m, m) due to Sigma_a of values with the Jacobian `by_pose` (m, 6)."""
+    tolerances = measurement.rig.tolerances
+    shift, rotation = tolerances.board_translation**2, tolerances.board_rotation**2
+    variances = np.array((shift, shift, shift + tolerances.base_position**2, *[rotation] * 3))
+    return np.asarray((by_pose * variances) @ by_pose.T)
 
 
 @lru_cache
@@ -201,7 +228,7 @@ def _with_jacobian(
         inputs[j] = contact[j]
     for j in (X_C, Y_C, S_C, DX, DY, CONTACT, CONTACT + 1, CONTACT + 2):
         steps[j] = length
-    steps[FORCE] = max(contact[FORCE], 1e-300)
+    steps[FORCE] = max(abs(contact[FORCE]), 1e-300)
     n, scratch = len(NAMES), np.empty((3, 3))
     # The values at the inputs, ahead of and behind them.
     values, jacobian = np.empty((3, n)), np.empty((n, len(inputs)))

@@ -11,13 +11,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import S_C, Q
 from solver.fitting.fit import FrameFit
 from solver.fitting.frame_fit import variance_inflation
 from solver.fitting.minimise import CONVERGED, DEFICIENT, STOPPED
 from solver.fitting.robust import MEDIAN, VARIANCE_FACTOR, scale, tukey
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import rod_residuals
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
@@ -26,6 +24,13 @@ _MAX_ITERATIONS: Final = 60
 # Chosen.
 _FIRST_DAMPING, _FACTOR = 1e-3, 10.0
 _MAX_DAMPING: Final = 1e6
+
+
+class LeastSquares(NamedTuple):
+    """Parameters `p` (p,) at a minimum, and the sum of squares there with the prior."""
+
+    p: Floats
+    objective: float
 
 
 class _Linearised(NamedTuple):
@@ -87,6 +92,17 @@ def fit_rod(problem: RodProblem, start: Floats) -> FrameFit | None:
     return FrameFit(at.p, covariance, status, at.objective, kept, iterations, inflation)
 
 
+def least_squares(problem: RodProblem, start: Floats) -> LeastSquares | None:
+    """Minimise the sum of squares from the parameters `start` (p,).
+
+    Return None if no beam has the shape of the start, or if the iteration does not converge.
+    """
+    minimum = _minimise(problem, start, np.inf)
+    if minimum is None or minimum.status != CONVERGED:
+        return None
+    return LeastSquares(minimum.at.p, minimum.at.objective)
+
+
 def _minimise(problem: RodProblem, start: Floats, cut: float) -> _Minimum | None:
     """Minimise by damped Gauss-Newton steps; return None if the start has no shape."""
     at = _linearised(problem, start, cut)
@@ -129,10 +145,10 @@ def _step(
         step = -np.linalg.solve(scaled, at.gradient / unit) / unit
     except np.linalg.LinAlgError:
         return None, math.nan
-    trial = at.p.copy()
-    trial[problem.free] += step
-    # Load and place stay positive, and do not more than double.
-    allowed = all(0 < trial[i] < 2 * at.p[i] for i in (Q, S_C))
+    full_step = np.zeros_like(at.p)
+    full_step[problem.free] = step
+    trial = problem.moved(at.p, full_step)
+    allowed = all(0 < trial[i] < 2 * at.p[i] for i in problem.positive)
     moved = _linearised(problem, trial, cut) if allowed else None
     return moved, math.sqrt(max(float(-step @ at.gradient), 0.0))
 
@@ -141,10 +157,7 @@ def residuals_at(problem: RodProblem, p: Floats) -> tuple[Floats, Floats] | None
     """Compute residuals (n,) and their Jacobian (p, n) in sigmas; None if there is no shape."""
     count, own = len(problem.shared), len(p) - problem.shared.shape[1]
     residual, jacobian = np.empty(count), np.empty((len(p), count))
-    exists = rod_residuals(
-        p[:own], problem.points, problem.bounds, problem.views, problem.widths, problem.radius,
-        residual, jacobian[:own],
-    )  # fmt: skip
+    exists = problem.residuals(p[:own], residual, jacobian[:own])
     jacobian[own:] = problem.shared.T
     residual += problem.shared @ p[own:]
     return (residual, jacobian) if exists else None

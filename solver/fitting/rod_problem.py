@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
 from solver.fitting.problem import Problem
-from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT
+from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.measurement import Measurement, RestBow
@@ -47,6 +47,24 @@ class RodProblem:
     def bow(self) -> range:
         """Indices of the bow's coefficients."""
         return range(WIDTHS + self.widths, self.shape_size)
+
+    @property
+    def positive(self) -> tuple[int, ...]:
+        """Indices of parameters that stay positive, and at most double in one step of a fit."""
+        return (Q, S_C)
+
+    def moved(self, p: Floats, step: Floats) -> Floats:
+        """Return the parameters (p,) after a step (p,) of a fit."""
+        return p + step
+
+    def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
+        """Write the residuals (n,) of shape and pose p, and their Jacobian, as `rod_residuals`."""
+        return bool(
+            rod_residuals(
+                p, self.points, self.bounds, self.views, self.widths, self.radius, residual,
+                jacobian,
+            )
+        )  # fmt: skip
 
 
 def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:

@@ -57,25 +57,52 @@ def rod_residuals(
     """
     k = len(p) - POSE
     curve = curve_of(p[:k], widths, radius)
-    if not curve.exists or abs(p[k + PSI]) >= np.pi / 2:
+    if not curve.exists:
+        return False
+    moment, by_moment = clamp_moment(curve, p[:k])
+    return curve_residuals(p, curve, moment, by_moment, points, bounds, views, residual, jacobian)
+
+
+@njit
+def curve_residuals(
+    p: Floats,
+    curve: Curve,
+    moment: float,
+    by_moment: Floats,
+    points: Floats,
+    bounds: Any,
+    views: Floats,
+    residual: Floats,
+    jacobian: Floats,
+) -> bool:
+    """Write the residuals of a `curve` as in `rod_residuals`, of a beam with any contacts.
+
+    `moment` [EI / L] is that at the clamp, with its gradient (k,) by the k parameters of the shape.
+    """
+    k = len(p) - POSE
+    if abs(p[k + PSI]) >= np.pi / 2:
         return False
     n = bounds[-1]
     shifted = np.empty((2, n))
     for i in range(n):
         shifted[X, i], shifted[Y, i] = points[X, i], points[Y, i]
-    if not _evaluate(p, curve, shifted, points, bounds, views, residual, jacobian):
+    if not _evaluate(
+        p, curve, moment, by_moment, shifted, points, bounds, views, residual, jacobian
+    ):
         return False
     scratch = np.empty(n)
     for i in range(n):
         shifted[X, i] -= residual[i] * points[SIGMA_X, i]
         shifted[Y, i] -= residual[i] * points[SIGMA_Y, i]
-    return _evaluate(p, curve, shifted, points, bounds, views, scratch, jacobian)
+    return _evaluate(p, curve, moment, by_moment, shifted, points, bounds, views, scratch, jacobian)
 
 
 @njit
 def _evaluate(
     p: Floats,
     curve: Curve,
+    moment: float,
+    by_moment: Floats,
     positions: Floats,
     points: Floats,
     bounds: Any,
@@ -87,7 +114,6 @@ def _evaluate(
     nodes, gradients = curve.nodes, curve.gradients
     last = nodes.shape[1] - 2
     lever, height, angle = curve.base
-    moment, by_moment = clamp_moment(curve, p[:k])
     turn = p[k + TILT] + p[k + SOFTNESS] * moment
     cos_tilt, sin_tilt = np.cos(turn), np.sin(turn)
     cos_psi, sin_psi = np.cos(p[k + PSI]), np.sin(p[k + PSI])

@@ -48,6 +48,11 @@ class FittingThresholds(NamedTuple):
     # freedom. Chosen: those of a beam with two contacts have more.
     some_in_runs: float = 0.1
     max_chi2_beside_runs: float = 1.4
+    # The same for all rejected points of a fit of two contacts. Chosen: far fewer than the points
+    # on a stretch that a second contact bends, which no fit may reject.
+    max_rejected_beside_two: float = 0.05
+    # Reduction of chi2 that shows a second contact. Derived: five sigmas.
+    min_second_chi2: float = 25.0
     # Chi2 per degree of freedom of a fit. Chosen: residuals twice as large as stated are not those
     # of an exact beam with one contact.
     max_chi2: float = 4.0

@@ -27,6 +27,8 @@ _POINTS: Final = tuple(itertools.product(("antenna", "world"), "xyz"))
 # inclination of D against C.
 # In Sigma_a and Sigma_o, as `antenna` and `world`: the contact point, eqs. (1)-(5). In Sigma_a: the
 # force on the beam; the displacement of the beam at the contact, eqs. (28), (29).
+# Of a second contact, farther from the clamp: arc length, |force|, and in Sigma_a contact point and
+# force on the beam.
 # For a push: the object's compliance 1/k_s; k_s itself if the compliance is significantly above 0;
 # Coulomb's friction coefficient; the radius of the object, 0 for an edge; and the motor angle at
 # first contact.
@@ -41,6 +43,13 @@ QUANTITIES: Final[dict[str, Column]] = {
     **{f"contact_{f}_{a}_m": Column(f"contact_{f}_{a}_mm", MILLIMETRE) for f, a in _POINTS},
     **{f"force_{a}_n": Column(f"force_{a}_n", 1.0) for a in "xyz"},
     **{f"displacement_{a}_m": Column(f"displacement_{a}_mm", MILLIMETRE) for a in "yz"},
+    "second_s_c_m": Column("second_s_c_mm", MILLIMETRE),
+    "second_force_n": Column("second_force_n", 1.0),
+    **{
+        f"second_contact_antenna_{a}_m": Column(f"second_contact_antenna_{a}_mm", MILLIMETRE)
+        for a in "xyz"
+    },
+    **{f"second_force_{a}_n": Column(f"second_force_{a}_n", 1.0) for a in "xyz"},
     "compliance_m_per_n": Column("compliance_mm_per_n", MILLIMETRE),
     "stiffness_n_per_m": Column("stiffness_n_per_m", 1.0),
     "friction": Column("friction", 1.0),

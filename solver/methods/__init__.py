@@ -14,6 +14,7 @@ from solver.methods.moment_sensor import moment_sensor
 from solver.methods.push_fit import push_fit, push_fit_friction
 from solver.methods.stiffness import stiffness
 from solver.methods.three_point import three_point
+from solver.methods.two_contact_fit import two_contact_fit
 from solver.methods.two_point import two_point
 
 Method = Callable[[Measurement], Estimate]
@@ -28,6 +29,7 @@ METHODS: Final[dict[str, Method]] = {
     "exact_fit": exact_fit,
     "exact_fit_3d": exact_fit_3d,
     "exact_fit_learned": exact_fit_learned,
+    "two_contact_fit": two_contact_fit,
     "push_fit": push_fit,
     "push_fit_friction": push_fit_friction,
     "force_sensor": force_sensor,

@@ -19,6 +19,7 @@ METHODS: Final = (
     "exact_fit",
     "exact_fit_3d",
     "exact_fit_learned",
+    "two_contact_fit",
     "push_fit",
     "push_fit_friction",
     "force_sensor",

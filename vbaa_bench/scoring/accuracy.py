@@ -27,7 +27,7 @@ BOUND: Final = "bound"
 # every frame breaks these assumptions.
 SIMPLE_MODEL: Final = "simple model"
 # Quantities whose stated sigmas are compared with errors in the table.
-_STATED: Final = ("x_c", "psi", "compliance_last")
+_STATED: Final = ("x_c", "psi", "compliance_last", "second_s_c")
 
 
 def accuracy(datasets: Sequence[Path], by: str | None = None) -> list[Row]:
@@ -152,8 +152,11 @@ def _row(rows: pl.DataFrame) -> Row:
     return values | {
         **percentages,
         "x_c_sigma_over_rmse": stated["x_c"].get("sigma_over_rmse"),
+        "second_s_c_sigma_over_rmse": stated["second_s_c"].get("sigma_over_rmse"),
         "x_c_coverage_95_pct": _percent(stated["x_c"].get("coverage_95")),
         "x_c_efficiency_pct": None if not over_limit else 100 / over_limit**2,
+        "second_answered_pct": _percent(values["second_detection_rate"]),
+        "second_false_pct": _percent(values["false_second_rate"]),
         "consistent_pct": _percent(values["consistent_rate"]),
     }
 

@@ -40,6 +40,17 @@ _ESTIMATES: Final = {
         )
         for axis in "yz"
     },
+    "second_force_n": Column("magnitude of the force of the second object", SIGMA_A),
+    **{
+        f"second_contact_antenna_{axis}_mm": Column(f"{axis} of the second contact point", SIGMA_A)
+        for axis in "xyz"
+    },
+    **{
+        f"second_force_{axis}_n": Column(
+            f"{axis} of the force of the second object on the beam", SIGMA_A
+        )
+        for axis in "xyz"
+    },
     "compliance_mm_per_n": Column("compliance 1/k_s of the object; of a rigid one 0"),
     "stiffness_n_per_m": Column("stiffness k_s, if the compliance is significantly above 0"),
     "friction": Column("friction coefficient between beam and object"),
@@ -152,6 +163,10 @@ SCORES: Final = {
     "s_c_error_pct_L": Column("error of s_c", "along the beam", _FAILED),
     "force_error_pct": Column("error of force_n, relative to its true value", "", _FAILED),
     "f_error_pct": Column("error of f_n, relative to its true value", SIGMA_D, _FAILED),
+    "second_s_c_error_pct_L": Column("error of second_s_c", "along the beam", _FAILED),
+    "second_force_error_pct": Column(
+        "error of second_force_n, relative to its true value", "", _FAILED
+    ),
     "compliance_error_pct": Column(
         "error of the compliance, relative to its true value",
         "",

@@ -28,6 +28,7 @@ _OF_METHOD: Final = {
     "exact_fit": "planar",
     "exact_fit_3d": "image",
     "exact_fit_learned": "planar",
+    "two_contact_fit": "planar",
     "push_fit": "push",
     "push_fit_friction": "push",
     "force_sensor": "force",

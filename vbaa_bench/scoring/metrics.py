@@ -255,6 +255,8 @@ def _percentages(length_mm: float) -> list[pl.Expr]:
         (100 * pl.col("s_c_error_mm") / length_mm).alias("s_c_error_pct_L"),
         _relative("force_error_n", "true_force_n").alias("force_error_pct"),
         _relative("f_error_n", "true_f_n").alias("f_error_pct"),
+        (100 * pl.col("second_s_c_error_mm") / length_mm).alias("second_s_c_error_pct_L"),
+        _relative("second_force_error_n", "true_second_force_n").alias("second_force_error_pct"),
         pl.when(spring)
         .then(_relative("compliance_error_mm_per_n", "true_compliance_mm_per_n"))
         .alias("compliance_error_pct"),

@@ -16,7 +16,7 @@ _CONDITIONS: Final = (
     *("contact_distance_at_rest_mm", "deflection_pct", "pushing_angle_deg", "normal_deg"),
     *("k_s_n_m", "k_s_over_k_beam", "availability_asked", "snr", "x_c_limit_pct_L"),
     *("x_c_error_pct_L", "s_c_error_pct_L", "force_error_pct", "f_error_pct"),
-    "compliance_error_pct",
+    *("second_s_c_error_pct_L", "second_force_error_pct", "compliance_error_pct"),
 )
 _OF_QUANTITIES: Final = (
     name

@@ -58,11 +58,16 @@ class ScoredQuantity:
 
 
 COMPLIANCE: Final = ScoredQuantity("compliance", "mm_per_n", TRUE_COMPLIANCE)
+SECOND_S_C: Final = ScoredQuantity("second_s_c", "mm", pl.col("second_s_c_mm"))
 X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"))
 # The motor turns by minus the pushing angle from first contact on.
 _ONSET = pl.when(HAS_CONTACT).then(pl.col("true_motor_angle_deg") + pl.col("pushing_angle_deg"))
 # A column without any contact has no type.
 _Y_C, _PSI = pl.col("y_c_mm").cast(pl.Float64), pl.col("psi_deg").cast(pl.Float64).radians()
+# A column without a second contact has no type.
+_SECOND_FORCE = pl.col("second_force_antenna_n").cast(pl.List(pl.Float64))
+_SECOND_SQUARES = [_SECOND_FORCE.list.get(i) ** 2 for i in range(3)]
+_SECOND_SIZE = pl.sum_horizontal(_SECOND_SQUARES, ignore_nulls=False).sqrt()
 
 # Quantities that may have an information limit.
 LIMITED: Final = (
@@ -80,6 +85,8 @@ SCORED_QUANTITIES: Final = (
     # Eqs. (28), (29): the deflection at the contact, turned by psi.
     ScoredQuantity("displacement_y", "mm", _Y_C * _PSI.cos()),
     ScoredQuantity("displacement_z", "mm", _Y_C * _PSI.sin()),
+    SECOND_S_C,
+    ScoredQuantity("second_force", "n", _SECOND_SIZE),
     ScoredQuantity("stiffness", "n_per_m", pl.col("k_s_n_m")),
     ScoredQuantity("friction", "", pl.when(HAS_CONTACT).then(pl.col("friction"))),
     ScoredQuantity("object_radius", "mm", pl.when(HAS_CONTACT).then(pl.col("object_radius_mm"))),
@@ -91,6 +98,8 @@ VECTORS: Final = (
     ("contact_antenna", "mm", "contact_antenna_mm"),
     ("contact_world", "mm", "contact_world_mm"),
     ("force", "n", "force_antenna_n"),
+    ("second_contact_antenna", "mm", "second_contact_antenna_mm"),
+    ("second_force", "n", "second_force_antenna_n"),
 )
 
 

@@ -81,6 +81,8 @@ def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
     without any prediction; all three are part of `failure_rate`. `consistent_rate` is the fraction
     of consistent frames, with a right outcome or an x_c within three stated sigmas; null if no
     sigma is stated.
+    `second_detection_rate` is the fraction of the frames with two contacts in which the second one
+    is stated, `false_second_rate` that of the others; null if it never is.
     `x_c_rmse_all_pct_L` is an RMSE in which a frame without an estimate counts as an error of half
     the beam's length, unless it has no contact or is rightly refused; null for a method that
     estimates only forces. `compliance_last_rmse_pct` and other `last` values are computed from the
@@ -104,6 +106,9 @@ def summarise_method(rows: pl.DataFrame) -> dict[str, Any]:
         "force_median_abs_pct": _quantile(np.abs(force), 0.5),
         "f_rmse_pct": _rms(_values(rows, "f_error_pct")),
         "theta_c_rmse_deg": _rms(_values(rows, "theta_c_error_deg")),
+        "second_s_c_rmse_pct_L": _rms(_values(rows, "second_s_c_error_pct_L")),
+        "second_force_rmse_pct": _rms(_values(rows, "second_force_error_pct")),
+        **_second_rates(rows),
         "psi_rmse_deg": _rms(psi),
         "psi_median_abs_deg": _quantile(np.abs(psi), 0.5),
         "motor_angle_rmse_deg": _rms(_values(rows, "motor_angle_error_deg")),
@@ -163,6 +168,19 @@ def calibration(rows: pl.DataFrame, one: ScoredQuantity) -> dict[str, Any] | Non
         "within_3_sigma": float(np.mean(in_sigmas <= 3)),
         "nees": float(np.mean(in_sigmas**2)),
         "sigma_over_rmse": sigma / rmse if rmse else None,
+    }
+
+
+def _second_rates(rows: pl.DataFrame) -> dict[str, float | None]:
+    """Compute the fractions of frames with and without a second contact that state one.
+
+    Both are None for a method that never states a second contact.
+    """
+    stated, true = pl.col("second_s_c_mm").is_not_null(), pl.col("true_second_s_c_mm").is_not_null()
+    never = rows.filter(stated).is_empty()
+    return {
+        "second_detection_rate": None if never else _fraction(rows.filter(true), stated),
+        "false_second_rate": None if never else _fraction(rows.filter(~true), stated),
     }
 
 

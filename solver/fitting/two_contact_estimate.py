@@ -1,0 +1,118 @@
+"""Estimate from one frame of a beam that touches at two places, in the known plane."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from solver.beam_models.two_contacts import PARAMETERS, Q_INNER, Q_OUTER, S_INNER, S_OUTER
+from solver.fitting.fit import FrameFit, start_of
+from solver.fitting.minimise import CONVERGED
+from solver.fitting.problem import problem_of
+from solver.fitting.residuals import TILT as START_TILT
+from solver.fitting.rod_fit import LeastSquares, fit_rod, least_squares
+from solver.fitting.rod_residuals import PSI
+from solver.fitting.thresholds import LIMITS
+from solver.fitting.two_contact_problem import (
+    TwoContactProblem,
+    starts_of,
+    two_contact_problem_of,
+)
+from solver.fitting.two_contact_values import two_contact_values
+from solver.fitting.verdict import classified_estimate
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+
+# Largest number of starts. Measured: the minimum is reached from the first one but for forces near
+# the noise.
+_STARTS: Final = 5
+
+
+def two_contact_estimate(measurement: Measurement) -> Estimate:
+    """Estimate two contacts and their forces, with the joint covariance of all values.
+
+    The inner contact has the names of a single one, the outer one those of `second_...`. The
+    outcome is "invalid" where such a beam does not explain the points, and "not identifiable" where
+    the image shows a second contact but does not determine it.
+    """
+    problem = problem_of(measurement, with_tips=False)
+    if problem.points < LIMITS.min_points:
+        return Estimate(Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points")
+    double = two_contact_problem_of(measurement, problem)
+    single = start_of(problem, float(double.mean[PARAMETERS + PSI]))
+    fit = _best_fit(double, 0.0 if single is None else float(single[START_TILT]))
+    if fit is None or fit.status != CONVERGED:
+        return Estimate(Outcome.NOT_CONVERGED, "no beam with two contacts is near the points")
+    count = int(np.count_nonzero(fit.kept))
+    dof = max(count - PARAMETERS, 1)
+    for outcome, reason in (
+        (Outcome.INVALID, _misfit(fit, dof) or _undetermined(fit, "inner", Q_INNER, S_INNER)),
+        (Outcome.NOT_IDENTIFIABLE, _undetermined(fit, "outer", Q_OUTER, S_OUTER)),
+        (Outcome.INVALID, _impossible(measurement, fit)),
+    ):
+        if reason:
+            return Estimate(outcome, reason, chi2=fit.chi2, dof=dof)
+    values, covariance = two_contact_values(measurement, fit)
+    rejected = len(fit.kept) - count
+    return classified_estimate(
+        measurement.rig,
+        values,
+        covariance,
+        f"{rejected} of {len(fit.kept)} points were rejected" if rejected else "",
+        chi2=fit.chi2,
+        dof=dof,
+        iterations=fit.iterations,
+    )
+
+
+def _best_fit(problem: TwoContactProblem, tilt: float) -> FrameFit | None:
+    """Fit from the start that leads to the smallest sum of squares; None if none converges."""
+    best: LeastSquares | None = None
+    count = problem.points.shape[1]
+    for start in starts_of(problem, tilt, _STARTS):
+        minimum = least_squares(problem, start)
+        if minimum is not None and (best is None or minimum.objective < best.objective):
+            best = minimum
+        if best is not None and best.objective < count * noise_chi2(count):
+            break
+    return None if best is None else fit_rod(problem, best.p)
+
+
+def noise_chi2(dof: int) -> float:
+    """Compute the largest chi2 per degree of freedom of noise alone: six sigmas of it."""
+    return 1 + 6 * math.sqrt(2 / dof)
+
+
+def _misfit(fit: FrameFit, dof: int) -> str:
+    """Return why the points are not as near to the beam as their noise, or ""."""
+    rejected = 1 - float(fit.kept.mean())
+    if rejected > LIMITS.max_rejected_beside_two:
+        return f"{100 * rejected:.0f} % of the points do not fit a beam with two contacts"
+    if fit.chi2 / dof > noise_chi2(dof):
+        return f"a beam with two contacts leaves a chi2 of {fit.chi2 / dof:.1f} per degree"
+    return ""
+
+
+def _undetermined(fit: FrameFit, name: str, q: int, s: int) -> str:
+    """Return why the fit does not determine the contact with the parameters q and s, or ""."""
+    force_sigma, place_sigma = np.sqrt(np.diag(fit.covariance)[[q, s]])
+    if abs(fit.p[q]) < LIMITS.contact_sigmas * force_sigma:
+        return f"the {name} force is {abs(fit.p[q]) / force_sigma:.1f} sigmas"
+    if place_sigma > LIMITS.weak_sigma:
+        return f"the place of the {name} contact is not determined"
+    return ""
+
+
+def _impossible(measurement: Measurement, fit: FrameFit) -> str:
+    """Return why two places are not those of two contacts on the beam, or ""."""
+    places = fit.covariance[np.ix_([S_OUTER, S_INNER], [S_OUTER, S_INNER])]
+    difference = np.array([1.0, -1.0])
+    apart = math.sqrt(max(float(difference @ places @ difference), 0.0))
+    if fit.p[S_OUTER] - fit.p[S_INNER] < LIMITS.contact_sigmas * apart:
+        return "the two contacts are not apart"
+    beam = measurement.rig.beam
+    tolerance = measurement.rig.tolerances.beam_length / beam.length
+    sigma = math.hypot(math.sqrt(places[0, 0]), tolerance)
+    if fit.p[S_OUTER] > 1 + LIMITS.beyond_tip_sigmas * sigma:
+        return "the outer contact is beyond the tip"
+    return ""

@@ -1,0 +1,43 @@
+"""Least squares with the exact beam and one contact, or two where one leaves a misfit.
+
+The known plane and the nuisance parameters are those of `exact_fit`, and its estimate is returned
+wherever its residuals look like noise. Two contacts are fitted to the other frames. They are
+accepted if they leave no more than noise, and if the image determines both; otherwise the outcome
+is that of `exact_fit`, or "not identifiable" where the misfit shows a second contact that the image
+does not place: a single one would be biased. The first contact along the beam has the names of a
+single one. For beams that may not be uniform, or objects with friction, one contact is assumed.
+
+This is no part of `exact_fit`: two places and two forces also follow the shape of beams that are
+not as the rig states, which `exact_fit` refuses.
+"""
+
+from solver.fitting.thresholds import LIMITS
+from solver.fitting.two_contact_estimate import noise_chi2, two_contact_estimate
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+from solver.methods.exact_fit import exact_fit
+
+
+def two_contact_fit(measurement: Measurement) -> Estimate:
+    """Estimate one contact or two, with forces, in the known plane; with joint covariance."""
+    single = exact_fit(measurement)
+    if not measurement.rig.shape.uniform or not _leaves_misfit(single):
+        return single
+    double = two_contact_estimate(measurement)
+    return double if double.outcome.has_values or _is_biased(single, double) else single
+
+
+def _is_biased(single: Estimate, double: Estimate) -> bool:
+    """Test whether a second contact, which the image does not determine, biases a single one."""
+    if single.chi2 is None or double.chi2 is None:
+        return False
+    reduced = single.chi2 - double.chi2 > LIMITS.min_second_chi2
+    return reduced and double.outcome is Outcome.NOT_IDENTIFIABLE
+
+
+def _leaves_misfit(single: Estimate) -> bool:
+    """Test whether a fit of one contact failed, or leaves larger residuals than noise does."""
+    if not single.outcome.has_values:
+        return single.outcome is not Outcome.NO_CONTACT
+    chi2, dof = single.chi2, single.dof
+    return chi2 is not None and dof is not None and chi2 / dof > noise_chi2(dof)

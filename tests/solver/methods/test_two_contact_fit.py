@@ -1,0 +1,107 @@
+"""A second peg beyond the first one holds the beam back."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from solver.instrument.estimate import Outcome
+from solver.instrument.measurement import Measurement
+from solver.methods.exact_fit import exact_fit
+from solver.methods.two_contact_fit import two_contact_fit
+from tests.simulated import BEAM, columns, measurement, pushed_points
+from tests.vbaa_bench.mechanics.benches import obstacle
+from vbaa_bench.mechanics.pushing import Motor, Step, push
+from vbaa_bench.mechanics.rod import Rod
+from vbaa_bench.mechanics.state import State
+
+SIGMA = 0.0075 * 0.51e-3  # 0.0075 px
+SECOND = 0.19
+
+
+@functools.cache
+def between_pegs(gap: float, angle: float) -> State:
+    pegs = [obstacle(BEAM, 0.1), obstacle(BEAM, SECOND, nu=math.pi, clearance=gap)]
+    return push(Rod(BEAM), Motor(), pegs, 0.1, [Step(pushing_angle=angle)], intervals=4000)[0]
+
+
+def noisy(state: State, seed: int) -> Measurement:
+    points = columns(state.centreline)
+    noise = SIGMA * np.random.default_rng(seed).standard_normal(len(points))
+    return measurement(points + np.outer(noise, [0, 1]), SIGMA, base_sigma=1e-5)
+
+
+def truths(state: State) -> dict[str, float]:
+    inner, outer = state.contacts
+    return {
+        "x_c_m": inner.point[0],
+        "s_c_m": inner.s,
+        "force_n": float(np.linalg.norm(inner.force)),
+        "force_y_n": inner.force[1],
+        "second_s_c_m": outer.s,
+        "second_force_n": float(np.linalg.norm(outer.force)),
+        "second_force_y_n": outer.force[1],
+        "second_contact_antenna_x_m": outer.point[0],
+        "second_contact_antenna_y_m": outer.point[1],
+    }
+
+
+@pytest.mark.parametrize(("gap", "angle"), [(1.5e-3, 0.1), (3e-3, 0.5)])
+def test_both_contacts_are_within_their_sigmas(gap: float, angle: float) -> None:
+    state = between_pegs(gap, angle)
+    assert exact_fit(noisy(state, 0)).outcome is Outcome.INVALID
+    errors = []
+    for seed in range(30):
+        estimate = two_contact_fit(noisy(state, seed))
+        assert estimate.outcome is Outcome.CONTACT
+        errors.append(
+            [
+                (estimate.values[name] - value) / estimate.sigma(name)
+                for name, value in truths(state).items()
+            ]
+        )
+    size = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert size == pytest.approx(np.ones(len(size)), abs=0.4)  # three sigmas of 30 values
+
+
+def test_values_of_both_contacts_are_correlated() -> None:
+    estimate = two_contact_fit(noisy(between_pegs(1.5e-3, 0.1), 0))
+    assert estimate.covariance is not None
+    names = list(estimate.values)
+    # A second force farther out has to be smaller for the same bend.
+    i, j = names.index("second_s_c_m"), names.index("second_force_n")
+    correlation = estimate.covariance[i, j] / (
+        estimate.sigma("second_s_c_m") * estimate.sigma("second_force_n")
+    )
+    assert correlation < -0.9
+    assert estimate.second_s_c_mm == pytest.approx(1e3 * SECOND, abs=1.0)
+
+
+def test_one_contact_is_that_of_exact_fit() -> None:
+    points, _, _ = pushed_points(0.12, 0.1)
+    noise = SIGMA * np.random.default_rng(1).standard_normal(len(points))
+    single = measurement(points + np.outer(noise, [0, 1]), SIGMA, base_sigma=1e-5)
+    one, other = exact_fit(single), two_contact_fit(single)
+    assert one.values == other.values
+    assert one.covariance is not None
+    assert np.array_equal(one.covariance, np.asarray(other.covariance))
+
+
+def test_a_second_contact_that_the_image_does_not_place_is_refused() -> None:
+    # The peg has 0.4 % of the load: its force and its place are known only as a product.
+    state = between_pegs(4.45e-3, 0.1)
+    assert len(state.contacts) == 2
+    outcomes = {two_contact_fit(noisy(state, seed)).outcome for seed in range(5)}
+    assert outcomes == {Outcome.NOT_IDENTIFIABLE}
+
+
+def test_a_shape_of_three_forces_is_refused() -> None:
+    state = between_pegs(1.5e-3, 0.1)
+    points = columns(state.centreline)
+    points[:, 1] += 2e-3 * np.maximum(points[:, 0] / 0.24 - 0.9, 0.0)
+    points[:, 1] -= 4e-4 * np.sin(math.tau * points[:, 0] / 0.24)
+    bent = measurement(points, SIGMA, base_sigma=1e-5)
+    estimate = two_contact_fit(bent)
+    assert estimate.outcome is Outcome.INVALID
+    assert estimate == exact_fit(bent)
