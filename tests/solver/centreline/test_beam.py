@@ -345,3 +345,16 @@ def test_white_noise_does_not_enlarge_its_own_sigma() -> None:
         # 1.63 / sqrt(n), a tenth.
         assert least <= np.quantile(enlarged, 0.01)
         assert np.quantile(enlarged, 0.99) <= most
+
+
+def test_a_beam_bent_by_two_contacts_does_not_enlarge_its_sigma() -> None:
+    random, n = np.random.default_rng(4), 400
+    place = np.linspace(0.0, 1.0, n)
+    # The third derivative has a step at each contact.
+    bend = 600.0 * np.maximum(place - 0.3, 0.0) ** 3 - 1800.0 * np.maximum(place - 0.7, 0.0) ** 3
+    sigma, flags = np.full(n, 0.01), np.zeros(n, np.uint8)
+    off = bend + sigma * random.standard_normal(n)
+    fit_and_flag_outliers(np.arange(n) * 1.0, off, sigma, np.ones(n), np.ones(n, np.bool_), flags)
+    # A polynomial of degree 7 leaves 3.9 times the noise.
+    assert sigma[0] < 0.016
+    assert not flags.any()

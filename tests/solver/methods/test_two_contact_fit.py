@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
+from solver.beam_models.frictional import misfit
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
@@ -105,3 +107,22 @@ def test_a_shape_of_three_forces_is_refused() -> None:
     estimate = two_contact_fit(bent)
     assert estimate.outcome is Outcome.INVALID
     assert estimate == exact_fit(bent)
+
+
+def test_friction_is_not_taken_for_a_second_contact() -> None:
+    def height(x: float) -> float:
+        def error(y: float) -> float:
+            return float(misfit(np.array([x]), np.array([y]), 40.0, 0.12, -0.3)[0][0])
+
+        return float(brentq(error, -0.1, 0.25, xtol=1e-12))
+
+    places = np.arange(3e-3, 0.22, 1e-3)
+    points = np.column_stack([places, [height(x) for x in places]])
+    noise = SIGMA / 2 * np.random.default_rng(2).standard_normal(len(points))
+    rubbed = measurement(points + np.outer(noise, [0, 1]), SIGMA / 2, base_sigma=1e-5)
+    single, estimate = exact_fit(rubbed), two_contact_fit(rubbed)
+    assert single.chi2 is not None
+    assert single.dof is not None
+    assert single.chi2 / single.dof > 2
+    assert "second_s_c_m" not in estimate.values
+    assert estimate.outcome is single.outcome

@@ -67,6 +67,8 @@ TOUCHED: dict[str, Any] = {
     "contact_world_mm": [120.0, -2.0, 0.0],
     "force_antenna_n": [-0.02, 0.098, 0.0],
     "second_s_c_mm": None,
+    "second_force_antenna_n": None,
+    "second_contact_antenna_mm": None,
     "visible_share": 1.0,
 }
 _NOTHING = ("x_c_mm", "y_c_mm", "s_c_mm", "theta_c_deg", "psi_deg", "force_n", "f_n")
