@@ -353,8 +353,9 @@ def test_a_beam_bent_by_two_contacts_does_not_enlarge_its_sigma() -> None:
     # The third derivative has a step at each contact.
     bend = 600.0 * np.maximum(place - 0.3, 0.0) ** 3 - 1800.0 * np.maximum(place - 0.7, 0.0) ** 3
     sigma, flags = np.full(n, 0.01), np.zeros(n, np.uint8)
-    off = bend + sigma * random.standard_normal(n)
-    fit_and_flag_outliers(np.arange(n) * 1.0, off, sigma, np.ones(n), np.ones(n, np.bool_), flags)
+    off: Floats = bend + sigma * random.standard_normal(n)
+    length = np.arange(n, dtype=np.float64)
+    fit_and_flag_outliers(length, off, sigma, np.ones(n), np.ones(n, np.bool_), flags)
     # A polynomial of degree 7 leaves 3.9 times the noise.
     assert sigma[0] < 0.016
     assert not flags.any()
