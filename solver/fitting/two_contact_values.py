@@ -36,7 +36,7 @@ def two_contact_values(measurement: Measurement, fit: FrameFit) -> tuple[dict[st
     values: dict[str, float] = {}
     by_variables, by_poses = [], []
     quantities, by_shape = contacts_of(two_contacts_of(shape), shape)
-    for i, names in enumerate((None, _SECOND)):
+    for i, names in enumerate(({name: name for name in frames.NAMES}, _SECOND)):
         contact, by_variable = _contact(measurement, fit.p, quantities[i], by_shape[i])
         estimated, by_contact, by_pose = frames.with_jacobians(
             measurement, contact, clamp_fitted=True
@@ -44,10 +44,10 @@ def two_contact_values(measurement: Measurement, fit: FrameFit) -> tuple[dict[st
         # A force has a magnitude; its sign is that of the components.
         sign = math.copysign(1.0, estimated["force_n"])
         estimated["force_n"] *= sign
-        by_contact[list(estimated).index("force_n")] *= sign
-        kept = [k for k, name in enumerate(estimated) if names is None or name in names]
-        for name in np.array(list(estimated))[kept]:
-            values[name if names is None else names[name]] = estimated[name]
+        labels = list(estimated)
+        by_contact[labels.index("force_n")] *= sign
+        kept = [k for k, label in enumerate(labels) if label in names]
+        values |= {names[labels[k]]: estimated[labels[k]] for k in kept}
         by_variables.append((by_contact @ by_variable)[kept])
         by_poses.append(by_pose[kept])
     covariance = np.zeros((count + _VARIABLES, count + _VARIABLES))
