@@ -16,7 +16,7 @@ from solver.beam_models.two_contacts import (
     two_contacts_of,
 )
 from solver.fitting.problem import Problem
-from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
+from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, TILT, curve_residuals
 from solver.instrument.arrays import Floats
@@ -135,7 +135,7 @@ def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[F
     """
     last = problem.bounds[1]
     points = problem.points[:, : last : max(last // _POINTS, 1)]
-    weight = 1 / np.hypot(points[SIGMA_X], points[SIGMA_Y])
+    weight = 1 / np.maximum(np.hypot(points[SIGMA_X], points[SIGMA_Y]), LEAST_SIGMA)
     s, y = _unrolled(points, tilt)
     near = np.minimum(s, _GRID[:, None])
     # The deflection by a force of 6 EI: (3 a - s) s^2 up to its place a, (3 s - a) a^2 beyond.
