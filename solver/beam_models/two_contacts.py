@@ -168,7 +168,8 @@ def two_contacts_of(p: Floats, steps: Any = STEPS) -> TwoContacts:
     if exists:
         inner[:], by_inner[:] = y, by
         exists = _march(y, by, p, inner, by_inner, False, steps, steps + 1, nodes, gradients)
-    return TwoContacts(Curve(nodes, gradients, 1, y, by, exists), inner, by_inner)
+    by_arm = np.zeros(PARAMETERS)  # the outer force's line crosses the axis at its contact
+    return TwoContacts(Curve(nodes, gradients, 1, by_arm, y, by, exists), inner, by_inner)
 
 
 @njit

@@ -27,7 +27,7 @@ BUILT_IN: Final = {
     "exact_fit": Style("#0b57d0", "#7db4ff", "circle"),
     "exact_fit_3d": Style("#00737f", "#48d1dd", "diamond"),
     "exact_fit_learned": Style("#8a6d00", "#ffd54a", "diamond"),
-    "two_contact_fit": Style("#2c3a96", "#9aa5ff", "square"),
+    "two_contact_fit": Style("#8a2be2", "#d7a6ff", "square"),
     "push_fit": Style("#6a1fd0", "#b99bff", "triangle"),
     "push_fit_friction": Style("#b80c7a", "#ff7fcf", "circle"),
     "force_sensor": Style("#3d4752", "#b4bfca", "square"),
@@ -35,6 +35,7 @@ BUILT_IN: Final = {
 # Methods of users.
 _OTHERS: Final = (
     Style("#7a0c3e", "#ff9dbb", "diamond"),
+    Style("#2c3a96", "#9aa5ff", "square"),
     Style("#1f5c4d", "#8fe0c8", "triangle"),
     Style("#7d4a8c", "#e0b0f0", "square"),
     Style("#4f5d3a", "#d6dfb8", "circle"),
