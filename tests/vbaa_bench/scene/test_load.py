@@ -75,7 +75,8 @@ extra: 1
         "look, pushes, sampling, splits, mechanics, beam, gravity_m_s2, clamp_offset_mm, "
         "tolerances, camera, optics, motor_speed_deg_s, calibration, light, lights, light_level, "
         "flicker, "
-        "ambient, background, clutter, wires, object, second_peg, occlusion, hub, clamp, sensor, "
+        "ambient, background, clutter, wires, object, second_peg, occlusion, hub, clamp, "
+        "carriage, sensor, "
         "moment_sensor, force_sensor, render, layers, frames_per_shard",
     ]
 
