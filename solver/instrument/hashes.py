@@ -120,6 +120,10 @@ def checks_itself(data: bytes) -> bool:
     return data.startswith(_HEAD)
 
 
+# Longest name of a file with its folder. Chosen: several times that of any file of a dataset.
+MAX_NAME: Final = 250
+
+
 def parse_hashes(data: bytes) -> dict[str, str] | None:
     """Parse the bytes of a hashes.json; return None if they are not valid."""
     if checks_itself(data):
@@ -133,6 +137,8 @@ def parse_hashes(data: bytes) -> dict[str, str] | None:
     if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
         return None
     if any(not _INSIDE.fullmatch(name) or _ELSEWHERE.search(name) for name in table):
+        return None
+    if any(len(name) > MAX_NAME or not name.isprintable() for name in table):
         return None
     table.pop(HASHES, None)
     return table

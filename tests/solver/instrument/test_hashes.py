@@ -50,3 +50,8 @@ def test_every_change_of_a_table_is_noticed() -> None:
         ):
             if changed != data:
                 assert parse_hashes(changed) is None or not checks_itself(changed)
+
+
+@pytest.mark.parametrize("name", ["a" * 251, "a\ud800", "a\n", "../a", "/a"])
+def test_names_that_no_dataset_has_are_refused(name: str) -> None:
+    assert parse_hashes(json.dumps({"b.csv": digest(b"1"), name: digest(b"2")}).encode()) is None
