@@ -120,8 +120,8 @@ def checks_itself(data: bytes) -> bool:
     return data.startswith(_HEAD)
 
 
-# Longest name of a file with its folder. Chosen: several times that of any file of a dataset.
-MAX_NAME: Final = 250
+# Longest name of a file with its folders. Chosen: twice that of a file with a long name of a user.
+MAX_NAME: Final = 600
 
 
 def parse_hashes(data: bytes) -> dict[str, str] | None:
