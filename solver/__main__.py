@@ -10,6 +10,7 @@ from typing import Annotated
 import cv2
 import typer
 from rich.console import Console
+from rich.progress import track
 
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity
 from solver.centreline.extractors import EXTRACTORS, find_extractor
@@ -240,7 +241,8 @@ def learn(
         prepare_output_path(path)
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
-    beam = learn_from_frames(antenna, frames_to_learn(files.frames))
+    images = frames_to_learn(files.frames)
+    beam = learn_from_frames(antenna, track(images, "measuring", console=console, transient=True))
     rig = replace(files.rig, shape=beam.shape)
     if known_force:
         frame_id, force, sigma = known_force

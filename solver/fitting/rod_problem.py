@@ -44,11 +44,6 @@ class RodProblem:
         return len(self.mean) - POSE - int(self.shared.shape[1])
 
     @property
-    def bow(self) -> range:
-        """Indices of the bow's coefficients."""
-        return range(WIDTHS + self.widths, self.shape_size)
-
-    @property
     def positive(self) -> tuple[int, ...]:
         """Indices of parameters that stay positive, and at most double in one step of a fit."""
         return (Q, S_C)

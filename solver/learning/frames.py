@@ -1,6 +1,6 @@
 """Learn the beam from the images of a set of observations."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -23,21 +23,16 @@ def frames_to_learn(frames: Sequence[ImageFrame]) -> list[ImageFrame]:
     return chosen or [frame for frame in frames if not frame.split]
 
 
-def learn_from_frames(
-    antenna: Antenna,
-    frames: Sequence[ImageFrame],
-    progress: Callable[[int], None] = lambda _done: None,
-) -> LearnedBeam:
+def learn_from_frames(antenna: Antenna, frames: Iterable[ImageFrame]) -> LearnedBeam:
     """Learn the beam from images of pushes; frames without a push are pushes of their own.
 
     Images that cannot be used are left out. Raises InputError as `learn_beam`.
     """
     pushes: dict[str, list[Measurement]] = {}
-    for done, frame in enumerate(frames, 1):
+    for frame in frames:
         measurement = measurement_of(antenna, frame)
         if measurement is not None:
             pushes.setdefault(frame.push_id or frame.frame_id, []).append(measurement)
-        progress(done)
     if not pushes:
         raise InputError("no image shows the beam, needed are two pushes to learn it")
     return learn_beam(list(pushes.values()))

@@ -45,7 +45,7 @@ def _distances(points: Floats, triangles: Floats, normals: Floats, reach: float)
     squares = (away**2).sum(axis=2)
     least = squares.min(axis=1)
     closest = squares <= least[:, None] * (1 + 1e-6) + 1e-24
-    # Beside an edge the face that looks most towards the point tells the side.
+    # Beside an edge the face whose normal is nearest to the point's direction decides the side.
     towards = np.where(closest, (normals * away).sum(axis=2), -np.inf).max(axis=1)
     # Farther off, the nearest triangle may be one of those left out.
     return np.where(least < reach**2, np.where(towards >= 0, 1, -1) * np.sqrt(least), np.inf)

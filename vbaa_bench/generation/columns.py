@@ -144,6 +144,8 @@ TRUE_RIG: Final = {
 }
 
 _STRIP: Final = "the beam is no flat strip (absent)"
+_UNIFORM: Final = "a uniform beam without friction, on a rigid clamp (absent)"
+_NOT_LEARNED: Final = "the beam was not learned (absent)"
 _SIGMA: Final = "standard deviation"
 
 # Keys of rig.json, written by `rig_to_json`; solver/README.md explains how to measure them.
@@ -188,6 +190,33 @@ RIG: Final = {
     ),
     "camera.bits": Column("bit depth of the gray values", "", "found from the images (absent)"),
     "camera.channel": Column("channel read from colour images", "", "it is gray (absent)"),
+    "beam_shape.taper_sigma": Column(
+        f"{_SIGMA} of the tip's width over that at the clamp, less one", "", _UNIFORM
+    ),
+    "beam_shape.section_sigma": Column(
+        f"{_SIGMA} of the section's second axis over its first, less one", "", _UNIFORM
+    ),
+    "beam_shape.friction_sigma": Column(
+        f"{_SIGMA} of the coefficient of friction of objects", "", _UNIFORM
+    ),
+    "beam_shape.clamp_softness_sigma": Column(
+        f"{_SIGMA} of the clamp's rotation over its moment, in units of L / EI", "", _UNIFORM
+    ),
+    "beam_shape.widths": Column(
+        "coefficients of the width over that at the clamp", "", _NOT_LEARNED
+    ),
+    "beam_shape.clamp_softness": Column(
+        "rotation of the clamp over its moment, in units of L / EI", "", _NOT_LEARNED
+    ),
+    "beam_shape.bow": Column(
+        "coefficients of s^2, s^3, s^4 of the line at rest, over the length", "", _NOT_LEARNED
+    ),
+    "beam_shape.covariance": Column(
+        "covariance of the clamp's softness, the widths and the bow", "", _NOT_LEARNED
+    ),
+    "beam_shape.rigidity_sigma": Column(
+        f"relative {_SIGMA} of EI due to the section's direction", "", _NOT_LEARNED
+    ),
     "moment_sensor.sigma_n_mm": Column(f"{_SIGMA} of the moment", "", "no sensor (absent)"),
     "force_sensor.force_sigma_n": Column(
         f"{_SIGMA} of each force component", "", "no sensor (absent)"
