@@ -3,9 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from solver.instrument.arrays import Grey
 from solver.instrument.images import read_grey
+
+# Name of the split from which a beam is learned.
+LEARN: Final = "learn"
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,20 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Final
 
 from solver.antenna import Antenna
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.errors import InputError
-from solver.instrument.image_frame import ImageFrame
+from solver.instrument.image_frame import LEARN, ImageFrame
 from solver.instrument.measurement import Measurement
 from solver.learning.learn import LearnedBeam, learn_beam
 from solver.to_measurement import to_measurement
 from solver.tracker import extract_centreline, reject_moved_camera
 
-# Name of the split from which a beam is learned.
-SPLIT: Final = "learn"
-
 
 def frames_to_learn(frames: Sequence[ImageFrame]) -> list[ImageFrame]:
-    """Return the frames of the split SPLIT, or all if no frame has a split."""
-    chosen = [frame for frame in frames if frame.split == SPLIT]
+    """Return the frames of the split LEARN, or all if no frame has a split."""
+    chosen = [frame for frame in frames if frame.split == LEARN]
     return chosen or [frame for frame in frames if not frame.split]
 
 

@@ -15,10 +15,11 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate
+from solver.instrument.image_frame import LEARN
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import open_observations
 from solver.instrument.units import MILLIMETRE, PERCENT
-from solver.learning.frames import SPLIT, measurement_of
+from solver.learning.frames import measurement_of
 from solver.learning.known_force import rig_with_force
 from solver.learning.learn import learn_beam
 from solver.methods.exact_fit import exact_fit
@@ -139,7 +140,7 @@ def _trials(
     """Yield the errors of the tested frames before and after learning; None for no answer."""
     frames = _frames(layout)
     names = list(dict.fromkeys(frame.push for frame in frames))
-    splits = {frame.push for frame in frames if frame.split == SPLIT}
+    splits = {frame.push for frame in frames if frame.split == LEARN}
     random = np.random.default_rng([seed, len(names)])
     choices = (
         [splits] if splits else [set(random.permutation(names)[:pushes]) for _ in range(draws)]

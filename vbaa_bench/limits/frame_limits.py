@@ -22,6 +22,7 @@ from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam
 from vbaa_bench.limits.quantities import QUANTITIES, Gradients, gradients
 from vbaa_bench.limits.rig_information import RigInformation
+from vbaa_bench.limits.stated_shape import friction_sigma
 from vbaa_bench.scene.rigs import nominal_rig
 
 # Ratio of friction to normal force that counts as friction. Chosen: above rounding errors.
@@ -32,12 +33,14 @@ _FRICTION = 1e-6
 class FrameLimits:
     """Limits of a frame with a contact: of its pose, with the rig's data before any contact.
 
-    `visible` (n,) is the visible fraction of n equal parts of the beam's length.
+    `visible` (n,) is the visible fraction of n equal parts of the beam's length. `learned` is the
+    information of other pushes on the rig, from which the beam is learned; None if there are none.
     """
 
     rig: RigInformation
     pose: Pose
     visible: Floats
+    learned: Information | None = None
 
     def by_set(self) -> Iterator[tuple[str, Floats]]:
         """Yield each information set, and the limits (4,) of `quantities.QUANTITIES` in it.
@@ -45,8 +48,10 @@ class FrameLimits:
         Infinite ones cannot be determined from these data; psi is NaN where it is known. Raises
         EquilibriumError.
         """
-        planar = self._limits(self.image.without({CONTACT[2]}))
-        yield "planar", np.where(np.array(QUANTITIES) == "psi", np.nan, planar)
+        in_plane = self.image.without({CONTACT[2]})
+        yield "planar", self._planar_limits(in_plane)
+        if self.learned is not None:
+            yield "learned", self._planar_limits(in_plane + self.learned)
         yield "image", self._limits(self.image)
         sensors = nominal_rig(self.rig.scene).sensors
         _, readings = self.gradients
@@ -58,8 +63,22 @@ class FrameLimits:
 
     @cached_property
     def image(self) -> Information:
-        """Information of the image and of all data before it."""
-        return (self.of_image + self.rig.before_contact).without(self.rig.known)
+        """Information of the image, of all data before it, and of the stated friction."""
+        all_data = self.of_image + self.rig.before_contact + self.of_friction
+        return all_data.without(self.rig.known)
+
+    @property
+    def of_friction(self) -> Information:
+        """Information of the stated friction of an unknown object."""
+        sigma = friction_sigma(self.rig.scene)
+        stated = set(FRICTION) & set(self.parameters) if sigma else set()
+        return Information.of_priors(dict.fromkeys(sorted(stated), sigma))
+
+    @property
+    def on_rig(self) -> Information:
+        """Information of this image on the rig, where contact and force are in plane C."""
+        image = (self.of_image + self.of_friction).without({CONTACT[2], *self.rig.known})
+        return image.eliminated(self.parameters)
 
     @cached_property
     def of_image(self) -> Information:
@@ -85,15 +104,21 @@ class FrameLimits:
     @property
     def parameters(self) -> tuple[str, ...]:
         """Parameters of this frame alone."""
+        along, across = self.rubbing
         names: tuple[str, ...] = CONTACT
-        load = self.imaged.loads[0]
-        for name, ratio in zip(FRICTION, load.friction, strict=True):
-            names += (name,) if abs(ratio) > _FRICTION else ()
+        names += FRICTION[:1] if along or friction_sigma(self.rig.scene) else ()
+        names += FRICTION[1:] if across else ()
         if len(self.imaged.loads) > 1:
             names += SECOND_CONTACT
         if self.rig.scene.camera.mount == "world":
             names += (CLAMP[3],)  # no encoder reads it
         return names
+
+    @property
+    def rubbing(self) -> tuple[bool, bool]:
+        """Whether there is friction along the beam and across it."""
+        along, across = self.imaged.loads[0].friction
+        return abs(along) > _FRICTION, abs(across) > _FRICTION
 
     @property
     def bending(self) -> tuple[str, ...]:
@@ -116,6 +141,10 @@ class FrameLimits:
         return Information.of_readings(
             self.bending, self.gradients.readings[rows], np.array(sigmas)
         )
+
+    def _planar_limits(self, information: Information) -> Floats:
+        known = np.array(QUANTITIES) == "psi"
+        return np.where(known, np.nan, self._limits(information))
 
     def _limits(self, information: Information) -> Floats:
         rows = [dict(zip(self.bending, row, strict=True)) for row in self.gradients.quantities]

@@ -24,11 +24,13 @@ from vbaa_bench.mechanics.rod import Rod
 CONTACT: Final = ("s_c", "normal_force", "direction")
 FRICTION: Final = ("friction_along", "friction_across")
 SECOND_CONTACT: Final = ("second_s_c", "second_normal_force", "second_direction")
-# The clamp's position [m] and its turn about z [rad], and length [m], flexural rigidity [N m^2],
-# tip ratio and bow [1/m] of the beam.
+# The clamp's position [m] and its turn about z [rad], length [m] and flexural rigidity [N m^2] of
+# the beam. Then what differs from a uniform beam on a rigid clamp: tip ratio, bow [1/m], relative
+# change of EI by a section out of round, skew of that section, and the clamp's rotation over its
+# moment [L / EI]. A skew e turns the direction in which the beam bends by e.
 CLAMP: Final = ("clamp_x", "clamp_y", "clamp_z", "motor_angle")
 BEAM: Final = ("length", "rigidity")
-SHAPE: Final = ("tip_ratio", "bow")
+SHAPE: Final = ("tip_ratio", "bow", "section_rigidity", "section_skew", "clamp_softness")
 PARAMETERS: Final = (*CONTACT, *CLAMP, *BEAM, *INTRINSICS, *POSE)
 _SECOND: Final = "second_"
 
@@ -90,11 +92,14 @@ class ImagedBeam:
         """Return the same with one of PARAMETERS changed."""
         if name in (*CONTACT, *FRICTION, *SECOND_CONTACT):
             return self._with_load(name.removeprefix(_SECOND), change, name.startswith(_SECOND))
+        if name in ("motor_angle", "clamp_softness"):
+            # The beam turns the clamp against the moment of the clamp on the beam.
+            softness = -self.beam.base_moment[2] / (self.rod.force_unit * self.rod.beam.length)
+            turn = change if name == "motor_angle" else change * softness
+            turned = self.frame_from_clamp @ turn_about_z(turn)
+            return replace(self, frame_from_clamp=turned, shape=self.beam)
         if name in (*BEAM, *SHAPE):
             return replace(self, rod=_changed_rod(self.rod, name, change), shape=None)
-        if name == "motor_angle":
-            turned = self.frame_from_clamp @ turn_about_z(change)
-            return replace(self, frame_from_clamp=turned, shape=self.beam)
         if name in CLAMP:
             moved = self.frame_from_clamp.copy()
             moved["xyz".index(name[-1]), 3] += change
@@ -138,9 +143,31 @@ def _changed_rod(rod: Rod, name: str, change: float) -> Rod:
         return replace(rod, tip_ratio=rod.tip_ratio + change)
     if name == "bow":
         return replace(rod, bow=(rod.bow[0] + change, rod.bow[1]))
+    if name == "section_skew":
+        return _skewed(rod, change)
+    if name == "section_rigidity":
+        name, change = "rigidity", change * rod.beam.flexural_rigidity
     key = "flexural_rigidity" if name == "rigidity" else name
     beam = replace(rod.beam, **{key: getattr(rod.beam, key) + change})
     return replace(rod, beam=beam)
+
+
+def _skewed(rod: Rod, skew: float) -> Rod:
+    """Return a rod whose force towards y also bends it towards z, as stiff as before towards y.
+
+    A section with axes in the ratio 1 + e, the first inclined by a from y, is the vector
+    e (cos 2a, sin 2a), to first order; a skew is added to its second component.
+    """
+    excess, angle = rod.aspect_ratio - 1, 2 * rod.section_angle
+    plain, skewed = excess * np.cos(angle), excess * np.sin(angle) + skew
+    size = float(np.hypot(plain, skewed))
+    rigidity = rod.beam.flexural_rigidity * (1 + excess - plain) / (1 + size - plain)
+    return replace(
+        rod,
+        beam=replace(rod.beam, flexural_rigidity=rigidity),
+        aspect_ratio=1 + size,
+        section_angle=float(np.arctan2(skewed, plain)) / 2,
+    )
 
 
 class Neighbours(NamedTuple):

@@ -1,22 +1,25 @@
 """Information limits of all frames of a dataset, written beside its truth."""
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
+from solver.instrument.image_frame import LEARN
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.generation.workers import Pool
+from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.table import SCHEMA, LimitsOfPushes
 from vbaa_bench.limits.visible_places import visible_in_image
 from vbaa_bench.render.variant import activate
@@ -28,6 +31,7 @@ from vbaa_bench.scene.schema import Scene
 Progress = Callable[[int, int], None]
 # Starts and ends of hidden stretches [mm] by frame.
 Hidden = dict[str, Sequence[float]]
+Pushes = Sequence[Sequence[FrameSpec]]
 # Pushes of one job. Chosen: a job takes seconds.
 _PUSHES: Final = 8
 
@@ -46,18 +50,30 @@ class _Worker:
         self._limits = LimitsOfPushes(self.scene, self.rig, self.folder)
 
     def pushes(
-        self, tick: Callable[[], None], pushes: Sequence[Sequence[FrameSpec]], hidden: Hidden
+        self,
+        tick: Callable[[], None],
+        pushes: Pushes,
+        hidden: Hidden,
+        learned: Information | None,
     ) -> list[dict[str, Any]]:
-        """Return the rows of some pushes."""
-
-        def visible(pose: Pose) -> Floats:
-            return visible_in_image(pose, hidden[pose.spec.frame_id])
-
+        """Return the rows of some pushes; `learned` is the information to learn from on the rig."""
         rows = []
         for specs in pushes:
-            rows += self._limits.rows(specs, visible)
+            of_others = None if _split(self.scene, specs) == LEARN else learned
+            rows += self._limits.rows(specs, partial(_visible, hidden), of_others)
             tick()
         return rows
+
+    def on_rig(self, _tick: Callable[[], None], pushes: Pushes, hidden: Hidden) -> Information:
+        """Return the information of some pushes on the rig."""
+        total = Information((), np.zeros((0, 0)))
+        for specs in pushes:
+            total += self._limits.on_rig(specs, partial(_visible, hidden))
+        return total
+
+
+def _visible(hidden: Hidden, pose: Pose) -> Floats:
+    return visible_in_image(pose, hidden[pose.spec.frame_id])
 
 
 def limits_of_dataset(
@@ -88,17 +104,30 @@ def limits_of_dataset(
             "dataset that this version has generated"
         )
     pushes = [tuple(group) for _, group in itertools.groupby(specs, lambda one: one.push_number)]
-    jobs = []
-    for first in range(0, len(pushes), _PUSHES):
-        some = pushes[first : first + _PUSHES]
-        of_job = {spec.frame_id: hidden[spec.frame_id] for spec in itertools.chain(*some)}
-        jobs.append(("pushes", (some, of_job)))
-    arguments = file.scene, planned.rig, folder, variant
-    with Pool(max(1, min(workers, len(jobs))), _Worker, arguments) as pool:
+    arguments, parts = (file.scene, planned.rig, folder, variant), list(_parts(pushes, hidden))
+    with Pool(max(1, min(workers, len(parts))), _Worker, arguments) as pool:
+        learned = None
+        if to_learn := [push for push in pushes if _split(file.scene, push) == LEARN]:
+            of_parts = pool.run([("on_rig", part) for part in _parts(to_learn, hidden)])
+            learned = sum(of_parts, Information((), np.zeros((0, 0))))
+        jobs = [("pushes", (*part, learned)) for part in parts]
         done = pool.run(jobs, partial(_report, progress, len(pushes)))
     table = pl.DataFrame(list(itertools.chain(*done)), schema=SCHEMA, orient="row")
     write_limits(layout, table.sort("frame_id", "information"))
     return table
+
+
+def _parts(pushes: Pushes, hidden: Hidden) -> Iterator[tuple[Pushes, Hidden]]:
+    """Divide pushes into jobs, with what is hidden in their frames."""
+    for first in range(0, len(pushes), _PUSHES):
+        some = pushes[first : first + _PUSHES]
+        frames = itertools.chain.from_iterable(some)
+        yield some, {spec.frame_id: hidden[spec.frame_id] for spec in frames}
+
+
+def _split(scene: Scene, push: Sequence[FrameSpec]) -> str:
+    """Return the split of a push; "" if the scene has none."""
+    return scene.splits.name(scene.seed, push[0].push_number) if scene.splits else ""
 
 
 def _report(progress: Progress, total: int, done: int) -> None:

@@ -60,6 +60,10 @@ def scene_of_map(file: SceneFile, information: str) -> SceneFile:
     if file.scene.mechanics == "linear":
         message = "is linear, but the limits are those of the exact beam"
         raise InputError(file.message_at(("mechanics",), message))
+    if information == "learned":
+        raise InputError(
+            "--information is learned, which needs the pushes of a dataset; allowed are the others"
+        )
     if information == "moment" and sensors.moment_y is None:
         raise InputError(file.message_at(("moment_sensor",), "is missing, so nothing is read"))
     if information == "force" and (sensors.base_force is None or sensors.base_moment is None):

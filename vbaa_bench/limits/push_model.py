@@ -11,13 +11,17 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
+from vbaa_bench.limits.image_shape import SHAPE
+from vbaa_bench.limits.stated_shape import friction_sigma, uncertain_shape
 from vbaa_bench.mechanics.loaded import Load
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.objects import NothingSpec
 from vbaa_bench.scene.push import StepTarget
 
 RIGIDITY: Final = "rigidity"
+SOFTNESS: Final = SHAPE[-1]
 # Relative step of the differences. Measured: with a half or double step they change by less than
 # 1e-3.
 _STEP: Final = 1e-3
@@ -27,9 +31,9 @@ class PushGradients(NamedTuple):
     """Gradients (f, 5, p) of f frames' contacts, and friction, with respect to p `names`.
 
     They are the object's place along the beam [m], the inclination of its normal [rad], its
-    compliance [m/N], the motor's angle at first contact [rad], the beam's rigidity [N m^2] and, if
-    there is friction, its coefficient. `of_angle` (f, 5) are those with respect to each
-    frame's own pushing angle [rad].
+    compliance [m/N], the motor's angle at first contact [rad], the beam's rigidity [N m^2] and
+    uncertain shape and, if there is friction, its coefficient. `of_angle` (f, 5) are those with
+    respect to each frame's own pushing angle [rad].
     """
 
     names: tuple[str, ...]
@@ -54,9 +58,13 @@ def push_gradients(experiment: Experiment, states: list[State]) -> PushGradients
     }
     if experiment.push.contact_distance is None:
         del variants["contact_distance"]
-    if base.friction > 0:
+    if base.friction > 0 or friction_sigma(experiment.scene):
         variants["friction"] = 1.0
+    uncertain = uncertain_shape(experiment.scene)
+    variants |= {name: unit for name, unit in base.shape_units.items() if name in uncertain}
     columns = {name: base.gradient(name, unit) for name, unit in variants.items()}
+    if SOFTNESS in uncertain:
+        columns[SOFTNESS] = columns["onset"] * base.turns(states)[:, None]
     names = tuple(columns)
     return PushGradients(
         names, np.stack([columns[name] for name in names], axis=-1), columns["onset"]
@@ -81,11 +89,27 @@ class _Variant:
         lever = self.experiment.push.contact_distance or rod.beam.length
         return lever**3 / (3 * rod.beam.flexural_rigidity)
 
+    @property
+    def shape_units(self) -> dict[str, float]:
+        """Natural units of the parameters of the beam's shape that change the contacts.
+
+        A skew of the section changes them in second order only.
+        """
+        tip, bow, rigidity, *_ = SHAPE
+        return {tip: 1.0, bow: 1 / self.experiment.rig.beam.length, rigidity: 1.0}
+
+    def turns(self, states: list[State]) -> Floats:
+        """Compute the changes (f,) of the pushing angle by a clamp of softness 1."""
+        rod = self.experiment.rod
+        moments = np.array([state.base_moment[2] for state in states])
+        return np.asarray(moments / (rod.force_unit * rod.beam.length))
+
     def gradient(self, name: str, unit: float) -> Floats:
         """Differentiate the contacts (f, 5) by one parameter."""
         step = _STEP * unit
-        if name == "compliance" and self.experiment.push.compliance < step:
-            # A compliance is not negative.
+        least = {"compliance": self.experiment.push.compliance, "friction": self.friction}
+        if least.get(name, step) < step:
+            # A compliance is not negative, and neither is a coefficient of friction.
             return (self._changed(name, step)._loads() - self._loads()) / step
         ahead, behind = (self._changed(name, sign * step)._loads() for sign in (1, -1))
         return (ahead - behind) / (2 * step)
@@ -96,10 +120,21 @@ class _Variant:
 
     def _changed(self, name: str, change: float) -> "_Variant":
         one, push = self.experiment, self.experiment.push
-        if name == RIGIDITY:
-            rigidity = one.rig.beam.flexural_rigidity + change
+        tip, bow, section_rigidity, *_ = SHAPE
+        if name in (RIGIDITY, section_rigidity):
+            rigidity = one.rig.beam.flexural_rigidity
+            rigidity += change if name == RIGIDITY else change * rigidity
             beam = replace(one.rig.beam, flexural_rigidity=rigidity)
             return _Variant(replace(one, rig=replace(one.rig, beam=beam)))
+        if name in (tip, bow):
+            spec = one.scene.beam
+            sagitta = change * one.rig.beam.length**2 / 8 / MILLIMETRE
+            moved = {
+                tip: {"tip_ratio": spec.tip_ratio + change},
+                bow: {"bow_mm": spec.bow_mm + sagitta},
+            }
+            spec = spec.model_copy(update=moved[name])
+            return _Variant(replace(one, scene=one.scene.model_copy(update={"beam": spec})))
         if name == "friction":
             touched = one.scene.object.model_copy(update={"friction": self.friction + change})
             return _Variant(replace(one, scene=one.scene.model_copy(update={"object": touched})))

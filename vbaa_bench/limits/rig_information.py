@@ -23,7 +23,6 @@ from vbaa_bench.limits.image_shape import (
     CLAMP,
     FRACTIONS,
     PLACES,
-    SHAPE,
     ImagedBeam,
     Neighbours,
     image_shape,
@@ -33,6 +32,7 @@ from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import beam_at_rest, beam_places
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import information
+from vbaa_bench.limits.stated_shape import stated_shape_information, uncertain_shape
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.push import Push
@@ -61,7 +61,8 @@ class RigInformation:
         image = self.of_image(imaged, state, neighbours, np.ones(PLACES))
         rest = image.eliminated({"brightness", "background"})
         board = board_information(self._assembler, self.exposure)
-        return self._tolerances + board + rest.times(self.scene.sensor.rest_images)
+        stated = self._tolerances + stated_shape_information(self.scene)
+        return stated + board + rest.times(self.scene.sensor.rest_images)
 
     def of_image(
         self,
@@ -114,10 +115,7 @@ class RigInformation:
         names = [*(CLAMP[:3] if tolerances.base_position else ())]
         names += [BEAM[0]] if tolerances.beam_length else []
         names += [BEAM[1]] if tolerances.flexural_rigidity else []
-        # No datasheet states these; a beam that has none of them is not suspected of it.
-        names += [SHAPE[0]] if self.scene.beam.tip_ratio != 1 else []
-        names += [SHAPE[1]] if self.scene.beam.bow_mm else []
-        return tuple(names)
+        return (*names, *uncertain_shape(self.scene))
 
     @property
     def _tolerances(self) -> Information:

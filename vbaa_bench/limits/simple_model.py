@@ -18,7 +18,6 @@ from vbaa_bench.limits.frame_information import APPEARANCE, PlacesInformation, f
 from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.image_shape import (
     BEAM,
-    CLAMP,
     CONTACT,
     FRACTIONS,
     FRICTION,
@@ -62,8 +61,8 @@ class SimpleFit:
     @property
     def is_needed(self) -> bool:
         """Whether the frame breaks an assumption of the simple model."""
-        extra = set(self.frame.parameters) - {*CONTACT, CLAMP[3]}
-        return bool(extra) or self.frame.rig.scene.beam.tip_ratio != 1
+        several = len(self.frame.imaged.loads) > 1
+        return several or any(self.frame.rubbing) or self.frame.rig.scene.beam.tip_ratio != 1
 
     def result(self) -> SimpleModel:
         """Fit the model. Raises EquilibriumError."""

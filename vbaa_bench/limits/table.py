@@ -13,6 +13,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.limits.frame_limits import FrameLimits
+from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.push_limits import PushLimits
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.limits.simple_model import SimpleFit, SimpleModel
@@ -22,6 +23,7 @@ from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
 T = TypeVar("T")
+Visible = Callable[[Pose], Floats]
 
 SCHEMA: Final = {
     "frame_id": pl.String,
@@ -87,34 +89,52 @@ class LimitsOfPushes:
         self._repeated: dict[object, list[Limit]] = {}
 
     def rows(
-        self, specs: Sequence[FrameSpec], visible: Callable[[Pose], Floats]
+        self,
+        specs: Sequence[FrameSpec],
+        visible: Visible,
+        learned: Information | None = None,
     ) -> list[dict[str, Any]]:
         """Return the rows of the frames of one push; none of a frame without contact.
 
         There are none in a scene of linear mechanics: the limits are those of the exact beam.
 
-        `visible` computes the visible fraction (n,) of PLACES equal parts of the beam.
+        `visible` computes the visible fraction (n,) of PLACES equal parts of the beam; `learned` is
+        the information of other pushes on the rig.
         """
         if self.scene.mechanics == "linear":
             return []
         key = self._key(specs[0])
         limits = self._repeated.get(key)
         if limits is None or key is None:
-            limits = list(self._limits(specs, visible))
+            limits = list(self._limits(self._frames(specs, visible, learned)))
             self._repeated[key] = limits
         names = {spec.step: spec.frame_id for spec in specs}
         return [limit.row(names[limit.step]) for limit in limits]
 
-    def _limits(
-        self, specs: Sequence[FrameSpec], visible: Callable[[Pose], Floats]
-    ) -> Iterator[Limit]:
+    def on_rig(self, specs: Sequence[FrameSpec], visible: Visible) -> Information:
+        """Return the information of the images of one push on the rig."""
+        total = Information((), np.zeros((0, 0)))
+        if self.scene.mechanics == "linear":
+            return total
+        for one in _solvable(frame.on_rig for frame in self._frames(specs, visible)):
+            total += one
+        return total
+
+    def _frames(
+        self, specs: Sequence[FrameSpec], visible: Visible, learned: Information | None = None
+    ) -> list[FrameLimits]:
+        """Solve the frames of one push; only those with contact have limits."""
         first = specs[0]
         experiment = Experiment(first.scene, self.rig, first.push, self.folder)
-        states, frames = experiment.states(), []
-        for spec in specs:
-            pose = Pose(experiment, spec, states[spec.step])
-            if pose.state.contacts:
-                frames.append(FrameLimits(self._rig, pose, visible(pose)))
+        states = experiment.states()
+        poses = [Pose(experiment, spec, states[spec.step]) for spec in specs]
+        return [
+            FrameLimits(self._rig, pose, visible(pose), learned)
+            for pose in poses
+            if pose.state.contacts
+        ]
+
+    def _limits(self, frames: Sequence[FrameLimits]) -> Iterator[Limit]:
         for frame in frames:
             for name, values in _solvable(frame.by_set()):
                 simple = _simple_model(frame, name)
@@ -133,9 +153,9 @@ class LimitsOfPushes:
 
 def _simple_model(frame: FrameLimits, information: str) -> SimpleModel | None:
     """Fit the simple model of an information set; None if it needs none, or does not fit."""
-    if information not in ("planar", "image"):
+    if information not in ("planar", "learned", "image"):
         return None
-    fit = SimpleFit(frame, planar=information == "planar")
+    fit = SimpleFit(frame, planar=information != "image")
     if not fit.is_needed:
         return None
     try:

@@ -1,7 +1,7 @@
 """Selection of the solver's methods for which a dataset has the readings."""
 
+from solver.instrument.image_frame import LEARN
 from solver.instrument.observation import Observations
-from solver.learning.frames import SPLIT
 from solver.methods import LEARNING, METHODS
 
 
@@ -16,6 +16,6 @@ def applicable(observations: Observations) -> list[str]:
         inapplicable.add("force_sensor")
     if len(set(pushes)) == len(pushes):
         inapplicable |= {"stiffness", "push_fit", "push_fit_friction"}
-    if all(frame.split != SPLIT for frame in observations):
+    if all(frame.split != LEARN for frame in observations):
         inapplicable |= LEARNING
     return [name for name in METHODS if name not in inapplicable]

@@ -130,7 +130,7 @@ def _truths_and_errors() -> dict[str, Column]:
 def _limits() -> dict[str, Column]:
     columns = {
         "frame_id": JOINED["frame_id"],
-        "information": Column("information set: planar, image, moment, force or push"),
+        "information": Column("information set: planar, learned, image, moment, force or push"),
     }
     for quantity in LIMITED:
         described = PREDICTIONS[quantity.column]
@@ -179,7 +179,9 @@ SCORES: Final = {
     "light": Column("kind of the first light"),
     "noise_class": Column("class of a pixel's noise, in % of the beam's peak"),
     "scene": Column("title of the scene"),
-    "information": Column("information set of the limits: planar, image, moment, force or push"),
+    "information": Column(
+        "information set of the limits: planar, learned, image, moment, force or push"
+    ),
     "true_state": Column("contact, no contact, or the first reason for which a refusal is right"),
     "snr": Column("signal-to-noise ratio of the bend in the image"),
     "method": Column("method, with its centreline after @ if it is not the default"),

@@ -13,6 +13,7 @@ from vbaa_bench.scoring.scored_quantities import LIMITED
 # Information sets, as in the table of limits, in words.
 SETS: Final = {
     "planar": "the image and the known plane",
+    "learned": "the image, the known plane and the pushes to learn from",
     "image": "the image",
     "moment": "the image and the moment sensor",
     "force": "the image and the force sensor",
@@ -27,7 +28,7 @@ _OF_METHOD: Final = {
     "linear_fit": "planar",
     "exact_fit": "planar",
     "exact_fit_3d": "image",
-    "exact_fit_learned": "planar",
+    "exact_fit_learned": "learned",
     "two_contact_fit": "planar",
     "push_fit": "push",
     "push_fit_friction": "push",

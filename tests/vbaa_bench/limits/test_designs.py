@@ -76,6 +76,8 @@ def test_without_a_possible_design_all_reasons_are_listed() -> None:
         designs(Path("scenes/linear_beam.yaml"), (), "image")
     with pytest.raises(InputError, match="moment_sensor is missing"):
         designs(QUICKSTART, (), "moment")
+    with pytest.raises(InputError, match="--information is learned, which needs the pushes"):
+        designs(QUICKSTART, (), "learned")
 
 
 @pytest.mark.parametrize(

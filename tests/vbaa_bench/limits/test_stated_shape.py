@@ -1,0 +1,108 @@
+"""Limits of a beam whose taper, section, clamp and friction are known only to a tolerance."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.vbaa_bench.limits.experiments import paper_push, push
+from vbaa_bench.limits.frame_limits import FrameLimits
+from vbaa_bench.limits.named_information import Information
+from vbaa_bench.limits.push_limits import PushLimits
+from vbaa_bench.limits.push_model import push_gradients
+from vbaa_bench.render.variant import activate
+
+X_C, FORCE = 0, 2
+
+
+@pytest.fixture(autouse=True)
+def _active(variant: str) -> None:
+    activate(variant, 1)
+
+
+def stated(**tolerances: Any) -> FrameLimits:
+    return push(tolerances={"flexural_rigidity_pct": 1.0, **tolerances})[1]
+
+
+def planar(frame: FrameLimits) -> Any:
+    return next(values for name, values in frame.by_set() if name == "planar")
+
+
+def test_a_skew_section_turns_a_small_deflection_by_the_skew() -> None:
+    (frame,) = push(pushes={"contact_distance_mm": [140], "deflection_pct": [0.2]})
+    beams = frame.imaged.neighbours(("section_skew",))["section_skew"]
+    change = (beams.ahead.beam.centreline - beams.behind.beam.centreline) / beams.difference
+    deflection = frame.imaged.beam.centreline[:, 2]
+    np.testing.assert_allclose(np.abs(change[:, 3]), deflection, rtol=2e-3, atol=1e-8)
+    np.testing.assert_allclose(change[:, 2], 0.0, atol=2e-3 * deflection.max())
+
+
+def test_a_soft_clamp_turns_with_the_push_and_against_the_pushing_angle() -> None:
+    """A softness c turns the clamp by c F x_c L / EI."""
+    frame = stated(clamp_softness=0.01)
+    load, rod = frame.imaged.beam, frame.imaged.rod
+    point, force = load.points[0], load.forces[0]
+    moment = np.cross(point, force)[2] / (rod.force_unit * rod.beam.length)
+    beams = frame.imaged.neighbours(("clamp_softness",))["clamp_softness"]
+    turn = (beams.ahead.frame_from_clamp - beams.behind.frame_from_clamp) / beams.difference
+    assert turn[1, 0] == pytest.approx(moment, rel=1e-6)
+    of_push = push_gradients(frame.pose.experiment, [frame.pose.state])
+    softness = of_push.gradients[0, :, of_push.names.index("clamp_softness")]
+    np.testing.assert_allclose(softness, -moment * of_push.of_angle[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("key", "little", "much"),
+    [
+        ("tip_ratio_pct", 1e-4, 3.0),
+        ("friction", 1e-6, 0.2),
+        ("clamp_softness", 1e-7, 0.02),
+        ("aspect_ratio_pct", 1e-4, 3.0),
+    ],
+)
+def test_a_tolerance_raises_the_limits_of_one_image_and_of_a_push(
+    key: str, little: float, much: float
+) -> None:
+    certain = planar(stated())
+    np.testing.assert_allclose(planar(stated(**{key: little})), certain, rtol=1e-4)
+    quantity = FORCE if key == "aspect_ratio_pct" else X_C
+    uncertain = stated(**{key: much})
+    assert planar(uncertain)[quantity] > 1.02 * certain[quantity]
+    image = dict(uncertain.by_set())["image"]
+    both = [uncertain, replace(uncertain)]
+    assert list(PushLimits(both).limits())[1][X_C] < image[X_C]
+
+
+def test_an_uncertain_section_is_an_uncertain_rigidity() -> None:
+    """With a section of sigma s in an unknown direction, EI has the sigma s sqrt(3/2)."""
+    frame = stated(aspect_ratio_pct=4.0)
+    force = frame.imaged.loads[0].normal_force
+    certain, uncertain = planar(stated())[FORCE], planar(frame)[FORCE]
+    added = np.sqrt(uncertain**2 - certain**2) / force
+    assert added == pytest.approx(0.04 * np.sqrt(1.5), rel=0.02)
+
+
+def test_an_unknown_taper_is_the_limit_of_a_large_tolerance() -> None:
+    pushes = {"contact_distance_mm": [140], "deflection_pct": [20]}
+    (unknown,) = push(beam={"tip_ratio": 0.99}, pushes=pushes)
+    (vague,) = push(beam={"tip_ratio": 0.99}, pushes=pushes, tolerances={"tip_ratio_pct": 80})
+    np.testing.assert_allclose(planar(vague), planar(unknown), rtol=1e-3)
+
+
+def test_learning_from_many_pushes_leaves_the_limit_of_a_known_beam() -> None:
+    frame = stated(tip_ratio_pct=3.0)
+    once = replace(frame, learned=frame.on_rig)
+    often = replace(frame, learned=frame.on_rig.times(10**7))
+    limits = [dict(one.by_set())["learned"][X_C] for one in (once, often)]
+    known = planar(stated())[X_C]
+    assert known > limits[1] > 0.3 * known  # it also learns clamp and camera
+    assert planar(frame)[X_C] > limits[0] > limits[1]
+    nothing = replace(frame, learned=Information((), np.zeros((0, 0))))
+    np.testing.assert_allclose(dict(nothing.by_set())["learned"], planar(frame))
+
+
+def test_frames_without_stated_shape_have_no_parameters_of_it() -> None:
+    frame = paper_push()[0]
+    assert "friction_along" not in frame.parameters
+    assert "tip_ratio" not in frame.bending
