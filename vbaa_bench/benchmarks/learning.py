@@ -5,7 +5,7 @@ others, the pushes to learn from are drawn at random, several times. The rigs of
 pooled.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -28,28 +28,36 @@ from solver.tracker import run_method
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.scoring.information import scored_limits
 
 # Error in sigmas above which an answer is wrong.
 _WRONG: Final = 3.0
-# Columns of a row of errors: x_c and its sigma [% of the length], force and its sigma [%].
-X_C, X_SIGMA, FORCE, FORCE_SIGMA = range(4)
+# Columns of a row of errors: x_c and its sigma [% of the length], force and its sigma [%], and the
+# information limit of x_c [% of the length], NaN where none was computed.
+X_C, X_SIGMA, FORCE, FORCE_SIGMA, LIMIT = range(5)
+# Information sets of both beams.
+STATED, LEARNED = "planar", "learned"
 
 
 class _Frame(NamedTuple):
-    """A frame's measurement, its push and split, its true contact distance [m] and force [N]."""
+    """A frame's measurement, its push and split, its true contact distance [m] and force [N].
+
+    `limits` are those of the contact distance [m] by information set.
+    """
 
     measurement: Measurement
     push: str
     split: str
     x_c: float
     force: float
+    limits: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Errors:
     """Errors of one method on a scene: `rows` (n, 4) of the answered of `frames` frames.
 
-    Only frames with a true contact count. `rows` has the columns X_C to FORCE_SIGMA.
+    Only frames with a true contact count. `rows` has the columns X_C to LIMIT.
     """
 
     scene: str
@@ -60,8 +68,9 @@ class Errors:
     def line(self) -> tuple[str, ...]:
         """Format as a line of a table, in the order of HEADS."""
         if not len(self.rows):
-            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 6)
-        x, x_sigma, force, force_sigma = np.asarray(self.rows).T
+            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 8)
+        x, x_sigma, force, force_sigma, limit = np.asarray(self.rows).T
+        limited = np.isfinite(limit)
         rmse = float(np.sqrt(np.mean(x**2)))
         return (
             self.scene,
@@ -72,6 +81,8 @@ class Errors:
             f"{np.median(np.abs(x)):.3f}",
             f"{np.mean(np.abs(x) <= _WRONG * x_sigma) / PERCENT:.0f}",
             f"{np.sqrt(np.mean(x_sigma**2)) / rmse:.2f}",
+            f"{np.sqrt(np.mean(limit[limited] ** 2)):.3f}" if limited.any() else "-",
+            f"{np.median((x_sigma / limit)[limited]):.2f}" if limited.any() else "-",
             f"{np.sqrt(np.mean(force**2)):.2f}",
             f"{np.mean(np.abs(force) <= _WRONG * force_sigma) / PERCENT:.0f}",
         )
@@ -86,6 +97,8 @@ HEADS: Final = (
     "median",
     "within 3 sigma, %",
     "sigma / RMSE",
+    "limit, % of L",
+    "sigma / limit",
     "RMSE of force, %",
     "force within 3 sigma, %",
 )
@@ -103,8 +116,9 @@ def measure(
 
     Where there is no split to learn from, `pushes` pushes are drawn `draws` times, as functions of
     `seed`. With `force_sigma_pct`, the force of one frame to learn from is known with this sigma,
-    as from a balance. `progress` is called after each dataset. Raises InputError for a damaged
-    dataset, and where no beam can be learned from any.
+    as from a balance. Limits are those of the dataset, if they were computed. `progress` is called
+    after each dataset. Raises InputError for a damaged dataset, and where no beam can be learned
+    from any.
     """
     results = []
     for root in roots:
@@ -147,7 +161,7 @@ def _trials(
     )
     for chosen in choices:
         tested = [frame for frame in frames if frame.push not in chosen]
-        before = [_errors(frame, exact_fit_of(frame.measurement)) for frame in tested]
+        before = [_errors(frame, exact_fit_of(frame.measurement), STATED) for frame in tested]
         to_learn = [[f for f in frames if f.push == name] for name in sorted(chosen)]
         try:
             beam = learn_beam([[frame.measurement for frame in push] for push in to_learn])
@@ -165,7 +179,7 @@ def _trials(
         yield (
             before,
             [
-                _errors(frame, exact_fit_of(measurement))
+                _errors(frame, exact_fit_of(measurement), LEARNED)
                 for frame, measurement in zip(tested, learned, strict=True)
             ],
         )
@@ -176,7 +190,7 @@ def exact_fit_of(measurement: Measurement) -> Estimate:
     return run_method(exact_fit, measurement)
 
 
-def _errors(frame: _Frame, estimate: Estimate) -> Floats | None:
+def _errors(frame: _Frame, estimate: Estimate, information: str) -> Floats | None:
     if not estimate.values:
         return None
     length = frame.measurement.rig.beam.length * PERCENT
@@ -187,6 +201,7 @@ def _errors(frame: _Frame, estimate: Estimate) -> Floats | None:
             estimate.sigma("x_c_m") / length,
             (estimate.values["force_n"] - frame.force) / relative,
             estimate.sigma("force_n") / relative,
+            frame.limits.get(information, np.nan) / length,
         ]
     )
 
@@ -197,6 +212,7 @@ def _frames(layout: Layout) -> list[_Frame]:
     antenna = set_up(observations)
     truth = open_truth(layout.truth, centrelines=False).frames
     rows = {row["frame_id"]: row for row in truth.iter_rows(named=True)}
+    limits = _limits(layout)
     frames = []
     for image in observations:
         row = rows[image.frame_id]
@@ -204,8 +220,20 @@ def _frames(layout: Layout) -> list[_Frame]:
         if measurement is not None:
             x_c = row["x_c_mm"] * MILLIMETRE
             push = image.push_id or image.frame_id
-            frames.append(_Frame(measurement, push, image.split, x_c, row["force_n"]))
+            of_frame = limits.get(image.frame_id, {})
+            frames.append(_Frame(measurement, push, image.split, x_c, row["force_n"], of_frame))
     return frames
+
+
+def _limits(layout: Layout) -> Mapping[str, Mapping[str, float]]:
+    """Read the limits of x_c [m] by frame and information set; none were computed by default."""
+    table = scored_limits(layout)
+    limits: dict[str, dict[str, float]] = {}
+    if table is not None:
+        columns = table.select("frame_id", "information", "x_c_limit_mm").drop_nulls()
+        for frame, information, limit in columns.iter_rows():
+            limits.setdefault(frame, {})[information] = limit * MILLIMETRE
+    return limits
 
 
 def markdown(results: Sequence[Errors], command: str) -> str:

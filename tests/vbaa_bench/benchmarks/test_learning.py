@@ -11,7 +11,7 @@ from vbaa_bench.benchmarks.learning import HEADS, Errors, count_datasets, markdo
 
 
 def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
-    rows = np.array([[0.1, 0.05, 1.0, 0.2], [-0.1, 0.02, 1.0, 0.5]])
+    rows = np.array([[0.1, 0.05, 1.0, 0.2, 0.02], [-0.1, 0.02, 1.0, 0.5, np.nan]])
     line = dict(zip(HEADS, Errors("a", "learned", 4, rows).line(), strict=True))
     assert line["answered, %"] == "50"
     assert line["RMSE of x_c, % of L"] == "0.100"
@@ -19,7 +19,9 @@ def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
     assert line["sigma / RMSE"] == f"{np.sqrt((0.05**2 + 0.02**2) / 2) / 0.1:.2f}"
     assert line["RMSE of force, %"] == "1.00"
     assert line["force within 3 sigma, %"] == "50"
-    empty = Errors("a", "learned", 4, np.empty((0, 4))).line()
+    assert line["limit, % of L"] == "0.020"
+    assert line["sigma / limit"] == "2.50"
+    empty = Errors("a", "learned", 4, np.empty((0, 5))).line()
     assert empty[:4] == ("a", "learned", "4", "0")
     assert len(empty) == len(HEADS)
     assert "| a | learned | 4 |" in markdown([Errors("a", "learned", 4, rows)], "command")
