@@ -10,6 +10,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.scene_assembler import Pose
 from vbaa_bench.limits.image_shape import (
     BEAM,
+    CAMERA_SHIFT,
     CLAMP,
     CONTACT,
     FRICTION,
@@ -63,21 +64,23 @@ class FrameLimits:
 
     @cached_property
     def image(self) -> Information:
-        """Information of the image, of all data before it, and of the stated friction."""
-        all_data = self.of_image + self.rig.before_contact + self.of_friction
+        """Information of the image, of all data before it, and of what is stated of a frame."""
+        all_data = self.of_image + self.rig.before_contact + self.stated
         return all_data.without(self.rig.known)
 
     @property
-    def of_friction(self) -> Information:
-        """Information of the stated friction of an unknown object."""
-        sigma = friction_sigma(self.rig.scene)
-        stated = set(FRICTION) & set(self.parameters) if sigma else set()
-        return Information.of_priors(dict.fromkeys(sorted(stated), sigma))
+    def stated(self) -> Information:
+        """Information of the stated friction of an unknown object and shift of the camera."""
+        sigmas = dict.fromkeys(FRICTION, friction_sigma(self.rig.scene))
+        sigmas |= dict.fromkeys(CAMERA_SHIFT, self.rig.scene.tolerances.camera_shift_px)
+        return Information.of_priors(
+            {name: sigmas[name] for name in self.parameters if sigmas.get(name)}
+        )
 
     @property
     def on_rig(self) -> Information:
         """Information of this image on the rig, where contact and force are in plane C."""
-        image = (self.of_image + self.of_friction).without({CONTACT[2], *self.rig.known})
+        image = (self.of_image + self.stated).without({CONTACT[2], *self.rig.known})
         return image.eliminated(self.parameters)
 
     @cached_property
@@ -112,6 +115,8 @@ class FrameLimits:
             names += SECOND_CONTACT
         if self.rig.scene.camera.mount == "world":
             names += (CLAMP[3],)  # no encoder reads it
+        if self.rig.scene.tolerances.camera_shift_px:
+            names += CAMERA_SHIFT
         return names
 
     @property

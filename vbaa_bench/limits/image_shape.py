@@ -32,6 +32,9 @@ CLAMP: Final = ("clamp_x", "clamp_y", "clamp_z", "motor_angle")
 BEAM: Final = ("length", "rigidity")
 SHAPE: Final = ("tip_ratio", "bow", "section_rigidity", "section_skew", "clamp_softness")
 PARAMETERS: Final = (*CONTACT, *CLAMP, *BEAM, *INTRINSICS, *POSE)
+# Shift of the image since the rest images [px].
+CAMERA_SHIFT: Final = ("camera_shift_x", "camera_shift_y")
+_SHIFTED: Final = dict(zip(CAMERA_SHIFT, ("cx", "cy"), strict=True))
 _SECOND: Final = "second_"
 
 # Step of the central differences: relative to the parameter, or to the natural unit of those that
@@ -104,7 +107,7 @@ class ImagedBeam:
             moved = self.frame_from_clamp.copy()
             moved["xyz".index(name[-1]), 3] += change
             return replace(self, frame_from_clamp=moved, shape=self.beam)
-        camera = changed_camera(self.camera, name, change)
+        camera = changed_camera(self.camera, _SHIFTED.get(name, name), change)
         return replace(self, camera=camera, shape=self.beam)
 
     def unit(self, name: str) -> float:
@@ -122,7 +125,7 @@ class ImagedBeam:
             return values[name]
         if name.startswith(("clamp", "move")):
             return beam.length
-        return camera_unit(self.camera, name)
+        return camera_unit(self.camera, _SHIFTED.get(name, name))
 
     def _with_load(self, name: str, change: float, second: bool) -> "ImagedBeam":
         """Change a parameter of the first or of the second load."""

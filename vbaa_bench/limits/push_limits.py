@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.limits.frame_limits import FrameLimits
-from vbaa_bench.limits.image_shape import CONTACT, FRICTION
+from vbaa_bench.limits.image_shape import CAMERA_SHIFT, CONTACT, FRICTION
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.push_model import PushGradients, push_gradients
 from vbaa_bench.limits.stated_shape import friction_sigma
@@ -45,8 +45,11 @@ class PushLimits:
         rows = self._rows(number)
         changes = {name: rows[i] for i, name in enumerate(_LOAD) if name in frame.parameters}
         information = frame.of_image.mapped(names, changes)
-        # The image of a camera that is fixed in the world informs on the motor's angle, too.
-        information = information.renamed({"motor_angle": _angle(number)})
+        information += frame.stated.without(FRICTION)
+        # The image of a camera that is fixed in the world informs on the motor's angle, too; every
+        # image is shifted in its own way.
+        own = {name: f"{name}_{number}" for name in CAMERA_SHIFT}
+        information = information.renamed({"motor_angle": _angle(number), **own})
         encoder = nominal_rig(frame.rig.scene).tolerances.encoder
         if frame.rig.scene.camera.mount == "world":
             return information

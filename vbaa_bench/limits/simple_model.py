@@ -141,7 +141,7 @@ class SimpleFit:
     def _before(self) -> Floats:
         """Information (p, p) of the data before contact, on which the model agrees."""
         rig = self.frame.rig
-        before = rig.before_contact.without(rig.known | {*SHAPE})
+        before = (rig.before_contact + self.frame.stated).without(rig.known | {*SHAPE, *FRICTION})
         before = before.eliminated(set(before.names) - set(self._names))
         empty = Information(self._names, np.zeros((len(self._names),) * 2))
         return (empty + before).matrix

@@ -58,6 +58,7 @@ def nominal_rig(scene: Scene) -> Rig:
             board_translation=tolerances.board_mm * MILLIMETRE,
             board_rotation=tolerances.board_deg * DEGREE,
             encoder=tolerances.encoder_deg * DEGREE,
+            camera_shift_px=tolerances.camera_shift_px,
         ),
         telecentric=scene.camera.projection == "telecentric",
         camera_mount=scene.camera.mount,

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
+from solver.instrument.rig import MAX_SHIFT_PX
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
@@ -110,6 +111,8 @@ class ToleranceSpec(Part):
     board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
+    # Shift of the image since the rest images, in each direction.
+    camera_shift_px: Annotated[float, Field(ge=0, le=MAX_SHIFT_PX)] = 0.0
     # Stated sigmas of what a uniform, frictionless beam on a rigid clamp does not have: width of
     # the tip over that at the clamp, less one; the section's second axis over its first, less one;
     # coefficient of friction; the clamp's rotation over its moment, in units of L / EI.
