@@ -14,6 +14,7 @@ from solver.instrument.transforms import apply, rigid, turn_about_z
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.geometry import objects
 from vbaa_bench.geometry.mesh_file import read_mesh, touching
+from vbaa_bench.geometry.weight import weight
 from vbaa_bench.mechanics.surfaces import Ball, Flat, Line, Solid, Surface, ball, upright
 from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.objects import (
@@ -30,6 +31,7 @@ from vbaa_bench.scene.objects import (
     UprightSpec,
     WallSpec,
 )
+from vbaa_bench.scene.weight import WeightSpec
 
 # Allowed extent of a mesh, in beam radii. Outside this range a wrong unit is likely.
 MIN_EXTENT, MAX_EXTENT = 0.5, 2000.0
@@ -80,7 +82,7 @@ class Body:
                 return Flat()
             case MeshSpec():
                 return Solid(self.mesh(0.0))
-            case BlockSpec() | KnifeEdgeSpec() | NothingSpec():
+            case BlockSpec() | KnifeEdgeSpec() | NothingSpec() | WeightSpec():
                 return upright()
 
     def misses(self, touched: Floats, tangent: Floats) -> str | None:
@@ -164,6 +166,15 @@ class Body:
                 )
             case MeshSpec():
                 return self._placed_mesh(spec).mesh.copy()
+            case WeightSpec():
+                return weight(
+                    self.beam_radius,
+                    slope,
+                    spec.thread_diameter_mm * mm / 2,
+                    spec.thread_length_mm * mm,
+                    spec.weight_diameter_mm * mm / 2,
+                    spec.weight_height_mm * mm,
+                )
             case NothingSpec():
                 raise ValueError("no mesh to build")
 
@@ -232,4 +243,17 @@ def place(at: Floats, tangent: Floats, tilt: float, reach: float) -> Floats:
     outward /= np.linalg.norm(outward)
     pose = rigid(np.zeros(3), at - reach * outward)
     pose[:3, :3] = np.column_stack([np.cross(outward, edge), outward, edge])
+    return pose
+
+
+def hanging(at: Floats, tangent: Floats, force: Floats) -> Floats:
+    """Compute clamp_from_object (4, 4) of a weight that pulls at `at` (3,) [m] with `force` (3,).
+
+    Its y axis is up; its x axis is the beam's `tangent` (3,), made level.
+    """
+    up = -force / np.linalg.norm(force)
+    level = tangent - (tangent @ up) * up
+    level /= np.linalg.norm(level)
+    pose = rigid(np.zeros(3), at)
+    pose[:3, :3] = np.column_stack([level, up, np.cross(level, up)])
     return pose

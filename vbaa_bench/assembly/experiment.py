@@ -10,11 +10,12 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
-from solver.instrument.units import DEGREE, MILLIMETRE
-from vbaa_bench.assembly.bodies import Body, place
+from solver.instrument.units import DEGREE, GRAM, MILLIMETRE
+from vbaa_bench.assembly.bodies import Body, hanging, place
 from vbaa_bench.assembly.clamp import overlaps_jaw
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.contact import Obstacle
+from vbaa_bench.mechanics.hung import hang
 from vbaa_bench.mechanics.pushing import Motor, Step, push, rest
 from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.mechanics.state import EquilibriumError, State
@@ -24,10 +25,12 @@ from vbaa_bench.scene.objects import NothingSpec, PadSpec, PlungerSpec, WallSpec
 from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, nominal_rig
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.weight import WeightSpec
 
 LINEAR = "linear, eqs. (9) and (10)"
 PLANAR = "exact, planar: round, weightless, frictionless"
 SPATIAL = "exact, in space"
+HUNG = "exact, under a hung weight"
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Experiment:
             weight=(linear_density * x, linear_density * y, linear_density * z),
             bow=(8 * spec.bow_mm * MILLIMETRE / beam.length**2, 0.0),
             extensible=spec.extensible,
+            clamp_softness=spec.clamp_softness,
         )
 
     @cached_property
@@ -108,6 +112,8 @@ class Experiment:
         """Name of the mechanical model that solves this push."""
         if self.scene.mechanics == "linear":
             return LINEAR
+        if isinstance(self.scene.object, WeightSpec):
+            return HUNG
         scene, first = self.scene, self.obstacles[0]
         upright_edge = isinstance(first.surface, Line) and self.push.normal == 0
         drifts = any(getattr(scene.object, "drift_mm", ()))
@@ -121,6 +127,8 @@ class Experiment:
         that far.
         """
         states = self._states()
+        if self.model == HUNG:
+            return states
         shifts = [float(np.linalg.norm(s.contact.object_shift)) for s in states if s.contacts]
         if isinstance(self.scene.object, PlungerSpec | PadSpec):  # check size and give
             self.body.mesh(max(shifts, default=0.0))
@@ -165,6 +173,10 @@ class Experiment:
 
     def _states(self) -> list[State]:
         model, segments = self.model, self.scene.beam.centreline_segments
+        if isinstance(self.scene.object, WeightSpec):
+            force = self.scene.object.weight_g * GRAM * np.array(self.push.gravity)
+            angles, place = [step.size for step in self.steps], self.push.contact_distance or 0.0
+            return hang(self.rod, self.motor, place, force, angles, segments)
         distance, first = self.push.contact_distance or 0.0, self.obstacles[0]
         if model == SPATIAL:
             return push(self.rod, self.motor, self.obstacles, distance, self.steps, segments)
@@ -201,6 +213,8 @@ class Experiment:
 
     def clamp_from_object(self, state: State, step: int, index: int = 0) -> Floats:
         """Compute clamp_from_object (4, 4) of an obstacle, displaced as the beam has pushed it."""
+        if self.model == HUNG:
+            return hanging(state.contact.point, state.contact.tangent, state.contact.force)
         obstacle = self.obstacles[index]
         world = self.motor.clamp_from_world(state.pushing_angle, self.steps[step].drift)
         pose = world @ obstacle.world_from_object
@@ -261,7 +275,7 @@ class Experiment:
             point, tangent = self._resting_at(self.push.contact_distance or 0.0)
         offset = self.rod.reach(self.push.contact_distance or 0.0, self.push.normal)
         pose = place(point, tangent, self.push.normal, offset)
-        friction = 0.0 if isinstance(spec, NothingSpec) else spec.friction
+        friction = getattr(spec, "friction", 0.0)
         return Obstacle(
             self.body.surface(),
             pose,

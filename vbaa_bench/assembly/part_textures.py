@@ -29,6 +29,7 @@ from vbaa_bench.scene.paint import (
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.weight import WeightSpec
 
 # Reflectance of bare steel where its texture is brightest, over that of iron.
 _BARE = 0.8
@@ -40,7 +41,7 @@ def object_texture(scene: Scene, rig: TrueRig, folder: Path, number: int = 0) ->
     It is None if the object has none. `number` is that of the random pattern. Raises InputError.
     """
     spec = scene.object
-    if isinstance(spec, NothingSpec) or spec.texture is None:
+    if isinstance(spec, NothingSpec | WeightSpec) or spec.texture is None:
         return None
     ground = -scene.background.distance_mm * MILLIMETRE
     places = box_mapped(Body(spec, rig.beam.radius, ground, folder).mesh(0.0))

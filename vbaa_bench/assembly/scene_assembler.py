@@ -193,7 +193,7 @@ class SceneAssembler:
         if not isinstance(scene.object, NothingSpec):
             object_mesh = experiment.touched_mesh(state, pose.spec.step)
             top = float(object_mesh.vertices[:, 2].max())
-            if scene.object.texture is not None:
+            if self._object_texture is not None:
                 object_mesh = unshared(object_mesh)
             surface = _painted(_placed(object_mesh, frame_from_clamp), scene.object)
             yield "object", replace(surface, texture=self._object_texture)

@@ -13,6 +13,7 @@ from vbaa_bench.generation.readings import carriage_pose
 from vbaa_bench.mechanics.state import Contact, State
 from vbaa_bench.render.visibility import Visibility
 from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.rigs import nominal_rig
 
 
 def truth_row(
@@ -99,9 +100,10 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
         return empty
     contact: Contact = state.contact
     base = experiment.rig.base_position
-    psi = _psi(experiment, contact)
-    in_plane = np.array([0.0, np.cos(psi), np.sin(psi)])
-    across = np.array([0.0, -np.sin(psi), np.cos(psi)])
+    side = nominal_rig(experiment.scene).deflects_towards
+    psi = _psi(experiment, contact, side)
+    in_plane = np.array([0.0, side * np.cos(psi), np.sin(psi)])
+    across = np.array([0.0, -side * np.sin(psi), np.cos(psi)])
     # Eq. (1). The motor turns the clamp about the true position of its axis.
     axis = np.array(experiment.motor.point)
     turn = turn_about_z(phi)[:3, :3]
@@ -112,7 +114,7 @@ def _contact(experiment: Experiment, state: State, phi: float) -> dict[str, Any]
         "s_c_mm": contact.s / mm,
         "theta_c_deg": contact.theta / DEGREE,
         "psi_deg": psi / DEGREE,
-        "force_psi_deg": contact.psi / DEGREE,
+        "force_psi_deg": math.atan2(contact.force[2], side * contact.force[1]) / DEGREE,
         "force_n": _norm(contact.force),
         "f_n": _dot(contact.force, in_plane),
         "w_s_mm": _norm(contact.object_shift) / mm,
@@ -137,12 +139,15 @@ def _norm(a: Floats) -> float:
     return math.sqrt(_dot(a, a))
 
 
-def _psi(experiment: Experiment, contact: Contact) -> float:
-    """Compute the inclination [rad] of plane D, in which the contact has moved from its rest."""
+def _psi(experiment: Experiment, contact: Contact, side: int) -> float:
+    """Compute the inclination [rad] of plane D, in which the contact has moved from its rest.
+
+    It is against the `side` of y, 1 or -1, to which contact bends the beam.
+    """
     line = experiment.rest.centreline
     rest = np.array([np.interp(contact.s, line[:, 0], line[:, i]) for i in (2, 3)])
     y, z = contact.point[1:] - rest
-    return float(np.arctan2(z, y))
+    return float(np.arctan2(z, side * y))
 
 
 def _second_contact(experiment: Experiment, state: State) -> dict[str, Any]:

@@ -50,12 +50,13 @@ def scene_of_map(file: SceneFile, information: str) -> SceneFile:
 
     Of keys that are random per push, the first draw is taken. The motor's angle at first contact
     is the middle of its range, the same at all places. The tolerances count as errors of the rig.
-    Raises InputError if there is no contact distance, if the readings of the `information` set are
-    missing, and for linear mechanics.
+    Raises InputError if the object is not touched at a place, if the readings of the `information`
+    set are missing, and for linear mechanics.
     """
     kind, sensors = file.scene.object.kind, nominal_rig(file.scene).sensors
-    if kind in ("none", "wall"):
-        message = f"is {kind}, which has no contact distance; allowed is any other"
+    if kind in ("none", "wall", "weight"):
+        lack = "normal force" if kind == "weight" else "contact distance"
+        message = f"is {kind}, which has no {lack}; allowed is any other"
         raise InputError(file.message_at(("object", "kind"), message))
     if file.scene.mechanics == "linear":
         message = "is linear, but the limits are those of the exact beam"

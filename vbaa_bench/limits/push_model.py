@@ -17,7 +17,6 @@ from vbaa_bench.limits.image_shape import SHAPE
 from vbaa_bench.limits.stated_shape import friction_sigma, uncertain_shape
 from vbaa_bench.mechanics.loaded import Load
 from vbaa_bench.mechanics.state import State
-from vbaa_bench.scene.objects import NothingSpec
 from vbaa_bench.scene.push import StepTarget
 
 RIGIDITY: Final = "rigidity"
@@ -79,8 +78,7 @@ class _Variant:
 
     @property
     def friction(self) -> float:
-        touched = self.experiment.scene.object
-        return 0.0 if isinstance(touched, NothingSpec) else touched.friction
+        return getattr(self.experiment.scene.object, "friction", 0.0)
 
     @property
     def softest(self) -> float:

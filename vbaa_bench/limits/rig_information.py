@@ -36,7 +36,7 @@ from vbaa_bench.limits.stated_shape import stated_shape_information, uncertain_s
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.push import Push
-from vbaa_bench.scene.rigs import TrueRig, nominal_rig
+from vbaa_bench.scene.rigs import TrueRig, nominal_rig, true_gravity
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure
 
@@ -152,7 +152,7 @@ class RigInformation:
 
     @cached_property
     def _at_rest(self) -> tuple[ImagedBeam, State]:
-        still = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), self.scene.gravity_m_s2)
+        still = Push(0.5 * self.rig.beam.length, 0.0, 0.0, (), true_gravity(self.scene))
         experiment = Experiment(self.scene, self.rig, still, self.folder)
         return beam_at_rest(experiment, self.rig.camera), experiment.rest
 

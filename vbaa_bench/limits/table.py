@@ -21,6 +21,7 @@ from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.weight import WeightSpec
 
 T = TypeVar("T")
 Visible = Callable[[Pose], Floats]
@@ -96,12 +97,13 @@ class LimitsOfPushes:
     ) -> list[dict[str, Any]]:
         """Return the rows of the frames of one push; none of a frame without contact.
 
-        There are none in a scene of linear mechanics: the limits are those of the exact beam.
+        There are none in a scene of linear mechanics, as the limits are those of the exact beam,
+        nor under a hung weight, whose force is not normal to the beam.
 
         `visible` computes the visible fraction (n,) of PLACES equal parts of the beam; `learned` is
         the information of other pushes on the rig.
         """
-        if self.scene.mechanics == "linear":
+        if self.scene.mechanics == "linear" or isinstance(specs[0].scene.object, WeightSpec):
             return []
         key = self._key(specs[0])
         limits = self._repeated.get(key)

@@ -21,6 +21,7 @@ from scipy.integrate import DOP853
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
+from solver.instrument.transforms import rigid
 
 POISSON = 0.3  # of steel; used only for a beam that twists
 STEPS = 32
@@ -46,7 +47,8 @@ class Rod:
     flexural rigidity is that of bending along it. The section's size changes linearly to
     `tip_ratio` of the clamp's at the tip. `weight` (3,) [N/m] acts on every metre of the clamped
     section, in the world; `bow` (2,) [1/m] is the unloaded beam's curvature towards y and
-    z; an `extensible` beam stretches under its axial force.
+    z; an `extensible` beam stretches under its axial force. The clamp turns by `clamp_softness`
+    under a bending moment, in units of L / EI.
     """
 
     beam: Beam
@@ -57,6 +59,7 @@ class Rod:
     weight: tuple[float, float, float] = (0.0, 0.0, 0.0)
     bow: tuple[float, float] = (0.0, 0.0)
     extensible: bool = False
+    clamp_softness: float = 0.0
 
     @property
     def plain(self) -> bool:
@@ -151,10 +154,13 @@ class Rod:
         return float(np.hypot(bend_1, bend_2).max())
 
     def clamp(self, moment: Floats) -> Floats:
-        """Return the state (12,) at the clamp, under a moment (3,)."""
+        """Return the state (12,) at the clamp, under a moment (3,); a soft clamp has turned."""
         state = np.zeros(_SIZE)
         state[3:6] = 0.0, np.cos(self.section_angle), np.sin(self.section_angle)
         state[6] = 1.0
+        if self.clamp_softness:
+            turn = rigid(self.clamp_softness * moment * [0.0, 1.0, 1.0], np.zeros(3))[:3, :3]
+            state[3:6], state[6:9] = turn @ state[3:6], turn @ state[6:9]
         state[9:] = moment
         return state
 

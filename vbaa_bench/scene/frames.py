@@ -20,6 +20,7 @@ from vbaa_bench.scene.push import (
 )
 from vbaa_bench.scene.random_scene import accepted, drawn_scene
 from vbaa_bench.scene.random_streams import random_generator
+from vbaa_bench.scene.rigs import true_gravity
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scene.unit_values import Draw
 
@@ -155,7 +156,7 @@ class Frames:
         onset = float(low + (high - low) * self._onsets[number]) * DEGREE
         if self._per_push == 1:
             onset += expected_pushing_angle(push, scenes[0].beam.length_mm * MILLIMETRE)
-        push = replace(push, gravity=_in_antenna_frame(self._scene.gravity_m_s2, onset))
+        push = replace(push, gravity=_in_antenna_frame(true_gravity(self._scene), onset))
         return tuple(
             FrameSpec(
                 first + step,

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from vbaa_bench.scene.paint import PaintedPart, TextureSpec
 from vbaa_bench.scene.part import Below, Fraction, NonNegative, Part, Positive, Triple, Turn
+from vbaa_bench.scene.weight import WeightSpec
 
 
 class _ObjectSpec(PaintedPart):
@@ -150,6 +151,7 @@ ObjectSpec = Annotated[
     | PlungerSpec
     | PadSpec
     | MeshSpec
+    | WeightSpec
     | NothingSpec,
     Field(discriminator="kind"),
 ]

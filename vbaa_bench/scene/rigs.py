@@ -17,6 +17,7 @@ from vbaa_bench.scene.camera import CalibrationSpec
 from vbaa_bench.scene.light_direction import light_direction
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.schema import Scene
+from vbaa_bench.scene.weight import WeightSpec
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def nominal_rig(scene: Scene) -> Rig:
         base_position=np.zeros(3),
         board=_board(target),
         antenna_from_board=rigid(np.zeros(3), np.array([*target.center_mm, 0.0]) * MILLIMETRE),
-        deflects_towards=1,
+        deflects_towards=_deflects_towards(scene),
         tolerances=Tolerances(
             beam_length=tolerances.beam_length_mm * MILLIMETRE,
             flexural_rigidity=tolerances.flexural_rigidity_pct * PERCENT * rigidity,
@@ -80,6 +81,23 @@ def nominal_rig(scene: Scene) -> Rig:
             friction=tolerances.friction,
         ),
     )
+
+
+def _deflects_towards(scene: Scene) -> int:
+    """Return the side of Sigma_a's y axis to which contact bends the beam, as 1 or -1."""
+    hangs_back = isinstance(scene.object, WeightSpec) and scene.gravity_m_s2[1] < 0
+    return -1 if hangs_back else 1
+
+
+def true_gravity(scene: Scene) -> tuple[float, float, float]:
+    """Return the true gravity [m/s^2] in Sigma_o: the stated one, or turned by its tolerance."""
+    x, y, z = scene.gravity_m_s2
+    if scene.tolerances.true_rig == "nominal" or not scene.tolerances.gravity_deg:
+        return (x, y, z)
+    angle = scene.tolerances.gravity_deg * DEGREE
+    angle *= float(random_generator(scene, "true gravity").standard_normal())
+    cos, sin = math.cos(angle), math.sin(angle)
+    return (cos * x - sin * y, sin * x + cos * y, z)
 
 
 def _sag(scene: Scene, rigidity: float) -> float:

@@ -51,6 +51,7 @@ from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec, SplitSpec
 from vbaa_bench.scene.unit_values import Method
+from vbaa_bench.scene.weight import WeightSpec, weight_mistake
 from vbaa_bench.scene.wires import WiresSpec
 
 
@@ -77,6 +78,8 @@ class BeamSpec(PaintedPart):
     density_kg_m3: Positive = 7930
     # Whether it stretches under its axial force.
     extensible: bool = False
+    # Rotation of the clamp over its bending moment, in units of L / EI.
+    clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
     # Shape of a round beam's tip. Its length and its mechanics stay those of a flat tip: the shape
     # differs over the last diameter only, a share diameter / length of the beam.
     tip: Literal["flat", "round", "cut", "burr"] = "flat"
@@ -113,6 +116,8 @@ class ToleranceSpec(Part):
     encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
     # Shift of the image since the rest images, in each direction.
     camera_shift_px: Annotated[float, Field(ge=0, le=MAX_SHIFT_PX)] = 0.0
+    # Direction of gravity in plane C, which a hung weight needs.
+    gravity_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
     # Stated sigmas of what a uniform, frictionless beam on a rigid clamp does not have: width of
     # the tip over that at the clamp, less one; the section's second axis over its first, less one;
     # coefficient of friction; the clamp's rotation over its moment, in units of L / EI.
@@ -382,6 +387,29 @@ class Scene(Part):
         return self
 
     @model_validator(mode="after")
+    def _check_weight(self) -> "Scene":
+        if not isinstance(self.object, WeightSpec):
+            return self
+        # A hung weight's motion and its other supports are not modelled.
+        parts = {
+            "sampling": self.sampling,
+            "second_peg": self.second_peg,
+            "carriage": self.carriage,
+            "motor_speed_deg_s": self.motor_speed_deg_s,
+        }
+        pushes = self.pushes or PushSpec(pushing_angle_deg=(0.0,))
+        parts["pushes.stiffness_n_m"] = any(k != "rigid" for k in pushes.stiffness_n_m)
+        mistake = weight_mistake(
+            self.gravity_m_s2,
+            pushes.deflection_pct,
+            pushes.normal_deg,
+            [name for name, value in parts.items() if value],
+        )
+        if mistake is not None:
+            raise ValueError(mistake)
+        return self
+
+    @model_validator(mode="after")
     def _check_strip(self) -> "Scene":
         if self.beam.section != "strip":
             return self
@@ -434,7 +462,7 @@ class Scene(Part):
         beam, default = self.beam, BeamSpec()
         unsupported = [
             name
-            for name in ("section", "tip_ratio", "bow_mm", "extensible")
+            for name in ("section", "tip_ratio", "bow_mm", "extensible", "clamp_softness")
             if getattr(beam, name) != getattr(default, name)
         ]
         unsupported += [f"object.{name}" for name in ("friction",) if getattr(self.object, name, 0)]

@@ -64,6 +64,10 @@ X_C: Final = ScoredQuantity("x_c", "mm", pl.col("x_c_mm"))
 _ONSET = pl.when(HAS_CONTACT).then(pl.col("true_motor_angle_deg") + pl.col("pushing_angle_deg"))
 # A column without any contact has no type.
 _Y_C, _PSI = pl.col("y_c_mm").cast(pl.Float64), pl.col("psi_deg").cast(pl.Float64).radians()
+# psi is against the side to which contact bends the beam: -y for a weight that hangs there.
+_FORCE = pl.col("force_antenna_n").cast(pl.List(pl.Float64))
+_TO_MINUS_Y = (_FORCE.list.get(1) < -_FORCE.list.get(2).abs()) & (_PSI.cos() > 0)
+_SIDE = pl.when(_TO_MINUS_Y).then(-1.0).otherwise(1.0)
 # A column without a second contact has no type.
 _SECOND_FORCE = pl.col("second_force_antenna_n").cast(pl.List(pl.Float64))
 _SECOND_SQUARES = [_SECOND_FORCE.list.get(i) ** 2 for i in range(3)]
@@ -83,7 +87,7 @@ SCORED_QUANTITIES: Final = (
     ScoredQuantity("theta_c", "deg", pl.col("theta_c_deg")),
     ScoredQuantity("f", "n", pl.col("f_n")),
     # Eqs. (28), (29): the deflection at the contact, turned by psi.
-    ScoredQuantity("displacement_y", "mm", _Y_C * _PSI.cos()),
+    ScoredQuantity("displacement_y", "mm", _SIDE * _Y_C * _PSI.cos()),
     ScoredQuantity("displacement_z", "mm", _Y_C * _PSI.sin()),
     SECOND_S_C,
     ScoredQuantity("second_force", "n", _SECOND_SIZE),

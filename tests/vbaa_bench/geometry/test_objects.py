@@ -17,6 +17,7 @@ from vbaa_bench.geometry.objects import (
     wall,
 )
 from vbaa_bench.geometry.solids import slab
+from vbaa_bench.geometry.weight import weight
 
 BEAM_RADIUS = 0.4e-3
 
@@ -221,3 +222,17 @@ def test_a_slab_between_two_grids_is_closed_and_outward() -> None:
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.volume == pytest.approx(6)
+
+
+@pytest.mark.parametrize("slope", [0.0, -0.4])
+def test_a_weight_hangs_below_a_loop_that_is_around_the_beam(slope: float) -> None:
+    mesh = weight(BEAM_RADIUS, slope, 0.1e-3, 0.02, 5e-3, 0.012)
+    assert mesh.is_watertight
+    loop, thread, body = mesh.split()
+    assert body.volume == pytest.approx(np.pi * 5e-3**2 * 0.012, rel=2e-3)
+    assert body.bounds[:, 1] == pytest.approx([-0.032, -0.02])
+    assert thread.bounds[0, 1] == pytest.approx(-0.02)
+    along = np.array([1.0, slope, 0.0]) / np.hypot(1.0, slope)
+    away = np.linalg.norm(loop.vertices - np.outer(loop.vertices @ along, along), axis=1)
+    assert away.min() == pytest.approx(BEAM_RADIUS, rel=1e-3)
+    assert np.abs(loop.vertices @ along).max() == pytest.approx(0.1e-3, rel=1e-2)
