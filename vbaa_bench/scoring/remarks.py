@@ -9,6 +9,7 @@ def remarks(scene: dict[str, Any]) -> list[str]:
     pushes, sampling = scene["pushes"] or {}, scene["sampling"] or {}
     angles = pushes.get("pushing_angle_deg") or []
     normals = [*pushes.get("normal_deg", []), *sampling.get("normal_deg", [])]
+    hangs = target["kind"] == "weight"
     flat = beam["section"] == "strip"  # its plane is known
     conditions = {
         "The clamp is offset from the motor axis. The nominal rig does not contain this offset, "
@@ -28,9 +29,14 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "is the bow times the slope of the bent beam. A method that assumes a straight beam "
         "interprets the bow as bending.": beam["bow_mm"] != 0,
         "The sag is almost along the line of sight, where it changes only the scale. rig.json "
-        "states it as sag_mm; a method that neglects it has errors in all lengths.": any(
-            scene["gravity_m_s2"]
+        "states it as sag_mm; a method that neglects it has errors in all lengths.": (
+            scene["gravity_m_s2"][2] != 0
         ),
+        "The load hangs: its direction is fixed in the world, and it has a component along the "
+        "beam. A method that assumes a force normal to the beam has errors that grow with the "
+        "beam's slope.": hangs,
+        "The clamp turns under its moment, which looks like an error of the encoder that grows "
+        "with the force.": beam.get("clamp_softness", 0) > 0,
         "Not observable from one image: friction tilts the force away from the normal, and the "
         "tilted force bends the beam into almost the same shape, so that force and contact are "
         "biased while chi2 stays near 1, unless the rig states how much friction may occur. A "
@@ -43,8 +49,7 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "The beam bends in an inclined plane, which to first order looks like a smaller bend in "
         "plane C. Planar methods estimate the contact correctly and underestimate the force; "
         "exact_fit_3d also estimates the inclination.": any(normals) and not flat,
-        "Steps with a pushing angle of zero or less have no contact.": any(
-            angle <= 0 for angle in angles
-        ),
+        "Steps with a pushing angle of zero or less have no contact.": not hangs
+        and any(angle <= 0 for angle in angles),
     }
     return [sentence for sentence, applies in conditions.items() if applies]

@@ -225,6 +225,8 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         ("hard/moving_object.yaml", "moves by itself"),
         ("hard/two_pegs.yaml", "second peg"),
         ("hard/adaptor.yaml", "motor axis"),
+        ("hard/hung_weight.yaml", "hangs"),
+        ("hard/hung_weight.yaml", "clamp turns"),
         ("fig2_sliding_edge.yaml", "exact_fit_3d"),
         ("train_3d.yaml", "exact_fit_3d"),
         ("free_beam.yaml", "no contact"),
