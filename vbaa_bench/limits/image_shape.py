@@ -95,14 +95,11 @@ class ImagedBeam:
         """Return the same with one of PARAMETERS changed."""
         if name in (*CONTACT, *FRICTION, *SECOND_CONTACT):
             return self._with_load(name.removeprefix(_SECOND), change, name.startswith(_SECOND))
-        if name in ("motor_angle", "clamp_softness"):
-            # The beam turns the clamp against the moment of the clamp on the beam.
-            softness = -self.beam.base_moment[2] / (self.rod.force_unit * self.rod.beam.length)
-            turn = change if name == "motor_angle" else change * softness
-            turned = self.frame_from_clamp @ turn_about_z(turn)
-            return replace(self, frame_from_clamp=turned, shape=self.beam)
         if name in (*BEAM, *SHAPE):
             return replace(self, rod=_changed_rod(self.rod, name, change), shape=None)
+        if name == "motor_angle":
+            turned = self.frame_from_clamp @ turn_about_z(change)
+            return replace(self, frame_from_clamp=turned, shape=self.beam)
         if name in CLAMP:
             moved = self.frame_from_clamp.copy()
             moved["xyz".index(name[-1]), 3] += change
@@ -142,8 +139,8 @@ class ImagedBeam:
 
 
 def _changed_rod(rod: Rod, name: str, change: float) -> Rod:
-    if name == "tip_ratio":
-        return replace(rod, tip_ratio=rod.tip_ratio + change)
+    if name in ("tip_ratio", "clamp_softness"):
+        return replace(rod, **{name: getattr(rod, name) + change})
     if name == "bow":
         return replace(rod, bow=(rod.bow[0] + change, rod.bow[1]))
     if name == "section_skew":

@@ -20,7 +20,6 @@ from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.push import StepTarget
 
 RIGIDITY: Final = "rigidity"
-SOFTNESS: Final = SHAPE[-1]
 # Relative step of the differences. Measured: with a half or double step they change by less than
 # 1e-3.
 _STEP: Final = 1e-3
@@ -62,8 +61,6 @@ def push_gradients(experiment: Experiment, states: list[State]) -> PushGradients
     uncertain = uncertain_shape(experiment.scene)
     variants |= {name: unit for name, unit in base.shape_units.items() if name in uncertain}
     columns = {name: base.gradient(name, unit) for name, unit in variants.items()}
-    if SOFTNESS in uncertain:
-        columns[SOFTNESS] = columns["onset"] * base.turns(states)[:, None]
     names = tuple(columns)
     return PushGradients(
         names, np.stack([columns[name] for name in names], axis=-1), columns["onset"]
@@ -93,14 +90,9 @@ class _Variant:
 
         A skew of the section changes them in second order only.
         """
-        tip, bow, rigidity, *_ = SHAPE
-        return {tip: 1.0, bow: 1 / self.experiment.rig.beam.length, rigidity: 1.0}
-
-    def turns(self, states: list[State]) -> Floats:
-        """Compute the changes (f,) of the pushing angle by a clamp of softness 1."""
-        rod = self.experiment.rod
-        moments = np.array([state.base_moment[2] for state in states])
-        return np.asarray(moments / (rod.force_unit * rod.beam.length))
+        tip, bow, rigidity, _, softness = SHAPE
+        bent = 1 / self.experiment.rig.beam.length
+        return {tip: 1.0, bow: bent, rigidity: 1.0, softness: 1.0}
 
     def gradient(self, name: str, unit: float) -> Floats:
         """Differentiate the contacts (f, 5) by one parameter."""
@@ -118,18 +110,19 @@ class _Variant:
 
     def _changed(self, name: str, change: float) -> "_Variant":
         one, push = self.experiment, self.experiment.push
-        tip, bow, section_rigidity, *_ = SHAPE
+        tip, bow, section_rigidity, _, softness = SHAPE
         if name in (RIGIDITY, section_rigidity):
             rigidity = one.rig.beam.flexural_rigidity
             rigidity += change if name == RIGIDITY else change * rigidity
             beam = replace(one.rig.beam, flexural_rigidity=rigidity)
             return _Variant(replace(one, rig=replace(one.rig, beam=beam)))
-        if name in (tip, bow):
+        if name in (tip, bow, softness):
             spec = one.scene.beam
             sagitta = change * one.rig.beam.length**2 / 8 / MILLIMETRE
             moved = {
                 tip: {"tip_ratio": spec.tip_ratio + change},
                 bow: {"bow_mm": spec.bow_mm + sagitta},
+                softness: {softness: spec.clamp_softness + change},
             }
             spec = spec.model_copy(update=moved[name])
             return _Variant(replace(one, scene=one.scene.model_copy(update={"beam": spec})))

@@ -14,8 +14,9 @@ from vbaa_bench.scene.schema import Scene
 
 def uncertain_shape(scene: Scene) -> tuple[str, ...]:
     """List the parameters of SHAPE that are uncertain in a scene."""
-    tip, bow = SHAPE[:2]
-    differs = {tip: scene.beam.tip_ratio != 1, bow: scene.beam.bow_mm != 0}
+    tip, bow, *_, softness = SHAPE
+    beam = scene.beam
+    differs = {tip: beam.tip_ratio != 1, bow: beam.bow_mm != 0, softness: beam.clamp_softness != 0}
     sigmas = _sigmas(scene)
     return tuple(name for name in SHAPE if sigmas.get(name) or differs.get(name))
 
