@@ -32,6 +32,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.dataset.recorded import exists, write_results
 from vbaa_bench.scoring.layout import Results
+from vbaa_bench.scoring.markdown_table import markdown_table
 from vbaa_bench.scoring.metrics import read_predictions
 
 # Pixels per block along rows and columns. Measured: blocks of twice the size do as well.
@@ -251,8 +252,7 @@ def trained(inputs: Floats, labels: Floats, pushes: np.ndarray) -> Model:
 
 def markdown(record: dict[str, Any]) -> str:
     """Format the record of `measure` as a Markdown table under a heading sentence."""
-    lines = [HEADS, ("---", "---", "---:", "---:", "---:"), *cells(record)]
-    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    table = markdown_table(HEADS, cells(record), (0, 1))
     return f"Trained on {record['training_frames']} frames of {record['train']}:\n\n{table}\n"
 
 

@@ -29,6 +29,7 @@ from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.information import scored_limits
+from vbaa_bench.scoring.markdown_table import markdown_table
 
 # Error in sigmas above which an answer is wrong.
 _WRONG: Final = 3.0
@@ -238,6 +239,5 @@ def _limits(layout: Layout) -> Mapping[str, Mapping[str, float]]:
 
 def markdown(results: Sequence[Errors], command: str) -> str:
     """Format results as a page with the command that makes it."""
-    lines = [HEADS, ["---", "---", *["---:"] * (len(HEADS) - 2)], *(one.line() for one in results)]
-    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    table = markdown_table(HEADS, (one.line() for one in results), (0, 1))
     return f"# Learning the beam\n\n```sh\n{command}\n```\n\n{table}\n"

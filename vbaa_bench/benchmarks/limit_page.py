@@ -7,6 +7,7 @@ from typing import Any
 from vbaa_bench.benchmarks import limit_agreement, limit_trials
 from vbaa_bench.benchmarks.limit_agreement import LimitedFrame, LitScene, agreement
 from vbaa_bench.scene.load import load_scene
+from vbaa_bench.scoring.markdown_table import markdown_table
 
 Record = dict[str, Any]
 
@@ -42,21 +43,16 @@ which datasets get their limits. `step` is the largest change of a limit with ha
 step of the derivatives; `shift` is the ratio for a shift of the image, the smallest and the largest
 of ten parts of the beam. `s` is the time of one frame with four parameters on a shared machine.
 
-{_table(limit_agreement.HEADS, limit_agreement.lines(record["agreement"]))}
+{markdown_table(limit_agreement.HEADS, limit_agreement.lines(record["agreement"]))}
 
 One expected image is exposed repeatedly with the sensor's whole noise drawn anew, and x_c is
 estimated by maximum likelihood, with s_c, force, brightness of beam and background, and width
 unknown. The spread of the estimates over the limit is uncertain by 1.6 % with 2,000 exposures. The
 second step is that of an estimate whose image is rendered anew at the first estimate.
 
-{_table(limit_trials.HEADS, limit_trials.lines(record["trials"]))}
+{markdown_table(limit_trials.HEADS, limit_trials.lines(record["trials"]))}
 
 ```sh
 {command}
 ```
 """
-
-
-def _table(heads: Sequence[str], rows: Sequence[tuple[str, ...]]) -> str:
-    lines = [heads, ["---"] + ["---:"] * (len(heads) - 1), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

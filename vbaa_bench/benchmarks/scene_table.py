@@ -9,6 +9,8 @@ from typing import Any, Final
 
 import polars as pl
 
+from vbaa_bench.scoring.markdown_table import markdown_table
+
 # Scene to whose frame all others are compared.
 REFERENCE: Final = "fig8_rigid"
 # Targets: the median and the largest ratio of a frame's cost to that of the reference, and the
@@ -146,11 +148,8 @@ def _columns(speed: SceneSpeed) -> dict[str, str]:
 def markdown(speeds: Sequence[SceneSpeed]) -> str:
     """Format all scenes as a Markdown table, with the reasons of failures."""
     heads, rows = cells(speeds)
-    rule = ["---", *("---:" for _ in heads[1:])]
-    reasons = [(speed.reason or "").replace("|", "\\|") for speed in speeds]
-    lines = [[*heads, "reason"], [*rule, "---"]]
-    lines += [[*row, reason] for row, reason in zip(rows, reasons, strict=True)]
-    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    lines = ([*row, speed.reason or ""] for row, speed in zip(rows, speeds, strict=True))
+    table = markdown_table([*heads, "reason"], lines, (0, len(heads)))
     return f"Seconds on one core.\n\n{table}\n\n{sentence(speeds)}.\n"
 
 

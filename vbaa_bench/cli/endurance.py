@@ -9,6 +9,7 @@ import typer
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import AsJson
 from vbaa_bench.report.console import print_result, progress_bars
+from vbaa_bench.scoring.markdown_table import markdown_table
 
 endurance_app = typer.Typer(
     no_args_is_help=True, help="Disturb long runs of `generate`, and compare what they complete."
@@ -28,9 +29,9 @@ def _with_progress(title: str, measure: Callable[[Callable[[int, int], None]], A
 def _print(rows: Sequence[Mapping[str, Any]], passed: bool, as_json: bool) -> None:
     """Print rows as a Markdown table; exit with status 1 unless all is as it should be."""
     head = list(rows[0])
-    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    lines += [f"| {' | '.join(_text(row[name]) for name in head)} |" for row in rows]
-    print_result({"rows": list(rows), "passed": passed}, "\n".join(lines), as_json)
+    lines = ([_text(row[name]) for name in head] for row in rows)
+    table = markdown_table(head, lines, range(len(head)))
+    print_result({"rows": list(rows), "passed": passed}, table, as_json)
     if not passed:
         raise typer.Exit(1)
 

@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
+from vbaa_bench.scoring.markdown_table import markdown_table
+
 Row = dict[str, Any]
 
 # Headings of the table, and the keys of their numbers in a row.
@@ -73,9 +75,7 @@ def markdown(rows: Sequence[Row], by: str | None = None, *, brief: bool = False)
     """Format the table without empty columns, followed by the remarks on its scenes."""
     table = _cells(rows, by, brief)
     last = len(table.heads) - 1
-    rule = ["---" if i < table.texts or i == last else "---:" for i in range(last + 1)]
-    lines = [table.heads, rule, *table.lines]
-    text = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    text = markdown_table(table.heads, table.lines, {*range(table.texts), last})
     notes = [f"- `{scene}`: {sentence}" for scene, sentence in _remarks(rows).items()]
     return "\n".join([text, "", *notes]) if notes else text
 

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from vbaa_bench.benchmarks.damage.readers import READERS
 from vbaa_bench.benchmarks.damage.trials import CRASHED, OUTCOMES, SILENT, Trial
+from vbaa_bench.scoring.markdown_table import markdown_table
 
 Row = dict[str, Any]
 
@@ -86,6 +87,5 @@ def markdown(trials: Sequence[Trial], command: str) -> str:
 
 def _table(table: Sequence[Row]) -> str:
     heads = list(table[0])
-    lines = [heads, ["---" if isinstance(table[0][head], str) else "---:" for head in heads]]
-    lines += [[str(row[head]) for head in heads] for row in table]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    texts = [i for i, head in enumerate(heads) if isinstance(table[0][head], str)]
+    return markdown_table(heads, ([str(row[head]) for head in heads] for row in table), texts)

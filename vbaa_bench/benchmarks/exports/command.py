@@ -17,6 +17,7 @@ from vbaa_bench.exports.columns import SHARD
 from vbaa_bench.exports.croissant import write_croissant
 from vbaa_bench.exports.export import export
 from vbaa_bench.exports.source import Source, open_source
+from vbaa_bench.scoring.markdown_table import markdown_table
 
 # Client -> its environment.
 _ENVIRONMENTS: Final = {
@@ -140,8 +141,13 @@ def _expected(source: Source) -> Iterator[str]:
 
 def as_markdown(rows: Sequence[Row]) -> str:
     """Write the checks as a table."""
-    lines = ["| dataset | client | asked | expected | measured | |", "|---|---|---|---|---|---|"]
-    for row in rows:
-        cells = (row.dataset, row.client, row.asked, row.expected, row.measured)
-        lines.append(f"| {' | '.join(cells)} | {'right' if row.right else '**wrong**'} |")
-    return "\n".join(lines) + "\n"
+    heads = ("dataset", "client", "asked", "expected", "measured", "")
+    lines = (
+        (one.dataset, one.client, one.asked, one.expected, one.measured, _verdict(one))
+        for one in rows
+    )
+    return markdown_table(heads, lines, range(len(heads))) + "\n"
+
+
+def _verdict(row: Row) -> str:
+    return "right" if row.right else "**wrong**"

@@ -17,6 +17,7 @@ from solver.instrument.errors import InputError
 from vbaa_bench.benchmarks.fuzz.case import ALLOWED, FINDINGS, OUTCOMES, Case, Result
 from vbaa_bench.benchmarks.fuzz.kinds import KINDS
 from vbaa_bench.benchmarks.fuzz.pool import run_all
+from vbaa_bench.scoring.markdown_table import markdown_table
 
 # Called with a kind, and the number of its finished cases.
 Progress = Callable[[str, int], None]
@@ -145,6 +146,5 @@ def _findings(outcomes: Mapping[str, int]) -> str:
 
 def markdown(record: Mapping[str, Any]) -> str:
     """Format a summary as a table in Markdown, with its seed."""
-    lines = [HEADS, ["---", *["---:"] * (len(HEADS) - 1)], *rows(record)]
-    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    table = markdown_table(HEADS, rows(record))
     return f"Seed {record['seed']}, {record['cases']} cases:\n\n{table}\n"

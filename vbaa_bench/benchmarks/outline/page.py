@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from vbaa_bench.benchmarks.outline.measure import Record
+from vbaa_bench.scoring.markdown_table import markdown_table
 
 HEADS: Final = (
     "scene",
@@ -39,8 +40,7 @@ def lines(records: Mapping[str, Sequence[Record]]) -> list[tuple[str, ...]]:
 
 def markdown(records: Mapping[str, Sequence[Record]], command: str) -> str:
     """Write the page; the pictures beside it are named by the scenes."""
-    table = [HEADS, tuple("---" if i == 0 else "---:" for i in range(len(HEADS))), *lines(records)]
-    rows = "\n".join(f"| {' | '.join(row)} |" for row in table)
+    rows = markdown_table(HEADS, lines(records))
     pictures = "\n\n".join(f"![Outline of {scene}]({scene}.png)" for scene in records)
     return f"""# Outlines of unknown objects
 
