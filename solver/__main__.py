@@ -309,7 +309,9 @@ def rigidity(
         f"{abs(result.sag) / MILLIMETRE:.2f} mm; residual scatter: {result.misfit:.2g} sigma.\n"
         f"In {rig_file(rig)}, under beam, write\n"
         f'    "flexural_rigidity_n_mm2": {value:.6g},\n'
-        f'    "flexural_rigidity_sigma_n_mm2": {sigma:.3g},',
+        f'    "flexural_rigidity_sigma_n_mm2": {sigma:.3g},\n'
+        "and under beam_shape, as EI is now that of the plane in which the beam bends, write\n"
+        '    "rigidity_sigma": 0,',
         markup=False,
     )
 

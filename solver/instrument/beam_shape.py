@@ -67,6 +67,13 @@ class BeamShape:
 
 
 UNIFORM = BeamShape()
+# Sigmas of a beam about which a laboratory states nothing: drawn wire in a chuck, against dry
+# objects. Chosen: diameters of drawn wire vary by 1 to 3 % (ISO 286, h10 to h11 at 0.5 mm), dry
+# metals have coefficients of friction of 0.15 to 0.3, and a chuck turns by a minute of arc or two.
+TAPER_SIGMA: Final = 0.02
+SECTION_SIGMA: Final = 0.02
+FRICTION_SIGMA: Final = 0.2
+SOFTNESS_SIGMA: Final = 0.002
 
 
 def stated_shape(taper: float, softness: float, section: float, friction: float) -> BeamShape:

@@ -1,11 +1,20 @@
 """The section `beam_shape` of rig.json: how the beam differs from a uniform one."""
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BOW, UNIFORM, BeamShape, stated_shape
+from solver.instrument.beam_shape import (
+    BOW,
+    FRICTION_SIGMA,
+    SECTION_SIGMA,
+    SOFTNESS_SIGMA,
+    TAPER_SIGMA,
+    BeamShape,
+    stated_shape,
+)
 from solver.instrument.keys import Keys
 
 # Chosen: a polynomial of more terms is not determined by a beam's images.
@@ -22,6 +31,7 @@ def beam_shape_keys(shape: BeamShape) -> dict[str, Any]:
     keys: dict[str, Any] = {
         "section_sigma": shape.section_sigma,
         "friction_sigma": shape.friction_sigma,
+        "rigidity_sigma": shape.rigidity_sigma,
     }
     sigmas = np.sqrt(np.diag(shape.covariance))
     taper = float(sigmas[1]) if len(sigmas) > 1 else 0.0
@@ -32,33 +42,32 @@ def beam_shape_keys(shape: BeamShape) -> dict[str, Any]:
         "widths": shape.widths.tolist(),
         "clamp_softness": shape.softness,
         "bow": shape.bow.tolist(),
-        "rigidity_sigma": shape.rigidity_sigma,
         "covariance": shape.covariance.tolist(),
     }
 
 
 def read_beam_shape(key: Keys) -> BeamShape:
-    """Read the section; a beam without it is uniform. Raises InputError."""
-    if not key.has("beam_shape"):
-        return UNIFORM
-    section, friction = _sigma(key, "section_sigma"), _sigma(key, "friction_sigma")
+    """Read the section; what it does not state is that of drawn wire. Raises InputError."""
+    section = _sigma(key, "section_sigma", SECTION_SIGMA)
+    friction = _sigma(key, "friction_sigma", FRICTION_SIGMA)
     if not key.has("beam_shape.widths"):
-        return stated_shape(
-            _sigma(key, "taper_sigma"), _sigma(key, "clamp_softness_sigma"), section, friction
-        )
+        taper = _sigma(key, "taper_sigma", TAPER_SIGMA)
+        softness = _sigma(key, "clamp_softness_sigma", SOFTNESS_SIGMA)
+        stated = stated_shape(taper, softness, section, friction)
+        return replace(stated, rigidity_sigma=_sigma(key, "rigidity_sigma", stated.rigidity_sigma))
     widths = key.numbers("beam_shape.widths", -MAX_WIDTH, MAX_WIDTH, MAX_WIDTHS)
     softness = key.number("beam_shape.clamp_softness", -MAX_SOFTNESS, MAX_SOFTNESS)
     bow = key.numbers("beam_shape.bow", -MAX_BOW, MAX_BOW, BOW)
     if len(bow) not in (0, BOW):
         key.refuse("beam_shape.bow", f"a list of none or {BOW} numbers")
     covariance = _covariance(key, 1 + len(widths) + len(bow))
-    rigidity = _sigma(key, "rigidity_sigma")
+    rigidity = _sigma(key, "rigidity_sigma", 0.0)
     return BeamShape(widths, softness, bow, covariance, section, rigidity, friction)
 
 
-def _sigma(key: Keys, name: str) -> float:
+def _sigma(key: Keys, name: str, default: float) -> float:
     name = f"beam_shape.{name}"
-    return key.number(name, 0, MAX_SIGMA) if key.has(name) else 0.0
+    return key.number(name, 0, MAX_SIGMA) if key.has(name) else default
 
 
 def _covariance(key: Keys, size: int) -> Floats:

@@ -167,8 +167,7 @@ def rig_to_json(rig: Rig) -> str:
             "force_sigma_n": rig.sensors.base_force,
             "moment_sigma_n_mm": rig.sensors.base_moment / mm,
         }
-    if not rig.shape.uniform:
-        document["beam_shape"] = beam_shape_keys(rig.shape)
+    document["beam_shape"] = beam_shape_keys(rig.shape)
     # Twelve digits: a nanometre on a kilometre, without the rounding errors of unit conversion.
     return json.dumps(_rounded(document), indent=2) + "\n"
 

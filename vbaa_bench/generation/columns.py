@@ -144,7 +144,7 @@ TRUE_RIG: Final = {
 }
 
 _STRIP: Final = "the beam is no flat strip (absent)"
-_UNIFORM: Final = "a uniform beam without friction, on a rigid clamp (absent)"
+_WIRE: Final = "it is that of drawn wire in a chuck (absent)"
 _NOT_LEARNED: Final = "the beam was not learned (absent)"
 _SIGMA: Final = "standard deviation"
 
@@ -191,16 +191,16 @@ RIG: Final = {
     "camera.bits": Column("bit depth of the gray values", "", "found from the images (absent)"),
     "camera.channel": Column("channel read from colour images", "", "it is gray (absent)"),
     "beam_shape.taper_sigma": Column(
-        f"{_SIGMA} of the tip's width over that at the clamp, less one", "", _UNIFORM
+        f"{_SIGMA} of the tip's width over that at the clamp, less one", "", _WIRE
     ),
     "beam_shape.section_sigma": Column(
-        f"{_SIGMA} of the section's second axis over its first, less one", "", _UNIFORM
+        f"{_SIGMA} of the section's second axis over its first, less one", "", _WIRE
     ),
     "beam_shape.friction_sigma": Column(
-        f"{_SIGMA} of the coefficient of friction of objects", "", _UNIFORM
+        f"{_SIGMA} of the coefficient of friction of objects", "", _WIRE
     ),
     "beam_shape.clamp_softness_sigma": Column(
-        f"{_SIGMA} of the clamp's rotation over its moment, in units of L / EI", "", _UNIFORM
+        f"{_SIGMA} of the clamp's rotation over its moment, in units of L / EI", "", _WIRE
     ),
     "beam_shape.widths": Column(
         "coefficients of the width over that at the clamp", "", _NOT_LEARNED
@@ -215,7 +215,9 @@ RIG: Final = {
         "covariance of the clamp's softness, the widths and the bow", "", _NOT_LEARNED
     ),
     "beam_shape.rigidity_sigma": Column(
-        f"relative {_SIGMA} of EI due to the section's direction", "", _NOT_LEARNED
+        f"relative {_SIGMA} of EI due to the section's direction",
+        "",
+        "it follows from section_sigma (absent)",
     ),
     "moment_sensor.sigma_n_mm": Column(f"{_SIGMA} of the moment", "", "no sensor (absent)"),
     "force_sensor.force_sigma_n": Column(

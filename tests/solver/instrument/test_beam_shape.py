@@ -63,6 +63,19 @@ def test_a_misspelt_key_is_refused(tmp_path: Path) -> None:
         read_rig(path)
 
 
+def test_a_beam_of_which_nothing_is_stated_is_drawn_wire(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    document = json.loads(rig_to_json(rig()))
+    del document["beam_shape"]
+    path.write_text(json.dumps(document))
+    wire = stated_shape(0.02, 0.002, 0.02, 0.2)
+    assert rig_to_json(read_rig(path)) == rig_to_json(replace(rig(), shape=wire))
+    document["beam_shape"] = {"rigidity_sigma": 0.0, "friction_sigma": 0.0}
+    path.write_text(json.dumps(document))
+    shape = read_rig(path).shape
+    assert (shape.rigidity_sigma, shape.friction_sigma, shape.section_sigma) == (0.0, 0.0, 0.02)
+
+
 def test_the_shape_is_checked() -> None:
     with pytest.raises(ValueError, match="the bow has 2 coefficients"):
         BeamShape(bow=np.zeros(2), covariance=np.zeros((3, 3)))
