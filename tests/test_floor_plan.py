@@ -36,7 +36,7 @@ FLOORS: dict[str, list[set[str]]] = {
         {"to_measurement", "set_up"},
         {"shading"},
         {"antenna", "first_start"},
-        {"at_rest"},
+        {"at_rest", "photographs"},
         {"calibrate", "centreline", "methods", "outline"},
         {"fitting"},
         {"planes", "beam_models"},

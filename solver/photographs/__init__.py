@@ -1,0 +1,1 @@
+"""Photographs of one beam from several poses, without a board."""

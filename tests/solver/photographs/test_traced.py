@@ -1,0 +1,136 @@
+"""Tracing of a beam in a photograph, against drawn beams of known centreline."""
+
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
+from solver.photographs.traced import TracedBeam, photograph, traced_beam
+from tests.photographed import Look, Photograph, centreline, photograph_of
+
+SHAPE = (420, 640)
+WOOD = Look(grain=8.0, texture=8.0, string=True, knots=2)
+GLOSSY = Look(highlight=20.0, texture=4.0)
+DARK = Look(beam=50.0, table=170.0, texture=6.0)
+
+
+def drawn(
+    width_px: float, look: Look, seed: int, bend: float = 0.5, scale: int = 1
+) -> tuple[Photograph, TracedBeam]:
+    """A photograph of a beam that bends by `bend` [rad], and what is traced in it."""
+    random = np.random.default_rng(seed)
+    shape = (scale * SHAPE[0], scale * SHAPE[1])
+    clamp = scale * (np.array([70.0, 180.0]) + random.uniform(-10, 10, 2))
+    line = centreline(clamp, random.uniform(-0.1, 0.15), scale * 500.0, bend, 0.8)
+    photo = photograph_of(line, width_px, shape, look, random)
+    return photo, traced_beam(photo.image, *photo.marks(random))
+
+
+@pytest.mark.parametrize(
+    ("width_px", "rmse_px", "scale"),
+    [(1, 0.2, 1), (2, 0.15, 1), (5, 0.08, 1), (15, 0.05, 1), (60, 0.06, 2)],
+)
+def test_a_beam_on_a_plain_table_is_traced(width_px: float, rmse_px: float, scale: int) -> None:
+    photo, beam = drawn(width_px, Look(), 3, scale=scale)
+    off = photo.off(beam.points, beam.normals)
+    assert np.sqrt(np.mean(off**2)) < rmse_px
+    assert np.mean(np.abs(off) < 3 * beam.sigmas) > 0.99
+    assert 40 <= len(beam.points) <= 400
+    np.testing.assert_allclose(np.linalg.norm(beam.normals, axis=1), 1, atol=1e-9)
+    if width_px > 4:  # a thinner one is as wide as its blur
+        assert np.median(beam.widths) == pytest.approx(width_px, abs=0.15)
+    along = beam.points - photo.line[0]
+    assert (np.diff(np.linalg.norm(along, axis=1)) > 0).all()  # from the clamp to the tip
+
+
+@pytest.mark.parametrize(("width_px", "look"), [(2, DARK), (8, WOOD), (15, WOOD), (20, GLOSSY)])
+def test_sigmas_hold_on_a_textured_table_with_grain(width_px: float, look: Look) -> None:
+    pulls = []
+    for seed in range(4):
+        photo, beam = drawn(width_px, look, 20 + seed, bend=0.6 - 0.3 * seed)
+        off = photo.off(beam.points, beam.normals)
+        assert np.mean(np.abs(off) < 3 * beam.sigmas) > 0.97
+        # As a fit to independent points would have it.
+        pulls.append(float(np.sum(off / beam.sigmas**2) / np.sqrt(np.sum(beam.sigmas**-2.0))))
+    assert np.sqrt(np.mean(np.square(pulls))) < 2.5
+
+
+def test_the_middle_of_the_edges_counts_and_not_the_brightest_line() -> None:
+    photo, beam = drawn(20, Look(highlight=50.0), 1)
+    off = photo.off(beam.points, beam.normals)
+    assert abs(np.mean(off)) < 0.1  # the highlight is 3 px off
+    assert np.median(beam.widths) == pytest.approx(20, abs=0.2)
+
+
+def test_a_straight_edge_beside_the_beam_is_not_the_beam() -> None:
+    for distance in (-25.0, 16.0, 30.0):
+        photo, beam = drawn(10, Look(edge_px=distance), 5, bend=0.0)
+        off = photo.off(beam.points, beam.normals)
+        assert np.sqrt(np.mean(off**2)) < 0.1
+
+
+def test_the_places_where_a_string_hides_an_edge_are_left_out() -> None:
+    look = Look()
+    photo, beam = drawn(15, replace(look, string=True), 2)
+    _, undisturbed = drawn(15, look, 2)
+    assert 40 <= len(beam.points) < len(undisturbed.points)
+    assert np.abs(photo.off(beam.points, beam.normals)).max() < 0.25
+
+
+def test_a_table_without_a_beam_is_refused() -> None:
+    random = np.random.default_rng(4)
+    look = Look(texture=15.0, edge_px=12.0)
+    line = np.array([[900.0, 900.0], [901.0, 900.0]])  # outside
+    photo = photograph_of(line, 5, SHAPE, look, random)
+    with pytest.raises(InputError, match=r"no beam is found from clamp_px \[70.0, 130.0\]"):
+        traced_beam(photo.image, np.array([70.0, 130.0]), np.array([570.0, 230.0]))
+
+
+@pytest.mark.parametrize(
+    ("clamp", "tip", "message"),
+    [
+        ([-3.0, 10.0], [500.0, 10.0], "clamp_px is .-3.0, 10.0., allowed is a place in the image"),
+        ([5.0, 10.0], [500.0, np.nan], "tip_px is .500.0, nan., allowed is a place in the image"),
+        ([5.0, 10.0], [60.0, 10.0], "are 55 px apart, allowed are at least 80 px"),
+    ],
+)
+def test_marks_that_cannot_be_are_refused(
+    clamp: list[float], tip: list[float], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        traced_beam(np.zeros(SHAPE), np.array(clamp), np.array(tip))
+
+
+def test_pixels_of_a_photograph_are_used_as_stored(tmp_path: Path) -> None:
+    colour = np.zeros((48, 64, 3), np.uint8)
+    colour[:] = 30, 90, 200  # blue, green, red
+    jpeg = bytes(cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, 95])[1])
+    # An EXIF block whose only entry is the orientation: turned by 90 degrees.
+    entry = struct.pack("<HHIHH", 0x0112, 3, 1, 6, 0)
+    exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry + struct.pack("<I", 0)
+    path = tmp_path / "turned.jpg"
+    path.write_bytes(jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:])
+    for channel, gray in (("b", 30), ("g", 90), ("r", 200), ("gray", 116)):
+        image = photograph(path, channel)
+        assert image.shape == (48, 64)
+        assert np.abs(image - gray).max() < 4
+    assert (photograph(path, "lab_b") > 140).all()  # towards yellow
+
+
+def test_a_rolled_camera_traces_the_same_beam() -> None:
+    photo, beam = drawn(8, Look(), 6)
+    height = photo.image.shape[0]
+
+    def turned(points: Floats) -> Floats:
+        return np.column_stack([height - 1 - points[:, 1], points[:, 0]])
+
+    marks = turned(photo.line[[0, -1]])
+    other = traced_beam(np.rot90(photo.image, -1), *marks)
+    off = replace(photo, line=turned(photo.line)).off(other.points, other.normals)
+    assert np.sqrt(np.mean(off**2)) < 0.06
+    assert len(other.points) == pytest.approx(len(beam.points), abs=5)
