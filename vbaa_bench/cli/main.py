@@ -14,6 +14,7 @@ from vbaa_bench.cli.export import check_exports, export
 from vbaa_bench.cli.fuzz import fuzz
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.outline import outline
+from vbaa_bench.cli.photographs import check_photographs
 from vbaa_bench.cli.speed import speed_app
 from vbaa_bench.cli.view import view
 from vbaa_bench.generation.job import WorkerDiedError
@@ -50,6 +51,7 @@ app.command()(measure.stability)
 app.command()(measure.stress)
 app.command()(measure.learned)
 app.command()(outline)
+app.command()(check_photographs)
 app.command()(checks.leaks)
 app.command()(check_exports)
 app.command()(fuzz)

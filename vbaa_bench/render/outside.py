@@ -52,30 +52,29 @@ def picture(
     `size` is (width, height). The variant must be one of colour. Soft light of a room is added to
     the lights.
     """
-    matrix = unit.render_from_antenna
-    emitters: dict[str, Any] = {
-        f"light_{number}": emitter(light, matrix) for number, light in enumerate(lights)
-    }
+    world = coloured_world(bodies, lights, unit)
     if not any(isinstance(light, Environment | Ambient) for light in lights):
         room = {"type": "rgb", "value": [level / np.pi for level in _ROOM]}
-        emitters["room"] = {"type": "constant", "radiance": room}
-    meshes = {
-        name: mitsuba_mesh(name, body.surface, unit, _paint(body)) for name, body in bodies.items()
-    }
-    image = mi.render(
-        mi.load_dict(
-            {
-                "type": "scene",
-                "sensor": _sensor(viewpoint, unit, size),
-                "integrator": {"type": "path", "max_depth": _BOUNCES, "hide_emitters": False},
-                **emitters,
-                **meshes,
-            }
-        ),
-        spp=samples,
-        seed=mi.UInt32(1),
-    )
+        world["room"] = {"type": "constant", "radiance": room}
+    world["sensor"] = _sensor(viewpoint, unit, size)
+    world["integrator"] = {"type": "path", "max_depth": _BOUNCES, "hide_emitters": False}
+    image = mi.render(mi.load_dict(world), spp=samples, seed=mi.UInt32(1))
     return _developed(np.asarray(image, dtype=np.float64)[..., :3])
+
+
+def coloured_world(
+    bodies: Mapping[str, ColouredBody], lights: Sequence[Light], unit: RenderUnit
+) -> dict[str, Any]:
+    """Return Mitsuba's description of coloured bodies and lights, without sensor and integrator."""
+    matrix = unit.render_from_antenna
+    return {
+        "type": "scene",
+        **{f"light_{number}": emitter(light, matrix) for number, light in enumerate(lights)},
+        **{
+            name: mitsuba_mesh(name, body.surface, unit, _paint(body))
+            for name, body in bodies.items()
+        },
+    }
 
 
 def _sensor(viewpoint: Viewpoint, unit: RenderUnit, size: tuple[int, int]) -> dict[str, Any]:
@@ -109,7 +108,7 @@ def _paint(body: ColouredBody) -> dict[str, Any]:
     key = "diffuse_reflectance" if surface.paint == "gloss" else "reflectance"
     inner[key] = {"type": "rgb", "value": list(body.colour)}
     texture = surface.texture
-    if texture is not None and surface.arc_length is None:
+    if texture is not None:
         grays = texture.image[:, :, None]
         tinted = grays / grays.mean() * np.array(body.colour)
         image = tinted if body.colours is None else body.colours[None]
@@ -119,6 +118,8 @@ def _paint(body: ColouredBody) -> dict[str, Any]:
             "raw": True,
             "wrap_mode": "repeat" if texture.repeated else "clamp",
         }
+        if texture.per_mm != 1:
+            inner[key]["to_uv"] = mi.ScalarTransform3f().scale([texture.per_mm, 1.0])
     return paint
 
 
