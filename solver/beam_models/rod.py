@@ -20,47 +20,22 @@ parameters (q, s_c, grip, c_0, c_1, ..., b_0, b_1, ...): q is the force across t
 in `frictional`.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
+from solver.beam_models.curve import END, MOST_ANGLE, Curve, U, advance, shifted, write_node
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
 # Parameters of a shape before the widths.
 Q, S_C, GRIP, WIDTHS = range(4)
-# Rows of a curve: u, P, dP/du, d2P/du2.
-U, P, SLOPE, BEND = range(4)
 # Steps from the contact to the clamp. Measured: for a tip of 0.6 of the clamp's width, bent by
 # 40 degrees, the error of the contact is 2e-7; for a uniform beam it is 4e-8.
 STEPS: Final = 16
-# The curve continues straight, or with its bow, to this arc length. Chosen: a tip that is seen a
-# little too far is still followed.
-END: Final = 1.05
 _FREE_STEPS: Final = 6
-# Smallest width that a trial may have, and the largest angle to the axis [rad], whose tangent the
-# curve needs. Chosen, as MOST_SINE in `exact`.
+# Smallest width that a trial may have. Chosen.
 LEAST_WIDTH: Final = 0.05
-MOST_ANGLE: Final = 1.47
-
-
-class Curve(NamedTuple):
-    """A shape's curve, and its gradients by the shape's parameters (k,).
-
-    `nodes` (4, m) has the rows U, P, SLOPE, BEND, u increasing from beyond the tip to the clamp.
-    `gradients` (k, 2, m) are those of P, and of its slope, at constant u. `contact` is the index of
-    the contact's node, `by_arm` (k,) the gradient of its u. `base` (3,) is (u, P, psi) at the
-    clamp, with the gradients `by_base` (k, 3). `exists` is False for a shape that no beam has;
-    nothing else is then valid.
-    """
-
-    nodes: Floats
-    gradients: Floats
-    contact: int
-    by_arm: Floats
-    base: Floats
-    by_base: Floats
-    exists: Any
 
 
 @njit
@@ -174,59 +149,23 @@ def _march(
     terms = np.zeros(k - WIDTHS)
     slopes, by_slopes = np.empty((4, 3)), np.empty((4, k, 3))
     trial, by_trial = np.empty(3), np.empty((k, 3))
-    h = 1.0 / steps
+    h, length = 1.0 / steps, p[S_C] if loaded else p[S_C] - END
     for step in range(steps + 1):
         _derivative(step * h, y, by, p, bow, loaded, terms, slopes[0], by_slopes[0])
         if not abs(y[2]) < MOST_ANGLE:
             return False
-        _write(y, by, slopes[0], p, loaded, first + direction * step, nodes, gradients)
+        write_node(y, by, slopes[0, 2] / length, first + direction * step, nodes, gradients)
         if step == steps:
             break
         for stage in range(1, 4):
             part = h if stage == 3 else h / 2
-            for j in range(3):
-                trial[j] = y[j] + part * slopes[stage - 1, j]
-                for i in range(k):
-                    by_trial[i, j] = by[i, j] + part * by_slopes[stage - 1, i, j]
+            shifted(y, by, slopes[stage - 1], by_slopes[stage - 1], part, trial, by_trial)
             _derivative(
                 step * h + part, trial, by_trial, p, bow, loaded, terms,
                 slopes[stage], by_slopes[stage],
             )  # fmt: skip
-        for j in range(3):
-            y[j] += h / 6 * (slopes[0, j] + 2 * (slopes[1, j] + slopes[2, j]) + slopes[3, j])
-            for i in range(k):
-                by[i, j] += (
-                    h
-                    / 6
-                    * (
-                        by_slopes[0, i, j]
-                        + 2 * (by_slopes[1, i, j] + by_slopes[2, i, j])
-                        + by_slopes[3, i, j]
-                    )
-                )
+        advance(y, by, slopes, by_slopes, h)
     return True
-
-
-@njit
-def _write(
-    y: Floats,
-    by: Floats,
-    rate: Floats,
-    p: Floats,
-    loaded: bool,
-    column: int,
-    nodes: Floats,
-    gradients: Floats,
-) -> None:
-    """Write a node: dP/du = tan(psi), d2P/du2 = psi' / cos^3(psi), gradients at constant u."""
-    length = p[S_C] if loaded else p[S_C] - END
-    secant, tangent = 1 / np.cos(y[2]), np.tan(y[2])
-    bend = rate[2] / length * secant**3
-    nodes[U, column], nodes[P, column] = y[0], y[1]
-    nodes[SLOPE, column], nodes[BEND, column] = tangent, bend
-    for i in range(len(p)):
-        gradients[i, 0, column] = by[i, 1] - tangent * by[i, 0]
-        gradients[i, 1, column] = secant * secant * by[i, 2] - bend * by[i, 0]
 
 
 @njit
@@ -271,37 +210,6 @@ def _least_width(widths: Floats) -> float:
         width, _ = width_at(i / 16, widths, terms)
         least = min(least, width)
     return least
-
-
-@njit(inline="always")
-def interpolated(nodes: Floats, i: int, u: float) -> Any:
-    """Interpolate between nodes i and i + 1 (Hermite): P and slope; weights of the gradients.
-
-    The four weights multiply the gradients of P and those of its slope, at both nodes in turn.
-    """
-    h = nodes[U, i + 1] - nodes[U, i]
-    t = (u - nodes[U, i]) / h
-    r = 1 - t
-    # Quintic: value, slope and bend agree at both nodes.
-    t3, r3 = t * t * t, r * r * r
-    first = r3 * (1 + t * (3 + 6 * t))
-    last = t3 * (1 + r * (3 + 6 * r))
-    first_slope, last_slope = r3 * t * (1 + 3 * t), -t3 * r * (1 + 3 * r)
-    first_bend, last_bend = r3 * t * t / 2, t3 * r * r / 2
-    value = (
-        nodes[P, i] * first
-        + nodes[P, i + 1] * last
-        + h * (nodes[SLOPE, i] * first_slope + nodes[SLOPE, i + 1] * last_slope)
-        + h * h * (nodes[BEND, i] * first_bend + nodes[BEND, i + 1] * last_bend)
-    )
-    # The slope by its own cubic, through slope and bend.
-    tangent = (
-        nodes[SLOPE, i] * r * r * (1 + 2 * t)
-        + nodes[SLOPE, i + 1] * t * t * (1 + 2 * r)
-        + h * (nodes[BEND, i] * r * r * t - nodes[BEND, i + 1] * t * t * r)
-    )
-    weights = (r * r * (1 + 2 * t), h * r * r * t, t * t * (1 + 2 * r), -h * t * t * r)
-    return value, tangent, weights
 
 
 @njit

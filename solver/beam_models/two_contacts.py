@@ -23,7 +23,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import BEND, END, MOST_ANGLE, SLOPE, Curve, P, U
+from solver.beam_models.curve import END, MOST_ANGLE, Curve, U, advance, shifted, write_node
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
@@ -118,37 +118,15 @@ def _march(
         _derivative(y, by, p, inner, by_inner, between, rates[0], by_rates[0])
         if not abs(y[2]) < MOST_ANGLE:
             return False
-        _write(y, by, rates[0, 2] / length, first + step, nodes, gradients)
+        write_node(y, by, rates[0, 2] / length, first + step, nodes, gradients)
         if step == steps:
             break
         for stage in range(1, 4):
             part = h if stage == 3 else h / 2
-            for j in range(3):
-                trial[j] = y[j] + part * rates[stage - 1, j]
-                for i in range(PARAMETERS):
-                    by_trial[i, j] = by[i, j] + part * by_rates[stage - 1, i, j]
+            shifted(y, by, rates[stage - 1], by_rates[stage - 1], part, trial, by_trial)
             _derivative(trial, by_trial, p, inner, by_inner, between, rates[stage], by_rates[stage])
-        for stage in range(4):
-            part = h / 3 if stage in (1, 2) else h / 6
-            for j in range(3):
-                y[j] += part * rates[stage, j]
-                for i in range(PARAMETERS):
-                    by[i, j] += part * by_rates[stage, i, j]
+        advance(y, by, rates, by_rates, h)
     return True
-
-
-@njit
-def _write(
-    y: Floats, by: Floats, curvature: float, column: int, nodes: Floats, gradients: Floats
-) -> None:
-    """Write a node: dP/du = tan(psi), d2P/du2 = psi' / cos^3(psi), gradients at constant u."""
-    secant, tangent = 1 / np.cos(y[2]), np.tan(y[2])
-    bend = curvature * secant**3
-    nodes[U, column], nodes[P, column] = y[0], y[1]
-    nodes[SLOPE, column], nodes[BEND, column] = tangent, bend
-    for i in range(PARAMETERS):
-        gradients[i, 0, column] = by[i, 1] - tangent * by[i, 0]
-        gradients[i, 1, column] = secant * secant * by[i, 2] - bend * by[i, 0]
 
 
 @njit

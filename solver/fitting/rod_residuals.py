@@ -14,7 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, Curve, Q, U, curve_of, interpolated
+from solver.beam_models.curve import Curve, U, interpolated
+from solver.beam_models.rod import GRIP, Q, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y, weight_of
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import S_C, Curve, P, U, contact_of, curve_of
+from solver.beam_models.curve import Curve, P, U
+from solver.beam_models.rod import S_C, contact_of, curve_of
 from solver.instrument.arrays import Floats
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.loaded import Load, loaded

@@ -6,18 +6,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from solver.beam_models import frictional
-from solver.beam_models.rod import (
-    GRIP,
-    STEPS,
-    WIDTHS,
-    P,
-    Q,
-    U,
-    contact_of,
-    curve_of,
-    interpolated,
-    width_at,
-)
+from solver.beam_models.curve import P, U, interpolated
+from solver.beam_models.rod import GRIP, STEPS, WIDTHS, Q, contact_of, curve_of, width_at
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from solver.beam_models.curve import SLOPE, P, U, interpolated
 from solver.beam_models.exact import contact_at
-from solver.beam_models.rod import SLOPE, P, U, interpolated
 from solver.beam_models.two_contacts import (
     PARAMETERS,
     Q_INNER,
