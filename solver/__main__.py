@@ -255,7 +255,7 @@ def learn(
     if web_page:
         write(web_page, page(beam, rig).encode())
     Console(highlight=False, soft_wrap=True).print(
-        f"{summary(beam)}\nwritten to {out}", markup=False
+        f"{summary(beam, rig.beam.length)}\nwritten to {out}", markup=False
     )
 
 

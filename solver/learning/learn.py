@@ -7,7 +7,7 @@ shape of EI along the beam, not its scale.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from solver.instrument.beam_shape import BeamShape
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.learning.candidates import Candidate, candidates_of, prior_of
+from solver.learning.next_push import NextPush, next_push
 from solver.learning.pushes import BentFrame, bent_frame, problems_of
 
 # Beam of the frames' own fits, whose residuals show outliers.
@@ -60,7 +61,8 @@ class Trial:
 class LearnedBeam:
     """A learned beam, the candidates that were compared, and the frames that it was learned from.
 
-    `misfit` is the mean square of the residuals [sigma] of all frames.
+    `misfit` is the mean square of the residuals [sigma] of all frames. `next_push` would determine
+    best what they have left uncertain; it is None if nothing is.
     """
 
     shape: BeamShape
@@ -68,6 +70,7 @@ class LearnedBeam:
     trials: tuple[Trial, ...]
     frames: int
     misfit: float
+    next_push: NextPush | None = None
 
 
 def learn_beam(pushes: Sequence[Sequence[Measurement]]) -> LearnedBeam:
@@ -88,7 +91,9 @@ def learn_beam(pushes: Sequence[Sequence[Measurement]]) -> LearnedBeam:
     learned = _learn(every, prior_of(chosen, stated))
     if learned is None or not learned.converged:
         raise InputError("no beam fits the pushes: are they of one beam, with one contact each?")
-    return LearnedBeam(learned.shape, chosen, trials, len(every), learned.misfit)
+    correlation = float(np.mean([frame.correlation for frame in every]))
+    following = next_push(problems_of(every[:1], learned.shape)[0], correlation)
+    return LearnedBeam(learned.shape, chosen, trials, len(every), learned.misfit, following)
 
 
 @dataclass(frozen=True)
@@ -123,7 +128,7 @@ def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[
             for i in np.flatnonzero(parts == part).tolist():
                 predicted = None if learned is None else _fit(pushes[i], learned.shape)
                 if predicted is not None:
-                    misfits[row, i] = predicted[1]
+                    misfits[row, i] = predicted.misfit
     excess = misfits - misfits[int(np.argmin(misfits.mean(axis=1)))]
     frames = [frame for push in pushes for frame in push]
     correlation = float(np.mean([frame.correlation for frame in frames]))
@@ -154,10 +159,16 @@ def _simplest(trials: Sequence[Trial]) -> Candidate:
     )
 
 
-def _fit(
-    frames: Sequence[BentFrame], shape: BeamShape
-) -> tuple[JointFit, float, list[RodProblem]] | None:
-    """Fit frames with this beam; return the fit, its misfit and the problems."""
+class _Fitted(NamedTuple):
+    """Joint fit of frames, the mean square of their residuals [sigma], and their problems."""
+
+    fit: JointFit
+    misfit: float
+    problems: list[RodProblem]
+
+
+def _fit(frames: Sequence[BentFrame], shape: BeamShape) -> _Fitted | None:
+    """Fit frames with this beam; None if it has no shape near them."""
     problems = problems_of(frames, shape)
     common = problems[0].mean.copy()
     if len(shape.widths) and not shape.widths.any():  # a prior
@@ -166,7 +177,7 @@ def _fit(
     if fit is None:
         return None
     count = sum(len(problem.shared) for problem in problems)
-    return fit, fit.objective / count, problems
+    return _Fitted(fit, fit.objective / count, problems)
 
 
 def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:

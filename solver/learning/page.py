@@ -11,6 +11,7 @@ from solver.instrument.beam_shape import BeamShape
 from solver.instrument.rig import Rig
 from solver.instrument.units import MILLIMETRE, PERCENT
 from solver.learning.learn import LearnedBeam
+from solver.learning.next_push import NextPush
 
 # Size of a picture [px], and its margins.
 _WIDTH, _HEIGHT, _MARGIN = 640, 220, 46
@@ -38,8 +39,8 @@ def bow_of(shape: BeamShape, length: float) -> tuple[Floats, Floats]:
     return np.asarray(powers @ shape.bow * unit), np.sqrt(np.maximum(variance, 0.0)) * unit
 
 
-def summary(beam: LearnedBeam) -> str:
-    """Describe a learned beam in a few lines."""
+def summary(beam: LearnedBeam, length: float) -> str:
+    """Describe a learned beam of this length [m] in a few lines."""
     values, sigmas = widths_of(beam.shape)
     lines = [
         f"{beam.chosen.name}, from {beam.frames} frames; residuals {np.sqrt(beam.misfit):.2f} "
@@ -52,7 +53,19 @@ def summary(beam: LearnedBeam) -> str:
             f"rotation of the clamp over its moment, in L / EI: {beam.shape.softness:.5f} "
             f"+- {sigma:.2g}"
         )
+    if beam.next_push is not None:
+        lines.append(_advice(beam.next_push, length))
     return "\n".join(lines)
+
+
+def _advice(push: NextPush, length: float) -> str:
+    """Describe the push that would determine best what remains uncertain."""
+    sigmas = f"{push.before * 100:.3f} to {push.after * 100:.3f} % of the length"
+    place, deflection = (of * length / MILLIMETRE for of in (push.place, push.deflection))
+    return (
+        f"the next push that helps most: contact at {place:.0f} mm, tip deflected by "
+        f"{deflection:.0f} mm; it would reduce the sigma of x_c in usual pushes from {sigmas}"
+    )
 
 
 def page(beam: LearnedBeam, rig: Rig) -> str:
@@ -69,7 +82,7 @@ def page(beam: LearnedBeam, rig: Rig) -> str:
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width"><title>A learned beam</title>'
         f"<style>{_STYLE}</style></head><body><h1>A learned beam</h1>"
-        f"<pre>{escape(summary(beam))}</pre>"
+        f"<pre>{escape(summary(beam, rig.beam.length))}</pre>"
         "<h2>Width along the beam, % of that at the clamp, with two sigmas</h2>"
         f"{_picture(length, width / PERCENT, width_sigma / PERCENT)}"
         "<h2>Line at rest [mm], with two sigmas</h2>"

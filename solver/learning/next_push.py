@@ -1,0 +1,140 @@
+"""Find the push that would determine best what others have left uncertain of a beam.
+
+To first order a push adds its information on the beam (a Schur complement), whatever its images
+will show; the best one reduces the sigma of contact distances most (Atkinson and Donev 1992, the
+criterion V).
+"""
+
+from dataclasses import replace
+from itertools import product
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.curve import END, U, interpolated
+from solver.beam_models.rod import S_C, WIDTHS, Q, contact_of, curve_of
+from solver.fitting.residuals import SIGMA_X, SIGMA_Y
+from solver.fitting.rod_fit import residuals_at
+from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_residuals import DX, DY, SOFTNESS, TILT, clamp_moment
+from solver.instrument.arrays import Floats
+
+# Contacts and deflections of the tip that are compared, over the beam's length, and at which the
+# sigma of x_c is averaged. Chosen: those of usual pushes.
+PLACES: Final = (0.3, 0.45, 0.6, 0.75, 0.9)
+DEFLECTIONS: Final = (0.05, 0.1, 0.2)
+# Row of x_c in `rod.contact_of`.
+_X_C: Final = 2
+
+
+class NextPush(NamedTuple):
+    """A push at the arc length `place` that deflects the tip by `deflection`, over the length.
+
+    `before` and `after` are the RMS sigma of x_c in usual pushes, over the length, without and with
+    this one.
+    """
+
+    place: float
+    deflection: float
+    before: float
+    after: float
+
+
+class _Image(NamedTuple):
+    """Information (f, f) of the image of a push, and the gradient (f,) of its x_c."""
+
+    information: Floats
+    gradient: Floats
+
+
+def next_push(problem: RodProblem, correlation: float) -> NextPush | None:
+    """Compare pushes by what they would add to the beam of `problem`, which has its covariance.
+
+    Images have as many points as that of `problem`, as accurate, with the residuals' correlation
+    length `correlation`. Return None if the beam has no uncertain parameters.
+    """
+    first = problem.shape_size
+    beam = [i for i in (first + SOFTNESS, *range(WIDTHS, first)) if i in problem.free]
+    if not beam:
+        return None
+    rows = [list(problem.free).index(i) for i in beam]
+    prior = problem.information[np.ix_(problem.free, problem.free)]
+    # Load and place, which come first, have no prior.
+    known = _information_of(prior[2:, 2:], np.array(rows) - 2)
+    settings = list(product(PLACES, DEFLECTIONS))
+    images = {one: _image(problem, *one, correlation) for one in settings}
+    possible = {one: image for one, image in images.items() if image is not None}
+
+    def sigma(added: Floats) -> float:
+        variances = []
+        for image in possible.values():
+            total = prior + image.information
+            total[np.ix_(rows, rows)] += added
+            variances.append(image.gradient @ np.linalg.solve(total, image.gradient))
+        return float(np.sqrt(np.mean(variances)))
+
+    before = sigma(np.zeros((len(rows), len(rows))))
+    reached = {}
+    for one, image in possible.items():
+        # What the image adds to the beam, the contact and the clamp's pose being unknown.
+        reached[one] = sigma(_information_of(prior + image.information, np.array(rows)) - known)
+    best = min(reached, key=lambda one: reached[one])
+    return NextPush(*best, before, reached[best])
+
+
+def _information_of(total: Floats, rows: Floats) -> Floats:
+    """Return the information on the parameters `rows` alone, the others being unknown."""
+    return np.asarray(np.linalg.inv(np.linalg.inv(total)[np.ix_(rows, rows)]))
+
+
+def _image(
+    problem: RodProblem, place: float, deflection: float, correlation: float
+) -> _Image | None:
+    """Imagine the image of a push; None if the beam cannot be bent in this way."""
+    p, size = problem.mean.copy(), problem.shape_size
+    # The load by the linear theory of a uniform beam.
+    p[Q], p[S_C] = deflection / (place**2 / 2 - place**3 / 6), place
+    points = _points(problem, p)
+    if points is None:
+        return None
+    count = points.shape[1]
+    imagined = replace(
+        problem,
+        points=points,
+        bounds=np.array([0, count]),
+        views=problem.views[:1],
+        shared=np.zeros((count, problem.shared.shape[1])),
+    )
+    linearised = residuals_at(imagined, p)
+    if linearised is None:
+        return None
+    jacobian = linearised[1][problem.free]
+    _, by_shape = contact_of(curve_of(p[:size], problem.widths, problem.radius), p[:size])
+    gradient = np.zeros(len(p))
+    gradient[:size] = by_shape[_X_C]
+    return _Image(jacobian @ jacobian.T / correlation, gradient[problem.free])
+
+
+def _points(problem: RodProblem, p: Floats) -> Floats | None:
+    """Place the points of `problem` (4, n) evenly on the shape with parameters p; None if none."""
+    size = problem.shape_size
+    curve = curve_of(p[:size], problem.widths, problem.radius)
+    if not curve.exists:
+        return None
+    lever, height, angle = curve.base
+    # The unloaded end is nearly straight.
+    tip = curve.nodes[U, 0] * (1 - p[S_C]) / (END - p[S_C])
+    count = problem.points.shape[1]
+    u = np.linspace(lever, tip, count + 1)[1:]
+    nodes = np.clip(np.searchsorted(curve.nodes[U], u) - 1, 0, curve.nodes.shape[1] - 2)
+    fits = [interpolated(curve.nodes, int(i), float(at)) for i, at in zip(nodes, u, strict=True)]
+    value, slope = np.array([fit[0] for fit in fits]), np.array([fit[1] for fit in fits])
+    moment, _ = clamp_moment(curve, p[:size])
+    turn = angle + p[size + TILT] + p[size + SOFTNESS] * moment
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    # P decreases along the beam as u does.
+    along, across = lever - u, value - height
+    normal = np.array([slope, np.ones(count)]) / np.hypot(1, slope)
+    sigma = np.median(np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y]))
+    points = rotation @ np.array([along, across]) + p[[size + DX, size + DY]][:, None]
+    return np.vstack([points, sigma * (rotation @ normal)])
