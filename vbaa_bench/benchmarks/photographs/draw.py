@@ -28,6 +28,7 @@ TILT_SIGMA_DEG: Final = 0.4
 TAPER_SIGMA: Final = 0.02
 SOFTNESS_SIGMA: Final = 0.01
 BOW_SIGMA: Final = 0.003  # over the length
+K1_SIGMA: Final = 0.015
 FORCE_SIGMA: Final = 0.002  # of a known force, over the force
 PLACE_SIGMA_MM: Final = 1.0
 # Largest tilt and roll of a phone held by hand.
@@ -39,6 +40,8 @@ _MOST_FORCE_N: Final = 10.0
 # Images at rest, and range of those with a load.
 _AT_REST: Final = 2
 _LOADED: Final = (6, 8)
+# Places of marks in plane C, over the length.
+_MARKS: Final = ((0.0, -0.16), (0.5, -0.17), (1.0, -0.16), (0.7, 0.06))
 
 
 class Load(NamedTuple):
@@ -61,8 +64,8 @@ class PhotoDraw(NamedTuple):
 class RigDraw(NamedTuple):
     """A rig: true values by name, keys of its scene, colours of its surfaces, and photographs.
 
-    `stated` is photos.json without its photographs. `marks_mm` are places of known position in
-    plane C.
+    `grain` is that of the beam's material, `stated` photos.json without its photographs, and
+    `marks_mm` are places of known position in plane C.
     """
 
     truth: dict[str, Any]
@@ -77,92 +80,114 @@ class RigDraw(NamedTuple):
 def draw_rig(seed: int, number: int) -> RigDraw:
     """Draw one rig; it depends on `seed` and `number` only."""
     random = np.random.default_rng([seed, number])
+    truth = _truth(random)
+    material, ground = MATERIALS[truth["material"]], GROUNDS[truth["background"]]
+    stated = _stated(random, truth, number)
+    length = truth["length_mm"]
+    count = int(random.integers(2, 1 + len(_MARKS))) if number % 4 < 2 else 0
+    photos = _photos(random, truth)
+    weights: tuple[Colour, ...] = ((0.55, 0.42, 0.16), (0.35, 0.36, 0.38), (0.05, 0.05, 0.06))
+    return RigDraw(
+        truth,
+        _scene(random, truth, number),
+        {"beam": material.colour, "background": ground.colour, "object": weights[number % 3]},
+        material.grain,
+        stated,
+        [(x * length, y * length) for x, y in _MARKS[:count]],
+        photos,
+    )
+
+
+def _truth(random: np.random.Generator) -> dict[str, Any]:
+    """Draw beam, clamp, direction of gravity and lens."""
     normal, uniform = random.standard_normal, random.uniform
     length_mm = uniform(250, 450)
-    material, ground, channel = _looks(random)
-    beam = MATERIALS[material]
+    material, ground = _looks(random)
+    beam, length = MATERIALS[material], length_mm / 1e3
     modulus = beam.modulus_gpa * 1e9
-    length = length_mm / 1e3
-    by_weight = 2 * beam.density_kg_m3 * GRAVITY_M_S2 * length**3 / (modulus * _MOST_SAG)
-    share = uniform(0.6, 0.85)  # of the image's width, which the beam takes
+    share = uniform(0.6, 0.85)
     px_per_mm = share * WIDTH_PX / length_mm
+    # The sag under the own weight is 2 rho g L^4 / (E d^2).
+    by_weight = 2 * beam.density_kg_m3 * GRAVITY_M_S2 * length**3 / (modulus * _MOST_SAG)
     thinnest = max(_WIDTHS_PX[0] / px_per_mm, 1e3 * by_weight**0.5)
     # A tip load of 5 % of the length is at most the largest force.
     stiffest = _MOST_FORCE_N * length**2 / (3 * 0.05)
     thickest = min(_WIDTHS_PX[1] / px_per_mm, 1e3 * (64 * stiffest / (np.pi * modulus)) ** 0.25)
     diameter_mm = float(np.exp(uniform(np.log(thinnest), np.log(thickest))))
-    rigidity = modulus * np.pi * (diameter_mm / 1e3) ** 4 / 64
     focal_px = uniform(0.75, 1.1) * WIDTH_PX
     down_deg = -90 + DOWN_SIGMA_DEG * normal()
-    truth = {
+    return {
         "material": material,
         "background": ground,
         "length_mm": length_mm,
         "diameter_mm": diameter_mm,
         "width_px": diameter_mm * px_per_mm,
-        "flexural_rigidity_n_mm2": rigidity * 1e6,
+        "share_of_image": share,
+        "flexural_rigidity_n_mm2": modulus * np.pi * (diameter_mm / 1e3) ** 4 / 64 * 1e6,
         "tip_ratio": 1 + TAPER_SIGMA * normal(),
         "bow_mm": BOW_SIGMA * length_mm * normal(),
         "clamp_softness": abs(SOFTNESS_SIGMA * normal()),
         "down_deg": down_deg,
         "focal_length_px": focal_px,
-        "k1": 0.015 * normal(),
+        "k1": K1_SIGMA * normal(),
     }
-    stated: dict[str, Any] = {
-        "beam": {
-            "length_mm": length_mm + LENGTH_SIGMA_MM * normal(),
-            "length_sigma_mm": LENGTH_SIGMA_MM,
-        },
+
+
+def _stated(random: np.random.Generator, truth: dict[str, Any], number: int) -> dict[str, Any]:
+    """Draw what the laboratory states: photos.json without its photographs."""
+    normal = random.standard_normal
+    channel, _ = _contrast(truth["material"], truth["background"])
+    beam = {
+        "length_mm": truth["length_mm"] + LENGTH_SIGMA_MM * normal(),
+        "length_sigma_mm": LENGTH_SIGMA_MM,
+    }
+    camera = {"view_sigma_deg": VIEW_SIGMA_DEG}
+    mark_sigma = float(random.uniform(0.7, 1.5))
+    rigidity, focal = (
+        truth[key] / (1 + sigma * float(np.clip(normal(), -2.5, 2.5)))
+        for key, sigma in (
+            ("flexural_rigidity_n_mm2", RIGIDITY_SIGMA),
+            ("focal_length_px", FOCAL_SIGMA),
+        )
+    )
+    if number % 2:
+        beam["flexural_rigidity_n_mm2"] = rigidity
+        beam["flexural_rigidity_sigma_n_mm2"] = RIGIDITY_SIGMA * rigidity
+    if number % 3:
+        camera["focal_length_px"] = focal
+        camera["focal_length_sigma_px"] = FOCAL_SIGMA * focal
+    return {
+        "beam": beam,
         "beam_shape": {"taper_sigma": TAPER_SIGMA, "clamp_softness_sigma": SOFTNESS_SIGMA},
         "channel": channel,
-        "camera": {"view_sigma_deg": VIEW_SIGMA_DEG},
-        "mark_sigma_px": float(uniform(0.7, 1.5)),
+        "camera": camera,
+        "mark_sigma_px": mark_sigma,
         "down_deg": -90.0,
         "down_sigma_deg": DOWN_SIGMA_DEG,
     }
-    nominal = rigidity * 1e6 / (1 + RIGIDITY_SIGMA * np.clip(normal(), -2.5, 2.5))
-    focal = focal_px / (1 + FOCAL_SIGMA * np.clip(normal(), -2.5, 2.5))
-    if number % 2:
-        stated["beam"]["flexural_rigidity_n_mm2"] = nominal
-        stated["beam"]["flexural_rigidity_sigma_n_mm2"] = RIGIDITY_SIGMA * nominal
-    if number % 3:
-        stated["camera"]["focal_length_px"] = focal
-        stated["camera"]["focal_length_sigma_px"] = FOCAL_SIGMA * focal
-    marks = [(0.0, -0.16), (0.5, -0.17), (1.0, -0.16), (0.7, 0.06)]
-    count = int(random.integers(2, 5)) if number % 4 < 2 else 0
-    photos = _photos(random, truth, share)
-    return RigDraw(
-        truth,
-        _scene(random, truth, GROUNDS[ground].contrast, GROUNDS[ground].ratio, number),
-        {
-            "beam": beam.colour,
-            "background": GROUNDS[ground].colour,
-            "object": ((0.55, 0.42, 0.16), (0.35, 0.36, 0.38), (0.05, 0.05, 0.06))[number % 3],
-        },
-        beam.grain,
-        stated,
-        [(x * length_mm, y * length_mm) for x, y in marks[:count]],
-        photos,
-    )
 
 
-def _looks(random: np.random.Generator) -> tuple[str, str, Channel]:
+def _contrast(material: str, ground: str) -> tuple[Channel, float]:
+    """Return the best channel for a beam before a background, and the contrast in it."""
+    return best_channel(MATERIALS[material].colour, GROUNDS[ground].colour)
+
+
+def _looks(random: np.random.Generator) -> tuple[str, str]:
     """Draw a material and a background that differ enough in some channel."""
     while True:
         material, ground = str(random.choice([*MATERIALS])), str(random.choice([*GROUNDS]))
-        channel, contrast = best_channel(MATERIALS[material].colour, GROUNDS[ground].colour)
-        if contrast > LEAST_CONTRAST:
-            return material, ground, channel
+        if _contrast(material, ground)[1] > LEAST_CONTRAST:
+            return material, ground
 
 
-def _photos(random: np.random.Generator, truth: dict[str, Any], share: float) -> list[PhotoDraw]:
+def _photos(random: np.random.Generator, truth: dict[str, Any]) -> list[PhotoDraw]:
     loaded = int(random.integers(_LOADED[0], _LOADED[1] + 1))
     loads: list[Load | None] = [None] * _AT_REST
     loads += [_load(random, truth, known=i == 0) for i in range(loaded)]
     quality = int(random.integers(85, 96))
     return [
         PhotoDraw(
-            _camera(random, truth, share),
+            _camera(random, truth),
             float(TILT_SIGMA_DEG * random.standard_normal()),
             load,
             quality,
@@ -180,10 +205,11 @@ def _load(random: np.random.Generator, truth: dict[str, Any], *, known: bool) ->
     return Load(float(force), float(1e3 * at), known)
 
 
-def _camera(random: np.random.Generator, truth: dict[str, Any], share: float) -> dict[str, Any]:
+def _camera(random: np.random.Generator, truth: dict[str, Any]) -> dict[str, Any]:
     """Draw the pose of a phone that is held about perpendicular to the beam's plane."""
     length, focal = truth["length_mm"], truth["focal_length_px"]
-    distance = focal * length / (share * random.uniform(0.92, 1.04) * WIDTH_PX)
+    share = truth["share_of_image"] * random.uniform(0.92, 1.04)
+    distance = focal * length / (share * WIDTH_PX)
     tilts = np.clip(VIEW_SIGMA_DEG * random.standard_normal(2), -_MOST_TURN_DEG, _MOST_TURN_DEG)
     aim = length * (np.array([0.5, -0.06]) + 0.015 * random.standard_normal(2))
     x, y = aim + distance * np.tan(tilts * DEGREE)
@@ -199,12 +225,10 @@ def _camera(random: np.random.Generator, truth: dict[str, Any], share: float) ->
     }
 
 
-def _scene(
-    random: np.random.Generator, truth: dict[str, Any], contrast: float, ratio: float, number: int
-) -> dict[str, Any]:
-    """Return the keys of a rig's scene, without camera, object and pushes."""
+def _scene(random: np.random.Generator, truth: dict[str, Any], number: int) -> dict[str, Any]:
+    """Draw the keys of a rig's scene, without camera, object and pushes."""
     length, diameter = truth["length_mm"], truth["diameter_mm"]
-    material = MATERIALS[truth["material"]]
+    material, ground = MATERIALS[truth["material"]], GROUNDS[truth["background"]]
     down = truth["down_deg"] * DEGREE
     jaw = 2 * diameter + 12
     scene: dict[str, Any] = {
@@ -235,9 +259,9 @@ def _scene(
             "distance_mm": float(random.uniform(0.15, 0.5)) * length + jaw,
             "pattern": "textured",
             "reflectance": 0.4,
-            "contrast": contrast,
+            "contrast": ground.contrast,
             "correlation_mm": 2.0,
-            "correlation_ratio": ratio,
+            "correlation_ratio": ground.ratio,
             "fixed_to": "world",
         },
         "ambient": {"irradiance": float(random.uniform(0.4, 1.0))},
