@@ -11,8 +11,9 @@ from solver.instrument.files import write_bytes
 from vbaa_bench.benchmarks.contact_sheet import CAPTION_PX, INK, PAPER, brightened, photograph
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
+from vbaa_bench.scene.push_spec import PushSpec
 from vbaa_bench.scene.rendering import RenderSpec
-from vbaa_bench.scene.schema import PushSpec, Scene
+from vbaa_bench.scene.schema import Scene
 
 TILE_PX, GAP_PX = 288, 4
 # Nearer than a scene's own camera and oblique, as in a photograph of a rig.

@@ -10,7 +10,8 @@ from solver.instrument.errors import InputError, quoted
 from solver.instrument.keys import Keys
 from vbaa_bench.dataset.document import mistake_sentence
 from vbaa_bench.scene.load import recorded_values
-from vbaa_bench.scene.schema import PushSpec, Scene
+from vbaa_bench.scene.push_spec import PushSpec
+from vbaa_bench.scene.schema import Scene
 
 # Chosen far beyond any rig: only mistakes in typing are rejected, and no product overflows.
 _LARGEST: Final = 1e12

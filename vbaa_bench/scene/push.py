@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
-from vbaa_bench.scene.schema import PushSpec
+from vbaa_bench.scene.push_spec import PushSpec
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
-from solver.instrument.rig import MAX_SHIFT_PX
+from vbaa_bench.scene.beam import BeamSpec, ToleranceSpec
 from vbaa_bench.scene.camera import CalibrationSpec, CameraSpec
 from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.image_sensor import SensorSpec
@@ -35,18 +35,13 @@ from vbaa_bench.scene.objects import (
     SecondPegSpec,
 )
 from vbaa_bench.scene.optics import OpticsSpec
-from vbaa_bench.scene.paint import GrimeSpec, Paint, PaintedPart
 from vbaa_bench.scene.part import (
-    ONSET,
-    Fraction,
     Onset,
     Part,
-    Positive,
-    Tilt,
-    Tolerance,
     Triple,
 )
 from vbaa_bench.scene.presets import Look, with_preset
+from vbaa_bench.scene.push_spec import MAX_FRAMES, PushSpec
 from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rendering import Layer, RenderSpec
 from vbaa_bench.scene.sampling import SamplingSpec, SplitSpec
@@ -54,128 +49,8 @@ from vbaa_bench.scene.unit_values import Method
 from vbaa_bench.scene.weight import WeightSpec, weight_mistake
 from vbaa_bench.scene.wires import WiresSpec
 
-
-class BeamSpec(PaintedPart):
-    """Beam and its paint; by default that of section VI: straight, round and uniform."""
-
-    paint: Paint = "gloss"
-    length_mm: Positive = 240
-    # For a strip this is its thickness.
-    diameter_mm: Positive = 0.8
-    youngs_modulus_gpa: Positive = 200
-    yield_stress_mpa: Positive = 1500
-    allow_above_yield: bool = False
-    reflectance: Fraction = 0.85
-    # An elliptic section, or a flat strip, is `aspect_ratio` times as wide as it is thick; its
-    # thickness is turned from y towards z by `section_angle_deg`.
-    section: Literal["circular", "elliptic", "strip"] = "circular"
-    aspect_ratio: Annotated[float, Field(ge=0.1, le=100)] = 1.0
-    section_angle_deg: Tilt = 0.0
-    # A tapered beam's diameter at the tip over that at the clamp; 0.02 is a rat's whisker.
-    tip_ratio: Annotated[float, Field(ge=0.02, le=3)] = 1.0
-    # Bow of the unloaded beam: its middle's distance from its chord, towards +y.
-    bow_mm: Annotated[float, Field(ge=-1e3, le=1e3)] = 0.0
-    density_kg_m3: Positive = 7930
-    # Whether it stretches under its axial force.
-    extensible: bool = False
-    # Rotation of the clamp over its bending moment, in units of L / EI.
-    clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    # Shape of a round beam's tip. Its length and its mechanics stay those of a flat tip: the shape
-    # differs over the last diameter only, a share diameter / length of the beam.
-    tip: Literal["flat", "round", "cut", "burr"] = "flat"
-    grime: GrimeSpec | None = None
-    # Number of segments of the centreline.
-    centreline_segments: Annotated[int, Field(ge=16, le=10_000)] = 480
-
-    @model_validator(mode="after")
-    def _check_aspect_ratio(self) -> "BeamSpec":
-        if (self.section == "circular") != (self.aspect_ratio == 1):
-            raise ValueError(
-                f"section {self.section} with aspect_ratio {self.aspect_ratio:g}: allowed is 1 for "
-                "a circular section, any other for an elliptic one or a strip"
-            )
-        if self.section == "strip" and self.tip != "flat":
-            raise ValueError(f"tip is {self.tip}, allowed is flat for a strip")
-        if self.section == "strip" and self.aspect_ratio < 2:
-            raise ValueError(f"aspect_ratio is {self.aspect_ratio:g}, allowed is >= 2 for a strip")
-        return self
-
-
-class ToleranceSpec(Part):
-    """Stated accuracy of the rig: one sigma, written to rig.json.
-
-    The encoder's readings always have errors of its sigma, and are multiples of its step.
-    """
-
-    beam_length_mm: Tolerance = 0.1
-    flexural_rigidity_pct: Annotated[float, Field(ge=0, le=20)] = 1.0
-    base_mm: Tolerance = 0.01
-    board_mm: Tolerance = 0.01
-    board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
-    encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
-    encoder_step_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
-    # Shift of the image since the rest images, in each direction.
-    camera_shift_px: Annotated[float, Field(ge=0, le=MAX_SHIFT_PX)] = 0.0
-    # Direction of gravity in plane C, which a hung weight needs.
-    gravity_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
-    # Stated sigmas of what a uniform, frictionless beam on a rigid clamp does not have: width of
-    # the tip over that at the clamp, less one; the section's second axis over its first, less one;
-    # coefficient of friction; the clamp's rotation over its moment, in units of L / EI.
-    tip_ratio_pct: Annotated[float, Field(ge=0, le=80)] = 0.0
-    aspect_ratio_pct: Annotated[float, Field(ge=0, le=50)] = 0.0
-    friction: Annotated[float, Field(ge=0, le=2)] = 0.0
-    clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
-    # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.
-    true_rig: Literal["nominal", "drawn"] = "nominal"
-
-
-# As many as sampling.count allows. Chosen: two days of rendering, a terabyte with all layers.
-MAX_FRAMES: Final = 1_000_000
 # Chosen: each takes seconds and a megabyte.
 MAX_RIGS: Final = 1_000_000
-
-Angle = Annotated[float, Field(gt=-60, lt=60)]
-
-
-class PushSpec(Part):
-    """Grid of pushes: contact distances x normals x stiffnesses x repeats, step after step.
-
-    Contact distance is that of the first contact, on the beam at rest; deflection is the tip's
-    displacement across the beam, over L. The deflections, or pushing angles, are the steps of one
-    push in their order; a step whose angle is not positive is before contact.
-    """
-
-    contact_distance_mm: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
-    deflection_pct: tuple[Annotated[float, Field(gt=0, lt=60)], ...] | None = None
-    pushing_angle_deg: tuple[Angle, ...] | None = None
-    # Tilt nu of the touched edge's normal out of plane C.
-    normal_deg: Annotated[tuple[Tilt, ...], Field(min_length=1)] = (0.0,)
-    # Stiffness of the object along its normal.
-    stiffness_n_m: Annotated[tuple[Positive | Literal["rigid"], ...], Field(min_length=1)] = (
-        "rigid",
-    )
-    repeats: Annotated[int, Field(ge=1, le=MAX_FRAMES)] = 1
-    # Drawn uniformly for every push, from low to high; equal ends fix it. If a push has one step
-    # only, this is the motor angle of that step, to a few tenths of a degree. If it were that of
-    # first contact, the encoder would reveal the pushing angle, which depends on the contact.
-    motor_angle_at_contact_deg: Onset = ONSET
-
-    @model_validator(mode="after")
-    def _check_onset(self) -> "PushSpec":
-        limits = self.motor_angle_at_contact_deg
-        if limits[0] > limits[1]:
-            raise ValueError(
-                f"motor_angle_at_contact_deg is {list(limits)}, allowed is a range from low to high"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _check_steps(self) -> "PushSpec":
-        if (self.deflection_pct is None) == (self.pushing_angle_deg is None):
-            raise ValueError("exactly one of deflection_pct and pushing_angle_deg must be given")
-        if not (self.deflection_pct or self.pushing_angle_deg):
-            raise ValueError("the list of deflections or pushing angles is empty")
-        return self
 
 
 class Scene(Part):

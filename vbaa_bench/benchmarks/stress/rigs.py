@@ -12,8 +12,9 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.scene.camera import CameraSpec
 from vbaa_bench.scene.load import SceneFile
+from vbaa_bench.scene.push_spec import PushSpec
 from vbaa_bench.scene.sampling import SamplingSpec
-from vbaa_bench.scene.schema import PushSpec, Scene
+from vbaa_bench.scene.schema import Scene
 
 # Rigs differ in the camera's position and aim by up to this fraction of their distance, and in its
 # roll by up to this angle. Chosen: a few pixels, so that the beam crosses the pixel rows at another
