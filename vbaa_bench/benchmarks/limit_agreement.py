@@ -23,7 +23,7 @@ from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.profile import SHIFT, information
-from vbaa_bench.limits.quantities import QUANTITIES, gradients
+from vbaa_bench.limits.quantities import QUANTITIES, SECOND, gradients
 from vbaa_bench.limits.rendered import ImageChange, precise_change
 from vbaa_bench.limits.rendered_beam import STEP_PX
 from vbaa_bench.limits.rendered_profile import RenderedProfiles, rendered_profiles
@@ -43,6 +43,9 @@ _PARTS, _LEAST_SHARE = 10, 0.02
 _GOLDEN: Final = 0.6180339887
 
 Record = dict[str, Any]
+
+
+_QUANTITIES: Final = QUANTITIES[: -len(SECOND)]
 
 
 @dataclass(frozen=True)
@@ -91,14 +94,14 @@ class LimitedFrame:
 
     @cached_property
     def quantities(self) -> Floats:
-        """Gradients (4, 3) of QUANTITIES with respect to CONTACT."""
+        """Gradients (4, 3) of those of one contact with respect to CONTACT."""
         pose = self.lit.renderer.pose(self.spec)
         line, s = pose.experiment.rest.centreline, pose.state.contact.s
         at_rest = np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
-        return gradients(self.imaged.neighbours(CONTACT), at_rest).quantities
+        return gradients(self.imaged.neighbours(CONTACT), at_rest).quantities[: len(_QUANTITIES)]
 
     def sigmas(self, data: Information, *, plane_is_known: bool) -> Floats:
-        """Compute the limits (4,) of QUANTITIES, with the rig known."""
+        """Compute the limits (4,) of the same, with the rig known."""
         known = {_SHIFT, *(CONTACT[2:] if plane_is_known else ())}
         own = data.without(known)
         rows = [dict(zip(CONTACT, row, strict=True)) for row in self.quantities]
@@ -186,10 +189,10 @@ def agreement(lit: LitScene, spec: FrameSpec) -> Record:
         "lamps": lamps,
     }
     for name, known in (("planar", True), ("image", False)):
-        # psi is the last of QUANTITIES.
-        counted = len(QUANTITIES) - known
+        # psi is the last of them.
+        counted = len(_QUANTITIES) - known
         own = frame.sigmas(change.information, plane_is_known=known)[:counted]
-        record[name] = {"limits": dict(zip(QUANTITIES, own.tolist(), strict=False))}
+        record[name] = {"limits": dict(zip(_QUANTITIES, own.tolist(), strict=False))}
         for other, data in others.items():
             limits = frame.sigmas(data, plane_is_known=known)[:counted]
             record[name][other] = (own / limits).tolist()

@@ -1,6 +1,6 @@
 """Information limits of one frame: least standard deviations, for each information set."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +21,7 @@ from vbaa_bench.limits.image_shape import (
 )
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam
-from vbaa_bench.limits.quantities import QUANTITIES, Gradients, gradients
+from vbaa_bench.limits.quantities import QUANTITIES, SECOND, Gradients, gradients
 from vbaa_bench.limits.rig_information import RigInformation
 from vbaa_bench.limits.stated_shape import friction_sigma
 from vbaa_bench.scene.rigs import nominal_rig
@@ -44,15 +44,15 @@ class FrameLimits:
     learned: Information | None = None
 
     def by_set(self) -> Iterator[tuple[str, Floats]]:
-        """Yield each information set, and the limits (4,) of `quantities.QUANTITIES` in it.
+        """Yield each information set, and the limits (6,) of `quantities.QUANTITIES` in it.
 
-        Infinite ones cannot be determined from these data; psi is NaN where it is known. Raises
-        EquilibriumError.
+        Infinite ones cannot be determined from these data; psi is NaN where it is known, and so are
+        those of a second contact that does not exist. Raises EquilibriumError.
         """
-        in_plane = self.image.without({CONTACT[2]})
-        yield "planar", self._planar_limits(in_plane)
+        in_plane = self.image.without({CONTACT[2], SECOND_CONTACT[2]})
+        yield "planar", self._limits(in_plane, {"psi"})
         if self.learned is not None:
-            yield "learned", self._planar_limits(in_plane + self.learned)
+            yield "learned", self._limits(in_plane + self.learned, {"psi"})
         yield "image", self._limits(self.image)
         sensors = nominal_rig(self.rig.scene).sensors
         _, readings = self.gradients
@@ -80,7 +80,8 @@ class FrameLimits:
     @property
     def on_rig(self) -> Information:
         """Information of this image on the rig, where contact and force are in plane C."""
-        image = (self.of_image + self.stated).without({CONTACT[2], *self.rig.known})
+        in_plane = {CONTACT[2], SECOND_CONTACT[2]}
+        image = (self.of_image + self.stated).without(in_plane | self.rig.known)
         return image.eliminated(self.parameters)
 
     @cached_property
@@ -147,10 +148,13 @@ class FrameLimits:
             self.bending, self.gradients.readings[rows], np.array(sigmas)
         )
 
-    def _planar_limits(self, information: Information) -> Floats:
-        known = np.array(QUANTITIES) == "psi"
-        return np.where(known, np.nan, self._limits(information))
+    @property
+    def absent(self) -> frozenset[str]:
+        """Quantities that do not exist in this frame."""
+        return frozenset() if len(self.imaged.loads) > 1 else frozenset(SECOND)
 
-    def _limits(self, information: Information) -> Floats:
+    def _limits(self, information: Information, known: Collection[str] = ()) -> Floats:
         rows = [dict(zip(self.bending, row, strict=True)) for row in self.gradients.quantities]
-        return information.sigmas(information.gradients(rows), self.rig.errorless)
+        limits = information.sigmas(information.gradients(rows), self.rig.errorless)
+        missing = [name in known or name in self.absent for name in QUANTITIES]
+        return np.where(missing, np.nan, limits)

@@ -11,6 +11,7 @@ from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.image_shape import CAMERA_SHIFT, CONTACT, FRICTION
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.push_model import PushGradients, push_gradients
+from vbaa_bench.limits.quantities import QUANTITIES
 from vbaa_bench.limits.stated_shape import friction_sigma
 from vbaa_bench.scene.rigs import nominal_rig
 
@@ -24,9 +25,10 @@ class PushLimits:
     frames: Sequence[FrameLimits]
 
     def limits(self) -> Iterator[Floats]:
-        """Yield for each frame the limits of QUANTITIES, then of the compliance [m/N], (5,).
+        """Yield for each frame the limits of QUANTITIES, then of the compliance [m/N], (7,).
 
-        Infinite ones cannot be determined from these data. Raises EquilibriumError.
+        Infinite ones cannot be determined from these data; those of a second contact that does not
+        exist are NaN. Raises EquilibriumError.
         """
         if not self.frames:
             return
@@ -37,7 +39,8 @@ class PushLimits:
         for number in range(len(self.frames)):
             total += self._of_frame(number)
             rows = total.gradients([*self._quantities(number), {"compliance": 1.0}])
-            yield total.sigmas(rows, rig.errorless)
+            absent = [name in self.frames[number].absent for name in (*QUANTITIES, "compliance")]
+            yield np.where(absent, np.nan, total.sigmas(rows, rig.errorless))
 
     def _of_frame(self, number: int) -> Information:
         """Return one frame's information on the push, its own angle and the rig."""

@@ -30,7 +30,7 @@ from vbaa_bench.limits.image_shape import (
 )
 from vbaa_bench.limits.named_information import Information, pseudo_inverse
 from vbaa_bench.limits.profile import SHIFT
-from vbaa_bench.limits.quantities import difference, gradients
+from vbaa_bench.limits.quantities import QUANTITIES, SECOND, difference, gradients
 from vbaa_bench.mechanics.loaded import Load
 from vbaa_bench.mechanics.state import EquilibriumError
 
@@ -42,10 +42,12 @@ _LONGEST: Final = 0.1
 # limits.
 _CONVERGED: Final = 1e-7
 _BENDING: Final = {*CONTACT, *BEAM}
+# It has one contact: QUANTITIES without those of a second one.
+_COUNT: Final = len(QUANTITIES) - len(SECOND)
 
 
 class SimpleModel(NamedTuple):
-    """Bias (4,) of QUANTITIES, and their standard deviations (4,) about it."""
+    """Bias (4,) of the first QUANTITIES, and their standard deviations (4,) about it."""
 
     bias: Floats
     sigmas: Floats
@@ -72,7 +74,7 @@ class SimpleFit:
         covariance = inverse @ information @ inverse
         at_rest = self.frame.contact_at_rest
         bending = {name: one for name, one in fitted.neighbours.items() if name in _BENDING}
-        of_bending = gradients(bending, at_rest).quantities
+        of_bending = gradients(bending, at_rest).quantities[:_COUNT]
         rows = np.zeros((len(of_bending), len(names)))
         rows[:, [names.index(name) for name in bending]] = of_bending
         variance = np.einsum("qi,ij,qj->q", rows, covariance, rows)

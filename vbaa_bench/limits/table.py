@@ -33,6 +33,8 @@ SCHEMA: Final = {
     "s_c_limit_mm": pl.Float64,
     "force_limit_n": pl.Float64,
     "psi_limit_deg": pl.Float64,
+    "second_s_c_limit_mm": pl.Float64,
+    "second_force_limit_n": pl.Float64,
     "compliance_limit_mm_per_n": pl.Float64,
     # What a method reaches that assumes a uniform beam and one contact without friction, in frames
     # without these: its bias, and its standard deviation about it.
@@ -45,15 +47,16 @@ SCHEMA: Final = {
     "force_simple_sigma_n": pl.Float64,
     "psi_simple_sigma_deg": pl.Float64,
 }
-# SI units of these columns.
-_UNITS: Final = (MILLIMETRE, MILLIMETRE, 1.0, DEGREE)
+# SI units of these columns, those of a second contact last.
+_UNITS: Final = (MILLIMETRE, MILLIMETRE, 1.0, DEGREE, MILLIMETRE, 1.0)
+_SIMPLE_UNITS: Final = _UNITS[:4]
 _COMPLIANCE_UNIT: Final = MILLIMETRE
 
 
 class Limit(NamedTuple):
     """Limits of a frame in an information set.
 
-    `quantities` (4,) are those of QUANTITIES, `compliance` [m/N] that of the object's. `simple` is
+    `quantities` (6,) are those of QUANTITIES, `compliance` [m/N] that of the object's. `simple` is
     what the simple model reaches, if the frame breaks its assumptions.
     """
 
@@ -65,9 +68,9 @@ class Limit(NamedTuple):
 
     def row(self, frame_id: str) -> dict[str, Any]:
         """Return a row with the columns of SCHEMA; a limit that is not finite is null."""
-        missing = np.full(len(_UNITS), np.nan)
-        bias, sigmas = self.simple or SimpleModel(missing, missing)
-        limits, bias, sigmas = (values / _UNITS for values in (self.quantities, bias, sigmas))
+        missing = np.full(len(_SIMPLE_UNITS), np.nan)
+        limits = self.quantities / _UNITS
+        bias, sigmas = (of / _SIMPLE_UNITS for of in self.simple or SimpleModel(missing, missing))
         values = (*limits, self.compliance / _COMPLIANCE_UNIT, *bias, *sigmas)
         numbers = (float(value) if np.isfinite(value) else None for value in values)
         return dict(zip(SCHEMA, (frame_id, self.information, *numbers), strict=True))

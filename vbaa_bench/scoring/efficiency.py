@@ -10,6 +10,8 @@ _QUANTITIES: Final = {
     "force_n": "the force",
     "psi_deg": "the inclination psi",
     "compliance_mm_per_n": "the compliance",
+    "second_s_c_mm": "the second contact's arc length",
+    "second_force_n": "the second force",
 }
 # A share above 100 % is called impossible only with this many answered frames. Chosen: bootstrap
 # intervals of fewer are too narrow; with 20 Gaussian errors by a tenth.

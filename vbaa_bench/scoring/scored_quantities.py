@@ -79,6 +79,8 @@ LIMITED: Final = (
     ScoredQuantity("s_c", "mm", pl.col("s_c_mm")),
     ScoredQuantity("force", "n", pl.col("force_n")),
     ScoredQuantity("psi", "deg", pl.col("psi_deg")),
+    SECOND_S_C,
+    ScoredQuantity("second_force", "n", _SECOND_SIZE),
     COMPLIANCE,
 )
 SCORED_QUANTITIES: Final = (
@@ -89,8 +91,6 @@ SCORED_QUANTITIES: Final = (
     # Eqs. (28), (29): the deflection at the contact, turned by psi.
     ScoredQuantity("displacement_y", "mm", _SIDE * _Y_C * _PSI.cos()),
     ScoredQuantity("displacement_z", "mm", _Y_C * _PSI.sin()),
-    SECOND_S_C,
-    ScoredQuantity("second_force", "n", _SECOND_SIZE),
     ScoredQuantity("stiffness", "n_per_m", pl.col("k_s_n_m")),
     ScoredQuantity("friction", "", pl.when(HAS_CONTACT).then(pl.col("friction"))),
     ScoredQuantity("object_radius", "mm", pl.when(HAS_CONTACT).then(pl.col("object_radius_mm"))),

@@ -58,15 +58,31 @@ def test_one_image_of_a_push_informs_as_one_image() -> None:
     first = paper_push()[0]
     alone = dict(first.by_set())["image"]
     in_push = next(PushLimits([first]).limits())
-    np.testing.assert_allclose(in_push[:4], alone, rtol=1e-3)
+    np.testing.assert_allclose(in_push[:4], alone[:4], rtol=1e-3)
     # Onset and stiffness cannot be separated.
-    assert np.isinf(in_push[4])
+    assert np.isinf(in_push[-1])
 
 
 def test_a_second_image_reduces_all_limits_and_shows_the_stiffness() -> None:
     frames = paper_push()
     alone = dict(frames[1].by_set())["image"]
     together = list(PushLimits(frames).limits())[1]
-    assert (together[:4] < alone * (1 + 1e-9)).all()
+    assert (together[:4] < alone[:4] * (1 + 1e-9)).all()
     assert together[0] < 0.99 * alone[0]
-    assert np.isfinite(together[4])
+    assert np.isfinite(together[-1])
+
+
+def test_a_second_contact_has_limits_that_decrease_with_its_load() -> None:
+    single = dict(paper_push()[0].by_set())["planar"]
+    assert np.isnan(single[-2:]).all()
+    pushes = {"contact_distance_mm": [110], "pushing_angle_deg": [4, 8]}
+    second = {"distance_mm": 190, "gap_mm": 1.5}
+    frames = push(object={"kind": "peg"}, second_peg=second, pushes=pushes)
+    loads = [np.linalg.norm(frame.imaged.beam.forces[1]) for frame in frames]
+    limits = [dict(frame.by_set())["planar"] for frame in frames]
+    assert loads[1] > 1.5 * loads[0]
+    assert np.isfinite(limits[0][-2:]).all()
+    # The place of a force is known in inverse proportion to its size, in linear theory.
+    product = [limit[-2] * load for limit, load in zip(limits, loads, strict=True)]
+    assert product[1] == pytest.approx(product[0], rel=0.5)
+    assert limits[1][-2] < limits[0][-2]
