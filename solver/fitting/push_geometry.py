@@ -17,42 +17,62 @@ by -delta into the world gives two equations for a shape:
     x:  x_c cos delta + y_c sin delta + reach sin(theta_c - delta) = x0
 
 With a sharp rigid edge and a thin beam these are y_c = x_c tan(delta) and x_c = x0 cos(delta).
+
+A bowed beam is inclined to its clamp by an angle at first contact, which delta then contains, and
+its tangent there passes the clamp at a distance: the y equation has -reach + height on its right.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models import frictional
+from solver.beam_models.frictional import Contact
 from solver.instrument.arrays import Floats
-from solver.instrument.beam import Beam
+
+
+class FirstTouch(NamedTuple):
+    """Line of the beam at the point of first contact, in the frame of the clamp.
+
+    `position` [m] is along the line, `height` [m] the distance of the line above the clamp, and
+    `angle` [rad] its inclination. `gradients` (3, 1 + b) are those of the three by x0 and the b
+    parameters of the beam.
+    """
+
+    position: float
+    height: float
+    angle: float
+    gradients: Floats
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Pushes that make shapes (n,), each quantity with its gradient (5, n).
+    """Pushes that make shapes (n,), each quantity with its gradient (k + 3, n).
 
-    `pushing_angle` [rad] is the clamp's rotation since first contact, `distance` [m] the object's
-    position along the beam at first contact. Gradients are by (q, lever, grip, compliance, reach).
+    `pushing_angle` [rad] is the clamp's rotation since first contact, `excess` [m] the object's
+    position along the beam at first contact, less where it is. Gradients are by the k parameters of
+    the contact, compliance, reach and x0.
     """
 
     pushing_angle: Floats
-    distance: Floats
+    excess: Floats
     d_pushing_angle: Floats
-    d_distance: Floats
+    d_excess: Floats
+
+
+def straight(x0: float, beam: int = 0) -> FirstTouch:
+    """Return the first touch of a straight beam at x0 [m], with `beam` parameters."""
+    return FirstTouch(x0, 0.0, 0.0, np.eye(3, 1 + beam) * [1.0, *[0.0] * beam])
 
 
 def touch(
-    q: Floats, lever: Floats, grip: Floats, compliance: float, reach: float, beam: Beam
+    contact: Contact, first: FirstTouch, compliance: float, reach: float, rigidity: float
 ) -> Touch | None:
-    """Compute the pushes that make the exact beam's shapes (q, lever, grip), each (n,).
+    """Compute the pushes that make shapes with these contacts (n,), of a beam with EI `rigidity`.
 
-    Returns None if a shape does not exist, or no pushing angle below a right angle makes it.
+    The gradients (k, n) of the contacts are by q, place, grip and the beam's parameters. Returns
+    None if no pushing angle below a right angle makes a shape.
     """
-    if not frictional.exists(q, lever, grip):
-        return None
-    contact = frictional.contact(q, lever, grip, beam.radius)
-    rigidity = beam.flexural_rigidity
     sine, cosine = np.sin(contact.theta_c), np.cos(contact.theta_c)
     force_sine, force_cosine = (
         np.sin(contact.theta_c + contact.lean),
@@ -62,28 +82,32 @@ def touch(
     along = contact.x_c + reach * sine - deflection * force_sine
     across = contact.y_c - reach * cosine + deflection * force_cosine
     radius = np.hypot(along, across)
-    if np.any(abs(reach) >= radius):
+    offset = reach - first.height
+    if np.any(abs(offset) >= radius):
         return None
-    delta = np.arctan2(across, along) + np.arcsin(reach / radius)
+    delta = np.arctan2(across, along) + np.arcsin(offset / radius)
     delta_sine, delta_cosine = np.sin(delta), np.cos(delta)
     slope = along * delta_cosine + across * delta_sine
     if np.any((slope <= 0) | (np.abs(delta) >= np.pi / 2)):
         return None
-    zeros, ones = np.zeros_like(q), np.ones_like(q)
+    n, k = len(delta), len(contact.d_x_c)
 
-    def by_all(by_shape: Floats) -> Floats:
-        return np.array([*by_shape, zeros, zeros])
+    def by_all(by_contact: Floats) -> Floats:
+        return np.concatenate([by_contact, np.zeros((3, n))])
 
     d_theta, d_x, d_y = by_all(contact.d_theta_c), by_all(contact.d_x_c), by_all(contact.d_y_c)
     d_beta = d_theta + by_all(contact.d_lean)
     d_deflection = compliance * rigidity * by_all(contact.d_load)
-    d_deflection[3] = rigidity * contact.load
-    d_reach = np.array([zeros, zeros, zeros, zeros, ones])
+    d_deflection[k] = rigidity * contact.load
+    d_reach, d_first = np.zeros((k + 3, 1)), np.zeros((3, k + 3, 1))
+    d_reach[k + 1] = 1.0
+    d_first[:, k + 2, 0], d_first[:, 3:k, 0] = first.gradients[:, 0], first.gradients[:, 1:]
+    d_position, d_height, d_angle = d_first
     d_along = d_x + sine * d_reach + reach * cosine * d_theta
     d_along -= force_sine * d_deflection + deflection * force_cosine * d_beta
     d_across = d_y - cosine * d_reach + reach * sine * d_theta
     d_across += force_cosine * d_deflection - deflection * force_sine * d_beta
-    d_delta = (delta_cosine * d_across - delta_sine * d_along + d_reach) / slope
+    d_delta = (delta_cosine * d_across - delta_sine * d_along + (d_reach - d_height)) / slope
     world_sine, world_cosine = np.sin(contact.theta_c - delta), np.cos(contact.theta_c - delta)
     distance = contact.x_c * delta_cosine + contact.y_c * delta_sine + reach * world_sine
     d_distance = (
@@ -93,4 +117,6 @@ def touch(
         + world_sine * d_reach
         + reach * world_cosine * (d_theta - d_delta)
     )
-    return Touch(delta, distance, d_delta, d_distance)
+    return Touch(
+        delta - first.angle, distance - first.position, d_delta - d_angle, d_distance - d_position
+    )

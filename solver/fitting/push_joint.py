@@ -1,10 +1,10 @@
 """Define the least-squares problem of all frames of a push.
 
-The unknowns are, in this order, q of every frame, the clamp's pose (dx, dy, tilt), which all frames
-share, and the four of the push: the contact distance at rest x0 [m], the onset's motor angle [rad],
-the object's compliance [m/N] and its reach [m]. Every shape must have the object at x0, which
-determines its lever. The points of a frame measure its shape and the clamp; the encoder measures
-its pushing angle, which also follows from the shape.
+The unknowns are, in this order, q of every frame, the parameters of clamp and beam, which all
+frames share, and the four of the push: the contact distance at rest x0 [m], the onset's motor
+angle [rad], the object's compliance [m/N] and its reach [m]. Every shape must have the object at
+x0, which determines its place. The points of a frame measure its shape and the clamp; the encoder
+measures its pushing angle, which also follows from the shape.
 
 With friction the unknowns of the grips follow, Coulomb's coefficient first, as defined in
 `sliding`.
@@ -16,18 +16,16 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lstsq
 
-from solver.beam_models import frictional
 from solver.fitting.gauss_newton import Fit, Linearised
-from solver.fitting.push_frame import POINT_COLUMNS, PushFrame
+from solver.fitting.push_beam import PushBeam, PushFrame
 from solver.fitting.push_geometry import touch
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
 
-BASE: Final = 3
 PUSH: Final = 4
-# Tolerance of levers as a fraction of the beam's length, and maximum number of Newton's steps.
-_LEVER_TOLERANCE: Final = 1e-10
+# Tolerance of places as a fraction of the beam's length, and maximum number of Newton's steps.
+_PLACE_TOLERANCE: Final = 1e-10
 _MAX_STEPS: Final = 20
 # Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
 RADIUS_SIGMA: Final = 0.05
@@ -37,28 +35,30 @@ DRY: Final = 0.4
 
 @dataclass(frozen=True)
 class Shapes:
-    """Levers and pushing angles of a push's n frames, as functions of its parameters (p,).
+    """Places and pushing angles of a push's n frames, as functions of its parameters (p,).
 
-    `levers` (n,) [m] and `pushing_angles` (n,) [rad] have the gradients (n, p).
+    `places` (n,) [m] and `pushing_angles` (n,) [rad] have the gradients (n, p).
     """
 
-    levers: Floats
+    places: Floats
     pushing_angles: Floats
-    d_levers: Floats
+    d_places: Floats
     d_pushing_angles: Floats
 
 
 @dataclass(frozen=True)
 class Push:
-    """Two or more frames of one push of a rig, with the clamp's prior `base_covariance` (3, 3).
+    """Two or more frames of one push of a rig, with the shapes of its beam.
 
-    `grip_matrix` (n, m) maps m unknowns to the frames' grips; m is zero without friction.
+    `grip_matrix` (n, m) maps m unknowns to the frames' grips, which have the prior sigma
+    `friction_sigma`; m is zero without friction.
     """
 
     frames: tuple[PushFrame, ...]
     rig: Rig
-    base_covariance: Floats
+    beam: PushBeam
     grip_matrix: Floats
+    friction_sigma: float = DRY
 
     @property
     def motor_angles(self) -> Floats:
@@ -71,9 +71,14 @@ class Push:
         return max(self.rig.tolerances.encoder, LIMITS.min_encoder_sigma)
 
     @property
+    def base(self) -> slice:
+        """Indices of the parameters of clamp and beam."""
+        return slice(len(self.frames), len(self.frames) + len(self.beam.prior.mean))
+
+    @property
     def size(self) -> int:
         """Number of parameters before the unknowns of the grips."""
-        return len(self.frames) + BASE + PUSH
+        return int(self.base.stop) + PUSH
 
     @property
     def friction(self) -> bool:
@@ -81,80 +86,91 @@ class Push:
         return bool(self.grip_matrix.shape[1])
 
     def shapes(self, parameters: Floats) -> Shapes | None:
-        """Solve for the levers with the object at x0, by Newton's steps; None if none exist."""
+        """Solve for the places with the object at x0, by Newton's steps; None if none exist."""
         count, length = len(self.frames), self.rig.beam.length
         q, grip = parameters[:count], self.grip_matrix @ parameters[self.size :]
         x0, _, compliance, reach = parameters[self.size - PUSH : self.size]
         if not (q >= 0).all() or x0 <= 0:
             return None
-        max_levers = 0.999 * frictional.farthest(q, grip)
-        levers = np.minimum(x0, max_levers)
+        beam, rigidity = parameters[self.base], self.rig.beam.flexural_rigidity
+        first = self.beam.first_touch(x0, beam)
+        max_places = 0.999 * self.beam.farthest(q, grip)
+        places = np.minimum(x0, max_places)
         for _ in range(_MAX_STEPS):
-            contacts = touch(q, levers, grip, compliance, reach, self.rig.beam)
-            if contacts is None:
+            contacts = self.beam.contacts(q, places, grip, beam)
+            touches = (
+                None if contacts is None else touch(contacts, first, compliance, reach, rigidity)
+            )
+            if touches is None:
                 return None
-            step = (contacts.distance - x0) / contacts.d_distance[1]
-            if np.abs(step).max() < _LEVER_TOLERANCE * length:
+            step = touches.excess / touches.d_excess[1]
+            if np.abs(step).max() < _PLACE_TOLERANCE * length:
                 break
-            levers = np.clip(levers - step, 0.1 * levers, max_levers)
+            places = np.clip(places - step, 0.1 * places, max_places)
         else:
             return None
-        # Derivatives by q, (compliance, reach) and grips at constant distance: the levers follow.
-        by_lever = contacts.d_distance[1]
-        d_levers = self._by_all(-contacts.d_distance / by_lever)
-        d_levers[:, self.size - PUSH] = 1 / by_lever
-        by_angle = contacts.d_pushing_angle
-        d_angles = self._by_all(by_angle) + by_angle[1][:, None] * d_levers
-        return Shapes(levers, contacts.pushing_angle, d_levers, d_angles)
+        # Derivatives by all but the places at constant excess, which is zero: the places follow.
+        by_place = touches.d_excess[1]
+        d_places = self._by_all(-touches.d_excess / by_place)
+        by_angle = touches.d_pushing_angle
+        d_angles = self._by_all(by_angle) + by_angle[1][:, None] * d_places
+        return Shapes(places, touches.pushing_angle, d_places, d_angles)
 
     def _by_all(self, by_touch: Floats) -> Floats:
-        """Map a touch's gradient (5, n), except that by the levers, to all parameters (n, p)."""
+        """Map a touch's gradient (k, n), except that by the places, to all parameters (n, p)."""
         gradient = np.zeros((len(self.frames), self.size + self.grip_matrix.shape[1]))
         np.fill_diagonal(gradient, by_touch[0])
-        gradient[:, self.size - 2 : self.size] = by_touch[3:].T
         gradient[:, self.size :] = by_touch[2][:, None] * self.grip_matrix
+        by_beam, (by_compliance, by_reach, by_x0) = by_touch[3:-3], by_touch[-3:]
+        gradient[:, self.base.start : self.base.start + len(by_beam)] = by_beam.T
+        x0 = self.base.stop
+        gradient[:, x0], gradient[:, x0 + 2], gradient[:, x0 + 3] = by_x0, by_compliance, by_reach
         return gradient
 
     def residuals(self, parameters: Floats) -> Linearised | None:
         """Compute residuals and Jacobian in sigmas; None if a shape or its push does not exist."""
         shapes = self.shapes(parameters)
-        images = None if shapes is None else self._image_residuals(parameters, shapes.levers)
+        images = None if shapes is None else self._image_residuals(parameters, shapes.places)
         if shapes is None or images is None:
             return None
-        # Levers are functions of all parameters; the other unknowns of the points are parameters.
-        count, image_unknowns = len(self.frames), len(self.frames) + BASE
+        # Places are functions of all parameters; the other unknowns of the points are parameters.
+        count, image_unknowns = len(self.frames), self.base.stop
         by_parameters = np.zeros((images[1].shape[1], len(parameters)))
         by_parameters[:image_unknowns, :image_unknowns] = np.eye(image_unknowns)
-        by_parameters[image_unknowns : image_unknowns + count] = shapes.d_levers
+        by_parameters[image_unknowns : image_unknowns + count] = shapes.d_places
         by_parameters[image_unknowns + count :, self.size :] = np.eye(self.grip_matrix.shape[1])
         residual, jacobian = self._push_residuals(parameters, shapes)
         return np.append(images[0], residual), np.vstack([images[1] @ by_parameters, jacobian])
 
-    def _image_residuals(self, parameters: Floats, levers: Floats) -> Linearised | None:
-        """Compute the residuals of the images: a few rows per frame, and the clamp's prior.
+    def _image_residuals(self, parameters: Floats, places: Floats) -> Linearised | None:
+        """Compute the residuals of the images: a few rows per frame, and the prior.
 
-        The Jacobian is by q (n), the clamp, the levers (n) and the grips' unknowns. Returns None if
-        a shape does not exist.
+        The Jacobian is by q (n), clamp and beam, the places (n) and the grips' unknowns. Returns
+        None if a shape does not exist.
         """
-        count, grip_count = len(self.frames), self.grip_matrix.shape[1]
-        clamp = slice(count, count + BASE)
-        grips = self.grip_matrix @ parameters[self.size :] if self.friction else [None] * count
+        count, size = len(self.frames), self.base.stop
         residuals, jacobians = [], []
-        for i, frame in enumerate(self.frames):
-            shape = np.array([parameters[i], levers[i]])
-            rows = frame.points(shape, parameters[clamp], self.rig.beam.length, grips[i])
+        for i in range(count):
+            rows = self._rows(i, parameters, places)
             if rows is None:
                 return None
-            by_shape = np.zeros((len(rows), 2 * count + BASE + grip_count))
-            by_shape[:, i], by_shape[:, clamp.stop + i] = rows[:, 0], rows[:, 1]
-            by_shape[:, clamp] = rows[:, 2:5]
-            by_shape[:, 2 * count + BASE :] = np.outer(rows[:, 5], self.grip_matrix[i])
-            residuals.append(rows[:, 6])
+            base = size - count
+            by_shape = np.zeros((len(rows), size + count + self.grip_matrix.shape[1]))
+            by_shape[:, i], by_shape[:, size + i] = rows[:, 0], rows[:, 1]
+            by_shape[:, self.base] = rows[:, 2 : 2 + base]
+            by_shape[:, size + count :] = np.outer(rows[:, 2 + base], self.grip_matrix[i])
+            residuals.append(rows[:, 3 + base])
             jacobians.append(by_shape)
-        prior = np.zeros((BASE, 2 * count + BASE + grip_count))
-        prior[:, clamp] = np.linalg.inv(np.linalg.cholesky(self.base_covariance))
-        residuals.append(prior[:, clamp] @ parameters[clamp])
-        return np.concatenate(residuals), np.vstack([*jacobians, prior])
+        prior = self.beam.prior
+        by_base = np.zeros((len(prior.mean), jacobians[0].shape[1]))
+        by_base[:, self.base] = prior.root
+        residuals.append(prior.root @ (parameters[self.base] - prior.mean))
+        return np.concatenate(residuals), np.vstack([*jacobians, by_base])
+
+    def _rows(self, i: int, parameters: Floats, places: Floats) -> Floats | None:
+        """Compute the rows of a frame, as `PushBeam.rows`."""
+        grip = float(self.grip_matrix[i] @ parameters[self.size :]) if self.friction else None
+        return self.beam.rows(i, parameters[i], places[i], grip, parameters[self.base])
 
     def _push_residuals(self, parameters: Floats, shapes: Shapes) -> Linearised:
         """Compute the push's residuals: pushing angles (n), priors of object radius and grips."""
@@ -173,7 +189,8 @@ class Push:
         residual[count + 1 :] = parameters[self.size :]
         jacobian[count:, reach:] = np.eye(1 + grip_count)
         sigma = np.full(len(residual), self.encoder_sigma)
-        sigma[count], sigma[count + 1 :] = RADIUS_SIGMA * self.rig.beam.length, DRY
+        sigma[count] = RADIUS_SIGMA * self.rig.beam.length
+        sigma[count + 1 :] = self.friction_sigma
         return residual / sigma, jacobian / sigma[:, None]
 
     def moved_by_shared_errors(self, fit: Fit) -> Floats:
@@ -182,19 +199,14 @@ class Push:
         shapes, joint = self.shapes(parameters), self.residuals(parameters)
         assert shapes is not None
         assert joint is not None
-        count = max(frame.problem.shared_errors.shape[1] for frame in self.frames)
-        shared = np.zeros((len(joint[0]), count))
+        columns = self.base.stop - len(self.frames) + 4
+        frames = [self._rows(i, parameters, shapes.places) for i in range(len(self.frames))]
+        errors = [rows[:, columns:] for rows in frames if rows is not None]
+        shared = np.zeros((len(joint[0]), max(error.shape[1] for error in errors)))
         first = 0
-        for i, frame in enumerate(self.frames):
-            shape = np.array([parameters[i], shapes.levers[i]])
-            base = parameters[len(self.frames) : len(self.frames) + BASE]
-            grip = float(self.grip_matrix[i] @ parameters[self.size :]) if self.friction else None
-            rows = frame.points(shape, base, self.rig.beam.length, grip)
-            assert rows is not None
-            shared[first : first + len(rows), : rows.shape[1] - POINT_COLUMNS] = rows[
-                :, POINT_COLUMNS:
-            ]
-            first += len(rows)
+        for error in errors:
+            shared[first : first + len(error), : error.shape[1]] = error
+            first += len(error)
         return np.asarray(fit.covariance @ joint[1].T @ shared)
 
     def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
@@ -207,7 +219,7 @@ class Push:
         shapes, joint = self.shapes(parameters), self.residuals(parameters)
         assert shapes is not None
         assert joint is not None
-        images = self._image_residuals(parameters, shapes.levers)
+        images = self._image_residuals(parameters, shapes.places)
         assert images is not None
         (all_residuals, _), (image_residuals, jacobian) = joint, images
         scale = np.linalg.norm(jacobian, axis=0)

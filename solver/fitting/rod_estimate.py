@@ -1,22 +1,21 @@
 """Estimate from one frame of a beam that is not uniform, or not known to be."""
 
-import math
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from solver.beam_models.exact import contact_at
-from solver.beam_models.rod import GRIP, S_C, Q, contact_of, curve_of
-from solver.fitting import frames, residuals
+from solver.beam_models.rod import S_C, Q
+from solver.fitting import residuals
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
-from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
+from solver.fitting.rod_residuals import DX, PSI, TILT
+from solver.fitting.rod_values import rod_values
 from solver.fitting.thresholds import LIMITS
-from solver.fitting.unknown_grip import curved_by_grip
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -81,57 +80,3 @@ def uniform_start(problem: Problem, rod: RodProblem) -> Floats | None:
     start[S_C] = min(arc[0], _MAX_START)
     start[size + DX : size + TILT + 1] = uniform[residuals.DX : residuals.TILT + 1]
     return start
-
-
-def rod_values(
-    measurement: Measurement, rod: RodProblem, fit: FrameFit
-) -> tuple[dict[str, float], Floats]:
-    """Compute the values of a fit by name, and their joint covariance, as `values_of`."""
-    rig, size, count = measurement.rig, rod.shape_size, len(fit.p)
-    beam, length = rig.beam, rig.beam.length
-    curve = curve_of(fit.p[:size], rod.widths, rod.radius)
-    quantities, by_shape = contact_of(curve, fit.p[:size])
-    moment, by_moment = clamp_moment(curve, fit.p[:size])
-    # Variables: the fit's parameters, relative errors of all lengths and of EI, the motor angle.
-    scale, rigidity, angle = count, count + 1, count + 2
-    contact, jacobian = np.zeros(frames.CONTACT), np.zeros((frames.CONTACT, count + 3))
-    force_unit = beam.flexural_rigidity / length**2
-    rows = (frames.FORCE, frames.THETA, frames.X_C, frames.Y_C, frames.S_C, frames.LEAN)
-    units = np.array([force_unit, 1.0, length, length, length, 1.0])
-    contact[list(rows)] = quantities * units
-    jacobian[list(rows), :size] = by_shape * units[:, None]
-    for row in (frames.X_C, frames.Y_C, frames.S_C):
-        jacobian[row, scale] = contact[row]
-    jacobian[frames.FORCE, scale] = -2 * contact[frames.FORCE]
-    jacobian[frames.FORCE, rigidity] = contact[frames.FORCE]
-    for row, column, unit in (
-        (frames.PSI, PSI, 1.0),
-        (frames.DX, DX, length),
-        (frames.DY, DY, length),
-        (frames.TILT, TILT, 1.0),
-    ):
-        contact[row], jacobian[row, size + column] = fit.p[size + column] * unit, unit
-    # The clamp turns under its moment.
-    softness = fit.p[size + SOFTNESS]
-    contact[frames.TILT] += softness * moment
-    jacobian[frames.TILT, :size] = softness * by_moment
-    jacobian[frames.TILT, size + SOFTNESS] = moment
-    contact[frames.ANGLE], jacobian[frames.ANGLE, angle] = measurement.motor_angle or 0.0, 1.0
-    covariance = np.zeros((count + 3, count + 3))
-    covariance[:count, :count] = fit.covariance
-    covariance[scale, scale] = measurement.scale_sigma**2
-    if measurement.rest_bow is not None:  # which this beam has in its shape
-        covariance[scale, scale] -= measurement.rest_bow.scale_sigma**2
-    tolerance = rig.tolerances.flexural_rigidity / beam.flexural_rigidity
-    covariance[rigidity, rigidity] = math.hypot(tolerance, rig.shape.rigidity_sigma) ** 2
-    if measurement.motor_angle is not None:
-        covariance[angle, angle] = rig.tolerances.encoder**2
-    values, by_contact, pose_covariance = frames.in_all_frames(
-        measurement, contact, clamp_fitted=True
-    )
-    total = by_contact @ jacobian
-    result = np.asarray(total @ covariance @ total.T + pose_covariance)
-    force, grip = list(values).index("force_n"), float(fit.p[GRIP])
-    grip_sigma = math.sqrt(fit.covariance[GRIP, GRIP])
-    result[force, force] += curved_by_grip(values["force_n"], grip, grip_sigma)
-    return values, result

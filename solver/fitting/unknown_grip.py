@@ -9,8 +9,8 @@ import numpy as np
 
 from solver.fitting.fit import fit_from, start_of
 from solver.fitting.problem import problem_of, without
-from solver.fitting.push_frame import PushFrame
 from solver.fitting.push_joint import DRY
+from solver.fitting.push_uniform import UniformPoints
 from solver.fitting.residuals import DX, DY, LEVER, TILT, Q
 from solver.fitting.values import SHAPE, shape_quantities
 from solver.fitting.verdict import classified_estimate
@@ -42,8 +42,8 @@ def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
     fit = fit_from(problem, start, psi_free=False)
     length = measurement.rig.beam.length
     p = fit.p[[Q, LEVER, DX, DY, TILT]] * [length**-2, length, length, length, 1.0]
-    frame = PushFrame(0.0, without(problem, fit.kept), fit.variance_inflation)
-    rows = frame.points(p[:2], p[2:], length, grip=0.0)
+    points = UniformPoints(without(problem, fit.kept), fit.variance_inflation)
+    rows = points.rows(p[:2], p[2:], length, grip=0.0)
     if rows is None:
         return alone
     base_rows = np.linalg.inv(np.linalg.cholesky(planar.base_covariance))

@@ -4,11 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.beam_models import frictional
 from solver.fitting.gauss_newton import gauss_newton
 from solver.fitting.problem import problem_of
-from solver.fitting.push_frame import PushFrame
-from solver.fitting.push_geometry import Touch, touch
+from solver.fitting.push_beam import PushFrame
+from solver.fitting.push_geometry import FirstTouch, Touch, touch
 from solver.fitting.push_joint import DRY, Push
+from solver.fitting.push_uniform import UniformBeam, UniformPoints
 from solver.fitting.sliding import grip_matrix
 from solver.fitting.values import shape_quantities
 from solver.instrument.arrays import Floats
@@ -36,9 +38,11 @@ THERE_AND_BACK_DEG = (3.0, 6.0, 9.0, 12.0, 11.5, 9.0, 6.0, 3.0)
 
 
 def touched(q: float, lever: float, grip: float, compliance: float, reach: float) -> Touch | None:
-    """The push of one shape."""
+    """The push of one shape, of an object at zero."""
     shape = np.array([[q], [lever], [grip]])
-    return touch(shape[0], shape[1], shape[2], compliance, reach, BEAM)
+    contact = frictional.contact(shape[0], shape[1], shape[2], BEAM.radius)
+    first = FirstTouch(0.0, 0.0, 0.0, np.array([[1.0], [0.0], [0.0]]))
+    return touch(contact, first, compliance, reach, RIGIDITY)
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.01, 1.0])
@@ -59,7 +63,7 @@ def test_the_world_presses_as_the_antenna_believes(
     at = touched(force / RIGIDITY, lever, 0.0, compliance, radius + BEAM.radius)
     assert at is not None
     assert at.pushing_angle == pytest.approx(math.radians(degrees), abs=1e-12)
-    assert at.distance == pytest.approx(0.11, abs=1e-13)
+    assert at.excess == pytest.approx(0.11, abs=1e-13)
 
 
 @pytest.mark.parametrize(("compliance", "radius"), [(0.0, 0.0), (0.0, 5e-3), (0.02, 2e-3)])
@@ -75,7 +79,7 @@ def test_the_world_drags_as_the_antenna_believes(compliance: float, radius: floa
         assert at is not None
         # But for how the world follows the way in steps.
         assert at.pushing_angle == pytest.approx(math.radians(degrees), abs=1e-7)
-        assert at.distance == pytest.approx(0.12, abs=1e-7)
+        assert at.excess == pytest.approx(0.12, abs=1e-7)
 
 
 def test_a_sharp_rigid_edge_agrees_with_the_oracle() -> None:
@@ -85,7 +89,7 @@ def test_a_sharp_rigid_edge_agrees_with_the_oracle() -> None:
     at = touched(q, lever, 0.0, 0.0, 0.0)
     assert at is not None
     assert at.pushing_angle == pytest.approx(float(case["inputs"]["dtheta_rad"]), rel=1e-12)
-    assert at.distance == pytest.approx(float(case["inputs"]["x0_m"]), rel=1e-12)
+    assert at.excess == pytest.approx(float(case["inputs"]["x0_m"]), rel=1e-12)
 
 
 def test_the_gradients_of_a_push_are_its_derivatives() -> None:
@@ -104,8 +108,8 @@ def test_the_gradients_of_a_push_are_its_derivatives() -> None:
         assert before is not None
         slope = (after.pushing_angle - before.pushing_angle) / (2 * step[i])
         assert at.d_pushing_angle[i] == pytest.approx(slope, rel=1e-6, abs=1e-8)
-        slope = (after.distance - before.distance) / (2 * step[i])
-        assert at.d_distance[i] == pytest.approx(slope, rel=1e-6, abs=1e-8)
+        slope = (after.excess - before.excess) / (2 * step[i])
+        assert at.d_excess[i] == pytest.approx(slope, rel=1e-6, abs=1e-8)
 
 
 @pytest.mark.parametrize("mount", ["antenna", "world"])
@@ -566,15 +570,15 @@ def test_the_tension_of_a_single_object_is_chance(friction: float) -> None:
     tensions, equations = [], 0
     for _ in range(40):
         last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles)
-        frames = tuple(
-            PushFrame(one.motor_angle or 0.0, problem_of(one, with_tips=False), 1.0)
-            for one in (*last.earlier, last)
-        )
+        push_frames = (*last.earlier, last)
+        frames = tuple(PushFrame(one.motor_angle or 0.0) for one in push_frames)
+        points = [UniformPoints(problem_of(one, with_tips=False), 1.0) for one in push_frames]
+        beam = UniformBeam(tuple(points), last.rig, last.base_covariance)
         pushing = np.radians(angles)
         matrix = grip_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0)
         if not friction:
             matrix = matrix[:, :0]
-        push = Push(frames, last.rig, last.base_covariance, matrix)
+        push = Push(frames, last.rig, beam, matrix)
         bends = 2 * pushing / 0.12**2
         start = [*bends, 0.0, 0.0, 0.0, 0.12, ONSET, 0.0, 2e-3]
         fit = gauss_newton(push.residuals, np.array([*start, *[0.0] * matrix.shape[1]]))

@@ -1,0 +1,151 @@
+"""Convert the fit of a push to the estimate of its last frame, or to a failure outcome."""
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2 as distribution
+
+from solver.fitting.gauss_newton import Fit
+from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, Push
+from solver.fitting.thresholds import LIMITS
+from solver.fitting.unknown_grip import curved_by_grip
+from solver.fitting.verdict import classified_estimate
+from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.measurement import Measurement
+
+# The radius is reported only if its sigma is below this share of its prior sigma. Derived: the
+# prior then makes the radius smaller by less than 7 %.
+MAX_RADIUS_SHARE: Final = 0.25
+# Friction is reported only if its sigma is below this share of its prior sigma. Chosen.
+MAX_FRICTION_SHARE: Final = 0.5
+
+
+def single_frame(estimate: Estimate, reason: str) -> Estimate:
+    """Return a single frame's estimate, with the reason."""
+    message = "; ".join(
+        part for part in (f"from this frame alone: {reason}", estimate.message) if part
+    )
+    return replace(estimate, message=message)
+
+
+def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> Estimate:
+    """Return the estimate, or the outcome if the frames are inconsistent or insufficient."""
+    count, chi2 = len(push.frames), fit.chi2
+    dof = push.beam.points + 1 - PUSH
+
+    def failure(outcome: Outcome, message: str = "") -> Estimate:
+        return Estimate(outcome, message, chi2=chi2, dof=dof, iterations=fit.iterations)
+
+    if fit.rank_deficient:
+        return single_frame(single, f"{count} frames do not determine the push")
+    consistency, equations = push.consistency_chi2(fit.parameters)
+    if consistency > distribution.isf(LIMITS.false_rejection, equations):
+        return failure(
+            Outcome.INVALID,
+            f"the {count} frames of the push do not fit one object at one place on a linear "
+            f"spring: chi^2 of the push is {consistency:.3g} on {equations} degrees of freedom",
+        )
+    if not fit.converged:
+        return single_frame(single, f"the fit of {count} frames did not converge")
+    radius_index = push.size - 1
+    excess_radius = fit.parameters[radius_index] - last.rig.beam.radius
+    if excess_radius < -LIMITS.impossible_sigmas * math.sqrt(
+        fit.covariance[radius_index, radius_index]
+    ):
+        return failure(
+            Outcome.INVALID,
+            "the contact's motion along the beam fits no object at rest"
+            + ("" if push.friction else " without friction"),
+        )
+    coefficient = fit.parameters[push.size] if push.friction else 0.0
+    if (
+        coefficient < 0
+        and coefficient**2 > LIMITS.impossible_sigmas**2 * fit.covariance[push.size, push.size]
+    ):
+        return failure(Outcome.INVALID, "the coefficient of friction would be negative")
+    values, covariance = _quantities(push, last, fit)
+    row = list(values).index("compliance_m_per_n")
+    if values["compliance_m_per_n"] < -LIMITS.impossible_sigmas * math.sqrt(covariance[row, row]):
+        return failure(
+            Outcome.INVALID,
+            "the compliance would be negative: the motor turns about another axis than the "
+            "clamp's, or the beam is not the rig's",
+        )
+    return classified_estimate(
+        last.rig,
+        values,
+        covariance,
+        f"{count} frames",
+        chi2=chi2,
+        dof=dof,
+        iterations=fit.iterations,
+    )
+
+
+def _quantities(push: Push, last: Measurement, fit: Fit) -> tuple[dict[str, float], Floats]:
+    """Compute all values of the last frame and of the push, and their joint covariance."""
+    side, count, n = last.rig.deflects_towards, len(push.frames), len(fit.parameters)
+    x0 = push.size - PUSH
+    onset, compliance = float(fit.parameters[x0 + 1]), float(fit.parameters[x0 + 2])
+    shapes = push.shapes(fit.parameters)
+    assert shapes is not None
+    grip = float(push.grip_matrix[-1] @ fit.parameters[push.size :])
+    last_shape = push.beam.last_shape(
+        last,
+        float(fit.parameters[count - 1]),
+        float(shapes.places[-1]),
+        fit.parameters[push.base],
+        grip if push.friction else None,
+        # The encoder's reading, corrected by the shapes: onset less the pushing angle.
+        onset - side * float(shapes.pushing_angles[-1]),
+    )
+    # Derivatives of q, place, clamp and beam, grip and motor angle by the fit's parameters.
+    by_fit = np.zeros((last_shape.jacobian.shape[1] - 2, n))
+    by_fit[0, count - 1], by_fit[1] = 1.0, shapes.d_places[-1]
+    by_fit[2:-2, push.base] = np.eye(push.base.stop - push.base.start)
+    by_fit[-2, push.size :] = push.grip_matrix[-1]
+    by_fit[-1] = -side * shapes.d_pushing_angles[-1]
+    by_fit[-1, x0 + 1] += 1.0
+    values = dict(last_shape.values)
+    rows = len(values)
+    # By the fit's parameters, and the relative errors of EI and of all lengths.
+    jacobian = np.zeros((rows + 2, n + 2))
+    jacobian[:rows, :n] = last_shape.jacobian[:, :-2] @ by_fit
+    jacobian[:rows, n:] = last_shape.jacobian[:, -2:]
+    # Shapes determine only compliance times EI; by similarity it grows as a length cubed.
+    jacobian[rows, x0 + 2] = 1.0
+    jacobian[rows, n:] = -compliance, 3 * compliance
+    jacobian[rows + 1, x0 + 1] = 1.0
+    values |= {"compliance_m_per_n": compliance, "onset_angle_rad": onset}
+    radius_index = push.size - 1
+    radius_sigma = math.sqrt(fit.covariance[radius_index, radius_index])
+    if radius_sigma < MAX_RADIUS_SHARE * RADIUS_SIGMA * last.rig.beam.length:
+        reach = float(fit.parameters[radius_index])
+        values["object_radius_m"] = reach - last.rig.beam.radius
+        # The contact rolls on the object over a distance that grows with the lengths.
+        by_radius = np.append(np.arange(n) == radius_index, [0.0, reach])
+        jacobian = np.vstack([jacobian, by_radius])
+    if (
+        push.friction
+        and math.sqrt(fit.covariance[push.size, push.size])
+        < MAX_FRICTION_SHARE * push.friction_sigma
+    ):
+        values["friction"] = float(fit.parameters[push.size])
+        jacobian = np.vstack([jacobian, np.arange(n + 2) == push.size])
+    input_covariance = np.zeros((n + 2, n + 2))
+    input_covariance[:n, :n] = fit.covariance
+    input_covariance[[n, n + 1], [n, n + 1]] = last_shape.input_variances
+    if compliance > LIMITS.soft_sigmas * math.sqrt(
+        float(jacobian[rows] @ input_covariance @ jacobian[rows])
+    ):
+        values["stiffness_n_per_m"] = 1 / compliance
+        jacobian = np.vstack([jacobian, -jacobian[rows] / compliance**2])
+    covariance = jacobian @ input_covariance @ jacobian.T
+    covariance[:rows, :rows] += last_shape.placement
+    force = list(values).index("force_n")
+    grip_sigma = math.sqrt(by_fit[-2] @ input_covariance[:n, :n] @ by_fit[-2])
+    covariance[force, force] += curved_by_grip(values["force_n"], grip, grip_sigma)
+    return values, covariance

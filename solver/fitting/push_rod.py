@@ -1,0 +1,207 @@
+"""Beam of changing section of a push: integrated, with bow, and a clamp that gives."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from solver.beam_models.frictional import Contact
+from solver.beam_models.rod import END, GRIP, S_C, WIDTHS, Curve, Q, contact_of, curve_of, width_at
+from solver.fitting import frames
+from solver.fitting.push_beam import LastShape, Prior
+from solver.fitting.push_geometry import FirstTouch
+from solver.fitting.rod_fit import residuals_at
+from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_residuals import SOFTNESS, clamp_moment
+from solver.fitting.rod_values import input_variances, rod_contact
+from solver.instrument.arrays import Floats
+from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Rig
+
+# Largest contact arc length over that to which a curve is integrated. Chosen.
+_FARTHEST = 0.999
+
+
+class RodPoints(NamedTuple):
+    """Points of a frame without outliers, and their variance inflation."""
+
+    problem: RodProblem
+    variance_inflation: float
+
+
+@dataclass(frozen=True)
+class RodBeam:
+    """Stated or learned beam of a rig, and the points of a push's n frames, as `PushBeam`.
+
+    The place is the contact's arc length [m]. The parameters of beam and clamp are those that
+    `RodProblem` fits and that frames share, and the errors that all points share.
+    """
+
+    frames: tuple[RodPoints, ...]
+    rig: Rig
+
+    @cached_property
+    def fitted(self) -> Floats:
+        """Indices (b,) of the parameters of beam and clamp among those of a frame's problem."""
+        free = self._problem.free
+        return np.asarray(free[~np.isin(free, (Q, S_C, GRIP))])
+
+    @property
+    def points(self) -> int:
+        """Number of points in all frames."""
+        return sum(len(frame.problem.shared) for frame in self.frames)
+
+    @cached_property
+    def prior(self) -> Prior:
+        """The prior of beam, clamp and shared errors."""
+        information = self._problem.information[np.ix_(self.fitted, self.fitted)]
+        unit = np.sqrt(np.diag(information))
+        values, vectors = np.linalg.eigh(information / np.outer(unit, unit))
+        root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        return Prior(self._problem.mean[self.fitted], np.asarray(root * unit))
+
+    def farthest(self, q: Floats, grip: Floats) -> Floats:
+        """Return the arc length to which a curve is integrated [m]."""
+        del grip
+        return np.full(len(q), _FARTHEST * END * self.rig.beam.length)
+
+    def contacts(self, q: Floats, place: Floats, grip: Floats, beam: Floats) -> Contact | None:
+        """Compute the contacts (n,), with gradients (3 + b, n)."""
+        rows = [
+            self._contact(self._parameters(*shape, beam))
+            for shape in zip(q, place, grip, strict=True)
+        ]
+        present = [row for row in rows if row is not None]
+        if len(present) < len(rows):
+            return None
+        length = self.rig.beam.length
+        table = np.moveaxis(np.array(present), 0, -1)  # (6, 1 + p, n)
+        table *= np.array([length**-2, 1.0, length, length, length, 1.0])[:, None, None]
+        values, by = table[:, 0], table[:, 1 + np.array([Q, S_C, GRIP, *self.fitted])]
+        by[:, 0] *= length**2
+        by[:, 1] /= length
+        load, theta, x, y, s, lean = values
+        d_load, d_theta, d_x, d_y, d_s, d_lean = by
+        return Contact(load, theta, lean, x, y, s, d_load, d_theta, d_lean, d_x, d_y, d_s)
+
+    def first_touch(self, x0: float, beam: Floats) -> FirstTouch:
+        """Compute the line of the bowed beam, at the surface of a beam as thick as at its clamp."""
+        length, size = self.rig.beam.length, self._problem.shape_size
+        p, x = self._parameters(0.0, x0, 0.0, beam), x0 / length
+        bow = WIDTHS + self._problem.widths
+        orders = np.arange(2, 2 + size - bow)
+        height, slope = p[bow:size] @ x**orders, p[bow:size] @ (orders * x ** (orders - 1))
+        bend = p[bow:size] @ (orders * (orders - 1) * x ** (orders - 2))
+        angle, (excess, by_excess) = math.atan(slope), self._thicker(p, x)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        position, across = x * cosine + height * sine, height * cosine - x * sine
+        # By x0, and by all parameters.
+        gradients = np.zeros((3, 1 + len(p)))
+        gradients[2, 0] = bend * cosine**2
+        gradients[2, 1 + bow : 1 + size] = orders * x ** (orders - 1) * cosine**2
+        gradients[0] = across * gradients[2]
+        gradients[1] = -position * gradients[2]
+        gradients[0, 0] += cosine + slope * sine
+        gradients[1, 0] += slope * cosine - sine
+        gradients[0, 1 + bow : 1 + size] += x**orders * sine
+        gradients[1, 1 + bow : 1 + size] += x**orders * cosine
+        gradients[1, 0] -= by_excess[S_C]
+        gradients[1, 1:] -= np.where(np.arange(len(p)) == S_C, 0.0, by_excess)
+        chosen = gradients[:, [0, *(1 + self.fitted)]]
+        chosen[:2, 1:] *= length
+        chosen[2, 0] /= length
+        return FirstTouch(float(position * length), float(across - excess) * length, angle, chosen)
+
+    def rows(
+        self, frame: int, q: float, place: float, grip: float | None, beam: Floats
+    ) -> Floats | None:
+        """Compute rows of a frame: 4 + b columns."""
+        problem, inflation = self.frames[frame]
+        at = residuals_at(problem, self._parameters(q, place, grip or 0.0, beam))
+        if at is None:
+            return None
+        length = self.rig.beam.length
+        columns = np.vstack([at[1][[Q, S_C, *self.fitted, GRIP]], at[0]])
+        columns[0] *= length**2
+        columns[1] /= length
+        return np.asarray(np.linalg.qr(columns.T, mode="r")) / math.sqrt(inflation)
+
+    def last_shape(
+        self,
+        last: Measurement,
+        q: float,
+        place: float,
+        beam: Floats,
+        grip: float | None,
+        motor_angle: float,
+    ) -> LastShape:
+        """Compute the values of the last frame by `rod_contact`."""
+        p = self._parameters(q, place, grip or 0.0, beam)
+        contact, by_p = rod_contact(self.rig, self._problem, p, motor_angle)
+        values, by_contact, placement = frames.in_all_frames(last, contact, clamp_fitted=True)
+        count = len(p)
+        columns = [Q, S_C, *self.fitted, GRIP, count, count + 1, count + 2]
+        jacobian = (by_contact @ by_p)[:, columns]
+        jacobian[:, 0] *= self.rig.beam.length**2
+        jacobian[:, 1] /= self.rig.beam.length
+        return LastShape(values, jacobian, input_variances(last)[1:], placement)
+
+    @property
+    def _problem(self) -> RodProblem:
+        """Problem whose prior all frames share."""
+        return self.frames[0].problem
+
+    def _parameters(self, q: float, place: float, grip: float, beam: Floats) -> Floats:
+        """Return all parameters (p,) of a frame's problem."""
+        p, length = self._problem.mean.copy(), self.rig.beam.length
+        p[[Q, S_C, GRIP]] = q * length**2, place / length, grip
+        p[self.fitted] = beam
+        return p
+
+    def _contact(self, p: Floats) -> Floats | None:
+        """Compute the quantities of `contact_of` relative to the clamp, with gradients (6, 1 + p).
+
+        The contact is that of a beam as thick as at its clamp. Returns None without a shape.
+        """
+        size = self._problem.shape_size
+        curve: Curve = curve_of(p[:size], self._problem.widths, self._problem.radius)
+        if not curve.exists:
+            return None
+        table = np.zeros((6, 1 + len(p)))
+        table[:, 0], table[:, 1 : 1 + size] = contact_of(curve, p[:size])
+        _, theta, x, y, _, _ = table
+        excess, by_excess = self._thicker(p, p[S_C])
+        surface = np.append(excess, by_excess)
+        sine, cosine = math.sin(theta[0]), math.cos(theta[0])
+        by_theta = np.append(0.0, theta[1:])
+        x, y = (
+            x + sine * surface + excess * cosine * by_theta,
+            y - cosine * surface + excess * sine * by_theta,
+        )
+        # The clamp turns under its moment.
+        moment, by_moment = clamp_moment(curve, p[:size])
+        softness = p[size + SOFTNESS]
+        turn = np.zeros(1 + len(p))
+        turn[0], turn[1 : 1 + size], turn[1 + size + SOFTNESS] = (
+            softness * moment,
+            softness * by_moment,
+            moment,
+        )
+        sine, cosine = math.sin(turn[0]), math.cos(turn[0])
+        by_turn = np.append(0.0, turn[1:])
+        turned_x, turned_y = cosine * x - sine * y, sine * x + cosine * y
+        table[2] = turned_x - turned_y[0] * by_turn
+        table[3] = turned_y + turned_x[0] * by_turn
+        table[1] += turn
+        return table
+
+    def _thicker(self, p: Floats, s: float) -> tuple[float, Floats]:
+        """Compute the radius at s over that at the clamp, as a difference, with gradient (p,)."""
+        bow, radius = WIDTHS + self._problem.widths, self._problem.radius
+        terms, gradient = np.zeros(max(bow - WIDTHS, 1)), np.zeros(len(p))
+        width, slope = width_at(s, p[WIDTHS:bow], terms)
+        gradient[S_C] = radius * slope
+        gradient[WIDTHS:bow] = radius * terms[: bow - WIDTHS]
+        return radius * (width - 1), gradient

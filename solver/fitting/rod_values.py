@@ -1,0 +1,83 @@
+"""Convert the shape of a beam of changing section to contact, force and displacement."""
+
+import math
+
+import numpy as np
+
+from solver.beam_models.rod import GRIP, contact_of, curve_of
+from solver.fitting import frames
+from solver.fitting.fit import FrameFit
+from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
+from solver.fitting.unknown_grip import curved_by_grip
+from solver.instrument.arrays import Floats
+from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Rig
+
+
+def rod_values(
+    measurement: Measurement, rod: RodProblem, fit: FrameFit, psi_fitted: bool = False
+) -> tuple[dict[str, float], Floats]:
+    """Compute the values of a fit by name, and their joint covariance, as `values_of`."""
+    count = len(fit.p)
+    contact, jacobian = rod_contact(measurement.rig, rod, fit.p, measurement.motor_angle or 0.0)
+    covariance = np.zeros((count + 3, count + 3))
+    covariance[:count, :count] = fit.covariance
+    covariance[range(count, count + 3), range(count, count + 3)] = input_variances(measurement)
+    values, by_contact, pose_covariance = frames.in_all_frames(
+        measurement, contact, psi_fitted=psi_fitted, clamp_fitted=True
+    )
+    total = by_contact @ jacobian
+    result = np.asarray(total @ covariance @ total.T + pose_covariance)
+    force, grip = list(values).index("force_n"), float(fit.p[GRIP])
+    grip_sigma = math.sqrt(fit.covariance[GRIP, GRIP])
+    result[force, force] += curved_by_grip(values["force_n"], grip, grip_sigma)
+    return values, result
+
+
+def input_variances(measurement: Measurement) -> Floats:
+    """Compute variances (3,) of the motor angle, and relative ones of EI and of all lengths."""
+    rig = measurement.rig
+    tolerance = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
+    scale = measurement.scale_sigma**2
+    if measurement.rest_bow is not None:  # which this beam has in its shape
+        scale -= measurement.rest_bow.scale_sigma**2
+    encoder = 0.0 if measurement.motor_angle is None else rig.tolerances.encoder
+    return np.array([encoder**2, math.hypot(tolerance, rig.shape.rigidity_sigma) ** 2, scale])
+
+
+def rod_contact(rig: Rig, rod: RodProblem, p: Floats, motor_angle: float) -> tuple[Floats, Floats]:
+    """Compute the contact (11,) as defined in `frames` and its Jacobian (11, p + 3).
+
+    The Jacobian is by the parameters p (p,), the motor angle, and the relative errors of EI and of
+    all lengths.
+    """
+    size, count, length = rod.shape_size, len(p), rig.beam.length
+    curve = curve_of(p[:size], rod.widths, rod.radius)
+    quantities, by_shape = contact_of(curve, p[:size])
+    moment, by_moment = clamp_moment(curve, p[:size])
+    angle, rigidity, scale = count, count + 1, count + 2
+    contact, jacobian = np.zeros(frames.CONTACT), np.zeros((frames.CONTACT, count + 3))
+    force_unit = rig.beam.flexural_rigidity / length**2
+    rows = (frames.FORCE, frames.THETA, frames.X_C, frames.Y_C, frames.S_C, frames.LEAN)
+    units = np.array([force_unit, 1.0, length, length, length, 1.0])
+    contact[list(rows)] = quantities * units
+    jacobian[list(rows), :size] = by_shape * units[:, None]
+    for row in (frames.X_C, frames.Y_C, frames.S_C):
+        jacobian[row, scale] = contact[row]
+    jacobian[frames.FORCE, scale] = -2 * contact[frames.FORCE]
+    jacobian[frames.FORCE, rigidity] = contact[frames.FORCE]
+    for row, column, unit in (
+        (frames.PSI, PSI, 1.0),
+        (frames.DX, DX, length),
+        (frames.DY, DY, length),
+        (frames.TILT, TILT, 1.0),
+    ):
+        contact[row], jacobian[row, size + column] = p[size + column] * unit, unit
+    # The clamp turns under its moment.
+    softness = p[size + SOFTNESS]
+    contact[frames.TILT] += softness * moment
+    jacobian[frames.TILT, :size] = softness * by_moment
+    jacobian[frames.TILT, size + SOFTNESS] = moment
+    contact[frames.ANGLE], jacobian[frames.ANGLE, angle] = motor_angle, 1.0
+    return contact, jacobian
