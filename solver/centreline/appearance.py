@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -17,7 +18,7 @@ from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.ground_fit import fit_columns
 from solver.centreline.guide import Guide
 from solver.centreline.noise import Noise, estimate_noise
-from solver.centreline.profile import Profile, Section, profile
+from solver.centreline.profile import Profile, Section, profile, tilt_response
 from solver.centreline.profile_fit import MARGIN, Fits, fit_profiles
 from solver.centreline.rest_line import find_rest_line
 from solver.centreline.section_on_ground import section_on_ground
@@ -65,15 +66,21 @@ class Appearance:
     ground_at_rest: Ground | None = None
     is_sampled: bool = False
 
-    @property
+    @cached_property
     def shading(self) -> float:
-        """Weight of the beam's own shading in its contrast with the ground.
+        """Weight of the beam's own shading in its fitted place.
 
-        It is the beam's mean gray value over that contrast: 1 before a black ground, more before a
-        gray one, and negative for a beam that is darker than its ground.
+        It is the beam's mean gray value over its contrast with the ground: 1 before a black ground,
+        more before a gray one, and negative for a beam that is darker than its ground; times the
+        response of a profile fit.
         """
-        contrast = float(np.median(self.amplitude)) / (2 * self.section.radius)
-        return (contrast + self.ground) / contrast
+        amplitude = float(np.median(self.amplitude))
+        contrast = amplitude / (2 * self.section.radius)
+        beside = self.noise.dark + self.noise.per_gray * self.ground
+        on_beam = self.noise.per_gray * max(amplitude, 0.0)
+        weights = np.array([beside, on_beam])
+        response = tilt_response(self.profile, self.section, weights, self.half)
+        return response * (contrast + self.ground) / contrast
 
 
 def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:

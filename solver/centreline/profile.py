@@ -17,6 +17,8 @@ from solver.instrument.arrays import Floats
 # The table's step along a column [px], and its number of slopes, from the rows to the diagonal.
 STEP = 1 / 64
 SLOPES = 17
+# Strips across the section.
+_STRIPS = 32
 
 
 @dataclass(frozen=True)
@@ -105,15 +107,23 @@ def _tabulated(fine: Floats, blurred: Floats) -> Profile:
 
 def _spread(t: Floats, section: Section) -> Floats:
     """Compute section x point spread across the beam, of unit area, at t [px]."""
-    # Midpoints of strips of equal width across the section, each blurred in closed form.
-    n = 32
-    edges = np.linspace(-1, 1, n + 1)
-    x = (edges[1:] + edges[:-1]) / 2
+    x = _strips()
     brightness = (1 - x**2) ** (section.roundness / 2) * (1 + section.skew * x)
-    brightness = brightness / brightness.sum()
+    return _blurred(t, section, brightness / brightness.sum())
+
+
+def _strips() -> Floats:
+    """Compute the midpoints of strips of equal width across the section, over its radius."""
+    edges = np.linspace(-1, 1, _STRIPS + 1)
+    return np.asarray((edges[1:] + edges[:-1]) / 2)
+
+
+def _blurred(t: Floats, section: Section, brightness: Floats) -> Floats:
+    """Blur strips with this brightness across the section, each in closed form, at t [px]."""
+    edges = np.linspace(-1, 1, _STRIPS + 1)
     cumulative = ndtr((t[:, None] - section.radius * edges) / max(section.spread, 1e-3))
     return np.asarray(
-        (cumulative[:, :-1] - cumulative[:, 1:]) @ brightness * (n / (2 * section.radius))
+        (cumulative[:, :-1] - cumulative[:, 1:]) @ brightness * (_STRIPS / (2 * section.radius))
     )
 
 
@@ -122,3 +132,24 @@ def _mean_over(t: Floats, values: Floats, width: float) -> Floats:
     integral = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)]) * STEP
     upper, lower = np.interp(t + width / 2, t, integral), np.interp(t - width / 2, t, integral)
     return np.asarray((upper - lower) / width)
+
+
+def tilt_response(table: Profile, section: Section, weights: Floats, half: int) -> float:
+    """Compute the shift of a fitted profile whose brightness tilts, over that of its middle.
+
+    A profile fit weights the steep sides of a wide beam, which a tilt moves less than the middle of
+    its brightness. `weights` (2,) are the variance of a pixel beside the beam, and that on the beam
+    over the profile's value; `half` pixels on either side are fitted.
+    """
+    value, slope = table.value[0], table.slope[0]
+    t = STEP * (np.arange(len(value)) - len(value) // 2)
+    fitted = np.abs(t) <= half
+    fine = _fine_grid(float(t[-1]) + 1.0)
+    tilt = _mean_over(fine[::4], _blurred(fine, section, _strips())[::4], 1.0)
+    tilt = np.interp(t, fine[::4], tilt)
+    tilt /= STEP * (t @ tilt)
+    # Background, its slope, amplitude and centre are fitted.
+    design = np.column_stack([np.ones_like(t), t, value, slope])[fitted]
+    sigma = np.sqrt(weights[0] + weights[1] * np.maximum(value[fitted], 0.0))
+    shift = np.linalg.lstsq(design / sigma[:, None], tilt[fitted] / sigma)[0][3]
+    return float(-shift)

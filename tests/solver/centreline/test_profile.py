@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solver.centreline.noise import Noise
-from solver.centreline.profile import SLOPES, STEP, Section, profile
+from solver.centreline.profile import SLOPES, STEP, Section, profile, tilt_response
 from solver.centreline.profile_fit import Fits, fit_profiles
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
@@ -175,3 +175,29 @@ def test_a_station_at_the_image_s_rim_has_no_centre() -> None:
     image = np.full((40, 10), 20, np.uint8)
     at = places(np.full(10, 3.0), 0.0)
     assert np.isinf(fit(image, at).sigma).all()
+
+
+@pytest.mark.parametrize(("radius", "expected"), [(0.5, 1.0), (13.0, None)])
+def test_a_tilt_of_the_brightness_moves_a_fitted_centre(
+    radius: float, expected: float | None
+) -> None:
+    section, tilt, half = Section(radius, 0.4, 1.0, 0.0), 0.02, int(radius) + 5
+    offset = np.arange(-half - 5, half + 6)
+    # Strips across the section, blurred by the pixel and by sampling the point spread.
+    x = np.linspace(-1, 1, 4001)
+    brightness = np.sqrt(1 - x**2) + tilt * x
+    spread = 0.4 * np.linspace(-4, 4, 161)
+    weight = np.exp(-(spread**2) / (2 * 0.4**2))
+    column = np.zeros(len(offset))
+    for shift, share in zip(spread, weight / weight.sum(), strict=True):
+        place = np.floor(radius * x + shift + 0.5).astype(int) + half + 5
+        np.add.at(column, place, share * brightness)
+    image = np.repeat(column[:, None] * (40_000 / column.max()) + 500, 9, axis=1)
+    at = places(np.full(9, float(half + 5)), 0.0)
+    table, noise = profile(section), Noise(1e6, 0.0)
+    moved = fit_profiles(np.rint(image).astype(np.uint16), at, table, noise, half, 65_535)
+    middle = radius * tilt * (2 / 3) / (np.pi / 2)
+    response = tilt_response(table, section, np.array([1.0, 0.0]), half)
+    centre = float(np.median(moved.centre)) - (half + 5)
+    assert centre / middle == pytest.approx(response, abs=0.03)
+    assert response == pytest.approx(expected, abs=0.05) if expected else response < 0.85
