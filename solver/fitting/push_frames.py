@@ -113,11 +113,11 @@ def _uniform(frame: Measurement) -> _Fitted[UniformPoints] | Outcome:
 def _rod(frame: Measurement) -> _Fitted[RodPoints] | Outcome:
     bowed = with_bow(frame)
     problem = problem_of(bowed, with_tips=False)
-    rod = rod_problem_of(bowed, problem)
-    fit = fit_frame(problem, rod) if problem.points else None
-    refusal = refusal_of(frame, problem, fit)
-    if fit is None or refusal is not None:
+    fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
+    refusal = refusal_of(frame, problem, None if fitted is None else fitted.fit)
+    if fitted is None or refusal is not None:
         return Outcome.NOT_CONVERGED if refusal is None else refusal.outcome
+    rod, fit = fitted
     inliers = only(rod, fit.kept[problem.order])
     return _Fitted(fit, RodPoints(inliers, fit.variance_inflation))
 

@@ -45,8 +45,8 @@ class RodBeam:
     @cached_property
     def fitted(self) -> Floats:
         """Indices (b,) of the parameters of beam and clamp among those of a frame's problem."""
-        free = self._problem.free
-        return np.asarray(free[~np.isin(free, (Q, S_C, GRIP))])
+        free, shared = self._problem.free, len(self._problem.mean) - self._problem.own_errors
+        return np.asarray(free[~np.isin(free, (Q, S_C, GRIP)) & (free < shared)])
 
     @property
     def points(self) -> int:
@@ -123,10 +123,15 @@ class RodBeam:
         if at is None:
             return None
         length = self.rig.beam.length
-        columns = np.vstack([at[1][[Q, S_C, *self.fitted, GRIP]], at[0]])
-        columns[0] *= length**2
-        columns[1] /= length
-        return np.asarray(np.linalg.qr(columns.T, mode="r")) / math.sqrt(inflation)
+        own, count = problem.own_errors, len(problem.mean)
+        # Errors of this frame's own, with unit prior, come first: they are eliminated.
+        order = [*range(count - own, count), Q, S_C, *self.fitted, GRIP]
+        columns = np.vstack([at[1][order], at[0]])
+        columns[own] *= length**2
+        columns[own + 1] /= length
+        prior = np.eye(own, len(columns)) * math.sqrt(inflation)
+        condensed = np.asarray(np.linalg.qr(np.vstack([prior, columns.T]), mode="r"))
+        return condensed[own:, own:] / math.sqrt(inflation)
 
     def last_shape(
         self,

@@ -1,18 +1,24 @@
 """Estimate from one frame of a beam that is not uniform, or not known to be."""
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from solver.beam_models.exact import contact_at
-from solver.beam_models.rod import S_C, Q
+from solver.beam_models.rod import GRIP, S_C, Q, contact_of, curve_of
 from solver.fitting import residuals
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
+from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.rod_fit import fit_rod
-from solver.fitting.rod_problem import RodProblem, rod_problem_of
+from solver.fitting.rod_problem import (
+    RodProblem,
+    lit_by_object,
+    reflection_matters,
+    rod_problem_of,
+)
 from solver.fitting.rod_residuals import DX, PSI, TILT
 from solver.fitting.rod_values import rod_values
 from solver.fitting.thresholds import LIMITS
@@ -33,13 +39,13 @@ def rod_estimate(measurement: Measurement) -> Estimate:
     """
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tips=False)
-    rod = rod_problem_of(bowed, problem)
-    fit = fit_frame(problem, rod) if problem.points >= LIMITS.min_points else None
-    refusal = refusal_of(measurement, problem, fit)
-    if refusal is not None or fit is None:
+    enough = problem.points >= LIMITS.min_points
+    fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if enough else None
+    refusal = refusal_of(measurement, problem, None if fitted is None else fitted.fit)
+    if refusal is not None or fitted is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    values, covariance = rod_values(measurement, rod, fit)
-    return estimate_from_fit(measurement, problem, fit, values, covariance)
+    values, covariance = rod_values(measurement, fitted.rod, fitted.fit)
+    return estimate_from_fit(measurement, problem, fitted.fit, values, covariance)
 
 
 def with_bow(measurement: Measurement) -> Measurement:
@@ -51,18 +57,57 @@ def with_bow(measurement: Measurement) -> Measurement:
     return replace(measurement, view=replace(view, points=points))
 
 
-def fit_frame(problem: Problem, rod: RodProblem) -> FrameFit | None:
-    """Fit a frame from the start of a uniform beam; None if no beam is near the points.
+class RodFit(NamedTuple):
+    """Fit of a frame, and its problem with the light that the object reflects.
 
     The fit's `kept` (n,) is in the order of the measurement's points.
     """
+
+    rod: RodProblem
+    fit: FrameFit
+
+
+def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
+    """Fit a frame from the start of a uniform beam; None if no beam is near the points."""
     start = uniform_start(problem, rod)
-    fit = None if start is None else fit_rod(rod, start)
+    fit = None if start is None else _best_fit(rod, start)
     if fit is None:
         return None
+    if reflection_matters(rod):
+        size = rod.shape_size
+        values, _ = contact_of(curve_of(fit.p[:size], rod.widths, rod.radius), fit.p[:size])
+        _, theta, x_c, y_c, *_ = values
+        rod = lit_by_object(rod, np.array([x_c, y_c]), np.array([np.cos(theta), np.sin(theta)]))
+        lit = np.append(fit.p, np.zeros(rod.own_errors))
+        fit = fit_rod(rod, lit) or replace(fit, p=lit, covariance=_padded(fit, rod))
     kept = np.empty_like(fit.kept)
     kept[problem.order] = fit.kept
-    return replace(fit, kept=kept)
+    return RodFit(rod, replace(fit, kept=kept))
+
+
+def _padded(fit: FrameFit, rod: RodProblem) -> Floats:
+    """Return the covariance of a fit, with zeros for the errors of the frame's own."""
+    return np.pad(fit.covariance, (0, rod.own_errors))
+
+
+def _best_fit(rod: RodProblem, start: Floats) -> FrameFit | None:
+    """Fit from the start; where that leaves outliers, also from the best beam without friction.
+
+    Friction bends a beam much as a taper does: with both, there may be several minima.
+    """
+    fit = fit_rod(rod, start)
+    smooth = rod.free[rod.free != GRIP]
+    if len(smooth) == len(rod.free) or (fit is not None and _rank(fit) == (False, 0)):
+        return fit
+    held = fit_rod(replace(rod, free=smooth), start)
+    other = None if held is None else fit_rod(rod, held.p)
+    fits = [one for one in (fit, other) if one is not None]
+    return min(fits, key=lambda one: (*_rank(one), one.chi2), default=None)
+
+
+def _rank(fit: FrameFit) -> tuple[bool, int]:
+    """Return a sort key: converged fits first, then fewer rejected points."""
+    return fit.status != CONVERGED, int(np.count_nonzero(~fit.kept))
 
 
 def uniform_start(problem: Problem, rod: RodProblem) -> Floats | None:

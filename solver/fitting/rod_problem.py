@@ -8,11 +8,20 @@ import numpy as np
 
 from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
 from solver.fitting.problem import Problem
+from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.measurement import Measurement, RestBow
 
+# Sigma of the shift of a beam's apparent middle at the contact, in radii, by light that the object
+# reflects. Measured: a gray cylinder as thick as the beam moves it by 0.001 to 0.003.
+REFLECTED: Final = 0.003
+# Distance from the contact at which half of it is left. Chosen: an object of the size of
+# `push_joint.RADIUS_SIGMA`.
+_OBJECT: Final = 0.05
+# Its size, in sigmas of a point, below which it is neglected. Chosen: it moves a few dozen points.
+_LEAST_REFLECTION: Final = 0.5
 # Least variance of a combination of parameters, over those of its parts. Chosen: a ten-thousandth
 # of their sigmas is certain.
 _CERTAIN: Final = 1e-8
@@ -26,6 +35,7 @@ class RodProblem:
     `rod.curve_of`. The parameters are those of `rod_residuals`, and then the errors that all points
     share: `shared` (n, k) is the shift of each point, in sigmas, by one sigma of each. `mean` (p,)
     and `information` (p, p) are their prior; `free` (f,) are the indices of those that are fitted.
+    The last `own_errors` parameters are errors that only the points of this frame share.
     """
 
     points: Floats
@@ -37,6 +47,7 @@ class RodProblem:
     mean: Floats
     information: Floats
     free: Any
+    own_errors: int = 0
 
     @property
     def shape_size(self) -> int:
@@ -153,6 +164,36 @@ def _add_rest(
     covariance[:, line] += by_learned.T
     spread = joint[:2, :2] - gain @ joint[2:, :2] + gain @ covariance[np.ix_(bow, bow)] @ gain.T
     covariance[np.ix_(line, line)] += spread
+
+
+def reflection_matters(problem: RodProblem) -> bool:
+    """Test whether the light that an object reflects may move the points by part of their sigma."""
+    sigma = float(np.median(np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])))
+    return REFLECTED * problem.radius > _LEAST_REFLECTION * sigma
+
+
+def lit_by_object(problem: RodProblem, contact: Floats, tangent: Floats) -> RodProblem:
+    """Add errors that the points share: light that an object at `contact` (2,) reflects.
+
+    It brightens the beam's near side and moves its apparent middle beside the contact, differently
+    ahead of it and behind it along the `tangent` (2,).
+    """
+    x, y = (problem.points[[X, Y]] - contact[:, None]) / _OBJECT
+    shift = REFLECTED * problem.radius / (1 + x * x + y * y)
+    sigmas = np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])
+    ahead = x * tangent[0] + y * tangent[1]
+    columns = np.column_stack([shift / sigmas, ahead * shift / sigmas])
+    count, own = len(problem.mean), columns.shape[1]
+    information = np.eye(count + own)
+    information[:count, :count] = problem.information
+    return replace(
+        problem,
+        shared=np.column_stack([problem.shared, columns]),
+        mean=np.append(problem.mean, np.zeros(own)),
+        information=information,
+        free=np.append(problem.free, count + np.arange(own)),
+        own_errors=own,
+    )
 
 
 def only(problem: RodProblem, kept: Any) -> RodProblem:

@@ -69,9 +69,6 @@ class FittingThresholds(NamedTuple):
     held_fraction: float = 0.1
     # A motor behind its farthest angle by more encoder sigmas than this has turned back. Chosen.
     back_sigmas: float = 3.0
-    # Pushing angle over (beam radius / contact distance); below it both directions of sliding are
-    # possible. Chosen.
-    min_sliding_angle: float = 3.0
     # Probability that a push with a single object, or a frictionless contact with a force sensor,
     # is rejected. Chosen.
     false_rejection: float = 0.0001

@@ -39,10 +39,10 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     """Fit a frame by itself; None if it shows no contact with a cone of this prior."""
     bowed = with_bow(_with_shape(measurement, prior))
     problem = problem_of(bowed, with_tips=False)
-    rod = rod_problem_of(bowed, problem)
-    fit = fit_frame(problem, rod) if problem.points else None
-    if fit is None or refusal_of(measurement, problem, fit) is not None:
+    fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
+    if fitted is None or refusal_of(measurement, problem, fitted.fit) is not None:
         return None
+    rod, fit = fitted
     rows = residuals_at(rod, fit.p)
     if rows is None:
         return None

@@ -13,10 +13,10 @@ from tests.solver.methods.pushes import dragged
 SIGMA = math.radians(0.01)
 
 
-def of(degrees: list[float], begins: Sequence[int] = (0,)) -> list[float]:
+def of(degrees: list[float], begins: Sequence[int] = (0,), softest: float = 1.0) -> list[float]:
     """The sign of every frame's sliding; zero where it has a grip of its own."""
     firsts = [i in begins for i in range(len(degrees))]
-    made = grip_matrix(np.radians(degrees), firsts, SIGMA, 0.4 / 120)
+    made = grip_matrix(np.radians(degrees), firsts, SIGMA, 0.4 / 120, softest)
     own = made[:, 1:]
     assert (own.sum(axis=1) == (made[:, 0] == 0)).all()  # one unknown each, and no two the same
     assert (own.sum(axis=0) == 1).all()
@@ -53,13 +53,15 @@ def test_from_a_free_beam_on_a_way_begins_anew() -> None:
 
 def test_at_first_touch_the_beam_may_slide_either_way() -> None:
     assert of([-0.1, 0.3, 0.5, 0.7, 3]) == [0, 0, 0, 1, 1]
+    # On a rigid object it slides back first, until it has turned by 2.5 times its slenderness.
+    assert of([-0.1, 0.3, 0.5, 0.7, 3], softest=0.0) == [0, -1, 0, 1, 1]
 
 
 @given(st.lists(st.floats(0.6, 30), min_size=1, max_size=12), st.floats(1, 2))
 def test_only_the_shape_of_the_way_counts(degrees: list[float], scale: float) -> None:
     angles, begins = np.radians(degrees), [True] + [False] * (len(degrees) - 1)
-    small = grip_matrix(angles, begins, SIGMA, 0.0)
-    assert (grip_matrix(scale * angles, begins, scale * SIGMA, 0.0) == small).all()
+    small = grip_matrix(angles, begins, SIGMA, 0.0, 0.0)
+    assert (grip_matrix(scale * angles, begins, scale * SIGMA, 0.0, 0.0) == small).all()
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.8])

@@ -61,11 +61,13 @@ def dragged(
     radius: float,
     friction: float,
     angles_deg: tuple[float, ...],
+    tip_ratio: float = 1.0,
 ) -> list[tuple[State, Floats]]:
     """As `pushed`, each step after the other: friction remembers the way."""
-    touched = obstacle(BEAM, distance, upright(radius), compliance=compliance, friction=friction)
+    rod = Rod(BEAM, tip_ratio=tip_ratio)
+    touched = obstacle(rod, distance, upright(radius), compliance=compliance, friction=friction)
     steps = [pushing.Step(pushing_angle=math.radians(angle)) for angle in angles_deg]
-    states = pushing.push(Rod(BEAM), pushing.Motor(), [touched], distance, steps, 4000)
+    states = pushing.push(rod, pushing.Motor(), [touched], distance, steps, 4000)
     return [(state, columns(state.centreline)) for state in states]
 
 
@@ -81,6 +83,7 @@ def measured_push(
     onset: float = ONSET,
     scale_sigma: float = 0.0,
     sigma: float = SIGMA,
+    tip_ratio: float = 1.0,
     **tolerances: float,
 ) -> tuple[Measurement, State]:
     """The last frame of a push with all before it, and its true state.
@@ -95,8 +98,8 @@ def measured_push(
 
     dx, dy, tilt = np.array(base_sigma) * noise(3)
     cosine, sine = math.cos(tilt), math.sin(tilt)
-    if friction:
-        states = dragged(*touched(0), radius, friction, tuple(angles_deg))
+    if friction or tip_ratio != 1:
+        states = dragged(*touched(0), radius, friction, tuple(angles_deg), tip_ratio)
     else:
         states = [pushed(*touched(i), radius, angle) for i, angle in enumerate(angles_deg)]
     frames: tuple[Measurement, ...] = ()

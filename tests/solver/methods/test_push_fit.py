@@ -575,7 +575,7 @@ def test_the_tension_of_a_single_object_is_chance(friction: float) -> None:
         points = [UniformPoints(problem_of(one, with_tips=False), 1.0) for one in push_frames]
         beam = UniformBeam(tuple(points), last.rig, last.base_covariance)
         pushing = np.radians(angles)
-        matrix = grip_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0)
+        matrix = grip_matrix(pushing, [False] * len(angles), ENCODER_SIGMA, 0.0, 0.0)
         if not friction:
             matrix = matrix[:, :0]
         push = Push(frames, last.rig, beam, matrix)
