@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
+from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
@@ -60,8 +61,23 @@ class RodProblem:
         return (Q, S_C)
 
     def moved(self, p: Floats, step: Floats) -> Floats:
-        """Return the parameters (p,) after a step (p,) of a fit."""
-        return p + step
+        """Return the parameters (p,) after a step (p,) of a fit.
+
+        In linear theory the beam beyond the contact depends on q s_c^2 and q s_c^3 only, and
+        linearly on both. The step is straight in these, and so follows the curved valley of the
+        objective, which is narrow where the contact is near the clamp.
+        """
+        after, arc = p + step, p[S_C]
+        slope = arc**2 * (p[Q] + step[Q]) + 2 * p[Q] * arc * step[S_C]
+        offset = arc**3 * (p[Q] + step[Q]) + 3 * p[Q] * arc**2 * step[S_C]
+        if slope > 0 < offset:
+            after[S_C] = offset / slope
+            after[Q] = slope / after[S_C] ** 2
+        return after
+
+    def rod_fit(self, fit: FrameFit) -> FrameFit:
+        """Return a fit of this problem with the parameters of `rod_residuals`."""
+        return fit
 
     def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
         """Write the residuals (n,) of shape and pose p, and their Jacobian, as `rod_residuals`."""
