@@ -1,5 +1,6 @@
 """Estimate from one frame of a beam that is not uniform, or not known to be."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -31,20 +32,23 @@ from solver.instrument.measurement import Measurement
 _MAX_START: Final = 0.95
 
 
-def rod_estimate(measurement: Measurement) -> Estimate:
+def rod_estimate(
+    measurement: Measurement,
+    rod_problem: Callable[[Measurement, Problem], RodProblem] = rod_problem_of,
+) -> Estimate:
     """Estimate contact and force in the known plane, with the rig's stated or learned beam.
 
     What one image does not determine (section, friction, clamp) has the prior that the rig states,
-    and widens the covariance accordingly.
+    and widens the covariance accordingly. `rod_problem` states what kind of force bends the beam.
     """
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tips=False)
     enough = problem.points >= LIMITS.min_points
-    fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if enough else None
+    fitted = fit_frame(problem, rod_problem(bowed, problem)) if enough else None
     refusal = refusal_of(measurement, problem, None if fitted is None else fitted.fit)
     if refusal is not None or fitted is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    values, covariance = rod_values(measurement, fitted.rod, fitted.fit)
+    values, covariance = rod_values(measurement, fitted.rod, fitted.rod.rod_fit(fitted.fit))
     return estimate_from_fit(measurement, problem, fitted.fit, values, covariance)
 
 

@@ -74,10 +74,17 @@ def rod_contact(rig: Rig, rod: RodProblem, p: Floats, motor_angle: float) -> tup
         (frames.TILT, TILT, 1.0),
     ):
         contact[row], jacobian[row, size + column] = p[size + column] * unit, unit
-    # The clamp turns under its moment.
-    softness = p[size + SOFTNESS]
-    contact[frames.TILT] += softness * moment
-    jacobian[frames.TILT, :size] = softness * by_moment
-    jacobian[frames.TILT, size + SOFTNESS] = moment
+    # A clamp that gives turns the beam in its mount, in which the contact is stated.
+    turn, by_turn = p[size + SOFTNESS] * moment, np.zeros(count + 3)
+    by_turn[:size] = p[size + SOFTNESS] * by_moment
+    by_turn[size + SOFTNESS] = moment
+    plane = [frames.X_C, frames.Y_C]
+    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    contact[plane] = rotation @ contact[plane]
+    jacobian[plane] = rotation @ jacobian[plane]
+    jacobian[frames.X_C] -= contact[frames.Y_C] * by_turn
+    jacobian[frames.Y_C] += contact[frames.X_C] * by_turn
+    contact[frames.THETA] += turn
+    jacobian[frames.THETA] += by_turn
     contact[frames.ANGLE], jacobian[frames.ANGLE, angle] = motor_angle, 1.0
     return contact, jacobian

@@ -16,6 +16,7 @@ from solver.instrument.beam_shape_json import beam_shape_keys, read_beam_shape
 from solver.instrument.board import DICTIONARIES, Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.distortion import COUNTS
 from solver.instrument.errors import InputError
+from solver.instrument.gravity import Gravity, gravity_keys, read_gravity
 from solver.instrument.images import CHANNELS
 from solver.instrument.keys import Keys
 from solver.instrument.transforms import rigid, rotation_vector
@@ -86,6 +87,7 @@ class Rig:
     `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
     colour image. `shape` is how the beam differs from a uniform one, as stated or learned.
+    `gravity` is its direction, which a hung weight needs; None if it is not stated.
     """
 
     beam: Beam
@@ -106,6 +108,7 @@ class Rig:
     bits: int | None = None
     channel: str = "gray"
     shape: BeamShape = UNIFORM
+    gravity: Gravity | None = None
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
@@ -168,6 +171,8 @@ def rig_to_json(rig: Rig) -> str:
             "moment_sigma_n_mm": rig.sensors.base_moment / mm,
         }
     document["beam_shape"] = beam_shape_keys(rig.shape)
+    if rig.gravity is not None:
+        document["gravity"] = gravity_keys(rig.gravity)
     # Twelve digits: a nanometre on a kilometre, without the rounding errors of unit conversion.
     return json.dumps(_rounded(document), indent=2) + "\n"
 
@@ -255,6 +260,7 @@ def read_rig(path: Path) -> Rig:
         bits=key.count("camera.bits", *BITS) if key.has("camera.bits") else None,
         channel=key.one_of("camera.channel", CHANNELS) if key.has("camera.channel") else "gray",
         shape=read_beam_shape(key),
+        gravity=read_gravity(key),
     )
     key.refuse_others()
     return rig

@@ -9,6 +9,7 @@ from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
 from solver.methods.exact_fit_learned import exact_fit_learned
 from solver.methods.force_sensor import force_sensor
+from solver.methods.hung_weight import hung_weight
 from solver.methods.linear_fit import linear_fit
 from solver.methods.moment_sensor import moment_sensor
 from solver.methods.push_fit import push_fit, push_fit_friction
@@ -30,6 +31,7 @@ METHODS: Final[dict[str, Method]] = {
     "exact_fit_3d": exact_fit_3d,
     "exact_fit_learned": exact_fit_learned,
     "two_contact_fit": two_contact_fit,
+    "hung_weight": hung_weight,
     "push_fit": push_fit,
     "push_fit_friction": push_fit_friction,
     "force_sensor": force_sensor,

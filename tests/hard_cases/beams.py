@@ -10,6 +10,7 @@ import numpy.typing as npt
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.estimate import Estimate
+from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Sensors
 from tests.inclined import on_plane_c
@@ -44,7 +45,7 @@ def true_contact(distance: float, deflection: float) -> float:
 
 
 def sensing_rig(psi: float = 0.0) -> Rig:
-    """The reference rig with every sensor and a tolerance of everything."""
+    """The reference rig with every sensor, a direction of gravity, a tolerance of everything."""
     nominal = rig(
         encoder=1e-4,
         base_position=1e-5,
@@ -52,7 +53,9 @@ def sensing_rig(psi: float = 0.0) -> Rig:
         flexural_rigidity=0.01 * BEAM.flexural_rigidity,
     )
     sensors = Sensors(moment_y=1e-4, base_force=1e-4, base_moment=1e-5)
-    return replace(nominal, sensors=sensors, known_psi=psi or None)
+    # Gravity pulls across the beam where it is touched in the flat push, to some degrees.
+    gravity = Gravity(radians(115), radians(5))
+    return replace(nominal, sensors=sensors, known_psi=psi or None, gravity=gravity)
 
 
 def pushed_beam(
@@ -180,11 +183,14 @@ def mirrored(measurement: Measurement) -> Measurement:
     assert measurement.base_moment is not None
     x, y, z = measurement.base_force
     turn_x, turn_y, turn_z = measurement.base_moment
-    known = measurement.rig.known_psi
+    known, gravity = measurement.rig.known_psi, measurement.rig.gravity
     return replace(
         measurement,
         rig=replace(
-            measurement.rig, deflects_towards=-1, known_psi=None if known is None else -known
+            measurement.rig,
+            deflects_towards=-1,
+            known_psi=None if known is None else -known,
+            gravity=None if gravity is None else replace(gravity, direction=-gravity.direction),
         ),
         motor_angle=-measurement.motor_angle,
         antenna_from_beam=np.diag([1.0, -1.0, 1.0, 1.0]) @ measurement.antenna_from_beam,

@@ -20,6 +20,7 @@ METHODS: Final = (
     "exact_fit_3d",
     "exact_fit_learned",
     "two_contact_fit",
+    "hung_weight",
     "push_fit",
     "push_fit_friction",
     "force_sensor",

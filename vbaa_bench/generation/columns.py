@@ -145,6 +145,7 @@ TRUE_RIG: Final = {
 
 _STRIP: Final = "the beam is no flat strip (absent)"
 _WIRE: Final = "it is that of drawn wire in a chuck (absent)"
+_NO_GRAVITY: Final = "no stated gravity (absent)"
 _NOT_LEARNED: Final = "the beam was not learned (absent)"
 _SIGMA: Final = "standard deviation"
 
@@ -190,6 +191,10 @@ RIG: Final = {
     ),
     "camera.bits": Column("bit depth of the gray values", "", "found from the images (absent)"),
     "camera.channel": Column("channel read from colour images", "", "it is gray (absent)"),
+    "gravity.direction_deg": Column(
+        "direction of gravity, from x towards y", "Sigma_o", _NO_GRAVITY
+    ),
+    "gravity.direction_sigma_deg": Column(f"{_SIGMA} of this direction", "", _NO_GRAVITY),
     "beam_shape.taper_sigma": Column(
         f"{_SIGMA} of the tip's width over that at the clamp, less one", "", _WIRE
     ),

@@ -28,6 +28,7 @@ BUILT_IN: Final = {
     "exact_fit_3d": Style("#00737f", "#48d1dd", "diamond"),
     "exact_fit_learned": Style("#8a6d00", "#ffd54a", "diamond"),
     "two_contact_fit": Style("#8a2be2", "#d7a6ff", "square"),
+    "hung_weight": Style("#4a5a2a", "#a8c98a", "triangle"),
     "push_fit": Style("#6a1fd0", "#b99bff", "triangle"),
     "push_fit_friction": Style("#b80c7a", "#ff7fcf", "circle"),
     "force_sensor": Style("#3d4752", "#b4bfca", "square"),

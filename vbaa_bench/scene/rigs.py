@@ -10,6 +10,7 @@ from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
+from solver.instrument.gravity import Gravity
 from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
@@ -80,7 +81,16 @@ def nominal_rig(scene: Scene) -> Rig:
             section=tolerances.aspect_ratio_pct * PERCENT,
             friction=tolerances.friction,
         ),
+        gravity=_stated_gravity(scene),
     )
+
+
+def _stated_gravity(scene: Scene) -> Gravity | None:
+    """Return the direction of gravity in plane C that a hung weight needs."""
+    if not isinstance(scene.object, WeightSpec):
+        return None
+    x, y, _ = scene.gravity_m_s2
+    return Gravity(math.atan2(y, x), scene.tolerances.gravity_deg * DEGREE)
 
 
 def _deflects_towards(scene: Scene) -> int:

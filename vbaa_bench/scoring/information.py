@@ -30,6 +30,7 @@ _OF_METHOD: Final = {
     "exact_fit_3d": "image",
     "exact_fit_learned": "learned",
     "two_contact_fit": "planar",
+    "hung_weight": "planar",
     "push_fit": "push",
     "push_fit_friction": "push",
     "force_sensor": "force",

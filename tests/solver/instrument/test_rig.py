@@ -12,6 +12,7 @@ import pytest
 
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
+from solver.instrument.gravity import Gravity
 from solver.instrument.rig import ANY_LIGHT, Sensors, read_rig, rig_to_json
 from tests.simulated import rig
 
@@ -277,3 +278,20 @@ def test_a_key_that_means_nothing_is_named_with_the_nearest(
     assert str(path) in said
     assert said.endswith(f"is unknown, the nearest allowed is {nearest}")
     assert f"the key {key.split('.', maxsplit=1)[0]}" in said
+
+
+def test_gravity_comes_back_and_is_absent_unless_stated(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    path.write_text(rig_to_json(replace(rig(), gravity=Gravity(-1.5, 2e-3))))
+    gravity = read_rig(path).gravity
+    assert gravity is not None
+    assert (gravity.direction, gravity.sigma) == pytest.approx((-1.5, 2e-3))
+    document = json.loads(path.read_text())
+    document["gravity"]["direction_deg"] = 361
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"gravity.direction_deg is 361, allowed is a number"):
+        read_rig(path)
+    path.write_text(rig_to_json(rig()))
+    assert read_rig(path).gravity is None
+    with pytest.raises(ValueError, match="allowed is finite"):
+        Gravity(0.0, -1.0)

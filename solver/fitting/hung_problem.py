@@ -1,0 +1,134 @@
+"""Fit of a beam from which a weight hangs: the direction of its force is known, not its grip.
+
+An object's force is inclined against the beam's normal by unknown friction; a weight's is inclined
+by the beam's own slope. So the parameter `grip` of the shape is replaced by the error of gravity's
+direction, which has a prior, and the grip follows from
+
+    psi_0(q, s_c, grip, ...) + tilt + softness M_0 = direction + error,
+
+where psi_0 is the angle of the axis across the force to the beam at its clamp, which is turned by
+the tilt and by its moment M_0, and `direction` that of the same axis in the frame of the beam at
+rest. The weight hangs on the beam's axis: its force has no lever about the place at which it acts.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.curve import MOST_ANGLE
+from solver.beam_models.rod import GRIP, S_C, Q, curve_of
+from solver.fitting.fit import FrameFit
+from solver.fitting.problem import Problem
+from solver.fitting.rod_problem import RodProblem, rod_problem_of
+from solver.fitting.rod_residuals import SOFTNESS, TILT, clamp_moment, rod_residuals
+from solver.instrument.arrays import Floats
+from solver.instrument.gravity import Gravity
+from solver.instrument.measurement import Measurement
+from solver.instrument.transforms import turn_about_z
+
+# Newton's method for the grip: largest error of the direction [rad], largest change of the force's
+# angle in a step [rad], and most steps. Chosen: rounding is 1e-15, and three to five steps suffice.
+_TOLERANCE: Final = 1e-13
+_MAX_STEP: Final = 0.5
+_MAX_STEPS: Final = 30
+
+
+class _Grip(NamedTuple):
+    """Parameters with the grip in place of the error of the direction, and its gradient (p,)."""
+
+    p: Floats
+    gradient: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class HungProblem(RodProblem):
+    """Points of one frame of a beam under a weight, with the prior of its parameters.
+
+    The parameters are those of `RodProblem`, but for the grip's: it is the error [rad] of the
+    direction of gravity. `direction` [rad] is the angle of the axis across gravity, in the frame of
+    the beam at rest: 0 where gravity pulls across the beam.
+    """
+
+    direction: float
+
+    def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
+        """Write the residuals (n,) of shape and pose p, and their Jacobian, as `rod_residuals`."""
+        grip = self._with_grip(p)
+        exists = grip is not None and bool(
+            rod_residuals(
+                grip.p, self.points, self.bounds, self.views, self.widths, self.radius, residual,
+                jacobian,
+            )
+        )  # fmt: skip
+        if grip is not None and exists:
+            by_grip = jacobian[GRIP].copy()
+            jacobian[GRIP] = 0.0
+            jacobian += np.outer(grip.gradient, by_grip)
+        return exists
+
+    def rod_fit(self, fit: FrameFit) -> FrameFit:
+        """Convert a fit to the parameters of `RodProblem`, with the grip and its covariance."""
+        own = len(fit.p) - self.shared.shape[1]
+        grip = self._with_grip(fit.p[:own])
+        assert grip is not None  # the fit has residuals
+        to_rod = np.eye(len(fit.p))
+        to_rod[GRIP] = np.append(grip.gradient, np.zeros(len(fit.p) - own))
+        p = np.append(grip.p, fit.p[own:])
+        return replace(fit, p=p, covariance=to_rod @ fit.covariance @ to_rod.T)
+
+    def _with_grip(self, p: Floats) -> _Grip | None:
+        """Find the grip at shape and pose p (p,); return None if no beam has that shape."""
+        size, wanted = self.shape_size, self.direction + p[GRIP]
+        tilt, softness = p[size + TILT], p[size + SOFTNESS]
+        rod = p.copy()
+        # A frictionless force turns with the beam, by about q s^2 / 2.
+        lean = np.clip(wanted - tilt - p[Q] * p[S_C] ** 2 / 2, -1.2, 1.2)
+        for _ in range(_MAX_STEPS):
+            rod[GRIP] = -math.tan(lean)
+            curve = curve_of(rod[:size], self.widths, self.radius)
+            if not curve.exists:
+                return None
+            moment, by_moment = clamp_moment(curve, rod[:size])
+            slope = np.zeros(len(p))
+            slope[:size] = curve.by_base[:, 2] + softness * by_moment
+            slope[size + TILT], slope[size + SOFTNESS] = 1.0, moment
+            error = curve.base[2] + tilt + softness * moment - wanted
+            by_lean = -slope[GRIP] * (1 + rod[GRIP] ** 2)
+            if abs(error) < _TOLERANCE:
+                gradient = -slope / slope[GRIP]
+                gradient[GRIP] = 1 / slope[GRIP]
+                return _Grip(rod, gradient)
+            lean -= np.clip(error / by_lean, -_MAX_STEP, _MAX_STEP)
+            if not abs(lean) < MOST_ANGLE:
+                return None
+        return None
+
+
+def direction_of_load(measurement: Measurement, gravity: Gravity) -> float:
+    """Compute `HungProblem.direction` [rad] of a frame, from -pi to pi.
+
+    Without a reading of the motor angle the camera is fixed in the world, and Sigma_a is Sigma_o.
+    """
+    pull = np.array([math.cos(gravity.direction), math.sin(gravity.direction), 0.0])
+    antenna_from_world = turn_about_z(-(measurement.motor_angle or 0.0))[:3, :3]
+    along, across, _ = measurement.antenna_from_beam[:3, :3].T @ antenna_from_world @ pull
+    return math.atan2(-along, across)
+
+
+def hung_problem_of(measurement: Measurement, problem: Problem, gravity: Gravity) -> HungProblem:
+    """Convert a measurement to the fit of a beam under a weight.
+
+    The direction of gravity has the tolerance of the rig's statement, and those of the encoder and
+    of the board's rotation, by which Sigma_a is known.
+    """
+    rod = rod_problem_of(measurement, problem)
+    tolerances = measurement.rig.tolerances
+    sigma = math.hypot(gravity.sigma, tolerances.encoder, tolerances.board_rotation)
+    information = rod.information.copy()
+    information[GRIP, GRIP] = sigma**-2 if sigma else 0.0
+    free = sorted({*rod.free} - {GRIP} | ({GRIP} if sigma else set()))
+    values = {field.name: getattr(rod, field.name) for field in fields(rod)}
+    values |= {"radius": 0.0, "information": information, "free": np.array(free)}
+    return HungProblem(**values, direction=direction_of_load(measurement, gravity))
