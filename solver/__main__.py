@@ -10,43 +10,32 @@ from typing import Annotated
 import cv2
 import typer
 from rich.console import Console
-from rich.progress import track
 
 from solver.calibrate.rigidity import HungWeight, flexural_rigidity
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.arrays import Grey
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError
 from solver.instrument.images import CHANNELS, png_bytes
 from solver.instrument.measurement import Measurement
-from solver.instrument.metadata import read_frames
 from solver.instrument.observation import Observations, open_observations, open_rig, rig_file
-from solver.instrument.rig import read_rig, rig_to_json
+from solver.instrument.rig import read_rig
 from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
 from solver.lab.check import calibration_report
 from solver.lab.console import console, setting_up, table, with_progress
 from solver.lab.controls import NO_CONTROLS, Controls, controls_of
+from solver.lab.learn_command import learn
 from solver.lab.live import json_line, solve_shots, warm_up
-from solver.lab.outline import csv_text as outline_table
-from solver.lab.outline import read_estimates
-from solver.lab.outline import summary as outline_summary
+from solver.lab.outline_command import outline
 from solver.lab.overlay import OverlayWriter, draw
+from solver.lab.photos_command import photos
 from solver.lab.shots import Files, Source
 from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import prepare_output_path, write
-from solver.learning.frames import (
-    frames_to_learn,
-    learn_from_frames,
-    measurement_of,
-    with_shape,
-)
-from solver.learning.known_force import rig_with_force
-from solver.learning.page import page, summary
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
 from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
-from solver.outline.contacts import contacts_of
-from solver.outline.fit import fit_outline
 from solver.set_up import set_up
 from solver.to_measurement import to_measurement
 from solver.tracker import extract_centreline
@@ -211,55 +200,6 @@ def check(
 
 
 @app.command()
-def learn(
-    observations: Annotated[
-        Path, typer.Argument(help="folder of observations: pushes at several places of the beam")
-    ],
-    out: Annotated[Path, typer.Option(help="rig.json to write, with the learned beam")],
-    centreline: Annotated[
-        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
-    ] = "profile_fit",
-    known_force: Annotated[
-        tuple[str, float, float] | None,
-        typer.Option(
-            help="frame, its contact's force and sigma in N, as of a balance: gives EI",
-            metavar="FRAME_ID NEWTON SIGMA",
-        ),
-    ] = None,
-    web_page: Annotated[
-        Path | None, typer.Option("--page", help="HTML page with pictures to write")
-    ] = None,
-) -> None:
-    """Learn the beam and its clamp from pushes against unknown objects, by images alone.
-
-    Frames of a push share push_id in metadata.csv; with a column split, those marked "learn" are
-    used. The rig's EI at the clamp stays unless one force is known: images show only how EI
-    changes along the beam.
-    """
-    files, learn_extractor = open_observations(observations), find_extractor(centreline)
-    for path in filter(None, (out, web_page)):
-        prepare_output_path(path)
-    with setting_up(quiet=False):
-        antenna = set_up(files, learn_extractor)
-    images = frames_to_learn(files.frames)
-    beam = learn_from_frames(antenna, track(images, "measuring", console=console, transient=True))
-    rig = replace(files.rig, shape=beam.shape)
-    if known_force:
-        frame_id, force, sigma = known_force
-        frame = next((frame for frame in files if frame.frame_id == frame_id), None)
-        measurement = None if frame is None else measurement_of(antenna, frame)
-        if measurement is None:
-            raise InputError(f"--known-force: {quoted(frame_id)} is no frame that shows the beam")
-        rig = rig_with_force(rig, measurement, force, sigma)
-    write(out, rig_to_json(rig).encode())
-    if web_page:
-        write(web_page, page(beam, rig).encode())
-    Console(highlight=False, soft_wrap=True).print(
-        f"{summary(beam, rig.beam.length)}\nwritten to {out}", markup=False
-    )
-
-
-@app.command()
 def rigidity(
     images: Annotated[list[str], typer.Argument(help="images of the beam under the weight")],
     rig: RigOption,
@@ -316,29 +256,8 @@ def rigidity(
     )
 
 
-@app.command()
-def outline(
-    estimates: Annotated[Path, typer.Argument(help="CSV of estimates, written by solve")],
-    rig: Annotated[Path, typer.Option(help="rig.json, or the observations folder it is in")],
-    readings: Annotated[
-        Path | None,
-        typer.Option(
-            help="table like metadata.csv with the poses of the carriage, beside the images",
-            show_default="those of the observations folder",
-        ),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="CSV to write")] = Path("outline.csv"),
-) -> None:
-    """Estimate the outline of an object that was touched from many poses of the antenna."""
-    prepare_output_path(out)
-    if readings is None:
-        observations = open_observations(rig)
-        frames, nominal = observations.frames, observations.rig
-    else:
-        frames, nominal = tuple(read_frames(readings)), read_rig(rig_file(rig))
-    result = fit_outline(contacts_of(read_estimates(estimates), frames, nominal))
-    write(out, outline_table(result).encode())
-    Console(highlight=False, soft_wrap=True).print(outline_summary(result), markup=False)
+for command in (learn, outline, photos):
+    app.command()(command)
 
 
 def _open(

@@ -20,14 +20,16 @@ _SHORT_REPR: Final = reprlib.Repr()
 _SHORT_REPR.maxstring = _SHORT_REPR.maxother = _SHORT_REPR.maxlong = _MAX_CHARACTERS
 # Largest document [bytes]: a hundred times the size of one with every key.
 _MAX_BYTES: Final = 1 << 18
+_MISSING: Final = object()
 
 
 @dataclass(frozen=True)
 class Keys:
     """JSON document and the file it was read from.
 
-    Every look-up raises InputError with file, key, value and the allowed values. `asked` contains
-    the keys that were looked up.
+    Every look-up raises InputError with file, key, value and the allowed values. An item of a list
+    has its index, from 0, as a part of its key: `photos.0.file`. `asked` contains the keys that
+    were looked up.
     """
 
     path: Path
@@ -43,7 +45,7 @@ class Keys:
         """
         try:
             if path.is_file() and path.stat().st_size > _MAX_BYTES:
-                raise InputError(f"{path}: is larger than {_MAX_BYTES} bytes, the limit for a rig")
+                raise InputError(f"{path}: is larger than {_MAX_BYTES} bytes, the limit for JSON")
             return cls(path, json.loads(read_bytes(path).decode("utf-8")))
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
@@ -68,22 +70,15 @@ class Keys:
 
     def _value(self, key: str) -> Any:
         self.asked.add(key)
-        value = self.document
-        for part in key.split("."):
-            if not isinstance(value, dict) or part not in value:
-                raise InputError(f"{self.path}: the key {key} is missing")
-            value = value[part]
+        value = _looked_up(self.document, key)
+        if value is _MISSING:
+            raise InputError(f"{self.path}: the key {key} is missing")
         return value
 
     def has(self, key: str) -> bool:
         """Return whether the document contains a key."""
         self.asked.add(key)
-        value = self.document
-        for part in key.split("."):
-            if not isinstance(value, dict) or part not in value:
-                return False
-            value = value[part]
-        return True
+        return _looked_up(self.document, key) is not _MISSING
 
     def number(self, key: str, low: float, high: float) -> float:
         """Look up a finite number from `low` to `high`."""
@@ -129,16 +124,55 @@ class Keys:
             self.refuse(key, f"a list of {size} lists of {size} numbers from {low:g} to {high:g}")
         return np.array(value, dtype=np.float64)
 
+    def pair(self, key: str, low: float, high: float) -> Floats:
+        """Look up two finite numbers (2,) from `low` to `high`."""
+        return self._vector(key, low, high, 2, "two")
+
     def triple(self, key: str, low: float, high: float) -> Floats:
         """Look up three finite numbers (3,) from `low` to `high`."""
+        return self._vector(key, low, high, 3, "three")
+
+    def _vector(self, key: str, low: float, high: float, size: int, name: str) -> Floats:
         value = self._value(key)
         if not (
             isinstance(value, list)
-            and len(value) == 3
+            and len(value) == size
             and all(_is_number(item, low, high) for item in value)
         ):
-            self.refuse(key, f"a list of three numbers from {low:g} to {high:g}")
+            self.refuse(key, f"a list of {name} numbers from {low:g} to {high:g}")
         return np.array(value, dtype=np.float64)
+
+    def items(self, key: str, least: int, most: int) -> list[str]:
+        """Look up a list of `least` to `most` sections; return the key of each."""
+        value = self._value(key)
+        if not (
+            isinstance(value, list)
+            and least <= len(value) <= most
+            and all(isinstance(item, dict) for item in value)
+        ):
+            self.refuse(key, f"a list of {least} to {most} sections {{...}}")
+        return [f"{key}.{i}" for i in range(len(value))]
+
+    def file_name(self, key: str) -> str:
+        """Look up the name of a file that is in the folder of the document."""
+        value = self._value(key)
+        plain = isinstance(value, str) and value.isprintable() and value not in ("", ".", "..")
+        if not (plain and Path(value).name == value):
+            self.refuse(key, "the name of a file in the same folder")
+        return str(value)
+
+
+def _looked_up(document: Any, key: str) -> Any:
+    """Return the value of a dotted key, `_MISSING` if there is none."""
+    value = document
+    for part in key.split("."):
+        if isinstance(value, dict) and part in value:
+            value = value[part]
+        elif isinstance(value, list) and part.isdecimal() and int(part) < len(value):
+            value = value[int(part)]
+        else:
+            return _MISSING
+    return value
 
 
 def _names(document: Any, prefix: str = "", depth: int = 3) -> Iterator[str]:
@@ -147,6 +181,9 @@ def _names(document: Any, prefix: str = "", depth: int = 3) -> Iterator[str]:
         for name, value in document.items():
             yield prefix + name
             yield from _names(value, f"{prefix}{name}.", depth - 1)
+    elif isinstance(document, list):
+        for i, item in enumerate(document):
+            yield from _names(item, f"{prefix}{i}.", depth)
 
 
 def _is_number(value: Any, low: float, high: float) -> bool:

@@ -1,0 +1,41 @@
+"""The command `photos`: a folder of photographs in, a table of loads out."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from solver.lab.console import console
+from solver.lab.photos_page import page
+from solver.lab.photos_table import json_line, summary, table_text
+from solver.lab.writing import prepare_output_path, write
+from solver.photographs.photos_json import read_photos
+from solver.photographs.solve import solve_photos
+
+
+def photos(
+    folder: Annotated[Path, typer.Argument(help="folder of photographs, with photos.json")],
+    out: Annotated[Path, typer.Option(help="CSV to write")] = Path("photos.csv"),
+    web_page: Annotated[
+        Path | None, typer.Option("--page", help="HTML page with pictures to write")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
+) -> None:
+    """Estimate loads and EI from photographs of one beam, from any poses and without a board."""
+    photo_set = read_photos(folder)
+    for path in filter(None, (out, web_page)):
+        prepare_output_path(path)
+    answer = solve_photos(
+        photo_set, lambda items: track(items, "tracing", console=console, transient=True)
+    )
+    write(out, table_text(answer).encode())
+    if web_page:
+        write(web_page, page(answer).encode())
+    if json:
+        print(json_line(answer))
+    else:
+        Console(highlight=False, soft_wrap=True).print(
+            f"{summary(answer)}\nwritten to {out}", markup=False
+        )

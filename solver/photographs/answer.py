@@ -1,0 +1,169 @@
+"""What photographs of one beam show: loads, the beam, and what cannot be known from them."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import Q, curve_of
+from solver.fitting.rod_residuals import POSE
+from solver.fitting.thresholds import LIMITS
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BOW
+from solver.instrument.estimate import Outcome
+from solver.photographs.bent_beam import RADIUS, contact_place, turn_of
+from solver.photographs.fit import JointFit
+from solver.photographs.photo_set import PhotoSet
+from solver.photographs.prior import nominal_rigidity
+from solver.photographs.problem import (
+    FOCAL,
+    K1,
+    LENGTH,
+    OWN_VIEW,
+    RIGIDITY,
+    SHAPE,
+    SOFT,
+    PhotoProblem,
+)
+from solver.photographs.view import VIEW_A, VIEW_B
+
+# A contact nearer to the tip than this many sigmas is at the tip. Chosen, as in `verdict`.
+_TIP_SIGMAS: Final = 2.0
+
+
+class Value(NamedTuple):
+    """A value with its one-sigma error, and the share of its variance due to the view's angle."""
+
+    value: float
+    sigma: float
+    view_share: float = 0.0
+
+
+@dataclass(frozen=True)
+class PhotoAnswer:
+    """Answer for one photograph: outcome, message, and values in SI units by name.
+
+    `chi2` is the sum of squares of the residuals of the `dof` points that were kept, in stated
+    sigmas.
+    """
+
+    outcome: Outcome
+    message: str
+    values: dict[str, Value] = field(default_factory=dict)
+    chi2: float | None = None
+    dof: int | None = None
+    rejected: int | None = None
+
+
+def shared_values(fit: JointFit, photos: PhotoSet) -> dict[str, Value]:
+    """Return what all photographs share, in SI units: EI where it is known, bow, lens, clamp."""
+    p, errors = fit.at.p, fit.covariance
+    widths = len(photos.shape.widths)
+
+    def value(i: int, scale: float = 1.0) -> Value:
+        return Value(float(p[i]) * scale, math.sqrt(max(errors[i, i], 0.0)) * scale)
+
+    values = {}
+    if rigidity_known(fit, photos):
+        rigidity = nominal_rigidity(photos) * math.exp(p[RIGIDITY])
+        values["flexural_rigidity_n_m2"] = Value(
+            rigidity, rigidity * math.sqrt(errors[RIGIDITY, RIGIDITY])
+        )
+    length, focal = photos.length.value * math.exp(p[LENGTH]), math.exp(p[FOCAL])
+    values["length_m"] = Value(length, length * math.sqrt(errors[LENGTH, LENGTH]))
+    values["focal_length_px"] = Value(focal, focal * math.sqrt(errors[FOCAL, FOCAL]))
+    values["k1"] = value(K1)
+    values["clamp_softness"] = value(SOFT)
+    for i in range(widths):
+        values[f"width_{i}"] = value(SHAPE + i)
+    bow = slice(SHAPE + widths, SHAPE + widths + BOW)
+    # The tip's distance from the clamp's tangent, without a load.
+    tip = np.ones(BOW) @ errors[bow, bow] @ np.ones(BOW)
+    values["bow_m"] = Value(length * float(p[bow].sum()), length * math.sqrt(max(float(tip), 0.0)))
+    return values
+
+
+def rigidity_known(fit: JointFit, photos: PhotoSet) -> bool:
+    """Whether EI is stated, or follows from a known force."""
+    return photos.rigidity is not None or RIGIDITY in fit.problem.free
+
+
+def photo_answer(fit: JointFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
+    """Return the answer for one photograph."""
+    own, own_fit = fit.problem.photos[photo], fit.fits[photo]
+    residual = fit.at.residuals[photo][: len(own.points)][own_fit.kept]
+    rejected = int((~own_fit.kept).sum())
+
+    def answer(outcome: Outcome, message: str, values: dict[str, Value]) -> PhotoAnswer:
+        chi2 = float(residual @ residual)
+        return PhotoAnswer(outcome, message, values, chi2, len(residual), rejected)
+
+    if not own_fit.fits:
+        message = (
+            f"The residuals are {own_fit.misfit:.1f} times the stated errors, and {rejected} of "
+            f"{len(own.points)} points are rejected: no beam with a single load has this shape."
+        )
+        return answer(Outcome.INVALID, message, {})
+    if not fit.converged:
+        return answer(Outcome.NOT_CONVERGED, Outcome.NOT_CONVERGED.sentence, {})
+    values = _values(fit, photos, photo)
+    if own.load is None:
+        return answer(Outcome.NO_CONTACT, "The beam is at rest.", values)
+    outcome = _outcome(fit, own, photo, values)
+    if not outcome.has_values:
+        kept = ("clamp_tilt_rad", "view_a_rad", "view_b_rad")
+        values = {name: values[name] for name in kept}
+    return answer(outcome, outcome.sentence, values)
+
+
+def _outcome(fit: JointFit, own: PhotoProblem, photo: int, values: dict[str, Value]) -> Outcome:
+    load = fit.problem.columns(photo)[fit.problem.shared + Q]
+    if fit.at.p[load] < LIMITS.contact_sigmas * math.sqrt(fit.covariance[load, load]):
+        return Outcome.NO_CONTACT
+    place = values["s_c_m"]
+    if place.sigma > LIMITS.weak_sigma * own.length:
+        return Outcome.WEAK_CONTACT
+    tip = own.length - place.value < _TIP_SIGMAS * place.sigma
+    return Outcome.TIP_CONTACT if tip else Outcome.CONTACT
+
+
+def _values(fit: JointFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
+    own, columns = fit.problem.photos[photo], fit.problem.columns(photo)
+    p = fit.at.p[columns]
+    errors = fit.covariance[np.ix_(columns, columns)]
+    angles = [own.shared + OWN_VIEW + angle for angle in (VIEW_A, VIEW_B)]
+    bent = own.bent(p)
+    assert bent is not None  # the fit's minimum has a shape
+    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS)
+
+    def value(number: float, gradient: Floats) -> Value:
+        variance = max(float(gradient @ errors @ gradient), 0.0)
+        by_view = errors[angles] @ gradient
+        part = float(by_view @ np.linalg.pinv(errors[np.ix_(angles, angles)]) @ by_view)
+        return Value(number, math.sqrt(variance), min(part / variance, 1.0) if variance else 0.0)
+
+    turn = turn_of(curve, bent.q)
+    values = {
+        "clamp_tilt_rad": value(own.side * float(turn.value), own.side * turn.gradient @ bent.by_p)
+    }
+    for name, at in zip(("view_a_rad", "view_b_rad"), angles, strict=True):
+        values[name] = value(float(p[at]), np.eye(len(p))[at])
+    if own.load is None:
+        return values
+    values["s_c_m"] = value(*own.place(p))
+    unit = own.length * math.exp(p[LENGTH])
+    contact = contact_place(curve, bent.q)
+    for name, row, sign in (("x_c_m", 0, 1), ("y_c_m", 1, own.side)):
+        coordinate = sign * unit * float(contact.value[row])
+        gradient = sign * unit * contact.gradient[row] @ bent.by_p
+        gradient[LENGTH] += coordinate
+        values[name] = value(coordinate, gradient)
+    force, by_force = own.force(p, bent)
+    if rigidity_known(fit, photos):
+        values["force_n"] = value(force, by_force)
+    rigidity = own.nominal_force * own.length**2 * math.exp(p[RIGIDITY])
+    by_ratio = by_force / rigidity
+    by_ratio[RIGIDITY] = 0.0
+    values["force_over_rigidity_per_m2"] = value(force / rigidity, by_ratio)
+    return values

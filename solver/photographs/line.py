@@ -1,0 +1,46 @@
+"""Image of the fitted beam of a photograph, for pictures."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from solver.beam_models.curve import END, P, U
+from solver.beam_models.rod import S_C, curve_of
+from solver.fitting.rod_residuals import POSE
+from solver.instrument.arrays import Floats
+from solver.photographs.bent_beam import RADIUS, tip_place, turn_of
+from solver.photographs.fit import JointFit
+from solver.photographs.view import images_of
+
+
+class Line(NamedTuple):
+    """Pixels (n, 2) of the beam from the tip to the clamp, relative to the principal point.
+
+    `load` (2,) is that of the load, None at rest.
+    """
+
+    pixels: Floats
+    load: Floats | None
+
+
+def fitted_line(fit: JointFit, photo: int) -> Line:
+    """Compute the image of the fitted beam of one photograph of the fit."""
+    own = fit.problem.photos[photo]
+    p = fit.at.p[fit.problem.columns(photo)]
+    bent = own.bent(p)
+    assert bent is not None  # the fit's minimum has a shape
+    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS)
+    lever, height, angle = curve.base
+    # Ahead of the load the nodes are at equal arc lengths, to beyond the tip.
+    ahead = curve.contact - np.arange(curve.nodes.shape[1])
+    before_tip = bent.q[S_C] + (END - bent.q[S_C]) * ahead / curve.contact < 1
+    nodes = curve.nodes[:, before_tip]
+    along, across = lever - nodes[U], nodes[P] - height
+    turn = angle + float(turn_of(curve, bent.q).value)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    tip = tip_place(curve, bent.q, own.widths).value
+    places = np.vstack([tip, np.column_stack([along, across]) @ rotation.T])
+    images = images_of(places * [1.0, own.side], p[own.view])
+    assert images is not None
+    load = 1 + int(np.count_nonzero(before_tip[: curve.contact]))
+    return Line(images.pixels, images.pixels[load] if own.load else None)

@@ -1,0 +1,113 @@
+"""Sentences on what cannot be known from photographs, and on what contradicts them."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from solver.instrument.units import DEGREE, PERCENT
+from solver.photographs.answer import PhotoAnswer, rigidity_known
+from solver.photographs.fit import JointFit
+from solver.photographs.photo_set import PhotoSet
+from solver.photographs.problem import FOCAL, K1, RIGIDITY, SHAPE, SOFT
+
+# A parameter whose sigma is above this fraction of its prior's is that of the prior. Chosen.
+_UNDETERMINED: Final = 0.9
+# Marks that determine the view of a plane. Derived: it has eight unknown numbers.
+_MARKS: Final = 4
+# A stated number or a mark that is off by more sigmas. Derived: noise exceeds it once in a million.
+_CONFLICT: Final = 5.0
+
+
+def notes_of(fit: JointFit, photos: PhotoSet, answers: Sequence[PhotoAnswer]) -> list[str]:
+    """Return the sentences; `photos` and `answers` are those of the joint fit."""
+    return [
+        *_of_forces(fit, photos),
+        *_of_views(photos, answers),
+        *_of_shared(fit, photos),
+        *_of_conflicts(fit, photos),
+    ]
+
+
+def _of_forces(fit: JointFit, photos: PhotoSet) -> list[str]:
+    loads = [photo.load for photo in photos.photographs if photo.load]
+    if not loads or any(load.force for load in loads):
+        return []
+    if not rigidity_known(fit, photos):
+        return [
+            "No force is known and EI is not stated: only force_over_rigidity_per_mm2 follows, the "
+            "ratios of the forces. One known force, such as a weighed mass, gives all of them."
+        ]
+    sigma = math.sqrt(fit.covariance[RIGIDITY, RIGIDITY]) / PERCENT
+    return [
+        f"No force is known: all forces share the relative error of the stated EI, {sigma:.2g} %. "
+        "One known force, such as a weighed mass, gives EI."
+    ]
+
+
+def _of_views(photos: PhotoSet, answers: Sequence[PhotoAnswer]) -> list[str]:
+    few = [
+        (photo, answer)
+        for photo, answer in zip(photos.photographs, answers, strict=True)
+        if photo.load and len(photo.marks) < _MARKS
+    ]
+    sentences = []
+    if few:
+        shares = [
+            answer.values["s_c_m"].view_share for _, answer in few if "s_c_m" in answer.values
+        ]
+        share = 100 * max(shares, default=0.0)
+        sentences.append(
+            f"{len(few)} photographs with a load have fewer than {_MARKS} marks: the angle of "
+            f"their view is an assumption of 0 +- {photos.view_sigma / DEGREE:g} degrees, and up "
+            f"to {share:.0f} % of the variance of a load's place is due to it. Four marks of known "
+            "position around the beam would determine it."
+        )
+    if any(photo.load and not len(photo.marks) for photo in photos.photographs):
+        sentences.append(
+            "Without marks the rotation of the beam in its clamp cannot be distinguished from a "
+            f"rotation of the camera: 0 +- {photos.tilt_sigma / DEGREE:g} degrees are assumed."
+        )
+    return sentences
+
+
+def _of_shared(fit: JointFit, photos: PhotoSet) -> list[str]:
+    names = {FOCAL: "focal length", K1: "lens distortion k1", SOFT: "softness of the clamp"}
+    names |= {SHAPE + i: f"width coefficient {i}" for i in range(len(photos.shape.widths))}
+    sigmas = np.sqrt(np.diag(fit.covariance))
+    assumed = [name for i, name in names.items() if 0 < fit.prior[i] < sigmas[i] / _UNDETERMINED]
+    sentences = []
+    if assumed:
+        sentences.append(
+            f"These photographs do not determine: {', '.join(assumed)}. What is stated or assumed "
+            "about it is a part of all sigmas."
+        )
+    if all(photo.load for photo in photos.photographs) and not len(photos.shape.bow):
+        sentences.append(
+            "No photograph shows the beam at rest: its bow is an assumption, and a part of every "
+            "load's bending."
+        )
+    return sentences
+
+
+def _of_conflicts(fit: JointFit, photos: PhotoSet) -> list[str]:
+    """Name stated forces, places and marks that are far from what the photographs show."""
+    sentences = []
+    for photo, residual, problem in zip(
+        photos.photographs, fit.at.residuals, fit.problem.photos, strict=True
+    ):
+        rows = residual[len(problem.points) :]
+        pixels = np.hypot(*rows[: 2 * (2 + len(photo.marks))].reshape(-1, 2).T)
+        labels = ["clamp_px", "tip_px", *(f"marks.{i}" for i in range(len(photo.marks)))]
+        if photo.load and photo.load.force:
+            labels.append("load.force_n")
+        if photo.load and photo.load.place:
+            labels.append("load.at_mm")
+        off = [*pixels, *np.abs(rows[2 * (2 + len(photo.marks)) :])]
+        sentences += [
+            f"{photo.path.name}: {label} is {sigmas:.0f} sigma from what the photographs show."
+            for label, sigmas in zip(labels, off, strict=True)
+            if sigmas > _CONFLICT
+        ]
+    return sentences

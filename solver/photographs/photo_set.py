@@ -1,0 +1,79 @@
+"""Photographs of one beam, and what the laboratory states about beam, loads and camera."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.units import DEGREE
+
+KINDS: Final = ("weight", "push")
+# Stated errors of photos.json that does not state them, all chosen. Angle of the view against the
+# normal of the beam's plane, for a phone that is held by hand.
+VIEW_SIGMA: Final = 5 * DEGREE
+# A point that was clicked on.
+MARK_SIGMA: Final = 1.0
+# The direction of a thread against the clamp's axis, by a spirit level.
+DOWN_SIGMA: Final = 0.5 * DEGREE
+# A beam that is clamped again, or gives way in its clamp, from photograph to photograph.
+TILT_SIGMA: Final = 1 * DEGREE
+
+
+class Stated(NamedTuple):
+    """A stated number with its one-sigma error."""
+
+    value: float
+    sigma: float
+
+
+DOWN: Final = Stated(-math.pi / 2, DOWN_SIGMA)
+
+
+@dataclass(frozen=True)
+class PhotoLoad:
+    """A single force on the beam: its kind, and its size [N] and arc length [m] where known.
+
+    The direction of a `weight` is fixed in the world; a `push` is across the beam where it touches.
+    """
+
+    kind: str
+    force: Stated | None = None
+    place: Stated | None = None
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """A photograph: images (2,) [px] of clamp and tip, and its load, None at rest.
+
+    `marks` (n, 4) are the pixels u, v of n marks, and their places x, y [m] in plane C of Sigma_a.
+    """
+
+    path: Path
+    clamp: Floats
+    tip: Floats
+    marks: Floats
+    load: PhotoLoad | None = None
+
+
+@dataclass(frozen=True)
+class PhotoSet:
+    """Photographs of one beam, with the beam's length [m] and, if known, its EI [N m^2].
+
+    `focal` [px] is None if it is unknown. `down` [rad] is the direction of gravity in plane C, from
+    the clamp's axis x towards y. `view_sigma` [rad] is the stated angle between the camera's axis
+    and the normal of plane C about either axis, `tilt_sigma` [rad] that of the beam in its clamp,
+    `mark_sigma` [px] the error of clamp, tip and marks.
+    """
+
+    photographs: tuple[Photograph, ...]
+    length: Stated
+    rigidity: Stated | None
+    shape: BeamShape
+    down: Stated = DOWN
+    channel: str = "gray"
+    focal: Stated | None = None
+    view_sigma: float = VIEW_SIGMA
+    mark_sigma: float = MARK_SIGMA
+    tilt_sigma: float = TILT_SIGMA

@@ -1,0 +1,140 @@
+"""Reading of photos.json: the photographs of one beam and what is stated about them."""
+
+import math
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape_json import read_beam_shape
+from solver.instrument.images import CHANNELS
+from solver.instrument.keys import Keys
+from solver.instrument.rig import MAX_POSITION_MM, RIGIDITIES_N_MM2, SIZES_MM
+from solver.instrument.units import DEGREE, MILLIMETRE, NEWTON_SQUARE_MILLIMETRE
+from solver.photographs.photo_set import (
+    DOWN_SIGMA,
+    KINDS,
+    MARK_SIGMA,
+    TILT_SIGMA,
+    VIEW_SIGMA,
+    Photograph,
+    PhotoLoad,
+    PhotoSet,
+    Stated,
+)
+
+FILE: Final = "photos.json"
+# Chosen: the joint fit of 200 photographs takes minutes.
+MOST_PHOTOS: Final = 200
+_MOST_MARKS: Final = 100
+# Chosen far beyond any image and any load; only mistakes in typing are rejected.
+_PIXELS: Final = (-1e5, 1e5)
+_FOCAL_PX: Final = (10.0, 1e6)
+_FORCES_N: Final = (1e-12, 1e6)
+_MARK_SIGMAS_PX: Final = (0.01, 100.0)
+# Chosen: a shorter beam has too few pixels.
+_LEAST_LENGTH_PX: Final = 50.0
+# Least sine of the angle between gravity and the beam. Chosen: a load along the beam pulls or
+# buckles it, and its bending does not show the force.
+_LEAST_SINE: Final = 0.5
+
+
+def read_photos(folder: Path) -> PhotoSet:
+    """Read photos.json of a folder of photographs.
+
+    Raises InputError with file, key, value and the allowed values, also for an unknown key.
+    """
+    key = Keys.read(folder / FILE)
+    names = key.items("photos", 1, MOST_PHOTOS)
+    length = _stated(key, "beam.length", "mm", *SIZES_MM, MILLIMETRE)
+    photographs = tuple(_photograph(key, name, folder, length.value) for name in names)
+    files = [photograph.path for photograph in photographs]
+    for name, path in zip(names, files, strict=True):
+        if files.count(path) > 1:
+            key.refuse(f"{name}.file", "a file that no other photo has")
+    hung = any(photo.load and photo.load.kind == "weight" for photo in photographs)
+    photos = PhotoSet(
+        photographs=photographs,
+        length=length,
+        rigidity=_rigidity(key),
+        shape=read_beam_shape(key),
+        down=_down(key, hung),
+        channel=key.one_of("channel", CHANNELS) if key.has("channel") else "gray",
+        focal=_stated(key, "camera.focal_length", "px", *_FOCAL_PX)
+        if key.has("camera.focal_length_px")
+        else None,
+        view_sigma=_angle(key, "camera.view_sigma_deg", 45, VIEW_SIGMA),
+        mark_sigma=key.number("mark_sigma_px", *_MARK_SIGMAS_PX)
+        if key.has("mark_sigma_px")
+        else MARK_SIGMA,
+        tilt_sigma=_angle(key, "clamp_tilt_sigma_deg", 45, TILT_SIGMA),
+    )
+    key.refuse_others()
+    return photos
+
+
+def _stated(
+    key: Keys, name: str, suffix: str, low: float, high: float, unit: float = 1.0
+) -> Stated:
+    """Read `name`_`suffix` and `name`_sigma_`suffix`."""
+    value = key.number(f"{name}_{suffix}", low, high)
+    return Stated(value * unit, key.number(f"{name}_sigma_{suffix}", 0, high) * unit)
+
+
+def _angle(key: Keys, name: str, most: float, default: float) -> float:
+    return key.number(name, 0, most) * DEGREE if key.has(name) else default
+
+
+def _rigidity(key: Keys) -> Stated | None:
+    if not key.has("beam.flexural_rigidity_n_mm2"):
+        return None
+    unit = NEWTON_SQUARE_MILLIMETRE
+    return _stated(key, "beam.flexural_rigidity", "n_mm2", *RIGIDITIES_N_MM2, unit)
+
+
+def _down(key: Keys, hung: bool) -> Stated:
+    if not hung and not key.has("down_deg"):
+        return Stated(-math.pi / 2, DOWN_SIGMA)
+    down = key.number("down_deg", -180, 180) * DEGREE
+    if hung and abs(math.sin(down)) < _LEAST_SINE - 1e-9:
+        key.refuse("down_deg", "across the beam, from 30 to 150 or from -150 to -30")
+    return Stated(down, _angle(key, "down_sigma_deg", 45, DOWN_SIGMA))
+
+
+def _photograph(key: Keys, name: str, folder: Path, length: float) -> Photograph:
+    clamp, tip = (key.pair(f"{name}.{end}_px", *_PIXELS) for end in ("clamp", "tip"))
+    if np.hypot(*(tip - clamp)) < _LEAST_LENGTH_PX:
+        key.refuse(f"{name}.tip_px", f"a point at least {_LEAST_LENGTH_PX:g} px from clamp_px")
+    return Photograph(
+        path=folder / key.file_name(f"{name}.file"),
+        clamp=clamp,
+        tip=tip,
+        marks=_marks(key, f"{name}.marks"),
+        load=_load(key, f"{name}.load", length) if key.has(f"{name}.load") else None,
+    )
+
+
+def _marks(key: Keys, name: str) -> Floats:
+    if not key.has(name):
+        return np.zeros((0, 4))
+    rows = [
+        np.append(
+            key.pair(f"{mark}.px", *_PIXELS),
+            key.pair(f"{mark}.mm", -MAX_POSITION_MM, MAX_POSITION_MM) * MILLIMETRE,
+        )
+        for mark in key.items(name, 1, _MOST_MARKS)
+    ]
+    return np.array(rows)
+
+
+def _load(key: Keys, name: str, length: float) -> PhotoLoad:
+    return PhotoLoad(
+        kind=key.one_of(f"{name}.kind", KINDS),
+        force=_stated(key, f"{name}.force", "n", *_FORCES_N)
+        if key.has(f"{name}.force_n")
+        else None,
+        place=_stated(key, f"{name}.at", "mm", 0, length / MILLIMETRE, MILLIMETRE)
+        if key.has(f"{name}.at_mm")
+        else None,
+    )

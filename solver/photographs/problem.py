@@ -1,0 +1,251 @@
+"""Residuals of one photograph, with the exact Jacobian.
+
+Lengths are in units of the beam's nominal length. The parameters are those that all photographs
+share,
+
+    log of EI over its nominal value, and of the length over its nominal value
+    deviation [rad] of gravity from its stated direction
+    log of the focal length [px], and k1
+    softness of the clamp, widths and bow of the beam, as in `rod_residuals`
+
+followed by the photograph's own: load, place and friction ratio of the contact as in `rod`, tilt of
+the beam in its clamp, and the view. The friction ratio of a weight follows from its direction.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q, curve_of
+from solver.fitting.rod_residuals import DX, DY, POSE, SOFTNESS, TILT, rod_residuals
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BOW
+from solver.photographs.bent_beam import RADIUS, grip_of, tip_place
+from solver.photographs.photo_set import PhotoLoad, Stated
+from solver.photographs.view import PARAMETERS, ROLL, SCALE, U, V, images_of, places_of
+
+# Shared parameters; the widths and the bow follow.
+RIGIDITY, LENGTH, DOWN, FOCAL, K1, SOFT, SHAPE = range(7)
+# Own parameters: Q, S_C and GRIP of the rod, and then the tilt and the view.
+OWN_TILT, OWN_VIEW = 3, 4
+VIEW_SIZE: Final = PARAMETERS - 2  # without focal length and k1
+OWN: Final = OWN_VIEW + VIEW_SIZE
+# Newton steps of the correction after a step of the fit. Chosen: the rest is far below a pixel.
+_CORRECTIONS: Final = 3
+_NO_VIEWS: Final = np.zeros((1, 3))
+# A beam at rest has no load, at any place.
+_REST_PLACE: Final = 0.5
+
+
+class Rows(NamedTuple):
+    """Residuals (n,) in sigmas and their Jacobian (n, p).
+
+    Those of the beam's points come first, then clamp, tip and marks, u and v of each, and then the
+    stated force and the stated place.
+    """
+
+    residual: Floats
+    jacobian: Floats
+
+
+class Bent(NamedTuple):
+    """Parameters (k,) of `rod_residuals`, and their gradient (k, p)."""
+
+    q: Floats
+    by_p: Floats
+
+
+@dataclass(frozen=True)
+class PhotoProblem:
+    """Data of one photograph; pixels are relative to the principal point.
+
+    `points` (n, 2) [px] are those of the beam, `sigmas` (n, 2) [px] the vectors of their one-sigma
+    errors. `marks` (m, 4) are pixels u, v, and places x, y over the nominal length. `side` is 1 for
+    a beam that bends towards y of Sigma_a, and -1 else. `nominal_force` [N] is EI over the square
+    of the length, `down` [rad] the stated direction of gravity.
+    """
+
+    points: Floats
+    sigmas: Floats
+    clamp: Floats
+    tip: Floats
+    marks: Floats
+    mark_sigma: float
+    load: PhotoLoad | None
+    side: int
+    widths: int
+    down: float
+    length: float
+    nominal_force: float
+
+    @property
+    def shared(self) -> int:
+        """Number of shared parameters."""
+        return SHAPE + self.widths + BOW
+
+    @property
+    def weight(self) -> bool:
+        """Whether the load's direction is fixed in the world."""
+        return self.load is not None and self.load.kind == "weight"
+
+    def bent(self, p: Floats) -> Bent | None:
+        """Return the bent beam; None if no beam has a force of the weight's direction."""
+        shared, own = p[: self.shared], p[self.shared :]
+        first, size = self.shared, WIDTHS + self.widths + BOW
+        q, by_p = np.zeros(size + POSE), np.zeros((size + POSE, len(p)))
+        q[:WIDTHS] = own[:WIDTHS] if self.load else (0.0, _REST_PLACE, 0.0)
+        if self.load:
+            by_p[range(WIDTHS), range(first, first + WIDTHS)] = 1.0
+        factors = np.append(np.ones(self.widths), np.full(BOW, float(self.side)))
+        q[WIDTHS:size] = factors * shared[SHAPE:]
+        by_p[range(WIDTHS, size), range(SHAPE, first)] = factors
+        q[size + TILT], by_p[size + TILT, first + OWN_TILT] = self.side * own[OWN_TILT], self.side
+        q[size + SOFTNESS], by_p[size + SOFTNESS, SOFT] = shared[SOFT], 1.0
+        if self.weight:
+            across = self.side * (self.down + shared[DOWN]) - math.pi / 2
+            direction = math.remainder(across, math.tau) + math.pi / 2
+            grip = grip_of(q, self.widths, direction)
+            if grip is None:
+                return None
+            by_p[GRIP] = 0.0
+            by_p[GRIP] = grip.gradient @ by_p
+            by_p[GRIP, DOWN] += grip.by_direction * self.side
+            q[GRIP] = grip.value
+        return Bent(q, by_p)
+
+    def rows(self, p: Floats) -> Rows | None:
+        """Compute all residuals; None if no beam or no view has these parameters."""
+        bent = self.bent(p)
+        places = places_of(self.points, p[self.view])
+        if bent is None or places is None:
+            return None
+        k = len(bent.q) - POSE
+        mirror = np.array([1.0, self.side])
+        arrays = np.concatenate(
+            [
+                places.points * mirror,
+                (places.by_pixel @ self.sigmas[:, :, None])[:, :, 0] * mirror,
+            ],
+            axis=1,
+        )
+        n = len(self.points)
+        residual, jacobian = np.empty(n), np.empty((len(bent.q), n))
+        exists = rod_residuals(
+            bent.q,
+            np.ascontiguousarray(arrays.T),
+            np.array([0, n]),
+            _NO_VIEWS,
+            self.widths,
+            RADIUS,
+            residual,
+            jacobian,
+        )
+        if not exists:
+            return None
+        # As in `rod_residuals`, the Jacobian is that of points without their errors: an error that
+        # scales with the view would pull the view.
+        ideal = places_of(self.points - residual[:, None] * self.sigmas, p[self.view])
+        if ideal is None:
+            return None
+        by_all = jacobian.T @ bent.by_p
+        # A shift of a point is that of the clamp, reversed.
+        by_place = -jacobian[[k + DX, k + DY]].T * mirror
+        by_all[:, self.view] += (by_place[:, None] @ ideal.by_view)[:, 0]
+        marked = self._marked(p, bent)
+        if marked is None:
+            return None
+        parts = (Rows(residual, by_all), marked, self._stated(p, bent))
+        return Rows(
+            np.concatenate([part.residual for part in parts]),
+            np.concatenate([part.jacobian for part in parts]),
+        )
+
+    def moved(self, p: Floats, step: Floats) -> Floats:
+        """Return the parameters (p,) after a step (p,) of a fit.
+
+        With the view's angle the scale along the beam changes, and two points determine their
+        product well and both badly. Roll, scale and place of the view are corrected so that the
+        images of clamp and tip change by what the linear model predicts: the iterates then follow
+        the curved valley of the objective.
+        """
+        moved = p + step
+        placed = [self.shared + OWN_VIEW + i for i in (U, V, ROLL, SCALE)]
+        before = self._ends(p)
+        if before is None:
+            return moved
+        expected = before.residual + before.jacobian @ step
+        for _ in range(_CORRECTIONS):
+            ends = self._ends(moved)
+            matrix = None if ends is None else ends.jacobian[:, placed]
+            if ends is None or matrix is None or not np.linalg.det(matrix):
+                return p + step
+            moved[placed] -= np.linalg.solve(matrix, ends.residual - expected)
+        return moved
+
+    def _ends(self, p: Floats) -> Rows | None:
+        """Compute the residuals (4,) of clamp and tip."""
+        bent = self.bent(p)
+        marked = None if bent is None else self._marked(p, bent)
+        return None if marked is None else Rows(marked.residual[:4], marked.jacobian[:4])
+
+    @property
+    def view(self) -> list[int]:
+        """Indices of the view's parameters, with the shared ones."""
+        return [*range(self.shared + OWN_VIEW, self.shared + OWN), FOCAL, K1]
+
+    def force(self, p: Floats, bent: Bent) -> tuple[float, Floats]:
+        """Compute the load's force [N] and its gradient (p,)."""
+        q, by_p = bent
+        root = math.hypot(1.0, q[GRIP])
+        force = self.nominal_force * math.exp(p[RIGIDITY] - 2 * p[LENGTH]) * q[Q] * root
+        gradient = force / root**2 * q[GRIP] * by_p[GRIP]
+        gradient = gradient + force / max(q[Q], 1e-300) * by_p[Q]
+        gradient[RIGIDITY] += force
+        gradient[LENGTH] -= 2 * force
+        return force, gradient
+
+    def place(self, p: Floats) -> tuple[float, Floats]:
+        """Compute the load's arc length [m] and its gradient (p,)."""
+        gradient = np.zeros(len(p))
+        unit = self.length * math.exp(p[LENGTH])
+        value = unit * p[self.shared + S_C]
+        gradient[LENGTH], gradient[self.shared + S_C] = value, unit
+        return float(value), gradient
+
+    def _marked(self, p: Floats, bent: Bent) -> Rows | None:
+        """Compute the residuals of clamp, tip and marks."""
+        curve = curve_of(bent.q[: len(bent.q) - POSE], self.widths, RADIUS)
+        tip = tip_place(curve, bent.q, self.widths)
+        mirror = np.array([1.0, self.side])
+        marks = self.marks[:, 2:] * math.exp(-p[LENGTH])
+        images = images_of(np.vstack([np.zeros(2), tip.value * mirror, marks]), p[self.view])
+        if images is None:
+            return None
+        by_all = np.zeros((*images.pixels.shape, len(p)))
+        by_all[:, :, self.view] = images.by_view
+        by_all[1] += images.by_place[1] @ (mirror[:, None] * (tip.gradient @ bent.by_p))
+        by_all[2:, :, LENGTH] -= (images.by_place[2:] @ marks[:, :, None])[:, :, 0]
+        pixels = np.vstack([self.clamp, self.tip, self.marks[:, :2]])
+        residual = (images.pixels - pixels).ravel() / self.mark_sigma
+        return Rows(residual, by_all.reshape(len(residual), -1) / self.mark_sigma)
+
+    def _stated(self, p: Floats, bent: Bent) -> Rows:
+        """Compute the residuals of the stated force and place."""
+        residuals: list[float] = []
+        gradients: list[Floats] = []
+        if self.load and self.load.force:
+            _append(residuals, gradients, self.load.force, *self.force(p, bent))
+        if self.load and self.load.place:
+            _append(residuals, gradients, self.load.place, *self.place(p))
+        return Rows(np.array(residuals), np.array(gradients).reshape(len(residuals), len(p)))
+
+
+def _append(
+    residuals: list[float], gradients: list[Floats], stated: Stated, value: float, gradient: Floats
+) -> None:
+    # A value that is stated as exact. Chosen: better than any balance and any ruler.
+    sigma = max(stated.sigma, 1e-6 * stated.value)
+    residuals.append((value - stated.value) / sigma)
+    gradients.append(gradient / sigma)

@@ -1,0 +1,74 @@
+"""Start of a photograph's fit: the load of linear theory whose bend is nearest to the points."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from solver.beam_models.rod import S_C, Q
+from solver.instrument.arrays import Floats
+from solver.photographs.photo_set import PhotoLoad
+from solver.photographs.problem import OWN, OWN_VIEW
+from solver.photographs.view import ROLL, SCALE, U, V
+
+# Places of a load over the length, from which a fit starts. Chosen: neighbours are in the same
+# valley of the objective.
+_PLACES: Final = (0.3, 0.5, 0.7, 0.9)
+# Least load of a start, over EI / L^2. Chosen: it bends the tip by a thousandth of the length.
+_LEAST_LOAD: Final = 3e-3
+
+
+def side_of(points: Floats, clamp: Floats, tip: Floats, load: PhotoLoad | None, down: float) -> int:
+    """Return 1 for a beam that bends towards y of Sigma_a, and -1 for one that bends away from it.
+
+    A weight pulls in the direction `down` [rad]. Other loads follow from the points (n, 2) [px]:
+    a bent beam is on the other side of the line from clamp to tip (2,) [px].
+    """
+    if load is None:
+        return 1
+    if load.kind == "weight":
+        return 1 if math.sin(down) > 0 else -1
+    _, heights = _along_chord(points, clamp, tip)
+    return -1 if heights.mean() > 0 else 1
+
+
+def starts_of(
+    points: Floats, clamp: Floats, tip: Floats, side: int, place: float | None, loaded: bool
+) -> list[Floats]:
+    """Return the photograph's own parameters (10,) of several starts.
+
+    `place` is the stated place of the load over the length, if any.
+    """
+    along, heights = _along_chord(points, clamp, tip)
+    places = () if not loaded else _PLACES if place is None else (place,)
+    chord = tip - clamp
+    starts = []
+    for at in places or (0.5,):
+        load, slope = 0.0, 0.0
+        if loaded:
+            bend = _bend(along, at) - _bend(np.ones(1), at) * along
+            load = max(float(bend @ (side * heights) / (bend @ bend)), _LEAST_LOAD)
+            slope = math.atan(load * float(_bend(np.ones(1), at)[0]))
+        start = np.zeros(OWN)
+        start[Q], start[S_C] = load, at
+        start[OWN_VIEW + U], start[OWN_VIEW + V] = clamp
+        start[OWN_VIEW + ROLL] = math.atan2(chord[1], chord[0]) + side * slope
+        start[OWN_VIEW + SCALE] = math.log(math.hypot(*chord))
+        starts.append(start)
+    return starts
+
+
+def _along_chord(points: Floats, clamp: Floats, tip: Floats) -> tuple[Floats, Floats]:
+    """Return places (n,) along the line from clamp to tip, and heights (n,) over it, towards y.
+
+    Both are in units of its length. In the image, y of Sigma_a is to the left of x.
+    """
+    chord = (tip - clamp) / (length := math.hypot(*(tip - clamp)))
+    relative = (points - clamp) / length
+    return relative @ chord, relative @ np.array([chord[1], -chord[0]])
+
+
+def _bend(x: Floats, at: float) -> Floats:
+    """Compute the deflection (n,) at x under a unit load at `at`, by linear theory."""
+    near = np.minimum(x, at)
+    return np.asarray(near**2 * (3 * at - near) / 6 + (x - near) * at**2 / 2)
