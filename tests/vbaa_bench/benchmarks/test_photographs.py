@@ -156,7 +156,7 @@ def test_errors_are_those_of_unknown_loads_in_percent() -> None:
     other = one._replace(
         force_estimate_n=1.9, force_sigma_n=0.04, s_c_estimate_mm=198.0, s_c_sigma_mm=2.0
     )
-    missing = one._replace(rig=1, outcome="weak_contact", force_estimate_n=None,
+    missing = one._replace(rig=1, outcome="weak contact", force_estimate_n=None,
                            force_sigma_n=None, s_c_estimate_mm=None, s_c_sigma_mm=None)  # fmt: skip
     scored = record([one, other, missing])
     assert scored["rigs"] == 2

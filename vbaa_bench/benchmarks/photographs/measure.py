@@ -14,13 +14,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from solver.instrument.errors import InputError
+from solver.instrument.estimate import Outcome
 from solver.lab.writing import write
 from vbaa_bench.benchmarks.photographs.folder import rig_name
 
 # Chosen: a joint fit of ten photographs takes seconds, a first start compiles for a minute.
 _MOST_SECONDS: Final = 900.0
 # Outcomes with a contact.
-_CONTACT: Final = ("contact", "tip_contact")
+_CONTACT: Final = frozenset(str(outcome) for outcome in Outcome if outcome.has_values)
 _SCORES: Final = ("median_pct", "rmse_pct", "in_3_sigma_pct", "sigma_over_rmse")
 
 
