@@ -114,16 +114,18 @@ def _rank(fit: FrameFit) -> tuple[bool, int]:
     return fit.status != CONVERGED, int(np.count_nonzero(~fit.kept))
 
 
-def uniform_start(problem: Problem, rod: RodProblem) -> Floats | None:
+def uniform_start(problem: Problem, rod: RodProblem, psi: float | None = None) -> Floats | None:
     """Return the parameters (p,) with load, place and clamp of a uniform beam near the points.
 
-    Return None if there is none.
+    Its inclination is `psi` [rad], or that of the prior. Return None if there is none.
     """
     size = rod.shape_size
-    uniform = start_of(problem, float(rod.mean[size + PSI]))
+    inclination = float(rod.mean[size + PSI]) if psi is None else psi
+    uniform = start_of(problem, inclination)
     if uniform is None:
         return None
     start = rod.mean.copy()
+    start[size + PSI] = inclination
     start[Q] = uniform[residuals.Q]
     _, _, _, arc = contact_at(uniform[residuals.Q], uniform[residuals.LEVER])
     start[S_C] = min(arc[0], _MAX_START)

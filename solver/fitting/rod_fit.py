@@ -61,7 +61,7 @@ def fit_rod(problem: RodProblem, start: Floats) -> FrameFit | None:
     if first is None:
         return None
     at, status, iterations = first
-    residual, count = at.residual, problem.points.shape[1]
+    residual, count = at.residual, len(at.residual)
     dof = max(count - 2, 1)
     # As in `frame_fit`: six sigmas of chi2 detect a run of outliers that has biased the fit.
     limit = dof * (1 + 6 * math.sqrt(2 / dof))

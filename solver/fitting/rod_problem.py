@@ -94,7 +94,8 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
     points, bounds, views, *_ = problem.arrays
     bow = measurement.rest_bow
     shared = problem.shared_errors[:, 0 if bow is None else bow.errors :]
-    mean, covariance = _prior(measurement, shared.shape[1])
+    radius = measurement.rig.beam.radius / measurement.rig.beam.length
+    mean, covariance = _prior(measurement, shared.shape[1], _reflection(points, radius))
     uncertain = np.flatnonzero(np.diag(covariance) > 0)
     information = np.zeros_like(covariance)
     block = np.ix_(uncertain, uncertain)
@@ -104,7 +105,7 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
         bounds=bounds - bounds[0],
         views=views,
         widths=len(measurement.rig.shape.widths),
-        radius=measurement.rig.beam.radius / measurement.rig.beam.length,
+        radius=radius,
         shared=shared,
         mean=mean,
         information=information,
@@ -121,8 +122,12 @@ def _information(covariance: Floats) -> Floats:
     return np.asarray(inverse / np.outer(sigmas, sigmas))
 
 
-def _prior(measurement: Measurement, shared: int) -> tuple[Floats, Floats]:
-    """Compute mean (p,) and covariance (p, p) of all parameters but load and place."""
+def _prior(measurement: Measurement, shared: int, reflection: float) -> tuple[Floats, Floats]:
+    """Compute mean (p,) and covariance (p, p) of all parameters but load and place.
+
+    `reflection` is the sigma of light that is reflected onto the beam, in sigmas of a point: that
+    of the hub near the clamp looks like a bow.
+    """
     shape, rest = measurement.rig.shape, measurement.rest_bow
     first = WIDTHS + len(shape.widths)
     size = first + (0 if rest is None else BOW)
@@ -147,6 +152,8 @@ def _prior(measurement: Measurement, shared: int) -> tuple[Floats, Floats]:
     if rest is not None:
         line, bow = [size + DY, size + TILT], list(range(first, size))
         covariance[np.ix_(line, line)] -= rest.line_covariance * np.outer(unit[1:], unit[1:])
+        if reflection > _LEAST_REFLECTION:
+            rest = replace(rest, covariance=rest.covariance * (1 + reflection**2))
         _add_rest(mean, covariance, line, bow, rest, measurement.rig.beam.length, len(shape.bow))
     return mean, covariance
 
@@ -184,8 +191,14 @@ def _add_rest(
 
 def reflection_matters(problem: RodProblem) -> bool:
     """Test whether the light that an object reflects may move the points by part of their sigma."""
-    sigma = float(np.median(np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])))
-    return REFLECTED * problem.radius > _LEAST_REFLECTION * sigma
+    return _reflection(problem.points, problem.radius) > _LEAST_REFLECTION
+
+
+def _reflection(points: Floats, radius: float) -> float:
+    """Compute the sigma of the shift by reflected light, in sigmas of the points (4, n)."""
+    if not points.shape[1]:
+        return 0.0
+    return REFLECTED * radius / float(np.median(np.hypot(points[SIGMA_X], points[SIGMA_Y])))
 
 
 def lit_by_object(problem: RodProblem, contact: Floats, tangent: Floats) -> RodProblem:

@@ -6,10 +6,15 @@ measurement contains. To first order an image shows only the deflection times
 cos(psi) - (y_v / z_v) sin(psi); psi is determined by second-order perspective, or by the position
 in the image of the tip of a beam of known length. chi2 may have several minima over psi: all are
 searched for.
+
+Where the rig states that the beam may be tapered or out of round, or objects rough, or where the
+beam was learned, it is the beam of `rod_estimate`; a moment sensor is then not used.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +24,11 @@ from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of, without
 from solver.fitting.residuals import PSI
+from solver.fitting.rod_estimate import with_bow
+from solver.fitting.rod_problem import RodProblem, rod_problem_of
+from solver.fitting.rod_residuals import PSI as ROD_PSI
+from solver.fitting.rod_space import fits_in_space
+from solver.fitting.rod_values import rod_values
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.values import values_of
 from solver.instrument.arrays import Floats
@@ -50,23 +60,24 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
 
 def _fit(measurement: Measurement) -> Estimate:
     """Estimate by the fit, for a beam bent to either side."""
-    problem = problem_of(measurement)
-    minima = _robust_minima(problem)
-    if len(problem.arrays[3]):
-        tipless = problem_of(measurement, with_tips=False)
-        tipless_minima = _robust_minima(tipless)
-        if _contradicted(minima, tipless_minima):
-            problem, minima = tipless, tipless_minima
+    search = _uniform_minima if measurement.rig.shape.uniform else _rod_minima
+    found = search(measurement, with_tips=True)
+    if len(found.problem.arrays[3]):
+        tipless = search(measurement, with_tips=False)
+        if _contradicted(found.minima, tipless.minima):
+            found = tipless
+    problem, minima, rod = found
+    row = PSI if rod is None else rod.shape_size + ROD_PSI
     best = minima[0] if minima else None
     refusal = refusal_of(measurement, problem, best, either_side=True)
     if best is None or (refusal is not None and refusal.outcome is not Outcome.NOT_CONVERGED):
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    spread, close = _spread(best, minima[1:])
-    sigma = math.sqrt(best.covariance[PSI, PSI] + spread[PSI] ** 2)
-    psi = math.degrees(float(best.p[PSI]))
+    spread, close = _spread(best, minima[1:], row)
+    sigma = math.sqrt(best.covariance[row, row] + spread[row] ** 2)
+    psi = math.degrees(float(best.p[row]))
     if sigma > LIMITS.max_psi_sigma:
         alternatives = "".join(
-            f", or {math.degrees(float(minimum.p[PSI])):.0f}" for minimum in close
+            f", or {math.degrees(float(minimum.p[row])):.0f}" for minimum in close
         )
         return Estimate(
             Outcome.NOT_IDENTIFIABLE,
@@ -75,7 +86,7 @@ def _fit(measurement: Measurement) -> Estimate:
             chi2=best.chi2,
             iterations=best.iterations,
         )
-    if _edge_on(problem, float(best.p[PSI]), 2 * sigma):
+    if _edge_on(problem, float(best.p[row]), 2 * sigma):
         return Estimate(
             Outcome.EDGE_ON,
             f"the inclination of {psi:.0f} deg, with a sigma of {math.degrees(sigma):.1f} deg, "
@@ -86,12 +97,25 @@ def _fit(measurement: Measurement) -> Estimate:
     if refusal is not None:
         return refusal
     best = replace(best, covariance=best.covariance + np.outer(spread, spread))
-    values, covariance = values_of(measurement, best, True)
+    values, covariance = (
+        values_of(measurement, best, True)
+        if rod is None
+        else rod_values(measurement, rod, best, psi_fitted=True)
+    )
     return estimate_from_fit(measurement, problem, best, values, covariance, psi_fitted=True)
 
 
-def _robust_minima(problem: Problem) -> list[FrameFit]:
-    """Find the distinct minima of chi2, best first, without outliers; none for too few points."""
+class _Found(NamedTuple):
+    """Distinct minima of a frame's chi2 over psi, best first; `rod` is None of a uniform beam."""
+
+    problem: Problem
+    minima: list[FrameFit]
+    rod: RodProblem | None
+
+
+def _uniform_minima(measurement: Measurement, with_tips: bool) -> _Found:
+    """Find the minima without outliers; none for too few points."""
+    problem = problem_of(measurement, with_tips)
     minima = _minima(problem) if problem.points >= LIMITS.min_points else []
     if minima and not minima[0].kept.all():
         # Outliers bias every start: search again with the inliers of the first search.
@@ -100,7 +124,16 @@ def _robust_minima(problem: Problem) -> list[FrameFit]:
             fit_from(problem, minimum.p, psi_free=True) for minimum in inlier_minima
         ] or minima
         minima.sort(key=_rank)
-    return minima
+    return _Found(problem, minima, None)
+
+
+def _rod_minima(measurement: Measurement, with_tips: bool) -> _Found:
+    """Find the minima of the rig's stated or learned beam; none for too few points."""
+    bowed = with_bow(measurement)
+    problem = problem_of(bowed, with_tips)
+    rod = rod_problem_of(bowed, problem)
+    fits = fits_in_space(problem, rod, STARTS) if problem.points >= LIMITS.min_points else []
+    return _Found(problem, _distinct(fits, rod.shape_size + ROD_PSI), rod)
 
 
 def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool:
@@ -127,19 +160,24 @@ def _minima(problem: Problem) -> list[FrameFit]:
     starts = [
         start for start in (start_of(problem, float(psi)) for psi in STARTS) if start is not None
     ]
-    fits = sorted((fit_from(problem, start, psi_free=True) for start in starts), key=_rank)
+    return _distinct([fit_from(problem, start, psi_free=True) for start in starts], PSI)
+
+
+def _distinct(fits: Sequence[FrameFit], row: int) -> list[FrameFit]:
+    """Return the fits with different psi, the parameter `row`, best first."""
     distinct: list[FrameFit] = []
-    for fit in fits:
-        near = 0.1 * math.sqrt(max(float(fit.covariance[PSI, PSI]), 0.0)) + 1e-6
-        if all(abs(fit.p[PSI] - known.p[PSI]) > near for known in distinct):
+    for fit in sorted(fits, key=_rank):
+        near = 0.1 * math.sqrt(max(float(fit.covariance[row, row]), 0.0)) + 1e-6
+        if all(abs(fit.p[row] - known.p[row]) > near for known in distinct):
             distinct.append(fit)
     return distinct
 
 
-def _spread(best: FrameFit, minima: list[FrameFit]) -> tuple[Floats, list[FrameFit]]:
-    """Compute the additional sigma of the parameters (8,) due to other minima; return these too.
+def _spread(best: FrameFit, minima: list[FrameFit], row: int) -> tuple[Floats, list[FrameFit]]:
+    """Compute the additional sigma of the parameters due to other minima; return these too.
 
-    Each further minimum is weighted by its likelihood, relative to the best's.
+    The parameter `row` is psi. Each further minimum is weighted by its likelihood, relative to the
+    best's.
     """
     spread, close = np.zeros(len(best.p)), []
     for minimum in minima:
@@ -151,7 +189,7 @@ def _spread(best: FrameFit, minima: list[FrameFit]) -> tuple[Floats, list[FrameF
         ):
             likelihood = math.exp(-max(excess, 0.0) / 2)
             deviation = math.sqrt(likelihood / (1 + likelihood)) * (minimum.p - best.p)
-            if abs(deviation[PSI]) > abs(spread[PSI]):
+            if abs(deviation[row]) > abs(spread[row]):
                 spread = deviation
             close.append(minimum)
     return spread, close

@@ -1,0 +1,115 @@
+"""The tip as a constraint on a beam of changing section in a plane of unknown inclination."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solver.beam_models.rod import S_C, contact_of, curve_of
+from solver.fitting.constraints import TIP_COLUMNS
+from solver.fitting.problem import Problem
+from solver.fitting.residuals import STRETCH_SIGMA
+from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
+from solver.instrument.arrays import Floats
+from solver.instrument.small_matrices import whitening
+
+
+@dataclass(frozen=True)
+class SpatialRodProblem(RodProblem):
+    """Points of a frame whose plane is unknown, with the tips (k, 7) of its views, as in `Problem`.
+
+    The last 2 k residuals are those of the tips.
+    """
+
+    tips: Floats = field(default_factory=lambda: np.zeros((0, TIP_COLUMNS)))
+
+    def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
+        """Write the residuals (n + 2 k,), and their Jacobian by shape and pose p."""
+        n = self.points.shape[1]
+        of_points, by_points = np.empty(n), np.empty((len(p), n))
+        exists = super().residuals(p, of_points, by_points)
+        residual[:n], jacobian[:, :n] = of_points, by_points
+        if exists:
+            for i, tip in enumerate(self.tips):
+                rows = slice(n + 2 * i, n + 2 * i + 2)
+                residual[rows], jacobian[:, rows] = self._tip(p, tip)
+        return exists
+
+    def _tip(self, p: Floats, tip: Floats) -> tuple[Floats, Floats]:
+        """Compute the predicted less the measured image of the tip (2,), whitened; Jacobian."""
+        size = self.shape_size
+        curve = curve_of(p[:size], self.widths, self.radius)
+        (_, theta, x_c, y_c, s_c, _), by = contact_of(curve, p[:size])
+        moment, by_moment = clamp_moment(curve, p[:size])
+        straight, sine, cosine = 1 - s_c, math.sin(theta), math.cos(theta)
+        # In the plane of deflection; the end of the beam is straight but for its bow.
+        x, y = x_c + straight * cosine, y_c + straight * sine
+        by_x, by_y, by_turn = np.zeros(len(p)), np.zeros(len(p)), np.zeros(len(p))
+        by_x[:size] = by[2] - straight * sine * by[1]
+        by_y[:size] = by[3] + straight * cosine * by[1]
+        by_x[S_C] -= cosine
+        by_y[S_C] -= sine
+        turn = p[size + TILT] + p[size + SOFTNESS] * moment
+        by_turn[:size] = p[size + SOFTNESS] * by_moment
+        by_turn[size + TILT], by_turn[size + SOFTNESS] = 1.0, moment
+        # Inclined by psi, turned with the clamp, and projected along the ray to plane C.
+        cos_psi, sin_psi = math.cos(p[size + PSI]), math.sin(p[size + PSI])
+        side, height = y * cos_psi, y * sin_psi
+        by_side, by_height = by_y * cos_psi, by_y * sin_psi
+        by_side[size + PSI], by_height[size + PSI] = -height, side
+        c, s = math.cos(turn), math.sin(turn)
+        point = np.array([c * x - s * side + p[size + DX], s * x + c * side + p[size + DY]])
+        by_point = np.array(
+            [
+                c * by_x - s * by_side - (s * x + c * side) * by_turn,
+                s * by_x + c * by_side + (c * x - s * side) * by_turn,
+            ]
+        )
+        by_point[0, size + DX] += 1.0
+        by_point[1, size + DY] += 1.0
+        view = self.views[int(tip[-1])]
+        below = 1 - view[2] * height
+        fraction, by_fraction = height / below, by_height / below**2
+        ray = view[:2] - view[2] * point
+        error = point - fraction * ray - tip[:2]
+        by_error = by_point * (1 + fraction * view[2]) - np.outer(ray, by_fraction)
+        whitener = tip[2:6].reshape(2, 2)
+        return whitener @ error, (whitener @ by_error).T
+
+
+def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
+    """Return the problem of a frame with unknown psi, and with the tips of `problem`.
+
+    The error of the length up to the tip is a part of the tip's, along the end of the beam.
+    """
+    tips = problem.arrays[3].copy()
+    direction = _end(rod)
+    for tip in tips:
+        inverse = np.linalg.inv(tip[2:6].reshape(2, 2))
+        stretch = problem.arrays[4][STRETCH_SIGMA] * direction
+        tip[2:6] = whitening(inverse @ inverse.T + np.outer(stretch, stretch)).ravel()
+    psi = rod.shape_size + PSI
+    information = rod.information.copy()
+    information[psi] = information[:, psi] = 0.0
+    shared = np.vstack([rod.shared, np.zeros((2 * len(tips), rod.shared.shape[1]))])
+    return SpatialRodProblem(
+        points=rod.points,
+        bounds=rod.bounds,
+        views=rod.views,
+        widths=rod.widths,
+        radius=rod.radius,
+        shared=shared,
+        mean=rod.mean,
+        information=information,
+        free=np.union1d(rod.free, [psi]),
+        own_errors=rod.own_errors,
+        tips=tips,
+    )
+
+
+def _end(rod: RodProblem) -> Floats:
+    """Compute the direction (2,) of the beam's end in the image."""
+    x, y = rod.points[:2, -max(rod.points.shape[1] // 20, 2) :]
+    along = np.array([x[-1] - x[0], y[-1] - y[0]])
+    return np.asarray(along / max(float(np.hypot(*along)), 1e-12))

@@ -1,0 +1,71 @@
+"""The tip of a beam of changing section in an inclined plane."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.fitting.problem import problem_of
+from solver.fitting.rod_fit import residuals_at
+from solver.fitting.rod_problem import rod_problem_of
+from solver.fitting.rod_residuals import DX, PSI, SOFTNESS
+from solver.fitting.rod_tip import spatial
+from solver.instrument.beam_shape import BeamShape
+from solver.instrument.estimate import Outcome
+from solver.instrument.measurement import Tip
+from solver.methods.exact_fit_3d import exact_fit_3d
+from tests.simulated import BEAM
+from tests.tapered import bent, measured
+
+SHAPE = BeamShape(
+    widths=np.array([-0.2]),
+    softness=0.02,
+    covariance=np.diag([1e-3, 1e-2]) ** 2,
+    section_sigma=0.02,
+    friction_sigma=0.2,
+)
+
+
+def test_the_gradients_of_the_residuals_are_their_derivatives() -> None:
+    beam = bent(-0.2, 0.6, 1.2)
+    taken = measured(beam, SHAPE, np.random.default_rng(1))
+    end = beam.centreline[-1, 1:3]
+    tip = Tip(end + 1e-5, np.diag([1e-5, 5e-4]) ** 2)
+    taken = replace(taken, view=replace(taken.view, tip=tip))
+    problem = problem_of(taken)
+    space = spatial(rod_problem_of(taken, problem), problem)
+    size = space.shape_size
+    p = space.mean.copy()
+    p[:4] = 1.2, 0.6, 0.1, -0.2
+    p[size + PSI], p[size + DX], p[size + SOFTNESS] = 0.4, 1e-4, 0.02
+    rows = residuals_at(space, p)
+    assert rows is not None
+    residual, jacobian = rows
+    assert len(residual) == problem.points + 2
+    for i in range(len(p)):
+        step = np.zeros(len(p))
+        step[i] = 1e-6
+        after, before = residuals_at(space, p + step), residuals_at(space, p - step)
+        assert after is not None
+        assert before is not None
+        slope = ((after[0] - before[0]) / 2e-6)[-2:]
+        assert slope == pytest.approx(jacobian[i, -2:], rel=1e-5, abs=1e-3)
+
+
+def test_a_cone_in_a_plane_of_unknown_inclination() -> None:
+    random = np.random.default_rng(3)
+    beam = bent(-0.2, 0.6, 1.2)
+    known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.1]) ** 2)
+    taken = measured(beam, known, random)
+    # In plane C; the tip alone determines the inclination, whose sign is that of the viewpoint.
+    end = beam.centreline[-1, 1:3]
+    tip = Tip(end, np.diag([5e-6, 5e-4]) ** 2)
+    viewpoint = np.array([0.12, -0.1, 0.36, 1.0])
+    view = replace(taken.view, tip=tip, viewpoint=viewpoint)
+    estimate = exact_fit_3d(replace(taken, view=view))
+    assert estimate.outcome is Outcome.CONTACT
+    truth = {"psi_rad": 0.0, "x_c_m": float(beam.points[0, 0])}
+    for name, value in truth.items():
+        assert abs(estimate.values[name] - value) < 3.5 * estimate.sigma(name), name
+    assert estimate.sigma("psi_rad") < 0.2
+    assert estimate.sigma("x_c_m") < 0.01 * BEAM.length
