@@ -1,7 +1,7 @@
 """Sets of photographs: a bent beam of its own integration, OpenCV's camera, and drawn sets."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BOW
+from solver.instrument.beam_shape import BOW, BeamShape
 from solver.photographs.fit import Shown
-from solver.photographs.photo_set import Photograph, PhotoLoad
+from solver.photographs.photo_set import Photograph, PhotoLoad, PhotoSet, Stated
 from solver.photographs.traced import TracedBeam
 
 WIDTH, HEIGHT = 4000, 3000
@@ -62,6 +62,7 @@ class TrueCamera:
     view: tuple[float, float] = (0.0, 0.0)
     distance: float = 0.45
     aim: tuple[float, float] = (0.5, 0.0)  # place in the middle of the image, over L
+    size: tuple[int, int] = (WIDTH, HEIGHT)
 
     def pixels(self, places: Floats, length: float) -> Floats:
         """Project places (n, 2) [m] of plane C to pixels (n, 2)."""
@@ -71,7 +72,7 @@ class TrueCamera:
             rotation = rotation @ cv2.Rodrigues(np.array(turn))[0]
         rotation = rotation @ np.diag([1.0, -1.0, -1.0])
         shift = [0.0, 0.0, self.distance] - rotation @ [*np.multiply(self.aim, length), 0.0]
-        middle = (WIDTH - 1) / 2, (HEIGHT - 1) / 2
+        middle = (np.array(self.size) - 1) / 2
         matrix = np.array([[self.focal, 0, middle[0]], [0, self.focal, middle[1]], [0, 0, 1.0]])
         lens = np.array([self.k1, 0.0, 0.0, 0.0, 0.0])
         points = np.column_stack([places, np.zeros(len(places))])
@@ -139,7 +140,7 @@ class Truth(NamedTuple):
 class Noise(NamedTuple):
     """Errors [px] of the beam's points and of the marks."""
 
-    points: float = 0.1
+    points: float = 0.15
     marks: float = 1.0
 
 
@@ -180,4 +181,83 @@ def photograph(
         load=None if load is None else PhotoLoad(load.kind),
     )
     traced = TracedBeam(points, normals, sigmas, np.full(len(arcs), 10.0))
-    return photo, Shown(traced, (WIDTH, HEIGHT)), Truth(load, shape.at_load[:2], tilt)
+    return photo, Shown(traced, camera.size), Truth(load, shape.at_load[:2], tilt)
+
+
+class DrawnSet(NamedTuple):
+    """Photographs as stated, their traced beams, and the truth."""
+
+    photos: PhotoSet
+    shown: list[Shown]
+    truth: list[Truth]
+    beam: TrueBeam
+
+
+@dataclass(frozen=True)
+class SetSpec:
+    """What a drawn set has: numbers of photographs and marks, and what is stated of the loads."""
+
+    rest: int = 2
+    loads: int = 3
+    kind: str = "weight"
+    marks: int = 0
+    known_forces: int = 1
+    known_places: bool = True
+    rigidity_stated: bool = True
+    noise: Noise = NOISE
+    spread: float = 1.0  # of everything that is drawn, over its stated sigma
+
+
+def drawn_set(seed: int, spec: SetSpec) -> DrawnSet:
+    """Draw a set from the priors that it states."""
+    rng = np.random.default_rng(seed)
+
+    def normal(sigma: float) -> float:
+        return spec.spread * sigma * float(np.clip(rng.standard_normal(), -2.5, 2.5))
+
+    length = LENGTH * (1 + normal(1e-3))
+    beam = TrueBeam(
+        length=length,
+        rigidity=RIGIDITY * (1 + normal(0.2)),
+        bow=(normal(0.006), normal(0.006), normal(0.006)),
+        down=-math.pi / 2 + normal(math.radians(0.5)),
+    )
+    focal, k1, items = 3000 * (1 + normal(0.1)), normal(0.05), []
+    for i in range(spec.rest + spec.loads):
+        load, at = None, rng.uniform(0.4, 0.95)
+        if i >= spec.rest:
+            tip = rng.uniform(0.05, 0.35)
+            size = tip * 6 / (at**2 * (3 - at)) * RIGIDITY / length**2
+            load = Force(spec.kind, size, at * length)
+        camera = TrueCamera(
+            focal=focal,
+            k1=k1,
+            roll=normal(math.radians(10)),
+            view=(normal(math.radians(5)), normal(math.radians(5))),
+            distance=rng.uniform(1.05, 1.4) * length * focal / 3600,
+            aim=(0.5 + normal(0.03), -0.1 + normal(0.03)),
+        )
+        tilt = normal(math.radians(1))
+        name = f"{i}.jpg"
+        photo, shown, truth = photograph(
+            beam, camera, load, tilt, rng, spec.noise, spec.marks, name
+        )
+        if load:
+            stated = PhotoLoad(
+                load.kind,
+                Stated(load.size * (1 + normal(0.002)), 0.002 * load.size)
+                if i - spec.rest < spec.known_forces
+                else None,
+                Stated(load.at + normal(1e-3), 1e-3) if spec.known_places else None,
+            )
+            photo = replace(photo, load=stated)
+        items.append((photo, shown, truth))
+    photos = PhotoSet(
+        photographs=tuple(item[0] for item in items),
+        length=Stated(LENGTH, 1e-3 * LENGTH),
+        rigidity=Stated(RIGIDITY, 0.2 * RIGIDITY) if spec.rigidity_stated else None,
+        shape=BeamShape(),
+        focal=Stated(3000.0, 300.0),
+        mark_sigma=max(spec.noise.marks, 0.01),
+    )
+    return DrawnSet(photos, [item[1] for item in items], [item[2] for item in items], beam)

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import Q, curve_of
+from solver.beam_models.rod import S_C, Q, curve_of
 from solver.fitting.rod_residuals import POSE
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
@@ -118,8 +118,11 @@ def photo_answer(fit: JointFit, photos: PhotoSet, photo: int) -> PhotoAnswer:
 
 
 def _outcome(fit: JointFit, own: PhotoProblem, photo: int, values: dict[str, Value]) -> Outcome:
-    load = fit.problem.columns(photo)[fit.problem.shared + Q]
-    if fit.at.p[load] < LIMITS.contact_sigmas * math.sqrt(fit.covariance[load, load]):
+    columns = fit.problem.columns(photo)
+    load, at = columns[own.shared + Q], columns[own.shared + S_C]
+    # Of the load at a known place: a bend may be certain, and its place unknown.
+    variance = fit.covariance[load, load] - fit.covariance[load, at] ** 2 / fit.covariance[at, at]
+    if fit.at.p[load] < LIMITS.contact_sigmas * math.sqrt(max(variance, 0.0)):
         return Outcome.NO_CONTACT
     place = values["s_c_m"]
     if place.sigma > LIMITS.weak_sigma * own.length:

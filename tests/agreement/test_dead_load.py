@@ -1,0 +1,42 @@
+"""The world's rod under a force of fixed direction, and the antenna's dead load."""
+
+import math
+
+import numpy as np
+import pytest
+
+from solver.beam_models.rod import GRIP, S_C, Q, curve_of
+from solver.fitting.rod_residuals import POSE
+from solver.photographs.bent_beam import RADIUS, contact_place, grip_of, tip_place
+from tests.simulated import BEAM
+from vbaa_bench.mechanics.loaded import Load, loaded
+from vbaa_bench.mechanics.rod import Rod
+
+
+@pytest.mark.parametrize("lean_deg", [-15.0, 0.0, 20.0])
+@pytest.mark.parametrize("q", [0.3, 1.6])
+@pytest.mark.parametrize("taper", [-0.2, 0.0])
+def test_a_dead_load_bends_the_world_s_rod_as_the_antenna_s(
+    lean_deg: float, q: float, taper: float
+) -> None:
+    length, bow, place = BEAM.length, 0.3, 0.7
+    direction = math.pi / 2 + math.radians(lean_deg)
+    p = np.zeros(7 + POSE)
+    p[[Q, S_C]], p[3], p[4] = (q, place), taper, bow * length / 2
+    grip = grip_of(p, 1, direction)
+    assert grip is not None
+    p[GRIP] = grip.value
+    curve = curve_of(p[:-POSE], 1, RADIUS)
+    # A beam so thin that a force on its surface acts at its axis.
+    thin = type(BEAM)(length, 1e-6 * BEAM.diameter, BEAM.flexural_rigidity)
+    world = loaded(
+        Rod(thin, tip_ratio=1 + taper, bow=(bow, 0.0)),
+        [Load(place * length, q * BEAM.flexural_rigidity / length**2, friction=(grip.value, 0.0))],
+        np.linspace(0.0, length, 201),
+    )
+    x, y, _ = world.forces[0]
+    # The integrators differ by a millionth of the length.
+    assert math.atan2(y, x) == pytest.approx(direction, abs=3e-6)
+    contact, tip = contact_place(curve, p).value, tip_place(curve, p, 1).value
+    assert contact * length == pytest.approx(world.points[0, :2], abs=2e-6 * length)
+    assert tip * length == pytest.approx(world.centreline[-1, 1:3], abs=4e-6 * length)

@@ -1,0 +1,152 @@
+"""The joint fit of drawn sets: recovers the truth, is honest, and names what it cannot know."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.instrument.estimate import Outcome
+from solver.photographs.solve import PhotosAnswer, answer_photos
+from solver.photographs.traced import TracedBeam
+from tests.photo_sets import DrawnSet, Noise, SetSpec, drawn_set
+
+QUIET = SetSpec(noise=Noise(0.02, 0.05), marks=4, known_places=False, spread=0.5)
+
+
+def answered(drawn: DrawnSet) -> PhotosAnswer:
+    return answer_photos(drawn.photos, list(drawn.shown), {})
+
+
+def pulls(drawn: DrawnSet, answer: PhotosAnswer) -> list[float]:
+    """Errors of places and forces in stated sigmas."""
+    found = []
+    for truth, one in zip(drawn.truth, answer.answers, strict=True):
+        if truth.load:
+            assert one.outcome.has_values, one
+            pairs = [("s_c_m", truth.load.at), ("x_c_m", truth.contact[0])]
+            pairs += [("y_c_m", truth.contact[1]), ("force_n", truth.load.size)]
+            for name, value in pairs:
+                estimate = one.values[name]
+                found.append((estimate.value - value) / estimate.sigma)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["weight", "push"])
+def test_photographs_without_noise_give_the_loads_and_ei(kind: str) -> None:
+    drawn = drawn_set(5, replace(QUIET, kind=kind))
+    answer = answered(drawn)
+    for truth, one in zip(drawn.truth, answer.answers, strict=True):
+        if truth.load is None:
+            assert one.outcome is Outcome.NO_CONTACT
+            continue
+        # What is left is the error of the known force and of the length.
+        assert one.values["s_c_m"].value == pytest.approx(truth.load.at, rel=1e-3)
+        assert one.values["force_n"].value == pytest.approx(truth.load.size, rel=4e-3)
+    rigidity = answer.shared["flexural_rigidity_n_m2"]
+    assert rigidity.value == pytest.approx(drawn.beam.rigidity, rel=4e-3)
+    assert rigidity.sigma < 5e-3 * rigidity.value
+    assert answer.shared["k1"].sigma < 1e-3
+    assert np.abs(pulls(drawn, answer)).max() < 3.5
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        SetSpec(),
+        SetSpec(kind="push", marks=4, known_forces=0, known_places=False),
+    ],
+)
+def test_errors_are_within_the_stated_sigmas(spec: SetSpec) -> None:
+    drawn = drawn_set(11, spec)
+    every = pulls(drawn, answered(drawn))
+    assert np.abs(every).max() < 4
+    assert 0.3 < math.sqrt(np.mean(np.square(every))) < 1.7
+
+
+def test_marks_determine_the_view_and_without_them_it_is_an_assumption() -> None:
+    spec = SetSpec(known_places=False)
+    without, marked = answered(drawn_set(21, spec)), answered(drawn_set(21, replace(spec, marks=6)))
+    places = [[one.values["s_c_m"] for one in a.answers[2:]] for a in (without, marked)]
+    for plain, better in zip(*places, strict=True):
+        assert plain.sigma > 2 * better.sigma
+        assert plain.view_share > better.view_share
+    views = [a.answers[2].values["view_b_rad"].sigma for a in (without, marked)]
+    assert views[1] < math.radians(0.2) < views[0]
+    assert any("fewer than 4 marks" in note for note in without.notes)
+    assert any("rotation of the beam in its clamp" in note for note in without.notes)
+    assert not any("marks" in note for note in marked.notes)
+
+
+def test_without_a_force_and_ei_only_ratios_follow() -> None:
+    drawn = drawn_set(31, replace(QUIET, known_forces=0, rigidity_stated=False))
+    answer = answered(drawn)
+    assert "flexural_rigidity_n_m2" not in answer.shared
+    loads = [
+        (truth.load.size, one.values["force_over_rigidity_per_m2"])
+        for truth, one in zip(drawn.truth, answer.answers, strict=True)
+        if truth.load
+    ]
+    assert not any("force_n" in one.values for one in answer.answers)
+    first, reference = loads[0]
+    for size, ratio in loads[1:]:
+        assert ratio.value / reference.value == pytest.approx(size / first, rel=3e-3)
+    assert any("only force_over_rigidity_per_mm2 follows" in note for note in answer.notes)
+
+
+def test_a_beam_with_two_loads_is_left_out_and_points_off_the_beam_are_rejected() -> None:
+    drawn = drawn_set(41, SetSpec(marks=4))
+    alone = answered(
+        drawn._replace(
+            photos=replace(drawn.photos, photographs=drawn.photos.photographs[:-1]),
+            shown=drawn.shown[:-1],
+            truth=drawn.truth[:-1],
+        )
+    )
+    last, second = drawn.shown[-1].beam, drawn.shown[-2].beam
+    along = np.linspace(0, 1, len(last.points))
+    wavy = last.points + 12 * np.sin(3 * np.pi * along)[:, None] * last.normals
+    stray = second.points.copy()
+    stray[100:120] += 15 * second.normals[100:120]
+    shown = list(drawn.shown)
+    shown[-1] = shown[-1]._replace(beam=last._replace(points=wavy))
+    shown[-2] = shown[-2]._replace(beam=second._replace(points=stray))
+    answer = answer_photos(drawn.photos, shown, {})
+    assert answer.answers[-1].outcome is Outcome.INVALID
+    assert "no beam with a single load" in answer.answers[-1].message
+    assert not answer.answers[-1].values
+    rejected = answer.answers[-2].rejected
+    assert rejected is not None
+    assert 20 <= rejected <= 24
+    for one, same in zip(alone.answers, answer.answers[:-1], strict=True):
+        for name, value in one.values.items():
+            assert same.values[name].value == pytest.approx(value.value, abs=0.7 * value.sigma)
+
+
+def test_a_wrong_force_is_named() -> None:
+    drawn = drawn_set(51, SetSpec(marks=6, known_forces=3))
+    photos = list(drawn.photos.photographs)
+    load = photos[-1].load
+    assert load
+    assert load.force
+    wrong = load.force._replace(value=1.2 * load.force.value)
+    photos[-1] = replace(photos[-1], load=replace(load, force=wrong))
+    answer = answer_photos(replace(drawn.photos, photographs=tuple(photos)), list(drawn.shown), {})
+    assert any("load.force_n is" in note for note in answer.notes)
+
+
+def test_photographs_without_a_beam_have_an_outcome() -> None:
+    drawn = drawn_set(61, SetSpec(rest=1, loads=1))
+    shown = [None, None]
+    answer = answer_photos(drawn.photos, list(shown), {0: "no beam is found", 1: "dark"})
+    assert [one.outcome for one in answer.answers] == [Outcome.INVALID] * 2
+    assert [one.message for one in answer.answers] == ["no beam is found", "dark"]
+    # A beam at rest that is stated to have a load.
+    points = drawn.shown[0].beam
+    loaded = replace(drawn.photos.photographs[0], load=drawn.photos.photographs[1].load)
+    photos = replace(drawn.photos, photographs=(drawn.photos.photographs[0], loaded))
+    beam = TracedBeam(points.points, points.normals, points.sigmas, points.widths)
+    both = [drawn.shown[0], drawn.shown[0]._replace(beam=beam)]
+    second = answer_photos(photos, list(both), {}).answers[1]
+    assert second.outcome in (Outcome.NO_CONTACT, Outcome.INVALID, Outcome.NOT_CONVERGED)
+    assert "s_c_m" not in second.values
