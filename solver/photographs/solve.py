@@ -1,6 +1,6 @@
 """From a folder of photographs to loads and beam: the page to read aloud."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from solver.instrument.errors import InputError
@@ -59,7 +59,7 @@ def solve_photos(photos: PhotoSet, progress: Progress = iter) -> PhotosAnswer:
 
 
 def answer_photos(
-    photos: PhotoSet, shown: list[Shown | None], messages: dict[int, str]
+    photos: PhotoSet, shown: Sequence[Shown | None], messages: Mapping[int, str]
 ) -> PhotosAnswer:
     """Answer for traced photographs; `messages` say why there is no beam in some of them.
 
