@@ -46,6 +46,8 @@ SUPPORT: Final = 0.1
 CONTRAST: Final = 0.6
 # Widths whose ratio is less follow the same edges, and paths that are tried. Chosen.
 ALIKE, TRIALS = 2.1, 3
+# Standard deviation of rounding to whole gray values. Derived.
+ROUNDING: Final = 0.29
 # Support of a measure that exceeds this many sigmas of the measure elsewhere is full. Chosen.
 FULL_SUPPORT: Final = 3.0
 
@@ -140,7 +142,7 @@ def _paths(strip: Image, inside: Image, width: float, first: int, last: int) -> 
         along = np.arange(len(measure))
         place = np.interp(along, np.arange(len(nodes)) * SEGMENT, nodes)
         on_path = measure[along, np.rint(place).astype(int)]
-        scatter = 1.4826 * float(np.median(np.abs(measure[::3, ::3]))) + 1e-3
+        scatter = 1.4826 * float(np.median(np.abs(measure[::3, ::3]))) + ROUNDING
         support = float(np.clip(on_path / (FULL_SUPPORT * scatter), 0, 1).mean())
         points = np.column_stack([np.arange(len(nodes)) * SEGMENT, nodes]).astype(float)
         paths.append(BeamPath(points, width, sign, support, float(np.median(on_path))))

@@ -36,8 +36,17 @@ class Chord(NamedTuple):
         return x, y
 
     def sections(self, x: Floats, y: Floats, at: Floats) -> "Sections":
-        """Place sections at distances `at` (n,) on a smooth curve through the places x and y."""
+        """Place sections at distances `at` (n,) on a smooth curve through the places x and y.
+
+        Beyond the outermost places the curve is straight.
+        """
+        low, high = x.min(), x.max()
+        step = (high - low) / len(at)
+        ends = np.array([low, low + step, high - step, high])
+        first, second, third, last = course(x, y, ends, FINE_DEGREE)
         smooth = course(x, y, at, FINE_DEGREE)
+        smooth += (second - first) / step * np.minimum(at - low, 0)
+        smooth += (last - third) / step * np.maximum(at - high, 0)
         axes = self._axes()
         tangents = np.column_stack([np.ones(len(at)), np.gradient(smooth, at)]) @ axes
         tangents /= np.linalg.norm(tangents, axis=1)[:, None]
