@@ -93,16 +93,19 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
 
     An end that is cut, rounded or shaded looks longer or shorter than the beam is, by the same
     amount at rest and when bent: the excess in the rest images is subtracted along the beam's end.
+    The rig states how far that may be wrong, where light and view of the end change.
     """
     if line.tip is None or line.tip_covariance is None:
         return None
     tip, covariance = antenna.tip_in_beam_frame(line.tip, line.tip_covariance)
     at_rest = antenna.tip_at_rest
-    if at_rest is not None and len(points):
+    if len(points):
         # Points come in order from the clamp to the tip.
         along = tip - points[-TIP_POINTS:].mean(axis=0)
-        excess = at_rest.point[0] - antenna.rig.beam.length
-        tip = tip - excess / math.hypot(*along) * along
+        along /= math.hypot(*along)
+        if at_rest is not None:
+            tip = tip - (at_rest.point[0] - antenna.rig.beam.length) * along
+        covariance = covariance + antenna.rig.tolerances.tip**2 * np.outer(along, along)
     return Tip(tip, covariance)
 
 

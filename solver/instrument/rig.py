@@ -38,6 +38,9 @@ ANY_LIGHT = 0.3
 MAX_LIGHT_SLOPE = 10.0  # light that grazes the beam at six degrees
 # Chosen as SIZES_MM, a million beams away at most.
 LIGHT_DISTANCES_MM = (1e-6, 1e12)
+# Sigma of the apparent end of a bent beam where rig.json states none, in radii. Chosen: in
+# images of other renderers psi is off by up to five sigmas, a sixth of a pixel at the tip.
+TIP_SIGMA_RADII = 0.2
 MAX_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
 
 
@@ -45,7 +48,8 @@ MAX_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not f
 class Tolerances:
     """One-sigma tolerances: lengths [m], angles [rad], flexural rigidity [N m^2].
 
-    `camera_shift_px` [px] is the undetected shift of the image from frame to frame.
+    `camera_shift_px` [px] is the undetected shift of the image from frame to frame; `tip` [m] is
+    how far the apparent end of the bent beam may be from that of the beam at rest.
     """
 
     beam_length: float
@@ -55,6 +59,7 @@ class Tolerances:
     board_rotation: float
     encoder: float
     camera_shift_px: float = 0.0
+    tip: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -124,6 +129,7 @@ def rig_to_json(rig: Rig) -> str:
         "beam": {
             "length_mm": rig.beam.length / mm,
             "length_sigma_mm": tol.beam_length / mm,
+            "tip_sigma_mm": tol.tip / mm,
             "diameter_mm": rig.beam.diameter / mm,
             "flexural_rigidity_n_mm2": rig.beam.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE,
             "flexural_rigidity_sigma_n_mm2": tol.flexural_rigidity / NEWTON_SQUARE_MILLIMETRE,
@@ -208,11 +214,12 @@ def read_rig(path: Path) -> Rig:
         and key.one_of("camera.projection", PROJECTIONS) == "telecentric"
     )
     length_mm = key.number("beam.length_mm", *SIZES_MM)
+    # A beam must be longer than it is thick.
+    diameter_mm = key.number("beam.diameter_mm", SIZES_MM[0], length_mm)
     rig = Rig(
         beam=Beam(
             length=length_mm * mm,
-            # A beam must be longer than it is thick.
-            diameter=key.number("beam.diameter_mm", SIZES_MM[0], length_mm) * mm,
+            diameter=diameter_mm * mm,
             flexural_rigidity=key.number("beam.flexural_rigidity_n_mm2", *RIGIDITIES_N_MM2)
             * NEWTON_SQUARE_MILLIMETRE,
         ),
@@ -237,6 +244,12 @@ def read_rig(path: Path) -> Rig:
             camera_shift_px=key.number("camera.camera_shift_sigma_px", 0, MAX_SHIFT_PX)
             if key.has("camera.camera_shift_sigma_px")
             else 0.0,
+            tip=(
+                key.number("beam.tip_sigma_mm", 0, length_mm)
+                if key.has("beam.tip_sigma_mm")
+                else TIP_SIGMA_RADII * diameter_mm / 2
+            )
+            * mm,
         ),
         telecentric=telecentric,
         camera_mount=key.one_of("camera.mount", MOUNTS) if key.has("camera.mount") else "antenna",

@@ -153,6 +153,9 @@ _SIGMA: Final = "standard deviation"
 RIG: Final = {
     "beam.length_mm": Column("nominal length, clamp to tip"),
     "beam.length_sigma_mm": Column(f"{_SIGMA} of the length"),
+    "beam.tip_sigma_mm": Column(
+        f"{_SIGMA} of the apparent end of the bent beam, less that at rest"
+    ),
     "beam.diameter_mm": Column("nominal diameter"),
     "beam.flexural_rigidity_n_mm2": Column("nominal EI"),
     "beam.flexural_rigidity_sigma_n_mm2": Column(f"{_SIGMA} of EI"),

@@ -62,6 +62,8 @@ class ToleranceSpec(Part):
     """
 
     beam_length_mm: Tolerance = 0.1
+    # Of the apparent end of the bent beam against that at rest: rendered ends are cut square.
+    tip_mm: Tolerance = 0.0
     flexural_rigidity_pct: Annotated[float, Field(ge=0, le=20)] = 1.0
     base_mm: Tolerance = 0.01
     board_mm: Tolerance = 0.01

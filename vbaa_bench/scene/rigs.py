@@ -61,6 +61,7 @@ def nominal_rig(scene: Scene) -> Rig:
             board_rotation=tolerances.board_deg * DEGREE,
             encoder=tolerances.encoder_deg * DEGREE,
             camera_shift_px=tolerances.camera_shift_px,
+            tip=tolerances.tip_mm * MILLIMETRE,
         ),
         telecentric=scene.camera.projection == "telecentric",
         camera_mount=scene.camera.mount,

@@ -13,7 +13,7 @@ import pytest
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
 from solver.instrument.gravity import Gravity
-from solver.instrument.rig import ANY_LIGHT, Sensors, read_rig, rig_to_json
+from solver.instrument.rig import ANY_LIGHT, TIP_SIGMA_RADII, Sensors, read_rig, rig_to_json
 from tests.simulated import rig
 
 
@@ -37,6 +37,16 @@ def test_the_kind_of_camera_comes_back_and_is_a_pinhole_unless_said(tmp_path: Pa
     del document["camera"]
     path.write_text(json.dumps(document))
     assert read_rig(path).telecentric is False
+
+
+def test_an_end_that_is_not_stated_to_be_sharp_is_uncertain(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    path.write_text(rig_to_json(rig(tip=3e-5)))
+    assert read_rig(path).tolerances.tip == pytest.approx(3e-5)
+    document = json.loads(path.read_text())
+    del document["beam"]["tip_sigma_mm"]
+    path.write_text(json.dumps(document))
+    assert read_rig(path).tolerances.tip == pytest.approx(TIP_SIGMA_RADII * rig().beam.radius)
 
 
 def test_the_lights_slope_comes_back_and_is_uncertain_unless_said(tmp_path: Path) -> None:
