@@ -17,6 +17,9 @@ TAPER: Final = np.int64(1)
 FEWEST, MOST = 80, 400
 # Sections begin and end at this many widths from the marks, plus pixels for the marks' errors.
 END_WIDTHS, END_PX = 0.5, 3.0
+# Part of the beam whose slope an end has that is not fitted. Chosen: the slope of a polynomial at
+# its very end is uncertain.
+END_PART: Final = 0.1
 # A profile reaches this far beyond the middle, has this many samples per width, and is averaged
 # over at most MOST_ALONG rows along the beam.
 REACH_WIDTHS, REACH_PX, SAMPLES, MOST_ALONG = 0.9, 6.0, 60, 12
@@ -38,10 +41,10 @@ class Chord(NamedTuple):
     def sections(self, x: Floats, y: Floats, at: Floats) -> "Sections":
         """Place sections at distances `at` (n,) on a smooth curve through the places x and y.
 
-        Beyond the outermost places the curve is straight.
+        Beyond the outermost places it is straight, with the mean slope of their part END_PART.
         """
         low, high = x.min(), x.max()
-        step = (high - low) / len(at)
+        step = END_PART * (high - low)
         ends = np.array([low, low + step, high - step, high])
         first, second, third, last = course(x, y, ends, FINE_DEGREE)
         smooth = course(x, y, at, FINE_DEGREE)
