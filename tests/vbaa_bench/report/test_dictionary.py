@@ -10,6 +10,7 @@ import polars as pl
 
 from solver.instrument.beam_shape import BeamShape, stated_shape
 from solver.instrument.board import Charuco, LineNetwork
+from solver.instrument.gravity import Gravity
 from solver.instrument.observation import open_observations
 from solver.instrument.rig import Sensors, rig_to_json
 from solver.lab.table import COLUMNS
@@ -116,6 +117,7 @@ def test_every_key_of_a_rig_is_described(dataset: Path) -> None:
         known_psi=0.1,
         bits=12,
         channel="r",
+        gravity=Gravity(1.0, 0.1),
         sensors=Sensors(1e-5, 1e-4, 1e-5),
         tolerances=dataclasses.replace(rig.tolerances, camera_shift_px=0.1),
     )
