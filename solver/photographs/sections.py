@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from solver.centreline.smooth import FINE_DEGREE, curve
+from solver.centreline.smooth import DEGREE, curve
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
@@ -46,8 +46,8 @@ class Chord(NamedTuple):
         low, high = x.min(), x.max()
         step = END_PART * (high - low)
         ends = np.array([low, low + step, high - step, high])
-        first, second, third, last = course(x, y, ends, FINE_DEGREE)
-        smooth = course(x, y, at, FINE_DEGREE)
+        first, second, third, last = course(x, y, ends, DEGREE)
+        smooth = course(x, y, at, DEGREE)
         smooth += (second - first) / step * np.minimum(at - low, 0)
         smooth += (last - third) / step * np.maximum(at - high, 0)
         axes = self._axes()

@@ -35,6 +35,8 @@ MIN_RELATIVE_CONTRAST, REJECTED = 0.2, 5.0
 LEAST_SIGMA: Final = 0.02
 # Sections over which the scatter is computed. Chosen: a third of the fewest.
 _LOCAL: Final = np.int64(31)
+# A section is kept if most of this many about it are. Chosen.
+_NEIGHBOURS: Final = np.int64(5)
 
 
 class TracedBeam(NamedTuple):
@@ -171,7 +173,8 @@ def _kept(pairs: EdgePairs, sections: Sections, sign: int) -> Mask:
         if np.any(kept):
             off = np.abs(values - course(sections.x[kept], values[kept], sections.x, degree))
             kept &= off < REJECTED * max(1.4826 * float(np.median(off[kept])), LEAST_SIGMA)
-    return kept
+    # One of a shadow's edges may be where the beam's would be, but rarely twice.
+    return np.asarray(kept & (running_median(kept.astype(float), _NEIGHBOURS) > 0))
 
 
 def _correlation(field: Floats, axis: int) -> float:
