@@ -1,5 +1,6 @@
 """The command `photos`: a folder of photographs in, a table of loads out."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from solver.lab.console import console
 from solver.lab.photos_page import page
 from solver.lab.photos_table import json_line, summary, table_text
 from solver.lab.writing import prepare_output_path, write
+from solver.photographs.photo_set import Photograph
 from solver.photographs.photos_json import read_photos
 from solver.photographs.solve import solve_photos
 
@@ -27,9 +29,13 @@ def photos(
     photo_set = read_photos(folder)
     for path in filter(None, (out, web_page)):
         prepare_output_path(path)
-    answer = solve_photos(
-        photo_set, lambda items: track(items, "tracing", console=console, transient=True)
-    )
+
+    def progress(items: Iterable[Photograph]) -> Iterable[Photograph]:
+        # A mistake in an image gives one sentence, and no bar before it in a log.
+        hidden = not console.is_terminal
+        return track(items, "tracing", console=console, transient=True, disable=hidden)
+
+    answer = solve_photos(photo_set, progress)
     write(out, table_text(answer).encode())
     if web_page:
         write(web_page, page(answer).encode())

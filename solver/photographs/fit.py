@@ -109,9 +109,12 @@ def fit_jointly(photos: PhotoSet, shown: Sequence[Shown]) -> JointFit | None:
     fitted = None if p is None else _from_coarse(problem, p)
     if fitted is None:
         return None
-    for _ in range(_REWEIGHTINGS):
-        fitted = minimise(_reweighted(problem, fitted.at), fitted.at.p) or fitted
     weights = _reweighted(problem, fitted.at).weights
+    for _ in range(_REWEIGHTINGS):
+        if all((one > 0).all() for one in weights):  # no outliers
+            break
+        fitted = minimise(replace(problem, weights=weights), fitted.at.p) or fitted
+        weights = _reweighted(problem, fitted.at).weights
     residuals = zip(problems, fitted.at.residuals, weights, strict=True)
     fits = tuple(_photo_fit(*one) for one in residuals)
     final = replace(problem, weights=tuple(one.kept / one.inflation for one in fits))

@@ -18,7 +18,7 @@ from tests.photographed import Look, photograph_of
 
 SIZE = (900, 600)
 BEAM = TrueBeam(bow=(0.002, 0.0, 0.0))
-LOADS = [None, Force("weight", 1.0, 0.36), Force("weight", 0.8, 0.3)]
+LOADS = [None, Force("weight", 0.45, 0.36), Force("weight", 0.35, 0.3)]
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def folder(tmp_path: Path) -> Path:
                 ],
             }
         )
-    photos[1]["load"] = {"kind": "weight", "force_n": 1.0, "force_sigma_n": 0.002}
+    photos[1]["load"] = {"kind": "weight", "force_n": 0.45, "force_sigma_n": 0.001}
     photos[2]["load"] = {"kind": "weight"}
     document = {
         "beam": {"length_mm": 400, "length_sigma_mm": 0.1},
@@ -74,11 +74,11 @@ def test_photographs_give_a_table_a_page_and_json(
         if load:
             off = float(row["s_c_mm"]) - 1e3 * load.at
             assert abs(off) < max(4 * float(row["s_c_sigma_mm"]), 0.5)
-            assert float(row["force_n"]) == pytest.approx(load.size, rel=0.03)
+            assert float(row["force_n"]) == pytest.approx(load.size, rel=0.05)
     document = json.loads(ended.out)
     assert document["photos"][2]["force_n"] == pytest.approx(float(rows[2]["force_n"]))
     rigidity = document["shared"]["flexural_rigidity_n_mm2"]
-    assert rigidity == pytest.approx(1e6 * BEAM.rigidity, rel=0.02)
+    assert rigidity == pytest.approx(1e6 * BEAM.rigidity, rel=0.03)
     assert all(math.isfinite(value) for value in document["shared"].values())
     assert isinstance(document["cannot_be_known"], list)
     text = page.read_text(encoding="utf-8")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.estimate import Outcome
+from solver.photographs.line import fitted_line
 from solver.photographs.solve import PhotosAnswer, answer_photos
 from solver.photographs.traced import TracedBeam
 from tests.photo_sets import DrawnSet, Noise, SetSpec, drawn_set
@@ -32,10 +33,16 @@ def pulls(drawn: DrawnSet, answer: PhotosAnswer) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize("kind", ["weight", "push"])
-def test_photographs_without_noise_give_the_loads_and_ei(kind: str) -> None:
-    drawn = drawn_set(5, replace(QUIET, kind=kind))
-    answer = answered(drawn)
+@pytest.fixture(scope="module")
+def quiet() -> tuple[DrawnSet, PhotosAnswer]:
+    drawn = drawn_set(5, QUIET)
+    return drawn, answered(drawn)
+
+
+def test_photographs_with_little_noise_give_the_loads_and_ei(
+    quiet: tuple[DrawnSet, PhotosAnswer],
+) -> None:
+    drawn, answer = quiet
     for truth, one in zip(drawn.truth, answer.answers, strict=True):
         if truth.load is None:
             assert one.outcome is Outcome.NO_CONTACT
@@ -111,7 +118,7 @@ def test_a_beam_with_two_loads_is_left_out_and_points_off_the_beam_are_rejected(
     shown = list(drawn.shown)
     shown[-1] = shown[-1]._replace(beam=last._replace(points=wavy))
     shown[-2] = shown[-2]._replace(beam=second._replace(points=stray))
-    answer = answer_photos(drawn.photos, shown, {})
+    answer = answer_photos(drawn.photos, [*shown], {})
     assert answer.answers[-1].outcome is Outcome.INVALID
     assert "no beam with a single load" in answer.answers[-1].message
     assert not answer.answers[-1].values
@@ -121,6 +128,21 @@ def test_a_beam_with_two_loads_is_left_out_and_points_off_the_beam_are_rejected(
     for one, same in zip(alone.answers, answer.answers[:-1], strict=True):
         for name, value in one.values.items():
             assert same.values[name].value == pytest.approx(value.value, abs=0.7 * value.sigma)
+
+
+def test_the_fitted_line_is_on_the_points(quiet: tuple[DrawnSet, PhotosAnswer]) -> None:
+    drawn, answer = quiet
+    assert answer.fit
+    for i, shown in enumerate(drawn.shown):
+        line = fitted_line(answer.fit, i)
+        points = shown.beam.points - (np.array(shown.size) - 1) / 2
+        # Points are 10 px apart, and the tip and the clamp 30 px beyond them.
+        distances = np.linalg.norm(line.pixels[:, None] - points, axis=2).min(axis=1)
+        assert distances.max() < 50
+        chord = np.array([line.pixels[0], line.pixels[-1]])
+        inner = (np.linalg.norm(line.pixels[:, None] - chord, axis=2) > 100).all(axis=1)
+        assert distances[inner].max() < 9
+        assert (line.load is None) == (drawn.truth[i].load is None)
 
 
 def test_a_wrong_force_is_named() -> None:
