@@ -91,7 +91,11 @@ def problem_of(measurement: Measurement, with_tips: bool = True) -> Problem:
         known[MOMENT_UNIT] = rigidity / length * measurement.handedness * rotation[1, 1]
         known[MOMENT], known[MOMENT_SIGMA] = measurement.moment_y, rig.sensors.moment_y
         known[RIGIDITY_SIGMA] = max(
-            float(np.hypot(rig.tolerances.flexural_rigidity / rigidity, measurement.scale_sigma)),
+            math.hypot(
+                rig.tolerances.flexural_rigidity / rigidity,
+                rig.shape.rigidity_sigma,
+                measurement.scale_sigma,
+            ),
             _MIN_TOLERANCE,
         )
     arrays = (

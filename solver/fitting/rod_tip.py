@@ -1,4 +1,4 @@
-"""The tip as a constraint on a beam of changing section in a plane of unknown inclination."""
+"""Tip and moment sensor as constraints on a beam of changing section in an unknown plane."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,7 +8,13 @@ import numpy as np
 from solver.beam_models.rod import S_C, contact_of, curve_of
 from solver.fitting.constraints import TIP_COLUMNS
 from solver.fitting.problem import Problem
-from solver.fitting.residuals import STRETCH_SIGMA
+from solver.fitting.residuals import (
+    MOMENT,
+    MOMENT_SIGMA,
+    MOMENT_UNIT,
+    RIGIDITY_SIGMA,
+    STRETCH_SIGMA,
+)
 from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
 from solver.instrument.arrays import Floats
@@ -19,13 +25,16 @@ from solver.instrument.small_matrices import whitening
 class SpatialRodProblem(RodProblem):
     """Points of a frame whose plane is unknown, with the tips (k, 7) of its views, as in `Problem`.
 
-    The last 2 k residuals are those of the tips.
+    `moments` (m, 2) has one row if there is a moment sensor: the moment about y that one unit of
+    the moment at the clamp would have, were it in that direction, and the reading, both over the
+    sigma of the reading and of EI. The last 2 k + m residuals are those of tips and moment.
     """
 
     tips: Floats = field(default_factory=lambda: np.zeros((0, TIP_COLUMNS)))
+    moments: Floats = field(default_factory=lambda: np.zeros((0, 2)))
 
     def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
-        """Write the residuals (n + 2 k,), and their Jacobian by shape and pose p."""
+        """Write the residuals (n + 2 k + m,), and their Jacobian by shape and pose p."""
         n = self.points.shape[1]
         of_points, by_points = np.empty(n), np.empty((len(p), n))
         exists = super().residuals(p, of_points, by_points)
@@ -34,7 +43,20 @@ class SpatialRodProblem(RodProblem):
             for i, tip in enumerate(self.tips):
                 rows = slice(n + 2 * i, n + 2 * i + 2)
                 residual[rows], jacobian[:, rows] = self._tip(p, tip)
+            for unit, reading in self.moments:
+                row, by_row = self._moment(p)
+                residual[-1], jacobian[:, -1] = unit * row - reading, unit * by_row
         return exists
+
+    def _moment(self, p: Floats) -> tuple[float, Floats]:
+        """Compute the moment about y [EI / L], -M sin(psi) of eq. (27), and its gradient (p,)."""
+        size = self.shape_size
+        curve = curve_of(p[:size], self.widths, self.radius)
+        moment, by_moment = clamp_moment(curve, p[:size])
+        sine, gradient = math.sin(p[size + PSI]), np.zeros(len(p))
+        gradient[:size] = -sine * by_moment
+        gradient[size + PSI] = -moment * math.cos(p[size + PSI])
+        return -sine * moment, gradient
 
     def _tip(self, p: Floats, tip: Floats) -> tuple[Floats, Floats]:
         """Compute the predicted less the measured image of the tip (2,), whitened; Jacobian."""
@@ -79,20 +101,26 @@ class SpatialRodProblem(RodProblem):
 
 
 def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
-    """Return the problem of a frame with unknown psi, and with the tips of `problem`.
+    """Return the problem of a frame with unknown psi, with tips and moment of `problem`.
 
-    The error of the length up to the tip is a part of the tip's, along the end of the beam.
+    The error of the length up to the tip is a part of the tip's, along the end of the beam; that
+    of EI is a part of the moment's.
     """
-    tips = problem.arrays[3].copy()
+    tips, known = problem.arrays[3].copy(), problem.arrays[4]
     direction = _end(rod)
     for tip in tips:
         inverse = np.linalg.inv(tip[2:6].reshape(2, 2))
-        stretch = problem.arrays[4][STRETCH_SIGMA] * direction
+        stretch = known[STRETCH_SIGMA] * direction
         tip[2:6] = whitening(inverse @ inverse.T + np.outer(stretch, stretch)).ravel()
     psi = rod.shape_size + PSI
     information = rod.information.copy()
     information[psi] = information[:, psi] = 0.0
-    shared = np.vstack([rod.shared, np.zeros((2 * len(tips), rod.shared.shape[1]))])
+    moments = np.zeros((0, 2))
+    if known[MOMENT_SIGMA] > 0:
+        sigma = math.hypot(known[MOMENT_SIGMA], known[RIGIDITY_SIGMA] * known[MOMENT])
+        moments = np.array([[known[MOMENT_UNIT], known[MOMENT]]]) / sigma
+    constraints = 2 * len(tips) + len(moments)
+    shared = np.vstack([rod.shared, np.zeros((constraints, rod.shared.shape[1]))])
     return SpatialRodProblem(
         points=rod.points,
         bounds=rod.bounds,
@@ -105,6 +133,7 @@ def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
         free=np.union1d(rod.free, [psi]),
         own_errors=rod.own_errors,
         tips=tips,
+        moments=moments,
     )
 
 

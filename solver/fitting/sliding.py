@@ -28,7 +28,8 @@ from solver.instrument.arrays import Floats
 # the reversal is known to 2 %.
 _CERTAIN: Final = 0.95
 # The contact is held up to the reversal's angle times one plus this, times the root of the beam's
-# slenderness. Measured: 2.1 with a friction coefficient of 0.5, whose root it grows with.
+# slenderness. Chosen: 1.6 to 1.8 for beams of slenderness 0.04 to 0.07. With a friction coefficient
+# of 0.5 their contacts were still held at 1.3; the held phase grows with the root of it.
 _HELD: Final = 3.0
 
 

@@ -38,8 +38,8 @@ ANY_LIGHT = 0.3
 MAX_LIGHT_SLOPE = 10.0  # light that grazes the beam at six degrees
 # Chosen as SIZES_MM, a million beams away at most.
 LIGHT_DISTANCES_MM = (1e-6, 1e12)
-# Sigma of the apparent end of a bent beam where rig.json states none, in radii. Chosen: in
-# images of other renderers psi is off by up to five sigmas, a sixth of a pixel at the tip.
+# Sigma of the apparent end of a bent beam where rig.json states none, in radii. Chosen: a sixth of
+# a pixel on the paper's rig, where psi has three times the sigma that it has with a sharp end.
 TIP_SIGMA_RADII = 0.2
 MAX_SHIFT_PX = 10.0  # a camera that shifts by more from frame to frame is not fixed
 

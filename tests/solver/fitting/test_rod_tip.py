@@ -1,4 +1,4 @@
-"""The tip of a beam of changing section in an inclined plane."""
+"""Tip and moment sensor of a beam of changing section in an inclined plane."""
 
 from dataclasses import replace
 
@@ -31,7 +31,9 @@ def test_the_gradients_of_the_residuals_are_their_derivatives() -> None:
     taken = measured(beam, SHAPE, np.random.default_rng(1))
     end = beam.centreline[-1, 1:3]
     tip = Tip(end + 1e-5, np.diag([1e-5, 5e-4]) ** 2)
-    taken = replace(taken, view=replace(taken.view, tip=tip))
+    sensors = replace(taken.rig.sensors, moment_y=1e-4)
+    rig = replace(taken.rig, sensors=sensors)
+    taken = replace(taken, view=replace(taken.view, tip=tip), rig=rig, moment_y=-2e-3)
     problem = problem_of(taken)
     space = spatial(rod_problem_of(taken, problem), problem)
     size = space.shape_size
@@ -41,15 +43,15 @@ def test_the_gradients_of_the_residuals_are_their_derivatives() -> None:
     rows = residuals_at(space, p)
     assert rows is not None
     residual, jacobian = rows
-    assert len(residual) == problem.points + 2
+    assert len(residual) == problem.points + 3
     for i in range(len(p)):
         step = np.zeros(len(p))
         step[i] = 1e-6
         after, before = residuals_at(space, p + step), residuals_at(space, p - step)
         assert after is not None
         assert before is not None
-        slope = ((after[0] - before[0]) / 2e-6)[-2:]
-        assert slope == pytest.approx(jacobian[i, -2:], rel=1e-5, abs=1e-3)
+        slope = ((after[0] - before[0]) / 2e-6)[-3:]
+        assert slope == pytest.approx(jacobian[i, -3:], rel=1e-5, abs=1e-3)
 
 
 def test_a_cone_in_a_plane_of_unknown_inclination() -> None:
@@ -69,3 +71,21 @@ def test_a_cone_in_a_plane_of_unknown_inclination() -> None:
         assert abs(estimate.values[name] - value) < 3.5 * estimate.sigma(name), name
     assert estimate.sigma("psi_rad") < 0.2
     assert estimate.sigma("x_c_m") < 0.01 * BEAM.length
+
+
+def test_a_moment_sensor_determines_the_inclination() -> None:
+    beam = bent(-0.2, 0.6, 1.2)
+    known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.1]) ** 2)
+    taken = measured(beam, known, np.random.default_rng(4))
+    viewpoint = np.array([0.12, -0.1, 0.36, 1.0])
+    rig = replace(taken.rig, sensors=replace(taken.rig.sensors, moment_y=2e-5))
+    with_sensor = replace(
+        taken, view=replace(taken.view, viewpoint=viewpoint), rig=rig, moment_y=1e-5
+    )
+    estimate = exact_fit_3d(with_sensor)
+    assert estimate.outcome is Outcome.CONTACT
+    # The reading's sigma over the moment in the plane of deflection.
+    moment = abs(beam.base_moment[2])
+    assert estimate.sigma("psi_rad") == pytest.approx(2e-5 / moment, rel=0.3)
+    assert abs(estimate.values["psi_rad"]) < 3.5 * estimate.sigma("psi_rad")
+    assert abs(estimate.values["psi_rad"]) == pytest.approx(1e-5 / moment, rel=0.5)
