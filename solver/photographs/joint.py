@@ -10,7 +10,7 @@ from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.photographs.problem import OWN, PhotoProblem
 
-_MAX_ITERATIONS: Final = 100
+_MAX_ITERATIONS: Final = 50
 # Levenberg and Marquardt's damping: the first, its factor after a step that failed, its limits.
 # Chosen: the valleys are narrow, with curvatures that differ by nine orders of magnitude.
 _FIRST_DAMPING, _FACTOR = 1e-6, 10.0
