@@ -24,6 +24,7 @@ give the same estimates without them. `force_sensor` does not use points at all.
 evaluated with their bias, which noise does not show: amplification measures scatter, not bias.
 """
 
+import math
 from dataclasses import replace
 from typing import Any, Final
 
@@ -33,6 +34,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.board import Chessboard
 from solver.instrument.estimate import Estimate
+from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.methods import METHODS, Method
@@ -201,11 +203,14 @@ def _frame(beam: Beam, state: State, last: State) -> Measurement:
         base_force=0.01 * float(np.linalg.norm(last.base_force)),
         base_moment=moment_sigma,
     )
+    motor_angle = ONSET - state.pushing_angle
+    # The object's force may as well be that of a hung weight.
+    gravity = Gravity(math.atan2(-force[1], -force[0]) + motor_angle)
     return Measurement(
         view=View(points, np.tile([0.0, SIGMA_PX * PIXEL], (len(x), 1)), VIEWPOINT),
         base_covariance=1e-18 * np.eye(3),
         scale_sigma=0.0,
-        motor_angle=ONSET - state.pushing_angle,
+        motor_angle=motor_angle,
         rig=Rig(
             beam=beam,
             base_position=np.zeros(3),
@@ -214,6 +219,7 @@ def _frame(beam: Beam, state: State, last: State) -> Measurement:
             deflects_towards=1,
             tolerances=tolerances,
             sensors=sensors,
+            gravity=gravity,
         ),
         moment_y=0.0,
         base_force=(float(force[0]), float(force[1]), float(force[2])),

@@ -6,7 +6,7 @@ from solver.methods import LEARNING, METHODS
 
 
 def applicable(observations: Observations) -> list[str]:
-    """List the names of METHODS, without those that need a missing sensor, sequence or split."""
+    """List the names of METHODS for which all is there: sensors, sequences, splits, gravity."""
     sensors = observations.rig.sensors
     pushes = [frame.push_id for frame in observations]
     inapplicable = set()
@@ -14,6 +14,8 @@ def applicable(observations: Observations) -> list[str]:
         inapplicable.add("moment_sensor")
     if sensors.base_force is None:
         inapplicable.add("force_sensor")
+    if observations.rig.gravity is None:
+        inapplicable.add("hung_weight")
     if len(set(pushes)) == len(pushes):
         inapplicable |= {"stiffness", "push_fit", "push_fit_friction"}
     if all(frame.split != LEARN for frame in observations):
