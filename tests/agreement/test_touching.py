@@ -15,6 +15,7 @@ from vbaa_bench.generation.plan import plan
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.objects import PadSpec
+from vbaa_bench.scene.weight import WeightSpec
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").rglob("*.yaml"))
 MICROMETRE = 1e-6
@@ -80,13 +81,15 @@ def test_every_scene_is_possible_and_beam_and_object_touch_without_intersecting(
         reach = -float(state.contact.lever @ state.contact.normal)
         if scene.mechanics == "linear":
             reach = work.rig.beam.radius
+        if isinstance(scene.object, WeightSpec):  # it pulls at the axis, by a loop
+            reach = experiment.rod.half_height(state.contact.s)
         mesh = experiment.touched_mesh(state, step)
         mesh.vertices = np.asarray(mesh.vertices) / unit
         near = distances(about_the_contact(state, 4 * reach) / unit, mesh, 4 * reach / unit)
         gap = near.min() - reach / unit
         touching += 1
-        if isinstance(scene.object, PadSpec):
-            # It hugs the beam's lower half with a polygon about its circle.
+        if isinstance(scene.object, PadSpec | WeightSpec):
+            # It hugs the beam, or its lower half, with a polygon about its circle.
             assert -MICROMETRE < gap < 0.01 * reach
         else:
             assert abs(gap) < MICROMETRE, f"gap {gap:.2e} m at {push}"

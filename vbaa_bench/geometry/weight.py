@@ -27,7 +27,8 @@ def weight(
     across = np.array([-slope, 1.0, 0.0]) / np.hypot(1.0, slope)
     side = np.array([0.0, 0.0, 1.0])
     around = (beam_radius + thread_radius) * (np.cos(turn) * across + np.sin(turn) * side)
-    top = np.array([0.0, -beam_radius, 0.0])
+    # Below the sloping beam, within the loop.
+    top = np.array([0.0, -beam_radius * np.hypot(1.0, slope) - thread_radius * abs(slope), 0.0])
     end = np.array([0.0, -thread_length, 0.0])
     return together(
         [
