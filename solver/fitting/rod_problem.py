@@ -9,7 +9,7 @@ import numpy as np
 from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
-from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
+from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
@@ -198,7 +198,8 @@ def _reflection(points: Floats, radius: float) -> float:
     """Compute the sigma of the shift by reflected light, in sigmas of the points (4, n)."""
     if not points.shape[1]:
         return 0.0
-    return REFLECTED * radius / float(np.median(np.hypot(points[SIGMA_X], points[SIGMA_Y])))
+    sigma = float(np.median(np.hypot(points[SIGMA_X], points[SIGMA_Y])))
+    return REFLECTED * radius / max(sigma, LEAST_SIGMA)
 
 
 def lit_by_object(problem: RodProblem, contact: Floats, tangent: Floats) -> RodProblem:

@@ -25,11 +25,14 @@ from solver.tracker import PushTracker
 from tests.hard_cases.beams import is_sound
 
 
+def under_gravity(antenna: Antenna) -> Antenna:
+    """State gravity that pulls across the beam, for the method that needs it."""
+    return replace(antenna, rig=replace(antenna.rig, gravity=Gravity(radians(100), radians(5))))
+
+
 @pytest.fixture(scope="module")
 def antenna(dataset: Path) -> Antenna:
-    learned = set_up(open_observations(dataset / "observations"))
-    # Gravity that pulls across the beam, for the method that needs it.
-    return replace(learned, rig=replace(learned.rig, gravity=Gravity(radians(100), radians(5))))
+    return under_gravity(set_up(open_observations(dataset / "observations")))
 
 
 @pytest.fixture(scope="module")
@@ -198,7 +201,7 @@ def rewritten(dataset: Path, to: Path, change: Callable[[Grey], Any]) -> Path:
 
 def answers(observations: Path, antenna: Antenna | None = None) -> dict[str, Estimate]:
     opened = open_observations(observations)
-    antenna, frame = antenna or set_up(opened), opened.frames[1]
+    antenna, frame = antenna or under_gravity(set_up(opened)), opened.frames[1]
     image = frame.image()
     return {
         name: PushTracker(antenna, METHODS[name]).solve(image, frame.readings).estimate

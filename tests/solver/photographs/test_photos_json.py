@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solver.instrument.beam_shape import SECTION_SIGMA
 from solver.instrument.errors import InputError
 from solver.photographs.photo_set import PhotoLoad, Stated
 from solver.photographs.photos_json import FILE, read_photos
@@ -77,7 +78,7 @@ def test_what_is_not_stated_has_a_default(tmp_path: Path) -> None:
     assert photos.focal is None
     assert photos.channel == "gray"
     assert photos.view_sigma == pytest.approx(math.radians(5))
-    assert photos.shape.uniform
+    assert photos.shape.section_sigma == SECTION_SIGMA
 
 
 def _mistake(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:

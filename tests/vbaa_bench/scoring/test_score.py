@@ -311,7 +311,7 @@ def test_the_observations_hold_nothing_of_the_truth(results: Results) -> None:
         chunks = path.read_bytes()
         assert all(kind not in chunks for kind in (b"tEXt", b"iTXt", b"zTXt", b"tIME", b"eXIf"))
     rig = json.loads((results.dataset.observations / "rig.json").read_text())
-    assert set(rig) == {"beam", "base", "board", "encoder", "camera", "light"}
+    assert set(rig) == {"beam", "base", "board", "encoder", "camera", "light", "beam_shape"}
     for path in results.dataset.observations.rglob("metadata.csv"):
         assert path.read_text().splitlines()[0] == (
             "file_name,frame_id,motor_angle_deg,push_id,step"
