@@ -88,7 +88,8 @@ def problems_of(photos: PhotoSet, shown: Sequence[Shown]) -> list[PhotoProblem]:
                 clamp=photo.clamp - middle,
                 tip=photo.tip - middle,
                 marks=np.column_stack([photo.marks[:, :2] - middle, photo.marks[:, 2:] / length]),
-                mark_sigma=photos.mark_sigma,
+                # The line may be shifted against all marks.
+                mark_sigma=math.hypot(photos.mark_sigma, beam.shift_sigma),
                 load=photo.load,
                 side=side_of(beam.points, photo.clamp, photo.tip, photo.load, photos.down.value),
                 widths=len(photos.shape.widths),

@@ -1,5 +1,6 @@
 """Centreline of a beam in one photograph, from marks of its clamp and tip."""
 
+import math
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -44,12 +45,14 @@ class TracedBeam(NamedTuple):
 
     `points` (n, 2) [px] are in the middle of the two edges; `normals` (n, 2) are unit vectors,
     `sigmas` (n,) [px] standard errors along them, `widths` (n,) [px] those of the beam.
+    `shift_sigma` [px] is the standard error of a shift of all points across the beam together.
     """
 
     points: Floats
     normals: Floats
     sigmas: Floats
     widths: Floats
+    shift_sigma: float = 0.0
 
 
 def photograph(path: Path, channel: str = "gray") -> npt.NDArray[np.float32]:
@@ -68,7 +71,8 @@ def traced_beam(image: npt.NDArray[np.floating], clamp_px: Floats, tip_px: Float
     `clamp_px` and `tip_px` (2,) [px] need to be known to a few pixels only. The beam may be 1 to
     60 px wide, brighter or darker than its background. The errors of neighbouring points are
     correlated by grain and compression: the sigmas are larger than the scatter by the root of the
-    correlation length, so that a fit to independent points has the right covariance. Places at
+    correlation length, so that a fit to independent points has the right covariance. What is the
+    same all along the beam, as light from one side, only shifts it: `shift_sigma`. Places at
     which an edge is hidden or disturbed are left out. Raises InputError where no beam is found.
     """
     clamp, tip = np.asarray(clamp_px, np.float64), np.asarray(tip_px, np.float64)
@@ -115,15 +119,19 @@ class _Fit(NamedTuple):
         # The edges err independently: half the error of their distance is as large as that of
         # their middle. It has the slow part as well, which the course of the centre follows.
         half = (width - course(x, width, x, TAPER)) / 2
-        across, along = (_correlation(pairs.residual[kept], axis) for axis in (1, 0))
+        residual = pairs.residual[kept]
+        across, together = (_correlation(residual, axis) for axis in (1, 0))
+        along = _correlation(residual - residual.mean(axis=0), 0)
         typical = [1.4826 * running_median(np.abs(error), _LOCAL) for error in (off, half)]
         formal = pairs.centre_sigma[kept] * np.sqrt(across)
         inflation = max(along, correlation_length(off), correlation_length(half))
+        scatter = np.hypot(np.max([*typical, formal], axis=0), LEAST_SIGMA)
         return TracedBeam(
             sections.points[kept] + centre[:, None] * sections.normals[kept],
             sections.normals[kept],
-            np.hypot(np.max([*typical, formal], axis=0), LEAST_SIGMA) * np.sqrt(inflation),
+            scatter * np.sqrt(inflation),
             width,
+            float(np.median(scatter)) * math.sqrt(max(together, inflation) / len(x)),
         )
 
 
