@@ -8,16 +8,17 @@ pooled.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from solver.antenna import Antenna
 from solver.instrument.arrays import Floats
-from solver.instrument.errors import InputError
+from solver.instrument.errors import DamageError, InputError
 from solver.instrument.estimate import Estimate
 from solver.instrument.image_frame import LEARN
 from solver.instrument.measurement import Measurement
-from solver.instrument.observation import open_observations
+from solver.instrument.observation import Observations, open_observations
 from solver.instrument.units import MILLIMETRE, PERCENT
 from solver.learning.frames import measurement_of
 from solver.learning.known_force import rig_with_force
@@ -153,7 +154,19 @@ def _trials(
     layout: Layout, pushes: int, draws: int, seed: int, force_sigma_pct: float | None
 ) -> Iterator[tuple[Rows, Rows]]:
     """Yield the errors of the tested frames before and after learning; None for no answer."""
-    frames = _frames(layout)
+    observations = open_observations(layout.observations)
+    truth = open_truth(layout.truth, centrelines=False).frames
+    rows = {row["frame_id"]: row for row in truth.iter_rows(named=True)}
+    try:
+        antenna = set_up(observations)
+    except DamageError:
+        raise
+    except InputError:  # the images do not show the rig's beam: no frame is answered
+        touching = (rows[image.frame_id]["x_c_mm"] is not None for image in observations)
+        unanswered: Rows = [None] * sum(touching)
+        yield unanswered, unanswered
+        return
+    frames = _frames(antenna, observations, rows, _limits(layout))
     names = list(dict.fromkeys(frame.push for frame in frames))
     splits = {frame.push for frame in frames if frame.split == LEARN}
     random = np.random.default_rng([seed, len(names)])
@@ -207,13 +220,13 @@ def _errors(frame: _Frame, estimate: Estimate, information: str) -> Floats | Non
     )
 
 
-def _frames(layout: Layout) -> list[_Frame]:
-    """Measure the frames of a dataset that have a contact and show the beam."""
-    observations = open_observations(layout.observations)
-    antenna = set_up(observations)
-    truth = open_truth(layout.truth, centrelines=False).frames
-    rows = {row["frame_id"]: row for row in truth.iter_rows(named=True)}
-    limits = _limits(layout)
+def _frames(
+    antenna: Antenna,
+    observations: Observations,
+    rows: Mapping[str, Mapping[str, Any]],
+    limits: Mapping[str, Mapping[str, float]],
+) -> list[_Frame]:
+    """Measure the frames of a dataset that have a contact, in its `rows`, and show the beam."""
     frames = []
     for image in observations:
         row = rows[image.frame_id]

@@ -44,6 +44,18 @@ def test_the_beam_is_learned_from_other_pushes_than_it_is_tested_on(
     assert np.abs(learned.rows[:, 0]).max() < 1
 
 
+def test_a_rig_whose_images_show_no_beam_answers_no_frame(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_observations: Observations) -> None:
+        raise InputError("the rest images show no beam")
+
+    monkeypatch.setattr(module, "set_up", fail)
+    stated, learned = measure([dataset], pushes=1, draws=1, seed=3)
+    assert stated.frames == learned.frames == 4
+    assert len(stated.rows) == len(learned.rows) == 0
+
+
 def test_a_dataset_without_pushes_to_test_on_is_refused(dataset: Path) -> None:
     with pytest.raises(InputError, match="no beam can be learned from its pushes"):
         measure([dataset], pushes=100, draws=1, seed=3)
