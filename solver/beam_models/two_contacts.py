@@ -38,7 +38,7 @@ CONTACT: Final = 5
 
 
 class TwoContacts(NamedTuple):
-    """A shape's curve as in `rod`, and (u, P, psi) (3,) at the inner contact with gradients (4, 3).
+    """A shape's curve, and (u, P, psi) (3,) at the inner contact with gradients (4, 3).
 
     The curve's `contact` is the outer one.
     """

@@ -20,8 +20,8 @@ from solver.instrument.image_frame import ImageFrame
 from solver.instrument.rig import Rig
 from solver.instrument.units import DEGREE, MILLIMETRE
 
-# Smallest variance of a point over that which its estimate states, after the part that all contacts
-# share is subtracted. Chosen: rounding must not make a variance zero.
+# Smallest ratio of a point's variance, without the part that all contacts share, to the variance
+# that its estimate states. Chosen: rounding must not make a variance zero.
 _LEAST_SHARE: Final = 1e-3
 # Smallest sigma of such an error [m, rad]. Chosen: without it a tolerance of zero divides by zero.
 _LEAST_SIGMA: Final = 1e-9

@@ -34,9 +34,6 @@ from vbaa_bench.scoring.markdown_table import markdown_table
 
 # Error in sigmas above which an answer is wrong.
 _WRONG: Final = 3.0
-# Columns of a row of errors: x_c and its sigma [% of the length], force and its sigma [%], and the
-# information limit of x_c [% of the length], NaN where none was computed.
-X_C, X_SIGMA, FORCE, FORCE_SIGMA, LIMIT = range(5)
 # Information sets of both beams.
 STATED, LEARNED = "planar", "learned"
 
@@ -57,9 +54,11 @@ class _Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one method on a scene: `rows` (n, 4) of the answered of `frames` frames.
+    """Errors of one method on a scene: `rows` (n, 5) of the answered of `frames` frames.
 
-    Only frames with a true contact count. `rows` has the columns X_C to LIMIT.
+    Only frames with a true contact count. The columns are the errors of x_c and its sigma [% of the
+    length], of the force and its sigma [%], and the information limit of x_c [% of the length],
+    NaN where none was computed.
     """
 
     scene: str

@@ -41,11 +41,10 @@ PARAMETERS: Final = (*CONTACT, _SHIFT)
 _PARTS, _LEAST_SHARE = 10, 0.02
 # Step from one chosen frame to the next, as a fraction of all: never in step with a scene's axes.
 _GOLDEN: Final = 0.6180339887
+# Those of a single contact.
+_QUANTITIES: Final = QUANTITIES[: -len(SECOND)]
 
 Record = dict[str, Any]
-
-
-_QUANTITIES: Final = QUANTITIES[: -len(SECOND)]
 
 
 @dataclass(frozen=True)
@@ -94,14 +93,14 @@ class LimitedFrame:
 
     @cached_property
     def quantities(self) -> Floats:
-        """Gradients (4, 3) of those of one contact with respect to CONTACT."""
+        """Gradients (4, 3) of _QUANTITIES with respect to CONTACT."""
         pose = self.lit.renderer.pose(self.spec)
         line, s = pose.experiment.rest.centreline, pose.state.contact.s
         at_rest = np.array([np.interp(s, line[:, 0], column) for column in line[:, 1:].T])
         return gradients(self.imaged.neighbours(CONTACT), at_rest).quantities[: len(_QUANTITIES)]
 
     def sigmas(self, data: Information, *, plane_is_known: bool) -> Floats:
-        """Compute the limits (4,) of the same, with the rig known."""
+        """Compute the limits (4,) of _QUANTITIES, with the rig known."""
         known = {_SHIFT, *(CONTACT[2:] if plane_is_known else ())}
         own = data.without(known)
         rows = [dict(zip(CONTACT, row, strict=True)) for row in self.quantities]

@@ -8,10 +8,11 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.limits.image_shape import ImagedBeam, Neighbours
 
+# Those of a second contact: its arc length [m] and its force [N].
 SECOND: Final = ("second_s_c", "second_force")
 # Contact distance x_c and arc length s_c [m], size of the force [N], inclination psi [rad] of the
-# plane in which the contact has moved, arc length [m] and force [N] of a second contact; then what
-# sensors at the clamp read: force [N] and moment [N m] of the clamp on the beam, each (3,).
+# plane in which the contact has moved, and SECOND; then what sensors at the clamp read: force [N]
+# and moment [N m] of the clamp on the beam, each (3,).
 QUANTITIES: Final = ("x_c", "s_c", "force", "psi", *SECOND)
 
 

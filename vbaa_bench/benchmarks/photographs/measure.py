@@ -22,7 +22,6 @@ from vbaa_bench.benchmarks.photographs.folder import rig_name
 _MOST_SECONDS: Final = 900.0
 # Outcomes with a contact.
 _CONTACT: Final = frozenset(str(outcome) for outcome in Outcome if outcome.has_values)
-_SCORES: Final = ("median_pct", "rmse_pct", "in_3_sigma_pct", "sigma_over_rmse")
 
 
 class Solved(NamedTuple):
