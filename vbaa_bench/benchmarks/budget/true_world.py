@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
-from solver.instrument.errors import InputError
 from solver.instrument.image_frame import Readings
 from solver.instrument.transforms import apply, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
@@ -21,6 +19,7 @@ from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import Truth, open_truth
 from vbaa_bench.mechanics import linear, planar
 from vbaa_bench.mechanics.state import EquilibriumError
+from vbaa_bench.scene.load import recorded_scene
 from vbaa_bench.scene.push import Push
 from vbaa_bench.scene.rigs import TrueRig, true_gravity, true_rig
 from vbaa_bench.scene.schema import Scene
@@ -121,18 +120,5 @@ def _exact(readings: Readings, motor_angle: float, force: Floats, moment: Floats
 def open_world(layout: Layout) -> TrueWorld:
     """Open the truth of a dataset. Raises InputError."""
     truth = open_truth(layout.truth)
-    try:
-        scene = Scene.model_validate(_with_tuples(truth.manifest["scene"]))
-    except ValidationError as error:
-        raise InputError(
-            f"{layout.manifest}: its scene cannot be used ({error.errors()[0]['msg']}); generate "
-            "the dataset again"
-        ) from error
+    scene = recorded_scene(truth.manifest["scene"], layout.root).scene
     return TrueWorld(truth, scene, true_rig(scene))
-
-
-def _with_tuples(value: Any) -> Any:
-    """Convert the lists of a JSON document to tuples, which a scene has."""
-    if isinstance(value, dict):
-        return {key: _with_tuples(part) for key, part in value.items()}
-    return tuple(map(_with_tuples, value)) if isinstance(value, list) else value
