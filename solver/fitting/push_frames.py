@@ -117,7 +117,7 @@ def _rod(frame: Measurement) -> _Fitted[RodPoints] | Outcome:
     refusal = refusal_of(frame, problem, None if fitted is None else fitted.fit)
     if fitted is None or refusal is not None:
         return Outcome.NOT_CONVERGED if refusal is None else refusal.outcome
-    rod, fit = fitted
+    rod, fit, _ = fitted
     inliers = only(rod, fit.kept[problem.order])
     return _Fitted(fit, RodPoints(inliers, fit.variance_inflation))
 

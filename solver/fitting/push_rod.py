@@ -46,8 +46,8 @@ class RodBeam:
     @cached_property
     def fitted(self) -> Floats:
         """Indices (b,) of the parameters of beam and clamp among those of a frame's problem."""
-        free, shared = self._problem.free, len(self._problem.mean) - self._problem.own_errors
-        return np.asarray(free[~np.isin(free, (Q, S_C, GRIP)) & (free < shared)])
+        free = self._problem.free
+        return np.asarray(free[~np.isin(free, (Q, S_C, GRIP)) & (free < self._problem.common)])
 
     @property
     def points(self) -> int:
@@ -120,11 +120,12 @@ class RodBeam:
     ) -> Floats | None:
         """Compute rows of a frame: 4 + b columns."""
         problem, inflation = self.frames[frame]
-        at = residuals_at(problem, self._parameters(q, place, grip or 0.0, beam))
+        own, count = problem.own_errors, len(problem.mean)
+        shared = self._parameters(q, place, grip or 0.0, beam)
+        at = residuals_at(problem, np.append(shared, np.zeros(own)))
         if at is None:
             return None
         length = self.rig.beam.length
-        own, count = problem.own_errors, len(problem.mean)
         # Errors of this frame's own, with unit prior, come first: they are eliminated.
         order = [*range(count - own, count), Q, S_C, *self.fitted, GRIP]
         columns = np.vstack([at[1][order], at[0]])
@@ -160,8 +161,8 @@ class RodBeam:
         return self.frames[0].problem
 
     def _parameters(self, q: float, place: float, grip: float, beam: Floats) -> Floats:
-        """Return all parameters (p,) of a frame's problem."""
-        p, length = self._problem.mean.copy(), self.rig.beam.length
+        """Return the parameters (p,) of a frame's problem before the errors of the frame's own."""
+        p, length = self._problem.mean[: self._problem.common].copy(), self.rig.beam.length
         p[[Q, S_C, GRIP]] = q * length**2, place / length, grip
         p[self.fitted] = beam
         return p

@@ -12,11 +12,13 @@ from solver.fitting import residuals
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
+from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import (
     RodProblem,
     lit_by_object,
+    only,
     reflection_matters,
     rod_problem_of,
 )
@@ -62,13 +64,15 @@ def with_bow(measurement: Measurement) -> Measurement:
 
 
 class RodFit(NamedTuple):
-    """Fit of a frame, and its problem with the light that the object reflects.
+    """Fit of a frame, its problem with errors of the frame's own, and those of neighbouring points.
 
-    The fit's `kept` (n,) is in the order of the measurement's points.
+    The other ones are those of light that the object reflects. The fit's `kept` (n,) is in the
+    order of the measurement's points.
     """
 
     rod: RodProblem
     fit: FrameFit
+    neighbours: Neighbours | None
 
 
 def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
@@ -82,16 +86,30 @@ def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
         values, _ = contact_of(curve_of(fit.p[:size], rod.widths, rod.radius), fit.p[:size])
         _, theta, x_c, y_c, *_ = values
         rod = lit_by_object(rod, np.array([x_c, y_c]), np.array([np.cos(theta), np.sin(theta)]))
-        lit = np.append(fit.p, np.zeros(rod.own_errors))
-        fit = fit_rod(rod, lit) or replace(fit, p=lit, covariance=_padded(fit, rod))
+        fit = refitted(rod, fit)
+    neighbours = neighbours_of(rod, fit.p, fit.kept)
+    if neighbours is not None:
+        rod = with_neighbours(rod, neighbours)
+        # Outliers stay outliers: such errors could imitate a run of them.
+        inliers = refitted(only(rod, fit.kept), replace(fit, kept=fit.kept[fit.kept]))
+        kept_of_all = fit.kept.copy()
+        kept_of_all[fit.kept] = inliers.kept
+        fit = replace(inliers, kept=kept_of_all)
     kept = np.empty_like(fit.kept)
     kept[problem.order] = fit.kept
-    return RodFit(rod, replace(fit, kept=kept))
+    return RodFit(rod, replace(fit, kept=kept), neighbours)
 
 
-def _padded(fit: FrameFit, rod: RodProblem) -> Floats:
-    """Return the covariance of a fit, with zeros for the errors of the frame's own."""
-    return np.pad(fit.covariance, (0, rod.own_errors))
+def refitted(rod: RodProblem, fit: FrameFit) -> FrameFit:
+    """Fit again after errors of the frame's own have been added; they are 0 where that fails."""
+    own = len(rod.mean) - len(fit.p)
+    before = replace(
+        fit, p=np.append(fit.p, np.zeros(own)), covariance=np.pad(fit.covariance, (0, own))
+    )
+    after = fit_rod(rod, before.p)
+    if after is None or (before.status == CONVERGED and after.status != CONVERGED):
+        return before
+    return after
 
 
 def _best_fit(rod: RodProblem, start: Floats) -> FrameFit | None:

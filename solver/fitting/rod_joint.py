@@ -2,8 +2,8 @@
 
 Every frame has its own contact, force and friction. Width, clamp, plane of bending and the errors
 that all points share are the same in all frames, so that contacts at several places determine what
-one image does not. The frames' own parameters are eliminated (Schur complement), so that the size
-of the joint system is that of the shared ones.
+one image does not. The frames' own parameters (Schur complement) and errors of their own are
+eliminated, so that the size of the joint system is that of the shared ones.
 """
 
 import math
@@ -30,7 +30,7 @@ _STEP_SIGMAS: Final = 0.01
 
 @dataclass(frozen=True)
 class JointFit:
-    """Fit of n frames: `frames` (n, p) are their parameters, `covariance` (s, s) of the shared.
+    """Fit of n frames: `frames` (n, c) are their parameters, `covariance` (s, s) of the shared.
 
     `shared` (s,) are the indices of the shared parameters that were fitted; `objective` is the sum
     of squares of all points and priors.
@@ -44,7 +44,7 @@ class JointFit:
 
 
 class _System(NamedTuple):
-    """Normal equations at `parameters` (n, p): own blocks (n, o, o), mixed (n, o, s), shared."""
+    """Normal equations at `parameters` (n, c): own blocks (n, o, o), mixed (n, o, s), shared."""
 
     parameters: Floats
     objective: float
@@ -58,12 +58,13 @@ class _System(NamedTuple):
 def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) -> JointFit | None:
     """Fit n frames of one beam.
 
-    The shared parameters start from those of `common` (p,), each frame's own from the best of its
+    The shared parameters start from those of `common` (c,), each frame's own from the best of its
     `starts` (n, a, 3), in the order of OWN. Return None if no start of a frame has a shape.
     """
     first = problems[0]
-    own = np.array([i for i in first.free if i in OWN])
-    shared = np.array([i for i in first.free if i not in OWN])
+    free = first.free[first.free < first.common]
+    own = np.array([i for i in free if i in OWN])
+    shared = np.array([i for i in free if i not in OWN])
     nearest = [
         _nearest(problem, common, start[:, own], own)
         for problem, start in zip(problems, starts, strict=True)
@@ -97,11 +98,22 @@ def _nearest(problem: RodProblem, common: Floats, starts: Floats, own: Floats) -
     for start in starts:
         trial = common.copy()
         trial[own] = start
-        rows = residuals_at(problem, trial)
-        size = math.inf if rows is None else float(rows[0] @ rows[0])
+        rows = _rows(problem, trial)
+        size = math.inf if rows is None else float(rows[-1] @ rows[-1])
         if size < smallest:
             best, smallest = trial, size
     return best
+
+
+def _rows(problem: RodProblem, p: Floats) -> Floats | None:
+    """Compute the Jacobian by the common parameters p (c,), and the residuals: rows (c + 1, n).
+
+    Errors of the frame's own are eliminated. Return None if there is no shape.
+    """
+    rows = residuals_at(problem, np.append(p, np.zeros(problem.own_errors)))
+    if rows is None:
+        return None
+    return problem.without_own_errors(np.vstack([rows[1][: problem.common], rows[0]]))
 
 
 def _system(
@@ -119,10 +131,10 @@ def _system(
     shared_block, shared_gradient = information.copy(), information @ deviation
     objective = float(deviation @ shared_gradient)
     for i, problem in enumerate(problems):
-        rows = residuals_at(problem, parameters[i])
+        rows = _rows(problem, parameters[i])
         if rows is None:
             return None
-        residual, jacobian = rows
+        residual, jacobian = rows[-1], rows[:-1]
         by_own, by_shared = jacobian[own], jacobian[shared]
         prior = problem.information[np.ix_(own, own)]
         pull = parameters[i, own] - problem.mean[own]

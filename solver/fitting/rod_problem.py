@@ -1,6 +1,7 @@
 """Convert a measurement to the arrays of the fit of a beam of changing section."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final
 
@@ -54,6 +55,26 @@ class RodProblem:
     def shape_size(self) -> int:
         """Number of parameters of the shape, which come first."""
         return len(self.mean) - POSE - int(self.shared.shape[1])
+
+    @property
+    def common(self) -> int:
+        """Number of parameters before the errors of the frame's own."""
+        return len(self.mean) - self.own_errors
+
+    @cached_property
+    def _whitener(self) -> tuple[Floats, Floats]:
+        """Directions (n, k) in which the frame's own errors widen residuals, and by how much."""
+        own = self.shared[:, self.shared.shape[1] - self.own_errors :]
+        directions, sigmas, _ = np.linalg.svd(own, full_matrices=False)
+        return directions, 1 - 1 / np.hypot(1.0, sigmas)
+
+    def without_own_errors(self, rows: Floats) -> Floats:
+        """Return rows (..., n) of residuals whose own errors are eliminated: their noise is white.
+
+        Multiplies by (1 + E E^T)^(-1/2), where E are the errors.
+        """
+        directions, excess = self._whitener
+        return np.asarray(rows - (rows @ directions * excess) @ directions.T)
 
     @property
     def positive(self) -> tuple[int, ...]:
@@ -212,7 +233,11 @@ def lit_by_object(problem: RodProblem, contact: Floats, tangent: Floats) -> RodP
     shift = REFLECTED * problem.radius / (1 + x * x + y * y)
     sigmas = np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])
     ahead = x * tangent[0] + y * tangent[1]
-    columns = np.column_stack([shift / sigmas, ahead * shift / sigmas])
+    return with_own_errors(problem, np.column_stack([shift / sigmas, ahead * shift / sigmas]))
+
+
+def with_own_errors(problem: RodProblem, columns: Floats) -> RodProblem:
+    """Add errors that only the points of this frame share: `columns` (n, k) are like `shared`."""
     count, own = len(problem.mean), columns.shape[1]
     information = np.eye(count + own)
     information[:count, :count] = problem.information
@@ -222,7 +247,7 @@ def lit_by_object(problem: RodProblem, contact: Floats, tangent: Floats) -> RodP
         mean=np.append(problem.mean, np.zeros(own)),
         information=information,
         free=np.append(problem.free, count + np.arange(own)),
-        own_errors=own,
+        own_errors=problem.own_errors + own,
     )
 
 

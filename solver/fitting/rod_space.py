@@ -1,30 +1,50 @@
 """Fit a beam of changing section in a plane of unknown inclination to one frame."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from solver.fitting.fit import FrameFit
+from solver.fitting.minimise import CONVERGED
+from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem
-from solver.fitting.rod_estimate import uniform_start
+from solver.fitting.rod_estimate import refitted, uniform_start
 from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_tip import spatial
 from solver.instrument.arrays import Floats
 
 
-def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> list[FrameFit]:
+class SpaceFits(NamedTuple):
+    """Fits of a frame from several starts, and their problem with errors of the frame's own."""
+
+    rod: RodProblem
+    fits: list[FrameFit]
+
+
+def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> SpaceFits:
     """Fit a frame, with the tips of `problem`, from a start at each inclination [rad].
 
     The parameters are those of `rod`, psi among them; a fit's `kept` (n,) is in the order of the
-    measurement's points. Starts without a beam near the points are left out.
+    measurement's points. Starts without a beam near the points are left out. Errors that
+    neighbouring points share are those beside the best fit.
     """
-    space, fits = spatial(rod, problem), []
-    for psi in inclinations:
-        start = uniform_start(problem, rod, float(psi))
-        fit = None if start is None else fit_rod(space, start)
-        if fit is not None:
-            kept = np.empty(problem.points, dtype=np.bool_)
-            kept[problem.order] = fit.kept[: problem.points]
-            fits.append(replace(fit, kept=kept))
-    return fits
+    space = spatial(rod, problem)
+    starts = [uniform_start(problem, rod, float(psi)) for psi in inclinations]
+    fits = [fit for start in starts if start is not None and (fit := fit_rod(space, start))]
+    if fits:
+        best = min(fits, key=lambda fit: (fit.status != CONVERGED, fit.chi2))
+        neighbours = neighbours_of(space, best.p, best.kept)
+        if neighbours is not None:
+            rod = with_neighbours(rod, neighbours)
+            space = spatial(rod, problem)
+            fits = [refitted(space, fit) for fit in fits]
+    return SpaceFits(rod, [_in_order(problem, fit) for fit in fits])
+
+
+def _in_order(problem: Problem, fit: FrameFit) -> FrameFit:
+    """Return a fit of points only, in the order of the measurement."""
+    kept = np.empty(problem.points, dtype=np.bool_)
+    kept[problem.order] = fit.kept[: problem.points]
+    return replace(fit, kept=kept)

@@ -170,7 +170,7 @@ class _Fitted(NamedTuple):
 def _fit(frames: Sequence[BentFrame], shape: BeamShape) -> _Fitted | None:
     """Fit frames with this beam; None if it has no shape near them."""
     problems = problems_of(frames, shape)
-    common = problems[0].mean.copy()
+    common = problems[0].mean[: problems[0].common].copy()
     if len(shape.widths) and not shape.widths.any():  # a prior
         common[WIDTHS] = np.median([frame.taper for frame in frames])
     fit = fit_jointly(problems, common, np.array([frame.starts for frame in frames]))

@@ -9,6 +9,7 @@ import numpy as np
 from solver.beam_models.rod import WIDTHS
 from solver.fitting.correlation import correlation_length
 from solver.fitting.fit_estimate import refusal_of
+from solver.fitting.neighbours import Neighbours, with_neighbours
 from solver.fitting.problem import problem_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rod_estimate import fit_frame, uniform_start, with_bow
@@ -24,7 +25,8 @@ class BentFrame(NamedTuple):
 
     `starts` (2, 3) are load, place and grip of a uniform beam and of the frame's own fit, whose
     prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances, and
-    `correlation` the correlation length of its residuals.
+    `correlation` the correlation length of its residuals; `neighbours` are the errors that its
+    neighbouring points share.
     """
 
     measurement: Measurement
@@ -33,6 +35,7 @@ class BentFrame(NamedTuple):
     taper: float
     inflation: float
     correlation: float
+    neighbours: Neighbours | None
 
 
 def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
@@ -42,7 +45,7 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
     if fitted is None or refusal_of(measurement, problem, fitted.fit) is not None:
         return None
-    rod, fit = fitted
+    rod, fit, neighbours = fitted
     rows = residuals_at(rod, fit.p)
     if rows is None:
         return None
@@ -55,6 +58,7 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
         taper=float(fit.p[WIDTHS]),
         inflation=float(fit.variance_inflation),
         correlation=correlation_length(rows[0][inliers]),
+        neighbours=neighbours,
     )
 
 
@@ -66,6 +70,8 @@ def problems_of(frames: Sequence[BentFrame], shape: BeamShape) -> list[RodProble
 def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
     measurement = _with_shape(frame.measurement, shape)
     problem = rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+    if frame.neighbours is not None:
+        problem = with_neighbours(problem, frame.neighbours)
     points = problem.points.copy()
     points[[SIGMA_X, SIGMA_Y]] *= np.sqrt(frame.inflation)
     widened = replace(problem, points=points, shared=problem.shared / np.sqrt(frame.inflation))

@@ -132,7 +132,9 @@ def _rod_minima(measurement: Measurement, with_tips: bool) -> _Found:
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tips)
     rod = rod_problem_of(bowed, problem)
-    fits = fits_in_space(problem, rod, STARTS) if problem.points >= LIMITS.min_points else []
+    if problem.points < LIMITS.min_points:
+        return _Found(problem, [], rod)
+    rod, fits = fits_in_space(problem, rod, STARTS)
     return _Found(problem, _distinct(fits, rod.shape_size + ROD_PSI), rod)
 
 
