@@ -1,0 +1,110 @@
+"""Errors that neighbouring points share: found where they are, and honest estimates with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from solver.fitting import neighbours
+from solver.fitting.neighbours import LENGTHS, SIGMAS, neighbours_of, with_neighbours
+from solver.fitting.problem import problem_of
+from solver.fitting.rod_estimate import uniform_start, with_bow
+from solver.fitting.rod_fit import fit_rod, residuals_at
+from solver.fitting.rod_problem import RodProblem, rod_problem_of
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import stated_shape
+from solver.instrument.measurement import Measurement, View
+from solver.methods.exact_fit import exact_fit
+from tests.simulated import BEAM
+from tests.tapered import SIGMA, bent, measured
+from vbaa_bench.mechanics.loaded import LoadedBeam
+
+STATED = stated_shape(taper=0.1, softness=0.0, section=0.0, friction=0.0)
+
+
+def disturbed(
+    beam: LoadedBeam, nodes: int, sigma: float, random: np.random.Generator
+) -> Measurement:
+    """Measure a beam whose points err along a random course, with `sigma` [m] at its nodes."""
+    taken = measured(beam, STATED, random)
+    points = np.array(taken.points)
+    place = np.hypot(*points.T) / BEAM.length
+    course = np.interp(place, np.linspace(0, 1, nodes), sigma * random.standard_normal(nodes))
+    points[:, 1] += course
+    return replace(taken, view=View(points, taken.sigma_vectors, taken.view.viewpoint))
+
+
+def fitted(taken: Measurement) -> tuple[RodProblem, Floats]:
+    bowed = with_bow(taken)
+    problem = problem_of(bowed, with_tips=False)
+    rod = rod_problem_of(bowed, problem)
+    start = uniform_start(problem, rod)
+    assert start is not None
+    fit = fit_rod(rod, start)
+    assert fit is not None
+    return rod, fit.p
+
+
+def everything(rod: RodProblem) -> Floats:
+    return np.ones(len(rod.shared), bool)
+
+
+def test_independent_errors_are_left_alone() -> None:
+    random = np.random.default_rng(11)
+    beam = bent(0.05, 0.6, 1.2)
+    for _ in range(30):
+        rod, p = fitted(measured(beam, STATED, random))
+        assert neighbours_of(rod, p, everything(rod)) is None
+
+
+def test_the_chosen_course_is_that_of_the_largest_density() -> None:
+    taken = disturbed(bent(0.05, 0.6, 1.2), 12, 2 * SIGMA, np.random.default_rng(5))
+    rod, p = fitted(taken)
+    chosen = neighbours_of(rod, p, everything(rod))
+    assert chosen is not None
+    rows = residuals_at(rod, p)
+    assert rows is not None
+    residual, jacobian = rows[0], rows[1][rod.free]
+    steps = np.diff(residual)
+    scatter = float(np.sqrt(max(float(np.mean(steps**2)) / 2, 1.0)))
+    # The density of the points with every parameter at random; load and place have no prior.
+    information = np.array(rod.information[np.ix_(rod.free, rod.free)])
+    information[[0, 1], [0, 1]] += 1e-4 * np.diag(jacobian @ jacobian.T)[:2]
+    prior = jacobian.T @ np.linalg.solve(information, jacobian)
+    at_prior = residual + jacobian.T @ (rod.mean - p)[rod.free]
+    at_prior -= jacobian[:2].T @ (rod.mean - p)[rod.free[:2]]
+    densities: dict[tuple[float, float], float] = {}
+    for length in LENGTHS:
+        for sigma in SIGMAS:
+            course = with_neighbours(rod, neighbours.Neighbours(length, sigma)).shared
+            course = scatter * course[:, rod.shared.shape[1] :]
+            covariance = scatter**2 * np.eye(len(residual)) + prior + course @ course.T
+            zero = np.zeros(len(residual))
+            densities[length, sigma] = multivariate_normal.logpdf(at_prior, zero, covariance)
+    length, sigma = max(densities, key=lambda one: densities[one])
+    assert chosen.length == length
+    assert chosen.sigma == pytest.approx(scatter * sigma)
+
+
+@pytest.mark.parametrize("nodes", [8, 20])
+def test_estimates_are_honest_with_them_and_not_without(
+    nodes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beam = bent(0.05, 0.6, 1.2)
+    random = np.random.default_rng(3)
+    frames = [disturbed(beam, nodes, 3 * SIGMA, random) for _ in range(30)]
+
+    def pulls() -> Floats:
+        estimates = [exact_fit(frame) for frame in frames]
+        answers = [one for one in estimates if one.values]
+        x_c = beam.points[0, 0]
+        return np.array([(one.values["x_c_m"] - x_c) / one.sigma("x_c_m") for one in answers])
+
+    honest = pulls()
+    assert len(honest) == len(frames)
+    # Mean of 30 squares of standard normal values: outside of this range once in 1,000.
+    assert 0.4 < np.mean(honest**2) < 1.9
+    monkeypatch.setattr(neighbours, "MIN_GAIN", np.inf)
+    refused_or_wrong = len(frames) - np.count_nonzero(np.abs(pulls()) < 3)
+    assert refused_or_wrong > len(frames) / 4
