@@ -23,6 +23,7 @@ from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.fitting.rod_residuals import SOFTNESS, TILT, clamp_moment, rod_residuals
+from solver.fitting.rod_step import straight_in_moments
 from solver.instrument.arrays import Floats
 from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement
@@ -52,6 +53,10 @@ class HungProblem(RodProblem):
     """
 
     direction: float
+
+    def moved(self, p: Floats, step: Floats) -> Floats:
+        """Return the parameters (p,) after a step (p,) of a fit, by linear theory."""
+        return straight_in_moments(p, step)
 
     def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
         """Write the residuals (n,) of shape and pose p, and their Jacobian, as `rod_residuals`."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
+from solver.fitting.rod_step import straight_in_free_end
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
 from solver.instrument.measurement import Measurement, RestBow
@@ -82,19 +83,8 @@ class RodProblem:
         return (Q, S_C)
 
     def moved(self, p: Floats, step: Floats) -> Floats:
-        """Return the parameters (p,) after a step (p,) of a fit.
-
-        In linear theory the beam beyond the contact depends on q s_c^2 and q s_c^3 only, and
-        linearly on both. The step is straight in these, and so follows the curved valley of the
-        objective, which is narrow where the contact is near the clamp.
-        """
-        after, arc = p + step, p[S_C]
-        slope = arc**2 * (p[Q] + step[Q]) + 2 * p[Q] * arc * step[S_C]
-        offset = arc**3 * (p[Q] + step[Q]) + 3 * p[Q] * arc**2 * step[S_C]
-        if slope > 0 < offset:
-            after[S_C] = offset / slope
-            after[Q] = slope / after[S_C] ** 2
-        return after
+        """Return the parameters (p,) after a step (p,) of a fit, along the objective's valley."""
+        return straight_in_free_end(p, step, self.shape_size, self.widths, self.radius)
 
     def rod_fit(self, fit: FrameFit) -> FrameFit:
         """Return a fit of this problem with the parameters of `rod_residuals`."""
@@ -108,6 +98,9 @@ class RodProblem:
                 jacobian,
             )
         )  # fmt: skip
+
+
+P = TypeVar("P", bound=RodProblem)
 
 
 def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
@@ -223,7 +216,7 @@ def _reflection(points: Floats, radius: float) -> float:
     return REFLECTED * radius / max(sigma, LEAST_SIGMA)
 
 
-def lit_by_object(problem: RodProblem, contact: Floats, tangent: Floats) -> RodProblem:
+def lit_by_object(problem: P, contact: Floats, tangent: Floats) -> P:
     """Add errors that the points share: light that an object at `contact` (2,) reflects.
 
     It brightens the beam's near side and moves its apparent middle beside the contact, differently
