@@ -14,7 +14,7 @@ import numpy as np
 
 from solver.fitting.residuals import X, Y
 from solver.fitting.rod_fit import residuals_at
-from solver.fitting.rod_problem import RodProblem, with_own_errors
+from solver.fitting.rod_problem import P, RodProblem, with_own_errors
 from solver.instrument.arrays import Floats
 
 # Number of nodes along the beam. Chosen: about ten pixels of an image from one to the next.
@@ -81,7 +81,7 @@ def neighbours_of(problem: RodProblem, p: Floats, kept: Floats) -> Neighbours | 
     return best
 
 
-def with_neighbours(problem: RodProblem, neighbours: Neighbours) -> RodProblem:
+def with_neighbours(problem: P, neighbours: Neighbours) -> P:
     """Add the errors that neighbouring points share, as errors of the frame's own."""
     return with_own_errors(problem, neighbours.sigma * _course(problem, neighbours.length))
 

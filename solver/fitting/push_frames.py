@@ -14,7 +14,7 @@ from solver.fitting.push_beam import PushBeam, PushFrame
 from solver.fitting.push_rod import RodBeam, RodPoints
 from solver.fitting.push_uniform import UniformBeam, UniformPoints
 from solver.fitting.residuals import LEVER
-from solver.fitting.rod_estimate import fit_frame, with_bow
+from solver.fitting.rod_estimate import fit_with_neighbours, with_bow
 from solver.fitting.rod_problem import only, rod_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Outcome
@@ -113,12 +113,14 @@ def _uniform(frame: Measurement) -> _Fitted[UniformPoints] | Outcome:
 def _rod(frame: Measurement) -> _Fitted[RodPoints] | Outcome:
     bowed = with_bow(frame)
     problem = problem_of(bowed, with_tips=False)
-    fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
-    refusal = refusal_of(frame, problem, None if fitted is None else fitted.fit)
-    if fitted is None or refusal is not None:
+    fitted = (
+        fit_with_neighbours(problem, rod_problem_of(bowed, problem)) if problem.points else None
+    )
+    fit = None if fitted is None else fitted.in_order(problem)
+    refusal = refusal_of(frame, problem, fit)
+    if fitted is None or fit is None or refusal is not None:
         return Outcome.NOT_CONVERGED if refusal is None else refusal.outcome
-    rod, fit, _ = fitted
-    inliers = only(rod, fit.kept[problem.order])
+    inliers = only(fitted.rod, fitted.fit.kept)
     return _Fitted(fit, RodPoints(inliers, fit.variance_inflation))
 
 

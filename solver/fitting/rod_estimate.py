@@ -12,7 +12,7 @@ from solver.fitting import residuals
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
-from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
+from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import (
@@ -46,12 +46,13 @@ def rod_estimate(
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tips=False)
     enough = problem.points >= LIMITS.min_points
-    fitted = fit_frame(problem, rod_problem(bowed, problem)) if enough else None
-    refusal = refusal_of(measurement, problem, None if fitted is None else fitted.fit)
-    if refusal is not None or fitted is None:
+    fitted = fit_with_neighbours(problem, rod_problem(bowed, problem)) if enough else None
+    fit = None if fitted is None else fitted.in_order(problem)
+    refusal = refusal_of(measurement, problem, fit)
+    if refusal is not None or fitted is None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
-    values, covariance = rod_values(measurement, fitted.rod, fitted.rod.rod_fit(fitted.fit))
-    return estimate_from_fit(measurement, problem, fitted.fit, values, covariance)
+    values, covariance = rod_values(measurement, fitted.rod, fitted.rod.rod_fit(fit))
+    return estimate_from_fit(measurement, problem, fit, values, covariance)
 
 
 def with_bow(measurement: Measurement) -> Measurement:
@@ -64,15 +65,19 @@ def with_bow(measurement: Measurement) -> Measurement:
 
 
 class RodFit(NamedTuple):
-    """Fit of a frame, its problem with errors of the frame's own, and those of neighbouring points.
+    """Fit of a frame, and its problem with errors of the frame's own.
 
-    The other ones are those of light that the object reflects. The fit's `kept` (n,) is in the
-    order of the measurement's points.
+    The fit's points are in the order of the problem.
     """
 
     rod: RodProblem
     fit: FrameFit
-    neighbours: Neighbours | None
+
+    def in_order(self, problem: Problem) -> FrameFit:
+        """Return the fit with its `kept` (n,) in the order of the measurement's points."""
+        kept = np.empty_like(self.fit.kept)
+        kept[problem.order] = self.fit.kept
+        return replace(self.fit, kept=kept)
 
 
 def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
@@ -87,17 +92,21 @@ def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
         _, theta, x_c, y_c, *_ = values
         rod = lit_by_object(rod, np.array([x_c, y_c]), np.array([np.cos(theta), np.sin(theta)]))
         fit = refitted(rod, fit)
-    neighbours = neighbours_of(rod, fit.p, fit.kept)
-    if neighbours is not None:
-        rod = with_neighbours(rod, neighbours)
-        # Outliers stay outliers: such errors could imitate a run of them.
-        inliers = refitted(only(rod, fit.kept), replace(fit, kept=fit.kept[fit.kept]))
-        kept_of_all = fit.kept.copy()
-        kept_of_all[fit.kept] = inliers.kept
-        fit = replace(inliers, kept=kept_of_all)
-    kept = np.empty_like(fit.kept)
-    kept[problem.order] = fit.kept
-    return RodFit(rod, replace(fit, kept=kept), neighbours)
+    return RodFit(rod, fit)
+
+
+def fit_with_neighbours(problem: Problem, rod: RodProblem) -> RodFit | None:
+    """Fit a frame as `fit_frame`, beside the errors that neighbouring points share."""
+    fitted = fit_frame(problem, rod)
+    neighbours = fitted and neighbours_of(fitted.rod, fitted.fit.p, fitted.fit.kept)
+    if fitted is None or neighbours is None:
+        return fitted
+    # Outliers stay outliers: such errors could imitate a run of them.
+    kept = fitted.fit.kept.copy()
+    rod = with_neighbours(fitted.rod, neighbours)
+    fit = refitted(only(rod, kept), replace(fitted.fit, kept=kept[kept]))
+    kept[kept] = fit.kept
+    return RodFit(rod, replace(fit, kept=kept))
 
 
 def refitted(rod: RodProblem, fit: FrameFit) -> FrameFit:

@@ -229,7 +229,7 @@ def lit_by_object(problem: P, contact: Floats, tangent: Floats) -> P:
     return with_own_errors(problem, np.column_stack([shift / sigmas, ahead * shift / sigmas]))
 
 
-def with_own_errors(problem: RodProblem, columns: Floats) -> RodProblem:
+def with_own_errors(problem: P, columns: Floats) -> P:
     """Add errors that only the points of this frame share: `columns` (n, k) are like `shared`."""
     count, own = len(problem.mean), columns.shape[1]
     information = np.eye(count + own)

@@ -22,7 +22,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.learning.candidates import Candidate, candidates_of, prior_of
 from solver.learning.next_push import NextPush, next_push
-from solver.learning.pushes import BentFrame, bent_frame, problems_of
+from solver.learning.pushes import BentFrame, bent_frame, problems_of, with_shared_errors
 
 # Beam of the frames' own fits, whose residuals show outliers.
 _CONE: Final = Candidate(1, False)
@@ -88,7 +88,12 @@ def learn_beam(pushes: Sequence[Sequence[Measurement]]) -> LearnedBeam:
     trials = _compare(frames, stated)
     chosen = _simplest(trials)
     every = [frame for push in frames for frame in push]
-    learned = _learn(every, prior_of(chosen, stated))
+    prior = prior_of(chosen, stated)
+    first = _fit(every, prior)
+    if first is not None:
+        # Only now: what the chosen beam does not explain, neighbouring points share.
+        every = with_shared_errors(every, prior, first.fit.frames)
+    learned = _learn(every, prior)
     if learned is None or not learned.converged:
         raise InputError("no beam fits the pushes: are they of one beam, with one contact each?")
     correlation = float(np.mean([frame.correlation for frame in every]))

@@ -9,7 +9,7 @@ import numpy as np
 from solver.beam_models.rod import WIDTHS
 from solver.fitting.correlation import correlation_length
 from solver.fitting.fit_estimate import refusal_of
-from solver.fitting.neighbours import Neighbours, with_neighbours
+from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.problem import problem_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rod_estimate import fit_frame, uniform_start, with_bow
@@ -35,7 +35,7 @@ class BentFrame(NamedTuple):
     taper: float
     inflation: float
     correlation: float
-    neighbours: Neighbours | None
+    neighbours: Neighbours | None = None
 
 
 def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
@@ -43,13 +43,13 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     bowed = with_bow(_with_shape(measurement, prior))
     problem = problem_of(bowed, with_tips=False)
     fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
-    if fitted is None or refusal_of(measurement, problem, fitted.fit) is not None:
+    if fitted is None or refusal_of(measurement, problem, fitted.in_order(problem)) is not None:
         return None
-    rod, fit, neighbours = fitted
+    rod, fit = fitted
     rows = residuals_at(rod, fit.p)
     if rows is None:
         return None
-    inliers = fit.kept[problem.order]
+    inliers = fit.kept
     start = uniform_start(problem, rod)
     return BentFrame(
         measurement=bowed,
@@ -58,13 +58,28 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
         taper=float(fit.p[WIDTHS]),
         inflation=float(fit.variance_inflation),
         correlation=correlation_length(rows[0][inliers]),
-        neighbours=neighbours,
     )
 
 
 def problems_of(frames: Sequence[BentFrame], shape: BeamShape) -> list[RodProblem]:
     """Return the frames' problems with this stated or learned beam, without outliers."""
     return [_problem(frame, shape) for frame in frames]
+
+
+def with_shared_errors(
+    frames: Sequence[BentFrame], shape: BeamShape, parameters: Floats
+) -> list[BentFrame]:
+    """Add the errors that neighbouring points share, from `parameters` (n, c) of n frames' fits.
+
+    These take the place of the inflation.
+    """
+    result = []
+    for frame, p in zip(frames, parameters, strict=True):
+        alone = frame._replace(inflation=1.0)
+        problem = _problem(alone, shape)
+        found = neighbours_of(problem, p, np.ones(len(problem.shared), np.bool_))
+        result.append(frame if found is None else alone._replace(neighbours=found))
+    return result
 
 
 def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
