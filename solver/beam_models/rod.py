@@ -176,8 +176,9 @@ def curve_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -> Curve
     """
     k, bow = len(p), WIDTHS + widths
     free_steps = _FREE_STEPS if k > bow else 1
-    nodes = np.empty((4, free_steps + steps + 1))
-    gradients = np.empty((k, 2, free_steps + steps + 1))
+    # The contact has a node on either side: with friction, the curvature jumps there.
+    nodes = np.empty((4, free_steps + steps + 2))
+    gradients = np.empty((k, 2, free_steps + steps + 2))
     y, by, by_arm = np.zeros(3), np.zeros((k, 3)), np.zeros(k)
     exists = p[Q] >= 0 and 0 < p[S_C] < END and abs(p[GRIP]) < np.tan(MOST_ANGLE)
     if exists:
@@ -196,8 +197,9 @@ def curve_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -> Curve
             by[:, 0] = by_arm
             by[GRIP, 2] = -1 / square
             direction, count = (1, steps) if loaded else (-1, free_steps)
+            first = free_steps + 1 if loaded else free_steps
             exists = exists and _march(
-                y, by, p, bow, loaded, count, free_steps, direction, nodes, gradients
+                y, by, p, bow, loaded, count, first, direction, nodes, gradients
             )
     return Curve(nodes, gradients, free_steps, by_arm, y, by, exists)
 

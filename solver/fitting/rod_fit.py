@@ -19,7 +19,7 @@ from solver.fitting.rod_problem import RodProblem
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
-_MAX_ITERATIONS: Final = 30
+_MAX_ITERATIONS: Final = 100
 # Levenberg and Marquardt's damping after a step that failed for the first time, and its factor.
 # Chosen.
 _FIRST_DAMPING, _FACTOR = 1e-6, 10.0
@@ -148,7 +148,8 @@ def _moved(problem: RodProblem, at: _Linearised, cut: float) -> _Linearised | No
         if moved is None:
             continue
         shorter = moved.length < (1 - part / 4) * at.length or at.length < LIMITS.step_sigmas
-        if shorter if at.length < _NEAR else moved.objective <= at.objective * (1 + 1e-9):
+        better = moved.objective <= at.objective - part * at.length**2 / 4
+        if shorter or better if at.length < _NEAR else moved.objective <= at.objective * (1 + 1e-9):
             return moved
     return None
 

@@ -95,7 +95,14 @@ def curve_residuals(
     for i in range(n):
         shifted[X, i] -= residual[i] * points[SIGMA_X, i]
         shifted[Y, i] -= residual[i] * points[SIGMA_Y, i]
-    return _evaluate(p, curve, moment, by_moment, shifted, points, bounds, views, scratch, jacobian)
+    if not _evaluate(
+        p, curve, moment, by_moment, shifted, points, bounds, views, scratch, jacobian
+    ):
+        return False
+    # Newton's second step towards the curve: the Jacobian, of the second, is then that of their sum.
+    for i in range(n):
+        residual[i] += scratch[i]
+    return True
 
 
 @njit
