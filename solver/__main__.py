@@ -33,7 +33,7 @@ from solver.lab.sources import open_source
 from solver.lab.table import Row, csv_text
 from solver.lab.target import svg
 from solver.lab.writing import prepare_output_path, write
-from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.methods import LEARNING, METHODS
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
@@ -112,7 +112,7 @@ def solve(
         antenna = set_up(observations, learn_extractor)
         if method in LEARNING:
             beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
-            antenna = with_shape(antenna, beam.shape)
+            antenna = with_learned(antenna, beam)
         warm_up(antenna, function, next(observations.read_rest_images()))
     rows: dict[int, Row] = {}
     interrupted = False

@@ -2,15 +2,15 @@
 
 The contact (x_c, y_c) and the force are given in the deformation frame; only friction inclines the
 force against the beam's normal. Both are rotated by the inclination psi about the beam at rest and
-by the clamp's tilt in plane C, and translated to the clamp's position: eq. (5). The motor's axis
-passes through the clamp (assumption 4), at any clamp position in Sigma_a, so that eqs. (1) and (4)
-rotate about the clamp. A camera fixed in the world observes Sigma_o; there the clamp's tilt is the
-motor angle, by which Sigma_a has turned.
+by the clamp's tilt in plane C, and translated to the clamp's position: eq. (5). The rig states
+where the clamp is relative to the motor's axis, about which eqs. (1) and (4) rotate; by default it
+is on the axis (assumption 4). A camera fixed in the world observes Sigma_o; there the clamp's tilt
+is the motor angle, by which Sigma_a has turned, and the clamp is on the axis.
 
 Sigma_a is known only as accurately as the board's pose in it during camera calibration. Its error
 is a shift by the rig's tolerance of the board's translation, and a rotation about the board's
 middle by that of the board's rotation. The clamp's height over plane C has the tolerance of the
-clamp's position.
+clamp's position. The clamp's offset from the axis has the covariance that the rig states.
 """
 
 import math
@@ -41,8 +41,10 @@ Vector = tuple[float, float, float]
 # angle of the force from the beam's normal, back to the clamp.
 X_C, Y_C, S_C, FORCE, THETA, PSI, DX, DY, TILT, ANGLE, LEAN = range(11)
 CONTACT: Final = 11
-# The error of Sigma_a follows: shift (3,), rotation (3,) about the board's middle.
+# The error of Sigma_a follows: shift (3,), rotation (3,) about the board's middle; and then the
+# clamp's offset (2,) from the motor's axis.
 _POSE_ERRORS: Final = 6
+_OFFSET: Final = CONTACT + _POSE_ERRORS
 
 
 def tilt_is_motor_angle(measurement: Measurement) -> bool:
@@ -59,7 +61,7 @@ def in_all_frames(
     linear: bool = False,
     plane: float = 0.0,
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Compute values (m,) by name, Jacobian (m, 11) by contact, covariance (m, m) due to Sigma_a.
+    """Compute values (m,) by name, Jacobian (m, 11) by contact, covariance (m, m) by poses.
 
     The arguments are those of `with_jacobians`.
     """
@@ -83,13 +85,14 @@ def with_jacobians(
     linear: bool = False,
     plane: float = 0.0,
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Compute values (m,) by name, Jacobians (m, 11) by contact and (m, 6) by errors of Sigma_a.
+    """Compute values (m,) by name, Jacobians (m, 11) by contact and (m, 8) by the rig's poses.
 
     `contact` (11,) is (x_c, y_c, s_c, force, theta_c, psi, dx, dy, tilt, motor angle, lean) in the
     frame of the beam at rest; `measurement` may already be un-projected onto a plane inclined by
     `plane` [rad]. Values that are not estimated are absent: the third dimension if psi was neither
     fitted nor stated by the rig, Sigma_o if neither the encoder nor a fitted clamp gives the motor
-    angle, and with `linear` the values that linear theory neglects.
+    angle, and with `linear` the values that linear theory neglects. The rig's poses are the error
+    of Sigma_a (6,) and the clamp's offset (2,) from the motor's axis.
     """
     rig, world_camera = measurement.rig, tilt_is_motor_angle(measurement)
     values, by_contact, by_pose = _with_jacobian(
@@ -97,6 +100,7 @@ def with_jacobians(
         rig.beam.length,
         measurement.antenna_from_beam,
         rig.antenna_from_board,
+        rig.clamp_offset.position,
         measurement.handedness,
         plane,
         world_camera,
@@ -116,11 +120,13 @@ def with_jacobians(
 
 
 def pose_covariance(measurement: Measurement, by_pose: Floats) -> Floats:
-    """Compute the covariance (m, m) due to Sigma_a of values with the Jacobian `by_pose` (m, 6)."""
+    """Compute the covariance (m, m), due to the rig's poses, of values with Jacobian (m, 8)."""
     tolerances = measurement.rig.tolerances
     shift, rotation = tolerances.board_translation**2, tolerances.board_rotation**2
     variances = np.array((shift, shift, shift + tolerances.base_position**2, *[rotation] * 3))
-    return np.asarray((by_pose * variances) @ by_pose.T)
+    of_frame, by_offset = by_pose[:, :_POSE_ERRORS], by_pose[:, _POSE_ERRORS:]
+    offset = measurement.rig.clamp_offset.covariance
+    return np.asarray((of_frame * variances) @ of_frame.T + by_offset @ offset @ by_offset.T)
 
 
 @lru_cache
@@ -193,13 +199,28 @@ def _values(
         vector = _rotated(turn, vector)
         scratch[k, 0], scratch[k, 1], scratch[k, 2] = vector
     contact, force_vector, displacement = scratch[0], scratch[1], scratch[2]
-    world_contact = _rotated(angle, (contact[0], contact[1], contact[2]))
     clamp_offset = _to_antenna(antenna_from_beam, rotation, (v[DX], v[DY], 0.0))
     origin, board_middle = antenna_from_beam[:3, 3], antenna_from_board[:3, 3]
     clamp_shift = _cross(
         rotation,
         (origin[0] - board_middle[0], origin[1] - board_middle[1], origin[2] - board_middle[2]),
     )
+    if world_camera:
+        world_contact = _rotated(angle, (contact[0], contact[1], contact[2]))
+    else:
+        # About the motor's axis; the clamp's position in the image turns with the camera.
+        axis_x, axis_y = v[_OFFSET], v[_OFFSET + 1]
+        from_axis = (
+            contact[0] + clamp_offset[0] + axis_x,
+            contact[1] + clamp_offset[1] + axis_y,
+            contact[2],
+        )
+        turned = _rotated(angle, from_axis)
+        world_contact = (
+            turned[0] - axis_x - clamp_offset[0],
+            turned[1] - axis_y - clamp_offset[1],
+            turned[2],
+        )
     out[0], out[1], out[2], out[3], out[4], out[5] = x, y, v[S_C], force, across, theta
     out[6] = handedness * (plane + psi)
     for i in range(3):
@@ -215,18 +236,20 @@ def _with_jacobian(
     length: float,
     antenna_from_beam: Floats,
     antenna_from_board: Floats,
+    axis_offset: Floats,
     handedness: int,
     plane: float,
     world_camera: bool,
 ) -> Any:
-    """Compute values (n,) and Jacobians by contact (n, 11) and by the error of Sigma_a (n, 6).
+    """Compute values (n,) and Jacobians by contact (n, 11) and by the rig's poses (n, 8).
 
     The Jacobians are central differences, with a relative error of 1e-10.
     """
-    inputs, steps = np.zeros(CONTACT + _POSE_ERRORS), np.ones(CONTACT + _POSE_ERRORS)
+    inputs, steps = np.zeros(_OFFSET + 2), np.ones(_OFFSET + 2)
     for j in range(CONTACT):
         inputs[j] = contact[j]
-    for j in (X_C, Y_C, S_C, DX, DY, CONTACT, CONTACT + 1, CONTACT + 2):
+    inputs[_OFFSET], inputs[_OFFSET + 1] = axis_offset
+    for j in (X_C, Y_C, S_C, DX, DY, CONTACT, CONTACT + 1, CONTACT + 2, _OFFSET, _OFFSET + 1):
         steps[j] = length
     steps[FORCE] = max(abs(contact[FORCE]), 1e-300)
     n, scratch = len(NAMES), np.empty((3, 3))

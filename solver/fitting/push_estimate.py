@@ -71,8 +71,8 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
     if values["compliance_m_per_n"] < -LIMITS.impossible_sigmas * math.sqrt(covariance[row, row]):
         return failure(
             Outcome.INVALID,
-            "the compliance would be negative: the motor turns about another axis than the "
-            "clamp's, or the beam is not the rig's",
+            "the compliance would be negative: the motor turns about another axis than the rig "
+            "states, or the beam is not the rig's",
         )
     return classified_estimate(
         last.rig,

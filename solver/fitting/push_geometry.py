@@ -1,8 +1,10 @@
 """Relate beam shapes to the push that makes them, by the object's position in the world.
 
 The object touches the beam at rest at the distance x0 from the clamp, when the motor is at the
-onset angle. From there the motor turns the clamp by the pushing angle delta, about an axis through
-the clamp (the paper's Assumption 4). The world frame is given by the beam at first contact: x is
+onset angle. From there the motor turns the clamp by the pushing angle delta, about its axis, which
+is taken to pass through the clamp (the paper's Assumption 4); `about_axis` and `first_about_axis`
+refer contacts of a clamp beside the axis to the axis. The world frame is given by the beam at first
+contact: x is
 along it, y is the direction in which the object pushes the beam. The object is round, with `reach`
 [m] from its axis to the beam's centreline: the beam's radius plus its own, which is zero for a
 sharp edge. Its axis is at (x0, -reach), and yields along -y, the normal of the beam at first
@@ -22,7 +24,7 @@ A bowed beam is inclined to its clamp by an angle at first contact, which delta 
 its tangent there passes the clamp at a distance: the y equation has -reach + height on its right.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +45,23 @@ class FirstTouch(NamedTuple):
     height: float
     angle: float
     gradients: Floats
+
+
+def about_axis(contact: Contact, offset: Floats) -> Contact:
+    """Return contacts relative to the motor's axis, of a clamp at `offset` (2,) [m] from it."""
+    return replace(contact, x_c=contact.x_c + offset[0], y_c=contact.y_c + offset[1])
+
+
+def first_about_axis(first: FirstTouch, offset: Floats) -> FirstTouch:
+    """Return the line of first contact relative to the motor's axis, as `about_axis`."""
+    sine, cosine = np.sin(first.angle), np.cos(first.angle)
+    along, across = cosine * offset[0] + sine * offset[1], cosine * offset[1] - sine * offset[0]
+    gradients = first.gradients.copy()
+    gradients[0] += across * gradients[2]
+    gradients[1] -= along * gradients[2]
+    return FirstTouch(
+        float(first.position + along), float(first.height + across), first.angle, gradients
+    )
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ With friction the unknowns of the grips follow, Coulomb's coefficient first, as 
 `sliding`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.linalg import lstsq
 
 from solver.fitting.gauss_newton import Fit, Linearised
 from solver.fitting.push_beam import PushBeam, PushFrame
-from solver.fitting.push_geometry import touch
+from solver.fitting.push_geometry import about_axis, first_about_axis, touch
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.rig import Rig
@@ -27,6 +27,8 @@ PUSH: Final = 4
 # Tolerance of places as a fraction of the beam's length, and maximum number of Newton's steps.
 _PLACE_TOLERANCE: Final = 1e-10
 _MAX_STEPS: Final = 20
+# Step of differences, in sigmas. Chosen: small enough for a shape to exist, and above rounding.
+_STEP: Final = 1e-3
 # Prior sigma of an object's radius, as a fraction of the beam's length: about the largest expected.
 RADIUS_SIGMA: Final = 0.05
 # Prior sigma of Coulomb's coefficient and of each grip: a typical coefficient of dry friction.
@@ -51,7 +53,8 @@ class Push:
     """Two or more frames of one push of a rig, with the shapes of its beam.
 
     `grip_matrix` (n, m) maps m unknowns to the frames' grips, which have the prior sigma
-    `friction_sigma`; m is zero without friction.
+    `friction_sigma`; m is zero without friction. `offset` (2,) [m] is the clamp's position relative
+    to the motor's axis in the frame of the beam at rest, `offset_covariance` (2, 2) its covariance.
     """
 
     frames: tuple[PushFrame, ...]
@@ -59,6 +62,8 @@ class Push:
     beam: PushBeam
     grip_matrix: Floats
     friction_sigma: float = DRY
+    offset: Floats = field(default_factory=lambda: np.zeros(2))
+    offset_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
 
     @property
     def motor_angles(self) -> Floats:
@@ -93,14 +98,14 @@ class Push:
         if not (q >= 0).all() or x0 <= 0:
             return None
         beam, rigidity = parameters[self.base], self.rig.beam.flexural_rigidity
-        first = self.beam.first_touch(x0, beam)
+        first = first_about_axis(self.beam.first_touch(x0, beam), self.offset)
         max_places = 0.999 * self.beam.farthest(q, grip)
         places = np.minimum(x0, max_places)
         for _ in range(_MAX_STEPS):
             contacts = self.beam.contacts(q, places, grip, beam)
-            touches = (
-                None if contacts is None else touch(contacts, first, compliance, reach, rigidity)
-            )
+            if contacts is None:
+                return None
+            touches = touch(about_axis(contacts, self.offset), first, compliance, reach, rigidity)
             if touches is None:
                 return None
             step = touches.excess / touches.d_excess[1]
@@ -208,6 +213,18 @@ class Push:
             shared[first : first + len(error), : error.shape[1]] = error
             first += len(error)
         return np.asarray(fit.covariance @ joint[1].T @ shared)
+
+    def moved_by_offset(self, fit: Fit) -> Floats:
+        """Compute the displacement (p, 2) of a fit by one sigma each of the clamp's offset."""
+        joint = self.residuals(fit.parameters)
+        assert joint is not None
+        values, vectors = np.linalg.eigh(self.offset_covariance)
+        moved = np.zeros((len(joint[0]), 2))
+        for i, sigma in enumerate((vectors * np.sqrt(np.maximum(values, 0.0))).T):
+            other = replace(self, offset=self.offset + _STEP * sigma).residuals(fit.parameters)
+            assert other is not None
+            moved[:, i] = (other[0] - joint[0]) / _STEP
+        return np.asarray(fit.covariance @ joint[1].T @ moved)
 
     def consistency_chi2(self, parameters: Floats) -> tuple[float, int]:
         """Compute chi^2 and degrees of freedom of the push's own equations (Rao 1948).

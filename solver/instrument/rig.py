@@ -14,6 +14,12 @@ from solver.instrument.beam import Beam
 from solver.instrument.beam_shape import UNIFORM, BeamShape
 from solver.instrument.beam_shape_json import beam_shape_keys, read_beam_shape
 from solver.instrument.board import DICTIONARIES, Board, Charuco, Chessboard, LineNetwork
+from solver.instrument.clamp_offset import (
+    ON_AXIS,
+    ClampOffset,
+    clamp_offset_keys,
+    read_clamp_offset,
+)
 from solver.instrument.distortion import COUNTS
 from solver.instrument.errors import InputError
 from solver.instrument.gravity import Gravity, gravity_keys, read_gravity
@@ -92,7 +98,8 @@ class Rig:
     `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
     colour image. `shape` is how the beam differs from a uniform one, as stated or learned.
-    `gravity` is its direction, which a hung weight needs; None if it is not stated.
+    `gravity` is its direction, which a hung weight needs; None if it is not stated. `clamp_offset`
+    is the clamp's position relative to the motor's axis.
     """
 
     beam: Beam
@@ -114,6 +121,7 @@ class Rig:
     channel: str = "gray"
     shape: BeamShape = UNIFORM
     gravity: Gravity | None = None
+    clamp_offset: ClampOffset = ON_AXIS
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
@@ -138,6 +146,7 @@ def rig_to_json(rig: Rig) -> str:
         "base": {
             "position_mm": [v / mm for v in rig.base_position],
             "position_sigma_mm": tol.base_position / mm,
+            **clamp_offset_keys(rig.clamp_offset),
         },
         "board": {
             **_board_keys(rig.board),
@@ -274,6 +283,7 @@ def read_rig(path: Path) -> Rig:
         channel=key.one_of("camera.channel", CHANNELS) if key.has("camera.channel") else "gray",
         shape=read_beam_shape(key),
         gravity=read_gravity(key),
+        clamp_offset=read_clamp_offset(key),
     )
     key.refuse_others()
     return rig

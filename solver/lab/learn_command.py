@@ -1,6 +1,6 @@
 """The command `learn`: pushes of one beam in, its rig.json out."""
 
-from dataclasses import replace
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +12,10 @@ from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.observation import open_observations
 from solver.instrument.rig import rig_to_json
+from solver.instrument.units import MILLIMETRE
 from solver.lab.console import console, setting_up
 from solver.lab.writing import prepare_output_path, write
+from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import frames_to_learn, learn_from_frames, measurement_of
 from solver.learning.known_force import rig_with_force
 from solver.learning.page import page, summary
@@ -35,6 +37,14 @@ def learn(
             metavar="FRAME_ID NEWTON SIGMA",
         ),
     ] = None,
+    object_radius: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            help="radius of all touched objects and its sigma in mm, 0 for an edge: gives the "
+            "clamp's offset from the motor's axis in both directions",
+            metavar="MM SIGMA",
+        ),
+    ] = None,
     web_page: Annotated[
         Path | None, typer.Option("--page", help="HTML page with pictures to write")
     ] = None,
@@ -43,16 +53,19 @@ def learn(
 
     Frames of a push share push_id in metadata.csv; with a column split, those marked "learn" are
     used. The rig's EI at the clamp stays unless one force is known: images show only how EI
-    changes along the beam.
+    changes along the beam. Objects must be at rest, each push against one, for the clamp's offset
+    from the motor's axis to be learned too.
     """
     files, learn_extractor = open_observations(observations), find_extractor(centreline)
+    radius = None if object_radius is None else _radius(*object_radius)
     for path in filter(None, (out, web_page)):
         prepare_output_path(path)
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
     images = frames_to_learn(files.frames)
-    beam = learn_from_frames(antenna, track(images, "measuring", console=console, transient=True))
-    rig = replace(files.rig, shape=beam.shape)
+    measured = track(images, "measuring", console=console, transient=True)
+    beam = learn_from_frames(antenna, measured, radius)
+    rig = beam.rig(files.rig)
     if known_force:
         frame_id, force, sigma = known_force
         frame = next((frame for frame in files if frame.frame_id == frame_id), None)
@@ -66,3 +79,11 @@ def learn(
     Console(highlight=False, soft_wrap=True).print(
         f"{summary(beam, rig.beam.length)}\nwritten to {out}", markup=False
     )
+
+
+def _radius(radius_mm: float, sigma_mm: float) -> ObjectRadius:
+    if not (0 <= radius_mm < math.inf and 0 <= sigma_mm < math.inf):
+        raise InputError(
+            f"--object-radius is {radius_mm:g} +- {sigma_mm:g} mm, allowed are numbers from 0"
+        )
+    return ObjectRadius(radius_mm * MILLIMETRE, sigma_mm * MILLIMETRE)

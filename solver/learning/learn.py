@@ -6,7 +6,7 @@ shape of EI along the beam, not its scale.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,7 +20,9 @@ from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
+from solver.instrument.rig import Rig
 from solver.learning.candidates import Candidate, candidates_of, prior_of
+from solver.learning.clamp_offset import LearnedOffset, ObjectRadius, learn_clamp_offset
 from solver.learning.next_push import NextPush, next_push
 from solver.learning.pushes import BentFrame, bent_frame, problems_of, with_shared_errors
 
@@ -62,7 +64,8 @@ class LearnedBeam:
     """A learned beam, the candidates that were compared, and the frames that it was learned from.
 
     `misfit` is the mean square of the residuals [sigma] of all frames. `next_push` would determine
-    best what they have left uncertain; it is None if nothing is.
+    best what they have left uncertain; it is None if nothing is. `offset` is the clamp's from the
+    motor's axis; it is None if the pushes do not show it.
     """
 
     shape: BeamShape
@@ -71,12 +74,22 @@ class LearnedBeam:
     frames: int
     misfit: float
     next_push: NextPush | None = None
+    offset: LearnedOffset | None = None
+
+    def rig(self, rig: Rig) -> Rig:
+        """Return the rig with what was learned of it."""
+        if self.offset is None or not self.offset.used:
+            return replace(rig, shape=self.shape)
+        return replace(rig, shape=self.shape, clamp_offset=self.offset.offset)
 
 
-def learn_beam(pushes: Sequence[Sequence[Measurement]]) -> LearnedBeam:
+def learn_beam(
+    pushes: Sequence[Sequence[Measurement]], radius: ObjectRadius | None = None
+) -> LearnedBeam:
     """Learn the beam of a rig from the measurements of its pushes, whose order does not matter.
 
-    Raises InputError if fewer than two pushes show a contact, or no beam fits them.
+    `radius` is that of all objects, as `learn_clamp_offset` needs it. Raises InputError if fewer
+    than two pushes show a contact, or no beam fits them.
     """
     frames = _bent_pushes(pushes)
     if len(frames) < MIN_PUSHES:
@@ -84,7 +97,7 @@ def learn_beam(pushes: Sequence[Sequence[Measurement]]) -> LearnedBeam:
             f"{len(frames)} of {len(pushes)} pushes show a contact, needed are {MIN_PUSHES} to "
             "learn the beam"
         )
-    stated = _stated(pushes)
+    stated = _rig(pushes).shape
     trials = _compare(frames, stated)
     chosen = _simplest(trials)
     every = [frame for push in frames for frame in push]
@@ -98,7 +111,9 @@ def learn_beam(pushes: Sequence[Sequence[Measurement]]) -> LearnedBeam:
         raise InputError("no beam fits the pushes: are they of one beam, with one contact each?")
     correlation = float(np.mean([frame.correlation for frame in every]))
     following = next_push(problems_of(every[:1], learned.shape)[0], correlation)
-    return LearnedBeam(learned.shape, chosen, trials, len(every), learned.misfit, following)
+    rig = replace(_rig(pushes), shape=learned.shape)
+    offset = learn_clamp_offset(pushes, rig, radius)
+    return LearnedBeam(learned.shape, chosen, trials, len(every), learned.misfit, following, offset)
 
 
 @dataclass(frozen=True)
@@ -108,13 +123,13 @@ class _Learned:
     converged: bool
 
 
-def _stated(pushes: Sequence[Sequence[Measurement]]) -> BeamShape:
-    return next(measurement for push in pushes for measurement in push).rig.shape
+def _rig(pushes: Sequence[Sequence[Measurement]]) -> Rig:
+    return next(measurement for push in pushes for measurement in push).rig
 
 
 def _bent_pushes(pushes: Sequence[Sequence[Measurement]]) -> list[list[BentFrame]]:
     """Return the bent frames of the pushes that have any."""
-    prior = prior_of(_CONE, _stated(pushes)) if any(pushes) else BeamShape()
+    prior = prior_of(_CONE, _rig(pushes).shape) if any(pushes) else BeamShape()
     bent = [[bent_frame(measurement, prior) for measurement in push] for push in pushes]
     present = [[frame for frame in push if frame is not None] for push in bent]
     return [push for push in present if push]

@@ -1,7 +1,8 @@
 """Fit all frames of a push with the exact beam: position and stiffness of the object.
 
 A push is planar (psi = 0), against one object that is at rest or yields on a linear spring along
-the normal of the beam at first contact, as in the paper's Fig. 10. Then every frame's shape follows
+the normal of the beam at first contact, as in the paper's Fig. 10. The motor turns the clamp about
+the axis that the rig states. Then every frame's shape follows
 from the motor angle and four parameters: the contact distance at rest, the motor angle of first
 contact, the object's compliance 1/k_s, and its radius. On a round object the contact rolls, which
 determines the radius where it is large enough; it is 0 for an edge, and covers 0 if its sigma does.
@@ -77,7 +78,15 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     if bent is None or len(bent.frames) < 2:
         return single_frame(single, "no earlier frame shows a bend")
     no_grip = np.zeros((len(bent.frames), 0))
-    push = Push(bent.frames, measurement.rig, bent.beam, no_grip)
+    axes, offset = measurement.antenna_from_beam[:2, :2], measurement.rig.clamp_offset
+    push = Push(
+        bent.frames,
+        measurement.rig,
+        bent.beam,
+        no_grip,
+        offset=axes.T @ offset.position,
+        offset_covariance=axes.T @ offset.covariance @ axes,
+    )
     if np.ptp(push.motor_angles) < LIMITS.min_turn_sigmas * push.encoder_sigma:
         return single_frame(single, "the motor has not turned")
     start = _start(push, bent)
@@ -96,7 +105,7 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
             push, start = again, np.append(fit.parameters[: push.size], no_grips)
             fit = gauss_newton(push.residuals, start)
     if not fit.rank_deficient:
-        moved = push.moved_by_shared_errors(fit)
+        moved = np.hstack([push.moved_by_shared_errors(fit), push.moved_by_offset(fit)])
         fit = replace(fit, covariance=fit.covariance + moved @ moved.T)
     return push_estimate(push, measurement, fit, single)
 

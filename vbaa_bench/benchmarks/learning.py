@@ -20,6 +20,7 @@ from solver.instrument.image_frame import LEARN
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
 from solver.instrument.units import MILLIMETRE, PERCENT
+from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import measurement_of
 from solver.learning.known_force import rig_with_force
 from solver.learning.learn import learn_beam
@@ -34,6 +35,8 @@ from vbaa_bench.scoring.markdown_table import markdown_table
 
 # Error in sigmas above which an answer is wrong.
 _WRONG: Final = 3.0
+# Sigma of a known radius of objects [m]. Chosen: that of a caliper.
+_RADIUS_SIGMA: Final = 1e-4
 # Information sets of both beams.
 STATED, LEARNED = "planar", "learned"
 
@@ -41,7 +44,8 @@ STATED, LEARNED = "planar", "learned"
 class _Frame(NamedTuple):
     """A frame's measurement, its push and split, its true contact distance [m] and force [N].
 
-    `limits` are those of the contact distance [m] by information set.
+    `world` (2,) [m] is its true contact in Sigma_o. `limits` are those of the contact distance [m]
+    by information set.
     """
 
     measurement: Measurement
@@ -49,16 +53,18 @@ class _Frame(NamedTuple):
     split: str
     x_c: float
     force: float
+    world: Floats
     limits: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one method on a scene: `rows` (n, 5) of the answered of `frames` frames.
+    """Errors of one method on a scene: `rows` (n, 7) of the answered of `frames` frames.
 
     Only frames with a true contact count. The columns are the errors of x_c and its sigma [% of the
-    length], of the force and its sigma [%], and the information limit of x_c [% of the length],
-    NaN where none was computed.
+    length], of the force and its sigma [%], the information limit of x_c [% of the length], NaN
+    where none was computed, and the distance of the contact in Sigma_o from the true one [m], and
+    in sigmas (the larger of x and y), NaN where it was not estimated.
     """
 
     scene: str
@@ -69,9 +75,10 @@ class Errors:
     def line(self) -> tuple[str, ...]:
         """Format as a line of a table, in the order of HEADS."""
         if not len(self.rows):
-            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 8)
-        x, x_sigma, force, force_sigma, limit = np.asarray(self.rows).T
-        limited = np.isfinite(limit)
+            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 10)
+        x, x_sigma, force, force_sigma, limit, distance, sigmas = np.asarray(self.rows).T
+        limited, located = np.isfinite(limit), np.isfinite(distance)
+        world = np.sqrt(np.mean(distance[located] ** 2)) / MILLIMETRE if located.any() else np.nan
         rmse = float(np.sqrt(np.mean(x**2)))
         return (
             self.scene,
@@ -86,6 +93,8 @@ class Errors:
             f"{np.median((x_sigma / limit)[limited]):.2f}" if limited.any() else "-",
             f"{np.sqrt(np.mean(force**2)):.2f}",
             f"{np.mean(np.abs(force) <= _WRONG * force_sigma) / PERCENT:.0f}",
+            f"{world:.3f}" if located.any() else "-",
+            f"{np.mean(sigmas[located] <= _WRONG) / PERCENT:.0f}" if located.any() else "-",
         )
 
 
@@ -102,6 +111,8 @@ HEADS: Final = (
     "sigma / limit",
     "RMSE of force, %",
     "force within 3 sigma, %",
+    "contact in Sigma_o, RMSE mm",
+    "this within 3 sigma, %",
 )
 
 
@@ -111,21 +122,26 @@ def measure(
     draws: int,
     seed: int,
     force_sigma_pct: float | None = None,
+    object_radius_mm: float | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> list[Errors]:
     """Estimate with the stated and the learned beam; two results per dataset or collection.
 
     Where there is no split to learn from, `pushes` pushes are drawn `draws` times, as functions of
     `seed`. With `force_sigma_pct`, the force of one frame to learn from is known with this sigma,
-    as from a balance. Limits are those of the dataset, if they were computed. `progress` is called
-    after each dataset. Raises InputError for a damaged dataset, and where no beam can be learned
-    from any.
+    as from a balance; with `object_radius_mm` the radius of the objects is known to 0.1 mm. Limits
+    are those of the dataset, if they were computed. `progress` is called after each dataset. Raises
+    InputError for a damaged dataset, and where no beam can be learned from any.
     """
     results = []
+    radius = None
+    if object_radius_mm is not None:
+        radius = ObjectRadius(object_radius_mm * MILLIMETRE, _RADIUS_SIGMA)
+    known = _Known(force_sigma_pct, radius)
     for root in roots:
         frames, stated, learned = 0, list[Floats](), list[Floats]()
         for layout in _datasets(root):
-            for before, after in _trials(layout, pushes, draws, seed, force_sigma_pct):
+            for before, after in _trials(layout, pushes, draws, seed, known):
                 frames += len(before)
                 stated += [row for row in before if row is not None]
                 learned += [row for row in after if row is not None]
@@ -149,8 +165,15 @@ def _datasets(root: Path) -> list[Layout]:
 Rows = list[Floats | None]
 
 
+class _Known(NamedTuple):
+    """Relative sigma [%] of one force, and radius of the objects; None if unknown."""
+
+    force_sigma_pct: float | None
+    radius: ObjectRadius | None
+
+
 def _trials(
-    layout: Layout, pushes: int, draws: int, seed: int, force_sigma_pct: float | None
+    layout: Layout, pushes: int, draws: int, seed: int, known: _Known
 ) -> Iterator[tuple[Rows, Rows]]:
     """Yield the errors of the tested frames before and after learning; None for no answer."""
     observations = open_observations(layout.observations)
@@ -177,15 +200,16 @@ def _trials(
         before = [_errors(frame, exact_fit_of(frame.measurement), STATED) for frame in tested]
         to_learn = [[f for f in frames if f.push == name] for name in sorted(chosen)]
         try:
-            beam = learn_beam([[frame.measurement for frame in push] for push in to_learn])
+            measured = [[frame.measurement for frame in push] for push in to_learn]
+            beam = learn_beam(measured, known.radius)
         except InputError:  # too few pushes with a contact: the beam stays as stated
             yield before, before
             continue
-        rig = replace(frames[0].measurement.rig, shape=beam.shape)
-        if force_sigma_pct is not None:
+        rig = beam.rig(frames[0].measurement.rig)
+        if known.force_sigma_pct is not None:
             # The most strongly bent frame of a push.
             loaded = max(to_learn[0], key=lambda frame: frame.force)
-            sigma = loaded.force * force_sigma_pct * PERCENT
+            sigma = loaded.force * known.force_sigma_pct * PERCENT
             force = loaded.force + sigma * random.standard_normal()
             rig = rig_with_force(rig, loaded.measurement, force, sigma)
         learned = (replace(frame.measurement, rig=rig) for frame in tested)
@@ -208,6 +232,12 @@ def _errors(frame: _Frame, estimate: Estimate, information: str) -> Floats | Non
         return None
     length = frame.measurement.rig.beam.length * PERCENT
     relative = frame.force * PERCENT
+    distance, sigmas = np.nan, np.nan
+    if "contact_world_x_m" in estimate.values:
+        names = ("contact_world_x_m", "contact_world_y_m")
+        error = np.array([estimate.values[name] for name in names]) - frame.world
+        distance = float(np.hypot(*error))
+        sigmas = float(np.max(np.abs(error) / [estimate.sigma(name) for name in names]))
     return np.array(
         [
             (estimate.values["x_c_m"] - frame.x_c) / length,
@@ -215,6 +245,8 @@ def _errors(frame: _Frame, estimate: Estimate, information: str) -> Floats | Non
             (estimate.values["force_n"] - frame.force) / relative,
             estimate.sigma("force_n") / relative,
             frame.limits.get(information, np.nan) / length,
+            distance,
+            sigmas,
         ]
     )
 
@@ -233,8 +265,11 @@ def _frames(
         if measurement is not None:
             x_c = row["x_c_mm"] * MILLIMETRE
             push = image.push_id or image.frame_id
+            world = np.array(row["contact_world_mm"][:2]) * MILLIMETRE
             of_frame = limits.get(image.frame_id, {})
-            frames.append(_Frame(measurement, push, image.split, x_c, row["force_n"], of_frame))
+            frames.append(
+                _Frame(measurement, push, image.split, x_c, row["force_n"], world, of_frame)
+            )
     return frames
 
 

@@ -93,6 +93,10 @@ def check_learning(
         float | None,
         typer.Option(min=0, max=100, help="sigma of one known force", show_default="none is known"),
     ] = None,
+    object_radius_mm: Annotated[
+        float | None,
+        typer.Option(min=0, help="radius of the touched objects", show_default="unknown"),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of the draws")] = 1,
     out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
     as_json: AsJson = False,
@@ -107,12 +111,20 @@ def check_learning(
     with progress_bars() as bars:
         task = bars.add_task("datasets", total=learning.count_datasets(datasets))
         results = learning.measure(
-            datasets, pushes, draws, seed, force_sigma_pct, lambda: bars.advance(task)
+            datasets,
+            pushes,
+            draws,
+            seed,
+            force_sigma_pct,
+            object_radius_mm,
+            lambda: bars.advance(task),
         )
     if out:
         options = f"--pushes {pushes} --draws {draws} --seed {seed}"
         if force_sigma_pct is not None:
             options += f" --force-sigma-pct {force_sigma_pct:g}"
+        if object_radius_mm is not None:
+            options += f" --object-radius-mm {object_radius_mm:g}"
         command = f"vbaa-bench check-learning {' '.join(map(str, datasets))} {options} --out {out}"
         write(out, learning.markdown(results, command).encode())
     if as_json:

@@ -147,6 +147,7 @@ _STRIP: Final = "the beam is no flat strip (absent)"
 _WIRE: Final = "it is that of drawn wire in a chuck (absent)"
 _NO_GRAVITY: Final = "no stated gravity (absent)"
 _NOT_LEARNED: Final = "the beam was not learned (absent)"
+_ON_AXIS: Final = "the clamp is on the axis (absent)"
 _SIGMA: Final = "standard deviation"
 
 # Keys of rig.json, written by `rig_to_json`; solver/README.md explains how to measure them.
@@ -164,6 +165,10 @@ RIG: Final = {
     "beam.known_psi_deg": Column("inclination of the only plane of bending", SIGMA_A, _STRIP),
     "base.position_mm": Column("nominal position of the clamp (x, y, z)", SIGMA_A),
     "base.position_sigma_mm": Column(f"{_SIGMA} of each coordinate", SIGMA_A),
+    "base.clamp_offset_mm": Column(
+        "position of the clamp relative to the motor's axis (x, y)", SIGMA_A, _ON_AXIS
+    ),
+    "base.clamp_offset_covariance_mm2": Column("covariance of this position", SIGMA_A, _ON_AXIS),
     "board.kind": Column("chessboard, charuco or lines"),
     "board.dictionary": Column(
         "dictionary of the markers", "", "the board is not charuco (absent)"

@@ -66,6 +66,8 @@ class ToleranceSpec(Part):
     tip_mm: Tolerance = 0.0
     flexural_rigidity_pct: Annotated[float, Field(ge=0, le=20)] = 1.0
     base_mm: Tolerance = 0.01
+    # Position of the clamp relative to the motor's axis; the truth is the scene's clamp_offset_mm.
+    clamp_offset_mm: Tolerance = 0.0
     board_mm: Tolerance = 0.01
     board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01

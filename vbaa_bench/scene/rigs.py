@@ -10,6 +10,7 @@ from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
+from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.gravity import Gravity
 from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
@@ -83,6 +84,9 @@ def nominal_rig(scene: Scene) -> Rig:
             friction=tolerances.friction,
         ),
         gravity=_stated_gravity(scene),
+        clamp_offset=ClampOffset(
+            covariance=np.eye(2) * (tolerances.clamp_offset_mm * MILLIMETRE) ** 2
+        ),
     )
 
 

@@ -333,6 +333,15 @@ class Scene(Part):
         return self
 
     @model_validator(mode="after")
+    def _check_clamp_offset(self) -> "Scene":
+        if self.tolerances.clamp_offset_mm and self.camera.mount == "world":
+            raise ValueError(
+                f"tolerances.clamp_offset_mm is {self.tolerances.clamp_offset_mm:g}, allowed is 0 "
+                "for a camera whose mount is world"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_linear(self) -> "Scene":
         beam, default = self.beam, BeamSpec()
         unsupported = [

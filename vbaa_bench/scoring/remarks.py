@@ -13,10 +13,9 @@ def remarks(scene: dict[str, Any]) -> list[str]:
     flat = beam["section"] == "strip"  # its plane is known
     conditions = {
         "The clamp is offset from the motor axis. The nominal rig does not contain this offset, "
-        "and a camera that rotates with the clamp cannot observe it. The contact is correct in the "
-        "antenna's frame; in the world's frame its error is the rotated offset.": any(
-            scene["clamp_offset_mm"]
-        ),
+        "and a camera that rotates with the clamp cannot observe it in one image. The contact is "
+        "correct in the antenna's frame; in the world's frame its error is the rotated offset, "
+        "unless it was learned from pushes.": any(scene["clamp_offset_mm"]),
         "A tapered beam bends almost like a uniform one with another contact distance. Where the "
         "nominal rig does not state that its beam may be tapered, chi2 detects the taper only if "
         "the deflection is large relative to the noise.": beam["tip_ratio"] != 1,

@@ -21,7 +21,7 @@ from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import solve_shots, warm_up
 from solver.lab.shots import Files, Shot
 from solver.lab.table import Row
-from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.methods import LEARNING, METHODS, Method
 from solver.methods.by_name import find_method
 from solver.set_up import set_up
@@ -69,7 +69,7 @@ def learned(observations: Path, centreline: str) -> Antenna:
     """Return the antenna with the beam that its frames for learning show. Raises InputError."""
     frames, antenna = opened(observations, centreline)
     beam = learn_from_frames(antenna, frames_to_learn(frames.frames))
-    return with_shape(antenna, beam.shape)
+    return with_learned(antenna, beam)
 
 
 def work(

@@ -7,7 +7,7 @@ import pytest
 from solver.__main__ import main
 from solver.instrument.observation import open_observations
 from solver.instrument.rig import read_rig
-from solver.learning.frames import frames_to_learn, learn_from_frames, with_shape
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.learning.page import widths_of
 from solver.set_up import set_up
 from vbaa_bench.scoring.applicable import applicable
@@ -57,7 +57,7 @@ def test_a_learned_antenna_measures_with_the_learned_beam(dataset: Path) -> None
     observations = open_observations(dataset / "observations")
     antenna = set_up(observations)
     beam = learn_from_frames(antenna, observations.frames)
-    learned = with_shape(antenna, beam.shape)
+    learned = with_learned(antenna, beam)
     assert learned.rig.shape is beam.shape
     assert antenna.rig.shape.uniform
     assert beam.frames == len(observations.frames)

@@ -11,8 +11,12 @@ from vbaa_bench.benchmarks.learning import HEADS, Errors, count_datasets, markdo
 
 
 def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
-    rows = np.array([[0.1, 0.05, 1.0, 0.2, 0.02], [-0.1, 0.02, 1.0, 0.5, np.nan]])
+    rows = np.array(
+        [[0.1, 0.05, 1.0, 0.2, 0.02, 3e-5, 4.0], [-0.1, 0.02, 1.0, 0.5, np.nan, 4e-5, 1.0]]
+    )
     line = dict(zip(HEADS, Errors("a", "learned", 4, rows).line(), strict=True))
+    assert line["contact in Sigma_o, RMSE mm"] == f"{np.sqrt((0.03**2 + 0.04**2) / 2):.3f}"
+    assert line["this within 3 sigma, %"] == "50"
     assert line["answered, %"] == "50"
     assert line["RMSE of x_c, % of L"] == "0.100"
     assert line["within 3 sigma, %"] == "50"
@@ -21,7 +25,7 @@ def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
     assert line["force within 3 sigma, %"] == "50"
     assert line["limit, % of L"] == "0.020"
     assert line["sigma / limit"] == "2.50"
-    empty = Errors("a", "learned", 4, np.empty((0, 5))).line()
+    empty = Errors("a", "learned", 4, np.empty((0, 7))).line()
     assert empty[:4] == ("a", "learned", "4", "0")
     assert len(empty) == len(HEADS)
     assert "| a | learned | 4 |" in markdown([Errors("a", "learned", 4, rows)], "command")

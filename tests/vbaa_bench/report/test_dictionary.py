@@ -10,6 +10,7 @@ import polars as pl
 
 from solver.instrument.beam_shape import BeamShape, stated_shape
 from solver.instrument.board import Charuco, LineNetwork
+from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.gravity import Gravity
 from solver.instrument.observation import open_observations
 from solver.instrument.rig import Sensors, rig_to_json
@@ -118,6 +119,7 @@ def test_every_key_of_a_rig_is_described(dataset: Path) -> None:
         bits=12,
         channel="r",
         gravity=Gravity(1.0, 0.1),
+        clamp_offset=ClampOffset(np.ones(2)),
         sensors=Sensors(1e-5, 1e-4, 1e-5),
         tolerances=dataclasses.replace(rig.tolerances, camera_shift_px=0.1),
     )
