@@ -1,6 +1,7 @@
 """Measurements of beams that are not uniform, computed by the world's rod, without images."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,6 +15,7 @@ SIGMA = 0.01 * 0.51e-3  # a hundredth of a pixel [m]
 BASE_SIGMA = 2e-6
 
 
+@lru_cache(maxsize=64)
 def bent(taper: float, place: float, load: float, friction: float = 0.0) -> LoadedBeam:
     """The world's cone under a load [EI / L^2] at an arc length `place` [L]."""
     length = BEAM.length

@@ -14,7 +14,7 @@ from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
 from solver.fitting.rod_step import straight_in_free_end
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BOW
+from solver.instrument.beam_shape import BOW, SKEW, BeamShape
 from solver.instrument.measurement import Measurement, RestBow
 
 # Sigma of the shift of a beam's apparent middle at the contact, in radii, by light that the object
@@ -149,20 +149,17 @@ def _prior(measurement: Measurement, shared: int, reflection: float) -> tuple[Fl
     covariance = np.zeros((len(mean), len(mean)))
     covariance[GRIP, GRIP] = shape.friction_sigma**2
     mean[size + PSI] = measurement.handedness * (measurement.rig.known_psi or 0.0)
-    covariance[size + PSI, size + PSI] = shape.psi_sigma**2
     own = np.arange(size + POSE, len(mean))
     covariance[own, own] = 1.0
-    # The bow is an odd function of the side to which the rig deflects.
-    count = 1 + len(shape.widths) + (0 if rest is None else len(shape.bow))
-    sides = np.ones(count)
-    sides[1 + len(shape.widths) :] = measurement.handedness
-    learned = [size + SOFTNESS, *range(WIDTHS, WIDTHS + count - 1)]
-    values = np.array([shape.softness, *shape.widths, *shape.bow])[:count]
-    mean[learned] = values * sides
-    covariance[np.ix_(learned, learned)] = shape.covariance[:count, :count] * np.outer(sides, sides)
+    values, shape_covariance = in_beam_frame(shape, measurement.handedness)
+    learned = [size + entry for entry in (SOFTNESS, DX, PSI)]
+    learned += range(WIDTHS, size)[: len(shape.widths) + (0 if rest is None else len(shape.bow))]
+    count = len(learned)
+    mean[learned] += values[:count]
+    covariance[np.ix_(learned, learned)] = shape_covariance[:count, :count]
     unit = np.array([1, 1, measurement.rig.beam.length]) / measurement.rig.beam.length
     pose = slice(size + DX, size + TILT + 1)
-    covariance[pose, pose] = measurement.base_covariance * np.outer(unit, unit)
+    covariance[pose, pose] += measurement.base_covariance * np.outer(unit, unit)
     if rest is not None:
         line, bow = [size + DY, size + TILT], list(range(first, size))
         covariance[np.ix_(line, line)] -= rest.line_covariance * np.outer(unit[1:], unit[1:])
@@ -170,6 +167,17 @@ def _prior(measurement: Measurement, shared: int, reflection: float) -> tuple[Fl
             rest = replace(rest, covariance=rest.covariance * (1 + reflection**2))
         _add_rest(mean, covariance, line, bow, rest, measurement.rig.beam.length, len(shape.bow))
     return mean, covariance
+
+
+def in_beam_frame(shape: BeamShape, handedness: int) -> tuple[Floats, Floats]:
+    """Return the parameters (k,) of a shape and their covariance (k, k) in the beam's frame.
+
+    Skew and bow are odd functions of the side to which the rig deflects.
+    """
+    values = np.array([shape.softness, shape.clamp_shift, shape.skew, *shape.widths, *shape.bow])
+    sides = np.ones(len(values))
+    sides[[SKEW, *range(len(values) - len(shape.bow), len(values))]] = handedness
+    return values * sides, shape.covariance * np.outer(sides, sides)
 
 
 def _add_rest(

@@ -99,7 +99,7 @@ def curve_residuals(
         p, curve, moment, by_moment, shifted, points, bounds, views, scratch, jacobian
     ):
         return False
-    # Newton's second step towards the curve: the Jacobian, of the second, is then that of their sum.
+    # Newton's second step towards the curve: the sum's Jacobian is that of this step.
     for i in range(n):
         residual[i] += scratch[i]
     return True

@@ -64,7 +64,9 @@ class SpatialRodProblem(RodProblem):
         curve = curve_of(p[:size], self.widths, self.radius)
         (_, theta, x_c, y_c, s_c, _), by = contact_of(curve, p[:size])
         moment, by_moment = clamp_moment(curve, p[:size])
-        straight, sine, cosine = 1 - s_c, math.sin(theta), math.cos(theta)
+        # The tip is where it is at rest, wherever the beam begins to bend.
+        straight = 1 - float(self.mean[size + DX]) - s_c
+        sine, cosine = math.sin(theta), math.cos(theta)
         # In the plane of deflection; the end of the beam is straight but for its bow.
         x, y = x_c + straight * cosine, y_c + straight * sine
         by_x, by_y, by_turn = np.zeros(len(p)), np.zeros(len(p)), np.zeros(len(p))
@@ -114,6 +116,8 @@ def spatial(rod: RodProblem, problem: Problem) -> SpatialRodProblem:
         tip[2:6] = whitening(inverse @ inverse.T + np.outer(stretch, stretch)).ravel()
     psi = rod.shape_size + PSI
     information = rod.information.copy()
+    if information[psi, psi] > 0:  # the marginal information of the others
+        information -= np.outer(information[psi], information[psi]) / information[psi, psi]
     information[psi] = information[:, psi] = 0.0
     moments = np.zeros((0, 2))
     if known[MOMENT_SIGMA] > 0:

@@ -49,7 +49,7 @@ def verdict(
     rig: Rig, x_c: float, x_sigma: float, s_c: float, s_sigma: float
 ) -> tuple[Outcome, str]:
     """Return the outcome of a contact at distance x_c [m], arc length s_c [m], and the reason."""
-    length = rig.beam.length
+    length = rig.free_length
     s_sigma = math.hypot(s_sigma, rig.tolerances.beam_length)
     if s_c > length + LIMITS.beyond_tip_sigmas * s_sigma:
         return (

@@ -10,28 +10,35 @@ from solver.instrument.arrays import Floats, frozen_floats
 
 # Coefficients of a bow, those of the rest images.
 BOW: Final = 3
+# Parameters of the covariance: the clamp's and the section's, and then the widths and the bow.
+SOFTNESS, CLAMP_SHIFT, SKEW, FIRST_WIDTH = range(4)
 
 
 @dataclass(frozen=True)
 class BeamShape:
-    """Width along the beam, clamp that gives, section out of round, friction; with their sigmas.
+    """Width along the beam, its clamp, a section out of round, friction; with their sigmas.
 
     `widths` (m,) are coefficients of the width over that at the clamp, 1 + s (c_0 + c_1 P_1(2 s -
     1) + ...), s the arc length over the beam's length; the flexural rigidity is proportional to
-    its fourth power. `softness` is the clamp's rotation over its moment, in units of L / EI. `bow`
-    are the coefficients (3,) of s^2, s^3, s^4 of the line at rest, over the length; it is empty
-    where the bow was not learned, and is then that of the rest images. `covariance` is that of
-    (softness, widths, bow). `section_sigma` is that of the
-    section's second axis over its first, less one, in an unknown direction, and `rigidity_sigma`
-    the relative one of EI for this reason; `friction_sigma` is that of the coefficient of friction
-    of an unknown object. Raises ValueError if array shapes are
-    inconsistent or a value is not finite or a sigma is negative.
+    its fourth power. `softness` is the clamp's rotation over its moment, in units of L / EI.
+    `clamp_shift` is the place where the beam begins to bend, beyond the rig's clamp position and
+    towards the tip, over the length: s is measured from there. `skew` [rad] is the angle from the
+    plane of the force to that of the deflection, of a section that is not round, as psi in Sigma_a.
+    `bow` are the coefficients (3,) of s^2, s^3, s^4 of the line at rest, over the length; it is
+    empty where the bow was not learned, and is then that of the rest images. `covariance` is that
+    of (softness, clamp_shift, skew, widths, bow). `section_sigma` is that of the section's second
+    axis over its first, less one, in an unknown direction, and `rigidity_sigma` the relative one of
+    EI for this reason; `friction_sigma` is that of the coefficient of friction of an unknown
+    object. Raises ValueError if array shapes are inconsistent or a value is not finite or a sigma
+    is negative.
     """
 
     widths: Floats = field(default_factory=lambda: np.zeros(0))
     softness: float = 0.0
+    clamp_shift: float = 0.0
+    skew: float = 0.0
     bow: Floats = field(default_factory=lambda: np.zeros(0))
-    covariance: Floats = field(default_factory=lambda: np.zeros((1, 1)))
+    covariance: Floats = field(default_factory=lambda: np.zeros((FIRST_WIDTH,) * 2))
     section_sigma: float = 0.0
     rigidity_sigma: float = 0.0
     friction_sigma: float = 0.0
@@ -43,27 +50,26 @@ class BeamShape:
         object.__setattr__(self, "bow", bow)
         if len(bow) not in (0, BOW):
             raise ValueError(f"the bow has {len(bow)} coefficients, allowed are none or {BOW}")
-        count = 1 + len(widths) + len(bow)
+        count = FIRST_WIDTH + len(widths) + len(bow)
         covariance = frozen_floats("covariance", self.covariance, (count, count))
         object.__setattr__(self, "covariance", covariance)
-        for name in ("softness", "section_sigma", "rigidity_sigma", "friction_sigma"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and (value >= 0 or name == "softness")):
-                raise ValueError(f"{name} is {value}, allowed is a finite number")
+        for name in ("softness", "clamp_shift", "skew"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} is {getattr(self, name)}, allowed is a finite number")
+        for name in ("section_sigma", "rigidity_sigma", "friction_sigma"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}, allowed is a number from 0")
 
     @property
     def uniform(self) -> bool:
         """Whether the beam is certainly uniform and frictionless, on a rigid clamp."""
         certain = not self.covariance.any() and not (self.section_sigma or self.friction_sigma)
-        return certain and not (self.softness or self.widths.any() or len(self.bow))
+        of_clamp = self.softness or self.clamp_shift
+        return certain and not (of_clamp or self.skew or self.widths.any() or len(self.bow))
 
-    @property
-    def psi_sigma(self) -> float:
-        """Sigma [rad] of the angle between the planes of the force and of the deflection.
-
-        With axes in the ratio 1 + e, at an angle a to the force, it is e sin(2 a) to first order.
-        """
-        return self.section_sigma / math.sqrt(2)
+    def sigma(self, parameter: int) -> float:
+        """Return the standard deviation of a parameter of the covariance."""
+        return math.sqrt(self.covariance[parameter, parameter])
 
 
 UNIFORM = BeamShape()
@@ -76,14 +82,25 @@ FRICTION_SIGMA: Final = 0.2
 SOFTNESS_SIGMA: Final = 0.002
 
 
-def stated_shape(taper: float, softness: float, section: float, friction: float) -> BeamShape:
+def skew_sigma(section: float) -> float:
+    """Compute the sigma [rad] of the angle between the planes of the force and of the deflection.
+
+    With axes in the ratio 1 + e, at an angle a to the force, it is e sin(2 a) to first order.
+    """
+    return section / math.sqrt(2)
+
+
+def stated_shape(
+    taper: float, softness: float, section: float, friction: float, clamp_shift: float = 0.0
+) -> BeamShape:
     """Return a beam that was not learned: a uniform one, with the stated sigmas.
 
-    `taper` is the sigma of the tip's width over that at the clamp. With a section's axes in the
-    ratio 1 + e, at an angle a to the force, EI is larger by 2 e sin(a)^2, to first order.
+    `taper` is the sigma of the tip's width over that at the clamp, `clamp_shift` that of the place
+    where the beam begins to bend, over the length. With a section's axes in the ratio 1 + e, at an
+    angle a to the force, EI is larger by 2 e sin(a)^2, to first order.
     """
     widths = np.zeros(1 if taper else 0)
-    sigmas = np.array([softness, taper] if taper else [softness])
+    sigmas = np.array([softness, clamp_shift, skew_sigma(section), *([taper] if taper else [])])
     return BeamShape(
         widths=widths,
         covariance=np.diag(sigmas**2),

@@ -8,14 +8,18 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import (
     BOW,
+    CLAMP_SHIFT,
+    FIRST_WIDTH,
     FRICTION_SIGMA,
     SECTION_SIGMA,
+    SOFTNESS,
     SOFTNESS_SIGMA,
     TAPER_SIGMA,
     BeamShape,
     stated_shape,
 )
 from solver.instrument.keys import Keys
+from solver.instrument.units import MILLIMETRE
 
 # Chosen: a polynomial of more terms is not determined by a beam's images.
 MAX_WIDTHS: Final = 6
@@ -23,46 +27,61 @@ MAX_WIDTHS: Final = 6
 MAX_WIDTH: Final = 10.0
 MAX_SOFTNESS: Final = 10.0
 MAX_BOW: Final = 1.0
+MAX_SHIFT: Final = 0.5
+MAX_SKEW_RAD: Final = 1.0
 MAX_SIGMA: Final = 10.0
 
 
-def beam_shape_keys(shape: BeamShape) -> dict[str, Any]:
-    """Return the keys of a beam's shape: the stated sigmas, or what was learned."""
+def beam_shape_keys(shape: BeamShape, length: float) -> dict[str, Any]:
+    """Return the keys of the shape of a beam of this length [m]: stated sigmas, or as learned."""
     keys: dict[str, Any] = {
         "section_sigma": shape.section_sigma,
         "friction_sigma": shape.friction_sigma,
         "rigidity_sigma": shape.rigidity_sigma,
     }
-    sigmas = np.sqrt(np.diag(shape.covariance))
-    taper = float(sigmas[1]) if len(sigmas) > 1 else 0.0
-    stated = stated_shape(taper, float(sigmas[0]), shape.section_sigma, shape.friction_sigma)
-    if shape.softness == 0 and not len(shape.bow) and np.array_equal(shape.widths, stated.widths):
-        return keys | {"taper_sigma": taper, "clamp_softness_sigma": float(sigmas[0])}
+    taper = shape.sigma(FIRST_WIDTH) if len(shape.widths) else 0.0
+    softness, shift = shape.sigma(SOFTNESS), shape.sigma(CLAMP_SHIFT)
+    stated = stated_shape(taper, softness, shape.section_sigma, shape.friction_sigma, shift)
+    values = [shape.softness, shape.clamp_shift, shape.skew, *shape.widths, *shape.bow]
+    if not any(values) and np.array_equal(shape.covariance, stated.covariance):
+        keys |= {"taper_sigma": taper, "clamp_softness_sigma": softness}
+        return keys | ({"clamp_shift_sigma_mm": shift * length / MILLIMETRE} if shift else {})
     return keys | {
         "widths": shape.widths.tolist(),
         "clamp_softness": shape.softness,
+        "clamp_shift": shape.clamp_shift,
+        "skew_rad": shape.skew,
         "bow": shape.bow.tolist(),
         "covariance": shape.covariance.tolist(),
     }
 
 
-def read_beam_shape(key: Keys) -> BeamShape:
-    """Read the section; what it does not state is that of drawn wire. Raises InputError."""
+def read_beam_shape(key: Keys, length: float) -> BeamShape:
+    """Read the section of a beam of this length [m]; by default it is drawn wire.
+
+    Raises InputError.
+    """
     section = _sigma(key, "section_sigma", SECTION_SIGMA)
     friction = _sigma(key, "friction_sigma", FRICTION_SIGMA)
     if not key.has("beam_shape.widths"):
         taper = _sigma(key, "taper_sigma", TAPER_SIGMA)
         softness = _sigma(key, "clamp_softness_sigma", SOFTNESS_SIGMA)
-        stated = stated_shape(taper, softness, section, friction)
+        shift = 0.0
+        if key.has("beam_shape.clamp_shift_sigma_mm"):
+            longest = MAX_SHIFT * length / MILLIMETRE
+            shift = key.number("beam_shape.clamp_shift_sigma_mm", 0, longest) * MILLIMETRE / length
+        stated = stated_shape(taper, softness, section, friction, shift)
         return replace(stated, rigidity_sigma=_sigma(key, "rigidity_sigma", stated.rigidity_sigma))
     widths = key.numbers("beam_shape.widths", -MAX_WIDTH, MAX_WIDTH, MAX_WIDTHS)
     softness = key.number("beam_shape.clamp_softness", -MAX_SOFTNESS, MAX_SOFTNESS)
+    shift = key.number("beam_shape.clamp_shift", -MAX_SHIFT, MAX_SHIFT)
+    skew = key.number("beam_shape.skew_rad", -MAX_SKEW_RAD, MAX_SKEW_RAD)
     bow = key.numbers("beam_shape.bow", -MAX_BOW, MAX_BOW, BOW)
     if len(bow) not in (0, BOW):
         key.refuse("beam_shape.bow", f"a list of none or {BOW} numbers")
-    covariance = _covariance(key, 1 + len(widths) + len(bow))
+    covariance = _covariance(key, FIRST_WIDTH + len(widths) + len(bow))
     rigidity = _sigma(key, "rigidity_sigma", 0.0)
-    return BeamShape(widths, softness, bow, covariance, section, rigidity, friction)
+    return BeamShape(widths, softness, shift, skew, bow, covariance, section, rigidity, friction)
 
 
 def _sigma(key: Keys, name: str, default: float) -> float:

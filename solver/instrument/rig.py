@@ -123,6 +123,11 @@ class Rig:
     gravity: Gravity | None = None
     clamp_offset: ClampOffset = ON_AXIS
 
+    @property
+    def free_length(self) -> float:
+        """Length [m] of the beam from where it begins to bend to its tip."""
+        return self.beam.length * (1 - self.shape.clamp_shift)
+
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
         pose = frozen_floats("antenna_from_board", self.antenna_from_board, (4, 4))
@@ -185,7 +190,7 @@ def rig_to_json(rig: Rig) -> str:
             "force_sigma_n": rig.sensors.base_force,
             "moment_sigma_n_mm": rig.sensors.base_moment / mm,
         }
-    document["beam_shape"] = beam_shape_keys(rig.shape)
+    document["beam_shape"] = beam_shape_keys(rig.shape, rig.beam.length)
     if rig.gravity is not None:
         document["gravity"] = gravity_keys(rig.gravity)
     # Twelve digits: a nanometre on a kilometre, without the rounding errors of unit conversion.
@@ -281,7 +286,7 @@ def read_rig(path: Path) -> Rig:
         distortion_coefficients=_distortion_coefficients(key, telecentric),
         bits=key.count("camera.bits", *BITS) if key.has("camera.bits") else None,
         channel=key.one_of("camera.channel", CHANNELS) if key.has("camera.channel") else "gray",
-        shape=read_beam_shape(key),
+        shape=read_beam_shape(key, length_mm * mm),
         gravity=read_gravity(key),
         clamp_offset=read_clamp_offset(key),
     )

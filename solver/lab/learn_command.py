@@ -77,7 +77,7 @@ def learn(
     if web_page:
         write(web_page, page(beam, rig).encode())
     Console(highlight=False, soft_wrap=True).print(
-        f"{summary(beam, rig.beam.length)}\nwritten to {out}", markup=False
+        f"{summary(beam, rig)}\nwritten to {out}", markup=False
     )
 
 

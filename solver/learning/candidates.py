@@ -1,29 +1,47 @@
-"""Beams that may explain the pushes, the simplest first."""
+"""Beams and clamps that may explain the pushes, the simplest first."""
 
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.instrument.beam_shape import BeamShape
+from solver.instrument.beam_shape import (
+    CLAMP_SHIFT,
+    FIRST_WIDTH,
+    SOFTNESS,
+    BeamShape,
+    skew_sigma,
+)
 
-# Prior sigma of the width's first term where the rig states none, and of the clamp's softness.
-# Chosen: beams whose tip is a third as wide as their clamp, and clamps that turn by several degrees
-# under a strongly bent beam.
+# Prior sigmas of the width's first term, of the clamp's softness and of its place over the length,
+# where the rig states none. Chosen: beams whose tip is a third as wide as their clamp, clamps that
+# turn by several degrees under a strongly bent beam, and wires gripped 5 mm deeper on 240 mm.
 WIDEST: Final = 0.3
 SOFTEST: Final = 0.05
+FARTHEST: Final = 0.02
 
 
 class Candidate(NamedTuple):
-    """A beam with `widths` terms of its width, on a clamp that gives if `soft`."""
+    """A beam with `widths` terms of its width, on a clamp that gives if `soft`.
+
+    If `shifted` it begins to bend at another place than the rig's clamp. The two are almost alike:
+    the first millimetre of a beam turns it as a clamp does that gives.
+    """
 
     widths: int
     soft: bool
+    shifted: bool = False
 
     @property
     def name(self) -> str:
         """Words for a table."""
         width = ("uniform", "cone", "width of degree 2", "width of degree 3")[self.widths]
-        return f"{width}, clamp that gives" if self.soft else width
+        soft = ", clamp that gives" if self.soft else ""
+        return width + soft + (", clamp elsewhere" if self.shifted else "")
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return self.widths + self.soft + self.shifted
 
 
 # Most terms of the width. Chosen: pushes hardly determine more.
@@ -33,27 +51,34 @@ _MAX_WIDTHS: Final = 3
 def candidates_of(stated: BeamShape) -> list[Candidate]:
     """Return the candidates, those with fewest parameters first.
 
-    A taper, or a clamp that gives, which the rig states as possible is in all of them.
+    A taper, or a clamp that gives or is elsewhere, which the rig states as possible is in all of
+    them. Of equally simple ones, a clamp that gives comes before one that is elsewhere.
     """
-    stated_soft = bool(stated.covariance[0, 0])
+    soft, shifted = bool(stated.sigma(SOFTNESS)), bool(stated.sigma(CLAMP_SHIFT))
+    clamps = [(soft, shifted), (True, shifted), (soft, True)]
     candidates = [
-        Candidate(widths, soft)
+        Candidate(widths, *clamp)
         for widths in range(min(len(stated.widths), _MAX_WIDTHS), _MAX_WIDTHS + 1)
-        for soft in ((True,) if stated_soft else (False, True))
+        for clamp in dict.fromkeys(clamps)
     ]
-    return sorted(candidates, key=lambda candidate: candidate.widths + candidate.soft)
+    return sorted(candidates, key=lambda candidate: candidate.size)
 
 
 def prior_of(candidate: Candidate, stated: BeamShape) -> BeamShape:
     """Return a candidate's beam before any push, with the rig's stated section and friction.
 
-    Terms of the width are smaller the faster they change along the beam.
+    Terms of the width are smaller the faster they change along the beam. Where the clamp both gives
+    and is elsewhere, only what the rig states of each distinguishes them.
     """
-    taper = max(float(np.sqrt(stated.covariance[1:2, 1:2]).sum()), WIDEST)
+    taper = max(stated.sigma(FIRST_WIDTH) if len(stated.widths) else 0.0, WIDEST)
     widths = [taper / (k + 1) ** 2 for k in range(candidate.widths)]
+    softness = (stated.sigma(SOFTNESS) if candidate.shifted else 0.0) or SOFTEST
+    shift = stated.sigma(CLAMP_SHIFT) or FARTHEST
+    sigmas = [softness * candidate.soft, shift * candidate.shifted]
+    skew = skew_sigma(stated.section_sigma)
     return BeamShape(
         widths=np.zeros(candidate.widths),
-        covariance=np.diag([SOFTEST * candidate.soft, *widths]) ** 2,
+        covariance=np.diag([*sigmas, skew, *widths]) ** 2,
         section_sigma=stated.section_sigma,
         rigidity_sigma=stated.rigidity_sigma,
         friction_sigma=stated.friction_sigma,

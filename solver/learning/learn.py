@@ -5,6 +5,7 @@ one (cross-validation; Stone 1974), within the error of their difference. Images
 shape of EI along the beam, not its scale.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
@@ -14,20 +15,19 @@ import numpy as np
 from solver.beam_models.rod import S_C, WIDTHS
 from solver.fitting.rod_joint import JointFit, fit_jointly
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import SOFTNESS
+from solver.fitting.rod_residuals import DX, PSI, SOFTNESS
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BeamShape
+from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape
+from solver.instrument.beam_shape import SOFTNESS as SOFT
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
 from solver.learning.candidates import Candidate, candidates_of, prior_of
 from solver.learning.clamp_offset import LearnedOffset, ObjectRadius, learn_clamp_offset
-from solver.learning.next_push import NextPush, next_push
+from solver.learning.next_push import NextForce, NextPush, next_force, next_push
 from solver.learning.pushes import BentFrame, bent_frame, problems_of, with_shared_errors
 
-# Beam of the frames' own fits, whose residuals show outliers.
-_CONE: Final = Candidate(1, False)
 # Fewest pushes: one to learn from and one to predict. Parts of the cross-validation. Chosen.
 MIN_PUSHES: Final = 2
 _PARTS: Final = 5
@@ -64,7 +64,8 @@ class LearnedBeam:
     """A learned beam, the candidates that were compared, and the frames that it was learned from.
 
     `misfit` is the mean square of the residuals [sigma] of all frames. `next_push` would determine
-    best what they have left uncertain; it is None if nothing is. `offset` is the clamp's from the
+    best what they have left uncertain; it is None if nothing is. `next_force`, were it
+    known, would determine EI best; it is None if EI is known well. `offset` is the clamp's from the
     motor's axis; it is None if the pushes do not show it.
     """
 
@@ -74,6 +75,7 @@ class LearnedBeam:
     frames: int
     misfit: float
     next_push: NextPush | None = None
+    next_force: NextForce | None = None
     offset: LearnedOffset | None = None
 
     def rig(self, rig: Rig) -> Rig:
@@ -110,10 +112,20 @@ def learn_beam(
     if learned is None or not learned.converged:
         raise InputError("no beam fits the pushes: are they of one beam, with one contact each?")
     correlation = float(np.mean([frame.correlation for frame in every]))
-    following = next_push(problems_of(every[:1], learned.shape)[0], correlation)
-    rig = replace(_rig(pushes), shape=learned.shape)
-    offset = learn_clamp_offset(pushes, rig, radius)
-    return LearnedBeam(learned.shape, chosen, trials, len(every), learned.misfit, following, offset)
+    problem, rig = problems_of(every[:1], learned.shape)[0], _rig(pushes)
+    rigidity = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
+    return LearnedBeam(
+        shape=learned.shape,
+        chosen=chosen,
+        trials=trials,
+        frames=len(every),
+        misfit=learned.misfit,
+        next_push=next_push(problem, correlation, chosen.shifted),
+        next_force=next_force(
+            problem, correlation, math.hypot(rigidity, learned.shape.rigidity_sigma)
+        ),
+        offset=learn_clamp_offset(pushes, replace(rig, shape=learned.shape), radius),
+    )
 
 
 @dataclass(frozen=True)
@@ -129,10 +141,18 @@ def _rig(pushes: Sequence[Sequence[Measurement]]) -> Rig:
 
 def _bent_pushes(pushes: Sequence[Sequence[Measurement]]) -> list[list[BentFrame]]:
     """Return the bent frames of the pushes that have any."""
-    prior = prior_of(_CONE, _rig(pushes).shape) if any(pushes) else BeamShape()
+    prior = _of_single_frames(_rig(pushes).shape) if any(pushes) else BeamShape()
     bent = [[bent_frame(measurement, prior) for measurement in push] for push in pushes]
     present = [[frame for frame in push if frame is not None] for push in bent]
     return [push for push in present if push]
+
+
+def _of_single_frames(stated: BeamShape) -> BeamShape:
+    """Return the prior of the frames' own fits, whose residuals show outliers.
+
+    It is a cone. Where the clamp may be elsewhere it is one that gives, which looks the same.
+    """
+    return prior_of(Candidate(1, soft=bool(stated.sigma(CLAMP_SHIFT))), stated)
 
 
 def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[Trial, ...]:
@@ -145,6 +165,8 @@ def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[
         for part in set(parts.tolist()):
             others = [frame for i, push in enumerate(pushes) if parts[i] != part for frame in push]
             learned = _learn(others, prior)
+            if learned is not None and _impossible(learned.shape):
+                learned = None
             for i in np.flatnonzero(parts == part).tolist():
                 predicted = None if learned is None else _fit(pushes[i], learned.shape)
                 if predicted is not None:
@@ -158,6 +180,12 @@ def _compare(pushes: Sequence[Sequence[BentFrame]], stated: BeamShape) -> tuple[
         Trial(candidate, misfits[i], float(excess[i].mean()), float(error[i]), noise)
         for i, candidate in enumerate(candidates)
     )
+
+
+def _impossible(shape: BeamShape) -> bool:
+    """Test whether the clamp would turn against its moment: the beam begins beyond it instead."""
+    alone = not shape.sigma(CLAMP_SHIFT)
+    return alone and shape.softness < -LIMITS.impossible_sigmas * shape.sigma(SOFT)
 
 
 def _parts(pushes: Sequence[Sequence[BentFrame]]) -> Floats:
@@ -207,21 +235,27 @@ def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:
         return None
     fit, misfit, problems = result
     size = problems[0].shape_size
-    indices = [size + SOFTNESS, *range(WIDTHS, size)]
-    values = fit.frames[0, indices]
+    indices = [size + SOFTNESS, size + DX, size + PSI, *range(WIDTHS, size)]
+    values, side = fit.frames[0, indices], frames[0].measurement.handedness
+    values[SKEW] -= side * (frames[0].measurement.rig.known_psi or 0.0)
     covariance = np.zeros((len(indices), len(indices)))
     column = {int(parameter): i for i, parameter in enumerate(fit.shared)}
-    fitted = [i for i, parameter in enumerate(indices) if parameter in column]
+    # The clamp's position has errors of its own, which are not learned.
+    held = [] if prior.covariance[CLAMP_SHIFT, CLAMP_SHIFT] else [CLAMP_SHIFT]
+    values[held] = 0.0
+    fitted = [i for i, p in enumerate(indices) if p in column and i not in held]
     rows = [column[indices[i]] for i in fitted]
     covariance[np.ix_(fitted, fitted)] = fit.covariance[np.ix_(rows, rows)] * max(misfit, 1.0)
-    side = frames[0].measurement.handedness
+    # Skew and bow are odd functions of the side to which the rig deflects.
+    bow = FIRST_WIDTH + len(prior.widths)
     sides = np.ones(len(indices))
-    sides[1 + len(prior.widths) :] = side
+    sides[[SKEW, *range(bow, len(indices))]] = side
     values, covariance = values * sides, covariance * np.outer(sides, sides)
-    bow = 1 + len(prior.widths)
     shape = BeamShape(
-        widths=values[1:bow],
+        widths=values[FIRST_WIDTH:bow],
         softness=float(values[0]),
+        clamp_shift=float(values[CLAMP_SHIFT]),
+        skew=float(values[SKEW]),
         bow=values[bow:],
         covariance=(covariance + covariance.T) / 2,
         section_sigma=prior.section_sigma,

@@ -1,8 +1,9 @@
-"""Find the push that would determine best what others have left uncertain of a beam.
+"""Find the push, and the known force, that would determine best what is left uncertain of a beam.
 
 To first order a push adds its information on the beam (a Schur complement), whatever its images
 will show; the best one reduces the sigma of contact distances most (Atkinson and Donev 1992, the
-criterion V).
+criterion V). Images do not determine EI, but a known force does, the better the more accurately its
+image gives the force over EI.
 """
 
 from dataclasses import replace
@@ -16,15 +17,17 @@ from solver.beam_models.rod import S_C, WIDTHS, Q, contact_of, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import DX, DY, SOFTNESS, TILT, clamp_moment
+from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT, clamp_moment
 from solver.instrument.arrays import Floats
 
 # Contacts and deflections of the tip that are compared, over the beam's length, and at which the
 # sigma of x_c is averaged. Chosen: those of usual pushes.
 PLACES: Final = (0.3, 0.45, 0.6, 0.75, 0.9)
 DEFLECTIONS: Final = (0.05, 0.1, 0.2)
-# Row of x_c in `rod.contact_of`.
-_X_C: Final = 2
+# Rows of the force over EI and of x_c in `rod.contact_of`.
+_FORCE, _X_C = 0, 2
+# Ratio of the sigmas of EI without and with a known force below which it is not advised. Chosen.
+_WORTH: Final = 1.5
 
 
 class NextPush(NamedTuple):
@@ -40,30 +43,50 @@ class NextPush(NamedTuple):
     after: float
 
 
+class NextForce(NamedTuple):
+    """A known force [EI / L^2] at the arc length `place` that deflects the tip by `deflection`.
+
+    These are over the length. `before` and `after` are the relative sigmas of EI without and with
+    it, of a force that is known exactly.
+    """
+
+    force: float
+    place: float
+    deflection: float
+    before: float
+    after: float
+
+
 class _Image(NamedTuple):
-    """Information (f, f) of the image of a push, and the gradient (f,) of its x_c."""
+    """Information (f, f) of the image of a push, and the gradient (f,) of its x_c.
+
+    `load` is the force over EI [L^-2], and `by_load` (f,) the gradient of its logarithm.
+    """
 
     information: Floats
     gradient: Floats
+    load: float
+    by_load: Floats
 
 
-def next_push(problem: RodProblem, correlation: float) -> NextPush | None:
+def next_push(problem: RodProblem, correlation: float, shifted: bool = False) -> NextPush | None:
     """Compare pushes by what they would add to the beam of `problem`, which has its covariance.
 
     Images have as many points as that of `problem`, as accurate, with the residuals' correlation
-    length `correlation`. Return None if the beam has no uncertain parameters.
+    length `correlation`. The clamp's place is a part of the beam if it is `shifted`. Return None if
+    the beam has no uncertain parameters.
     """
     first = problem.shape_size
-    beam = [i for i in (first + SOFTNESS, *range(WIDTHS, first)) if i in problem.free]
+    of_clamp = (first + SOFTNESS, *([first + DX] if shifted else []))
+    parameters = (*of_clamp, first + PSI, *range(WIDTHS, first))
+    beam = [i for i in parameters if i in problem.free]
     if not beam:
         return None
     rows = [list(problem.free).index(i) for i in beam]
     prior = problem.information[np.ix_(problem.free, problem.free)]
     # Load and place, which come first, have no prior.
     known = _information_of(prior[2:, 2:], np.array(rows) - 2)
-    settings = list(product(PLACES, DEFLECTIONS))
-    images = {one: _image(problem, *one, correlation) for one in settings}
-    possible = {one: image for one, image in images.items() if image is not None}
+    possible = _images(problem, correlation)
 
     def sigma(added: Floats) -> float:
         variances = []
@@ -80,6 +103,30 @@ def next_push(problem: RodProblem, correlation: float) -> NextPush | None:
         reached[one] = sigma(_information_of(prior + image.information, np.array(rows)) - known)
     best = min(reached, key=lambda one: reached[one])
     return NextPush(*best, before, reached[best])
+
+
+def next_force(problem: RodProblem, correlation: float, rigidity: float) -> NextForce | None:
+    """Find the push whose force, if it were known, would determine EI best.
+
+    `rigidity` is the relative sigma of EI; the other arguments are those of `next_push`. Return
+    None if no force would determine it much better than it is known.
+    """
+    prior = problem.information[np.ix_(problem.free, problem.free)]
+    images, sigmas = _images(problem, correlation), {}
+    for one, image in images.items():
+        variance = image.by_load @ np.linalg.solve(prior + image.information, image.by_load)
+        sigmas[one] = float(np.sqrt(variance))
+    best = min(sigmas, key=lambda one: sigmas[one])
+    if sigmas[best] * _WORTH > rigidity:
+        return None
+    return NextForce(images[best].load, *best, rigidity, sigmas[best])
+
+
+def _images(problem: RodProblem, correlation: float) -> dict[tuple[float, float], _Image]:
+    """Imagine the images of all pushes that are possible, by place and deflection."""
+    settings = product(PLACES, DEFLECTIONS)
+    images = {one: _image(problem, *one, correlation) for one in settings}
+    return {one: image for one, image in images.items() if image is not None}
 
 
 def _information_of(total: Floats, rows: Floats) -> Floats:
@@ -109,10 +156,12 @@ def _image(
     if linearised is None:
         return None
     jacobian = linearised[1][problem.free]
-    _, by_shape = contact_of(curve_of(p[:size], problem.widths, problem.radius), p[:size])
-    gradient = np.zeros(len(p))
-    gradient[:size] = by_shape[_X_C]
-    return _Image(jacobian @ jacobian.T / correlation, gradient[problem.free])
+    values, by_shape = contact_of(curve_of(p[:size], problem.widths, problem.radius), p[:size])
+    gradients = np.zeros((2, len(p)))
+    load = float(values[_FORCE])
+    gradients[:, :size] = by_shape[_X_C], by_shape[_FORCE] / load
+    gradient, by_load = gradients[:, problem.free]
+    return _Image(jacobian @ jacobian.T / correlation, gradient, load, by_load)
 
 
 def _points(problem: RodProblem, p: Floats) -> Floats | None:

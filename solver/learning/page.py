@@ -4,15 +4,22 @@ from html import escape
 from typing import Final
 
 import numpy as np
+from scipy.constants import g
 
 from solver.beam_models.rod import width_at
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BeamShape
+from solver.instrument.beam_shape import (
+    CLAMP_SHIFT,
+    FIRST_WIDTH,
+    SKEW,
+    SOFTNESS,
+    BeamShape,
+)
 from solver.instrument.rig import Rig
-from solver.instrument.units import MILLIMETRE, PERCENT
+from solver.instrument.units import GRAM, MILLIMETRE, PERCENT
 from solver.learning.clamp_offset import LearnedOffset
 from solver.learning.learn import LearnedBeam
-from solver.learning.next_push import NextPush
+from solver.learning.next_push import NextForce, NextPush
 
 # Size of a picture [px], and its margins.
 _WIDTH, _HEIGHT, _MARGIN = 640, 220, 46
@@ -28,7 +35,8 @@ def widths_of(shape: BeamShape) -> tuple[Floats, Floats]:
     values = np.ones(len(_PLACES))
     for i, s in enumerate(_PLACES):
         values[i], _ = width_at(s, shape.widths, rows[i])
-    covariance = shape.covariance[1 : 1 + len(shape.widths), 1 : 1 + len(shape.widths)]
+    of_widths = slice(FIRST_WIDTH, FIRST_WIDTH + len(shape.widths))
+    covariance = shape.covariance[of_widths, of_widths]
     return values, np.sqrt(np.maximum(((rows @ covariance) * rows).sum(axis=1), 0.0))
 
 
@@ -43,8 +51,9 @@ def bow_of(shape: BeamShape, length: float) -> tuple[Floats, Floats]:
     return np.asarray(powers @ shape.bow * unit), np.sqrt(np.maximum(variance, 0.0)) * unit
 
 
-def summary(beam: LearnedBeam, length: float) -> str:
-    """Describe a learned beam of this length [m] in a few lines."""
+def summary(beam: LearnedBeam, rig: Rig) -> str:
+    """Describe a learned beam in a few lines; `rig` contains it, and EI if a force was known."""
+    length = rig.beam.length
     values, sigmas = widths_of(beam.shape)
     lines = [
         f"{beam.chosen.name}, from {beam.frames} frames; residuals {np.sqrt(beam.misfit):.2f} "
@@ -52,16 +61,40 @@ def summary(beam: LearnedBeam, length: float) -> str:
         f"width at the tip over that at the clamp: {values[-1]:.5f} +- {sigmas[-1]:.2g}",
     ]
     if beam.chosen.soft:
-        sigma = np.sqrt(beam.shape.covariance[0, 0])
         lines.append(
             f"rotation of the clamp over its moment, in L / EI: {beam.shape.softness:.5f} "
-            f"+- {sigma:.2g}"
+            f"+- {beam.shape.sigma(SOFTNESS):.2g}"
+        )
+    if beam.chosen.shifted:
+        shift, sigma = (
+            v * length / MILLIMETRE for v in (beam.shape.clamp_shift, beam.shape.sigma(CLAMP_SHIFT))
+        )
+        lines.append(f"the beam begins to bend {shift:.3f} +- {sigma:.2g} mm beyond its clamp")
+    elif beam.chosen.soft:
+        lines.append(_alike(beam.shape, length))
+    if beam.shape.section_sigma:
+        skew, sigma = (np.degrees(v) for v in (beam.shape.skew, beam.shape.sigma(SKEW)))
+        lines.append(
+            f"angle from the plane of the force to that of the deflection: {skew:.2f} +- "
+            f"{sigma:.2g} degrees"
         )
     if beam.offset is not None:
         lines.append(_offset(beam.offset))
     if beam.next_push is not None:
         lines.append(_advice(beam.next_push, length))
+    if beam.next_force is not None:
+        lines.append(_force(beam.next_force, rig))
     return "\n".join(lines)
+
+
+def _alike(shape: BeamShape, length: float) -> str:
+    """Describe the other clamp that would look like one that gives."""
+    before = shape.softness * length / MILLIMETRE
+    return (
+        f"a beam that begins to bend {before:.2f} mm before its clamp would look the same, and "
+        "have contacts as much farther from where it begins: state "
+        "beam_shape.clamp_shift_sigma_mm if it may"
+    )
 
 
 def _offset(learned: LearnedOffset) -> str:
@@ -92,6 +125,24 @@ def _advice(push: NextPush, length: float) -> str:
     )
 
 
+def _force(known: NextForce, rig: Rig) -> str:
+    """Describe what is known of EI, and the force that would determine it."""
+    beam, shape = rig.beam, rig.shape
+    relative = np.hypot(
+        rig.tolerances.flexural_rigidity / beam.flexural_rigidity, shape.rigidity_sigma
+    )
+    text = f"EI, and with it all forces, is known to {relative / PERCENT:.2g} %"
+    if relative < known.before / 2:
+        return text
+    place, deflection = (of * beam.length / MILLIMETRE for of in (known.place, known.deflection))
+    force = known.force * beam.flexural_rigidity / beam.length**2
+    return (
+        f"{text}; a known force of about {force:.2g} N, or a weight of {force / g / GRAM:.2g} "
+        f"g, at {place:.0f} mm, in the plane of the pushes, would determine it to "
+        f"{known.after / PERCENT:.2g} %: the tip is deflected by {deflection:.0f} mm"
+    )
+
+
 def page(beam: LearnedBeam, rig: Rig) -> str:
     """Write an HTML page: the beam that was chosen, its width and bow, and the candidates."""
     width, width_sigma = widths_of(beam.shape)
@@ -106,7 +157,7 @@ def page(beam: LearnedBeam, rig: Rig) -> str:
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width"><title>A learned beam</title>'
         f"<style>{_STYLE}</style></head><body><h1>A learned beam</h1>"
-        f"<pre>{escape(summary(beam, rig.beam.length))}</pre>"
+        f"<pre>{escape(summary(beam, rig))}</pre>"
         "<h2>Width along the beam, % of that at the clamp, with two sigmas</h2>"
         f"{_picture(length, width / PERCENT, width_sigma / PERCENT)}"
         "<h2>Line at rest [mm], with two sigmas</h2>"

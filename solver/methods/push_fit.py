@@ -40,6 +40,8 @@ from solver.fitting.sliding import grip_matrix
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.unknown_grip import with_unknown_grip
 from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import CLAMP_SHIFT
+from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
@@ -78,14 +80,14 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     if bent is None or len(bent.frames) < 2:
         return single_frame(single, "no earlier frame shows a bend")
     no_grip = np.zeros((len(bent.frames), 0))
-    axes, offset = measurement.antenna_from_beam[:2, :2], measurement.rig.clamp_offset
+    offset = _offset(measurement)
     push = Push(
         bent.frames,
         measurement.rig,
         bent.beam,
         no_grip,
-        offset=axes.T @ offset.position,
-        offset_covariance=axes.T @ offset.covariance @ axes,
+        offset=offset.position,
+        offset_covariance=offset.covariance,
     )
     if np.ptp(push.motor_angles) < LIMITS.min_turn_sigmas * push.encoder_sigma:
         return single_frame(single, "the motor has not turned")
@@ -108,6 +110,17 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
         moved = np.hstack([push.moved_by_shared_errors(fit), push.moved_by_offset(fit)])
         fit = replace(fit, covariance=fit.covariance + moved @ moved.T)
     return push_estimate(push, measurement, fit, single)
+
+
+def _offset(measurement: Measurement) -> ClampOffset:
+    """Return the offset of where the beam begins to bend from the motor's axis, in its frame."""
+    rig, axes = measurement.rig, measurement.antenna_from_beam[:2, :2]
+    shift, sigma = rig.shape.clamp_shift, rig.shape.sigma(CLAMP_SHIFT)
+    along = np.array([rig.beam.length, 0.0])
+    return ClampOffset(
+        axes.T @ rig.clamp_offset.position + shift * along,
+        axes.T @ rig.clamp_offset.covariance @ axes + sigma**2 * np.outer(along, along),
+    )
 
 
 def _sliding(push: Push, bent: BentFrames, parameters: Floats, compliance_sigma: float) -> Push:

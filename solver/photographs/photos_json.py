@@ -58,7 +58,7 @@ def read_photos(folder: Path) -> PhotoSet:
         photographs=photographs,
         length=length,
         rigidity=_rigidity(key),
-        shape=read_beam_shape(key),
+        shape=read_beam_shape(key, length.value),
         down=_down(key, hung),
         channel=key.one_of("channel", CHANNELS) if key.has("channel") else "gray",
         focal=_stated(key, "camera.focal_length", "px", *_FOCAL_PX)

@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.beam_models.rod import GRIP, S_C, Q
 from solver.instrument.arrays import Floats, Mask
-from solver.instrument.beam_shape import BOW
+from solver.instrument.beam_shape import BOW, FIRST_WIDTH, SOFTNESS
 from solver.photographs.photo_set import PhotoSet, Stated
 from solver.photographs.problem import (
     DOWN,
@@ -81,10 +81,11 @@ def prior_of(photos: PhotoSet, problems: Sequence[PhotoProblem], diagonal: float
         covariance[parameter, parameter] = sigma**2
     known = any(problem.load and problem.load.force for problem in problems)
     open_[RIGIDITY] = photos.rigidity is None and known
-    learned = 1 + widths + len(shape.bow)
-    rows = range(SOFT, SOFT + learned)
+    # The marks locate the clamp, and the loads' plane is that of the image.
+    used = [SOFTNESS, *range(FIRST_WIDTH, len(shape.covariance))]
+    rows = range(SOFT, SOFT + len(used))
     mean[rows] = [shape.softness, *shape.widths, *shape.bow]
-    covariance[np.ix_(rows, rows)] = shape.covariance
+    covariance[np.ix_(rows, rows)] = shape.covariance[np.ix_(used, used)]
     if not len(shape.bow):
         bow = range(SHAPE + widths, shared)
         covariance[bow, bow] = _BOW_SIGMA**2

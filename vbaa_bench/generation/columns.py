@@ -215,17 +215,30 @@ RIG: Final = {
     "beam_shape.clamp_softness_sigma": Column(
         f"{_SIGMA} of the clamp's rotation over its moment, in units of L / EI", "", _WIRE
     ),
+    "beam_shape.clamp_shift_sigma_mm": Column(
+        f"{_SIGMA} of where the beam begins to bend, beyond the clamp's position",
+        "",
+        "it is 0 (absent)",
+    ),
     "beam_shape.widths": Column(
         "coefficients of the width over that at the clamp", "", _NOT_LEARNED
     ),
     "beam_shape.clamp_softness": Column(
         "rotation of the clamp over its moment, in units of L / EI", "", _NOT_LEARNED
     ),
+    "beam_shape.clamp_shift": Column(
+        "place where the beam begins to bend, beyond the clamp's position, over the length",
+        "",
+        _NOT_LEARNED,
+    ),
+    "beam_shape.skew_rad": Column(
+        "angle from the plane of the force to that of the deflection, as psi", "", _NOT_LEARNED
+    ),
     "beam_shape.bow": Column(
         "coefficients of s^2, s^3, s^4 of the line at rest, over the length", "", _NOT_LEARNED
     ),
     "beam_shape.covariance": Column(
-        "covariance of the clamp's softness, the widths and the bow", "", _NOT_LEARNED
+        "covariance of clamp_softness, clamp_shift, skew_rad, widths and bow", "", _NOT_LEARNED
     ),
     "beam_shape.rigidity_sigma": Column(
         f"relative {_SIGMA} of EI due to the section's direction",

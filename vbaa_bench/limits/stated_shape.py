@@ -5,6 +5,7 @@ clamp. A beam that differs from it, although the scene states no tolerance, is u
 does not differ is not suspected of it.
 """
 
+from solver.instrument.beam_shape import SKEW
 from solver.instrument.units import PERCENT
 from vbaa_bench.limits.image_shape import SHAPE
 from vbaa_bench.limits.named_information import Information
@@ -37,6 +38,6 @@ def _sigmas(scene: Scene) -> dict[str, float]:
     return {
         tip: tolerances.tip_ratio_pct * PERCENT,
         rigidity: stated.rigidity_sigma,
-        skew: stated.psi_sigma,
+        skew: stated.sigma(SKEW),
         softness: tolerances.clamp_softness,
     }

@@ -20,7 +20,7 @@ from tests.tapered import bent, measured
 SHAPE = BeamShape(
     widths=np.array([-0.2]),
     softness=0.02,
-    covariance=np.diag([1e-3, 1e-2]) ** 2,
+    covariance=np.diag([1e-3, 0.0, 0.014, 1e-2]) ** 2,
     section_sigma=0.02,
     friction_sigma=0.2,
 )
@@ -57,7 +57,7 @@ def test_the_gradients_of_the_residuals_are_their_derivatives() -> None:
 def test_a_cone_in_a_plane_of_unknown_inclination() -> None:
     random = np.random.default_rng(3)
     beam = bent(-0.2, 0.6, 1.2)
-    known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.1]) ** 2)
+    known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.0, 0.014, 0.1]) ** 2)
     taken = measured(beam, known, random)
     # In plane C; the tip alone determines the inclination, whose sign is that of the viewpoint.
     end = beam.centreline[-1, 1:3]
@@ -75,7 +75,7 @@ def test_a_cone_in_a_plane_of_unknown_inclination() -> None:
 
 def test_a_moment_sensor_determines_the_inclination() -> None:
     beam = bent(-0.2, 0.6, 1.2)
-    known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.1]) ** 2)
+    known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.0, 0.014, 0.1]) ** 2)
     taken = measured(beam, known, np.random.default_rng(4))
     viewpoint = np.array([0.12, -0.1, 0.36, 1.0])
     rig = replace(taken.rig, sensors=replace(taken.rig.sensors, moment_y=2e-5))

@@ -13,15 +13,20 @@ from tests.simulated import rig
 LEARNED = BeamShape(
     widths=np.array([-0.03, 0.01]),
     softness=0.002,
+    clamp_shift=-0.003,
+    skew=0.1,
     bow=np.array([1e-3, -2e-3, 5e-4]),
-    covariance=np.diag([1e-4, 1e-3, 2e-3, 1e-4, 1e-4, 1e-4]) ** 2,
+    covariance=np.diag([1e-4, 1e-3, 2e-3, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4]) ** 2,
     section_sigma=0.02,
     rigidity_sigma=0.01,
     friction_sigma=0.2,
 )
 
 
-@pytest.mark.parametrize("shape", [UNIFORM, stated_shape(0.02, 0.0, 0.01, 0.2), LEARNED])
+@pytest.mark.parametrize(
+    "shape",
+    [UNIFORM, stated_shape(0.02, 0.0, 0.01, 0.2), stated_shape(0.0, 0.0, 0.0, 0.0, 0.002), LEARNED],
+)
 def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
     path.write_text(rig_to_json(replace(rig(), shape=shape)))
@@ -36,8 +41,8 @@ def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
     ("key", "value", "allowed"),
     [
         ("widths", [0.1] * 9, "a list of at most 6 numbers from -10 to 10"),
-        ("covariance", [[1.0]], "a list of 6 lists of 6 numbers"),
-        ("covariance", np.eye(6)[::-1].tolist(), "without negative eigenvalues"),
+        ("covariance", [[1.0]], "a list of 8 lists of 8 numbers"),
+        ("covariance", np.eye(8)[::-1].tolist(), "without negative eigenvalues"),
         ("bow", [1e-3], "a list of none or 3 numbers"),
         ("friction_sigma", -1, "a number from 0 to 10"),
     ],
@@ -78,7 +83,7 @@ def test_a_beam_of_which_nothing_is_stated_is_drawn_wire(tmp_path: Path) -> None
 
 def test_the_shape_is_checked() -> None:
     with pytest.raises(ValueError, match="the bow has 2 coefficients"):
-        BeamShape(bow=np.zeros(2), covariance=np.zeros((3, 3)))
+        BeamShape(bow=np.zeros(2), covariance=np.zeros((5, 5)))
     with pytest.raises(ValueError, match="friction_sigma is -1"):
         BeamShape(friction_sigma=-1.0)
     with pytest.raises(ValueError, match="covariance"):

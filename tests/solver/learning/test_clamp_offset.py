@@ -95,7 +95,7 @@ def test_the_offset_is_learned_and_corrects_contacts_in_the_world() -> None:
     sigmas = np.sqrt(np.diag(beam.offset.offset.covariance))
     assert (sigmas < [3e-4, 1e-3]).all()
     assert (np.abs(beam.offset.offset.position - OFFSET) < 3.5 * sigmas).all()
-    assert "clamp's offset from the motor's axis: x 1" in summary(beam, BEAM.length)
+    assert "clamp's offset from the motor's axis: x 1" in summary(beam, rig())
     other = pushes(seed=5)[1][-1]
     _, truth = states(PLACES[1], RADIUS, OFFSET)[-1]
     errors = []
@@ -131,7 +131,7 @@ def test_an_unknown_radius_leaves_one_direction_uncertain() -> None:
     vague, sharp = (np.sqrt(np.diag(one.offset.covariance)) for one in (unknown, known))
     assert vague[1] > 5 * sharp[1]
     assert (np.abs(unknown.offset.position - OFFSET) < 3.5 * vague).all()
-    assert "--object-radius" in summary(replace(learned(), offset=unknown), BEAM.length)
+    assert "--object-radius" in summary(replace(learned(), offset=unknown), rig())
 
 
 def test_a_clamp_on_the_axis_stays_there() -> None:
@@ -140,7 +140,7 @@ def test_a_clamp_on_the_axis_stays_there() -> None:
     assert on_axis is not None
     assert on_axis.still
     assert not on_axis.used
-    assert "is kept" in summary(replace(learned(), offset=on_axis), BEAM.length)
+    assert "is kept" in summary(replace(learned(), offset=on_axis), rig())
     # A rig that states it as uncertain learns where it is.
     stated = replace(frames[0][0].rig, clamp_offset=ClampOffset(covariance=np.eye(2) * 1e-6))
     update = learn_clamp_offset(frames, stated, ObjectRadius(RADIUS, 0.0))
@@ -155,7 +155,7 @@ def test_objects_that_yield_show_no_offset() -> None:
     moved = learn_clamp_offset(frames, frames[0][0].rig, ObjectRadius(RADIUS, 0.0))
     assert moved is not None
     assert not moved.still
-    assert "the objects moved" in summary(replace(learned(), offset=moved), BEAM.length)
+    assert "the objects moved" in summary(replace(learned(), offset=moved), rig())
     unread = [[replace(frame, motor_angle=None) for frame in push] for push in frames]
     assert learn_clamp_offset(unread, frames[0][0].rig) is None
 
@@ -167,6 +167,23 @@ def test_a_rig_that_deflects_to_the_other_side_has_the_mirrored_offset() -> None
     assert learned().offset is not None
     one, other = offset.offset.position, learned().offset.offset.position  # type: ignore[union-attr]
     assert one == pytest.approx(other * [1, -1], rel=1e-3)
+
+
+def test_the_offset_does_not_depend_on_where_the_clamp_is_in_sigma_a() -> None:
+    base = np.array([0.03, -0.07, 0.0])
+
+    def placed(frame: Measurement) -> Measurement:
+        pose = frame.antenna_from_beam.copy()
+        pose[:3, 3] = base
+        rig = replace(frame.rig, base_position=base)
+        return replace(frame, rig=rig, antenna_from_beam=pose)
+
+    frames = [[placed(frame) for frame in push] for push in pushes()]
+    offset = learn_clamp_offset(frames, frames[0][0].rig, ObjectRadius(RADIUS, 1e-4))
+    assert offset is not None
+    assert learned().offset is not None
+    expected = learned().offset.offset.position  # type: ignore[union-attr]
+    assert offset.offset.position == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("side", [1, -1])

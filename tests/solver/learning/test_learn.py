@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.instrument.beam_shape import BeamShape, stated_shape
+from solver.instrument.beam_shape import SOFTNESS, BeamShape, stated_shape
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.learning.candidates import candidates_of, prior_of
@@ -36,7 +36,7 @@ def test_a_cone_is_learned_from_unknown_contacts() -> None:
     assert sigma[-1] < 0.01
     assert abs(width[-1] - 0.9) < 4 * sigma[-1]
     assert learned.misfit == pytest.approx(1, abs=0.1)
-    assert "width at the tip" in summary(learned, BEAM.length)
+    assert "width at the tip" in summary(learned, rig())
     assert page(learned, rig()).count("<svg") == 2
 
 
@@ -58,7 +58,7 @@ def test_a_uniform_beam_on_a_rigid_clamp_needs_nothing_more() -> None:
 def test_a_clamp_that_gives_is_learned() -> None:
     learned = learn_beam(pushes(0.0, BeamShape(), softness=0.01))
     assert learned.chosen.soft
-    sigma = np.sqrt(learned.shape.covariance[0, 0])
+    sigma = learned.shape.sigma(SOFTNESS)
     assert learned.shape.softness == pytest.approx(0.01, abs=4 * sigma)
     assert sigma < 1e-3
 
@@ -73,7 +73,7 @@ def test_what_the_rig_states_is_in_every_candidate() -> None:
     stated = stated_shape(0.05, 0.01, 0.0, 0.2)
     candidates = candidates_of(stated)
     assert all(candidate.widths and candidate.soft for candidate in candidates)
-    sizes = [candidate.widths + candidate.soft for candidate in candidates_of(BeamShape())]
+    sizes = [candidate.size for candidate in candidates_of(BeamShape())]
     assert sizes == sorted(sizes)
     assert sizes[0] == 0
     prior = prior_of(candidates[-1], stated)

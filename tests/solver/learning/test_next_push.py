@@ -7,12 +7,12 @@ import pytest
 
 from solver.fitting.problem import problem_of
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
-from solver.instrument.beam_shape import BeamShape, stated_shape
+from solver.instrument.beam_shape import FIRST_WIDTH, BeamShape, stated_shape
 from solver.instrument.measurement import Measurement
 from solver.learning.learn import learn_beam
 from solver.learning.next_push import DEFLECTIONS, PLACES, next_push
 from solver.learning.page import summary
-from tests.simulated import BEAM
+from tests.simulated import rig
 from tests.tapered import bent, measured
 
 
@@ -62,10 +62,10 @@ def test_the_push_that_is_advised_brings_about_what_is_predicted() -> None:
     learned = learn_beam(few)
     advice = learned.next_push
     assert advice is not None
-    assert "the next push that helps most: contact at" in summary(learned, BEAM.length)
+    assert "the next push that helps most: contact at" in summary(learned, rig())
 
     def sigma(place: float, deflection: float) -> float:
         shape = learn_beam([*few, push(place, deflection)]).shape
-        return float(np.sqrt(np.diag(shape.covariance)[1:2].sum()))
+        return shape.sigma(FIRST_WIDTH) if len(shape.widths) else 0.0
 
     assert sigma(advice.place, advice.deflection) < 0.6 * sigma(0.3, 0.05)

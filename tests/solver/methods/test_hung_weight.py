@@ -17,8 +17,8 @@ from tests.hung import SIGMA, UNIT, hung, noisy
 from tests.simulated import BEAM, measurement
 from vbaa_bench.mechanics.rod import Rod
 
-CONE = BeamShape(widths=np.array([-0.2]), covariance=np.diag([1e-12, 1e-12]))
-SOFT = BeamShape(softness=0.05, covariance=np.diag([1e-12]))
+CONE = BeamShape(widths=np.array([-0.2]), covariance=np.diag([1e-12, 0.0, 0.0, 1e-12]))
+SOFT = BeamShape(softness=0.05, covariance=np.diag([1e-12, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize(

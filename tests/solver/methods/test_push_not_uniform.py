@@ -19,7 +19,7 @@ from tests.solver.methods.pushes import measured_push, still
 CONE = BeamShape(
     widths=np.array([-0.1, 0.05]),
     softness=0.03,
-    covariance=np.eye(3) * 1e-4,
+    covariance=np.diag([1e-4, 0.0, 2e-4, 1e-4, 1e-4]),
     section_sigma=0.02,
     friction_sigma=0.2,
 )
@@ -106,7 +106,7 @@ def test_a_clamp_that_gives_adds_to_the_pushing_angle() -> None:
         assert frame.motor_angle is not None
         frames.append(replace(frame, view=view, motor_angle=frame.motor_angle - turn))
     push = replace(frames[-1], earlier=tuple(frames[:-1]))
-    known = BeamShape(softness=softness, covariance=np.array([[1e-12]]))
+    known = BeamShape(softness=softness, covariance=np.diag([1e-12, 0.0, 0.0]))
     estimate = push_fit(of(push, known))
     assert estimate.outcome is Outcome.CONTACT
     # In the mount, in which the clamp has turned.

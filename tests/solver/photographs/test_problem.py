@@ -36,7 +36,7 @@ def one(load: Force | None) -> tuple[PhotoProblem, Floats]:
     if load:
         stated = PhotoLoad(load.kind, Stated(load.size, 0.01), Stated(load.at, 0.001))
         photo = replace(photo, load=stated)
-    shape = BeamShape(widths=np.zeros(1), covariance=np.eye(2) * 1e-4)
+    shape = BeamShape(widths=np.zeros(1), covariance=np.eye(4) * 1e-4)
     photos = PhotoSet((photo,), Stated(LENGTH, 1e-4), Stated(EI, EI / 10), shape)
     (problem,) = problems_of(photos, [shown])
     problem = replace(problem, sigmas=problem.sigmas * 1e2)  # 0.1 px

@@ -125,8 +125,8 @@ def test_every_key_of_a_rig_is_described(dataset: Path) -> None:
     )
     for board in (Charuco(11, 6, 0.02, "4x4_50"), LineNetwork(11, 6, 0.02, 0.001)):
         found |= keys(json.loads(rig_to_json(dataclasses.replace(full, board=board))))
-    learned = BeamShape(softness=1e-3, covariance=np.eye(1))
-    for shape in (stated_shape(0.02, 0.01, 0.02, 0.2), learned):
+    learned = BeamShape(softness=1e-3, covariance=np.eye(3))
+    for shape in (stated_shape(0.02, 0.01, 0.02, 0.2, 0.001), learned):
         found |= keys(json.loads(rig_to_json(dataclasses.replace(full, shape=shape))))
     assert found == set(RIG)
 
