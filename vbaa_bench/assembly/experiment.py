@@ -66,7 +66,7 @@ class Experiment:
     def motor(self) -> Motor:
         """The motor shaft; the clamp may be offset from its axis."""
         x, y, z = (-v * MILLIMETRE for v in self.scene.clamp_offset_mm)
-        return Motor(point=(x, y, z))
+        return Motor(point=(x - self.rig.grip, y, z))
 
     @cached_property
     def body(self) -> Body:
@@ -117,7 +117,8 @@ class Experiment:
         scene, first = self.scene, self.obstacles[0]
         upright_edge = isinstance(first.surface, Line) and self.push.normal == 0
         drifts = any(getattr(scene.object, "drift_mm", ()))
-        simple = not (first.friction or drifts or scene.second_peg or any(scene.clamp_offset_mm))
+        beside = any(scene.clamp_offset_mm) or self.rig.grip
+        simple = not (first.friction or drifts or scene.second_peg or beside)
         return PLANAR if self.rod.plain and upright_edge and simple else SPATIAL
 
     def states(self) -> list[State]:

@@ -1,5 +1,6 @@
 """Fisher information on a rig before any contact: board, beam at rest, and stated tolerances."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +11,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
+from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.limits.board_information import BOARD, board_information
@@ -113,6 +115,7 @@ class RigInformation:
         """Parameters of clamp and beam that are uncertain in this scene."""
         tolerances = nominal_rig(self.scene).tolerances
         names = [*(CLAMP[:3] if tolerances.base_position else ())]
+        names = names or [CLAMP[0]] * bool(self.scene.tolerances.grip_mm)
         names += [BEAM[0]] if tolerances.beam_length else []
         names += [BEAM[1]] if tolerances.flexural_rigidity else []
         return (*names, *uncertain_shape(self.scene))
@@ -122,6 +125,8 @@ class RigInformation:
         """The stated accuracy of clamp, beam and board."""
         stated = nominal_rig(self.scene).tolerances
         sigmas = dict.fromkeys(CLAMP[:3], stated.base_position)
+        grip = self.scene.tolerances.grip_mm * MILLIMETRE
+        sigmas[CLAMP[0]] = math.hypot(stated.base_position, grip)
         sigmas |= {"length": stated.beam_length, "rigidity": stated.flexural_rigidity}
         sigmas |= dict.fromkeys(BOARD[:3], stated.board_rotation)
         sigmas |= dict.fromkeys(BOARD[3:], stated.board_translation)

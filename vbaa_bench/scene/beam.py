@@ -68,6 +68,8 @@ class ToleranceSpec(Part):
     base_mm: Tolerance = 0.01
     # Position of the clamp relative to the motor's axis; the truth is the scene's clamp_offset_mm.
     clamp_offset_mm: Tolerance = 0.0
+    # How much deeper the clamp grips the beam, whose free length is shorter by as much.
+    grip_mm: Tolerance = 0.0
     board_mm: Tolerance = 0.01
     board_deg: Annotated[float, Field(ge=0, le=10)] = 0.01
     encoder_deg: Annotated[float, Field(ge=0, le=10)] = 0.01

@@ -24,12 +24,17 @@ from vbaa_bench.scene.weight import WeightSpec
 
 @dataclass(frozen=True)
 class TrueRig:
-    """True rig, hidden from solvers: beam, clamp and hub position (3,) [m], camera, board pose."""
+    """True rig, hidden from solvers: beam, clamp and hub position (3,) [m], camera, board pose.
+
+    The clamp grips the beam deeper by `grip` [m] than planned, and is as much farther from the
+    motor's axis.
+    """
 
     beam: Beam
     base_position: Floats
     camera: Camera
     antenna_from_board: Floats
+    grip: float = 0.0
 
     def knocked(self, scene: Scene) -> "TrueRig":
         """Return the rig of the frames, whose camera may have been knocked."""
@@ -82,6 +87,7 @@ def nominal_rig(scene: Scene) -> Rig:
             softness=tolerances.clamp_softness,
             section=tolerances.aspect_ratio_pct * PERCENT,
             friction=tolerances.friction,
+            clamp_shift=tolerances.grip_mm / beam.length_mm,
         ),
         gravity=_stated_gravity(scene),
         clamp_offset=ClampOffset(
@@ -166,4 +172,8 @@ def true_rig(scene: Scene) -> TrueRig:
     board = rig.antenna_from_board.copy()
     board[:3, 3] += board_error[:3, 3]
     board[:3, :3] = board_error[:3, :3] @ board[:3, :3]
-    return TrueRig(beam, rig.base_position + sigma.base_position * draw(3), camera, board)
+    base = rig.base_position + sigma.base_position * draw(3)
+    # The last draw: rigs without this tolerance are as before.
+    grip = scene.tolerances.grip_mm * MILLIMETRE * float(draw())
+    shorter = replace(beam, length=beam.length - grip)
+    return TrueRig(shorter, base + np.array([grip, 0.0, 0.0]), camera, board, grip)

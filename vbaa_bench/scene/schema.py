@@ -334,11 +334,13 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _check_clamp_offset(self) -> "Scene":
-        if self.tolerances.clamp_offset_mm and self.camera.mount == "world":
-            raise ValueError(
-                f"tolerances.clamp_offset_mm is {self.tolerances.clamp_offset_mm:g}, allowed is 0 "
-                "for a camera whose mount is world"
-            )
+        for name in ("clamp_offset_mm", "grip_mm"):
+            value = getattr(self.tolerances, name)
+            if value and self.camera.mount == "world":
+                raise ValueError(
+                    f"tolerances.{name} is {value:g}, allowed is 0 for a camera whose mount is "
+                    "world"
+                )
         return self
 
     @model_validator(mode="after")

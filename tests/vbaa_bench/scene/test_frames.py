@@ -3,12 +3,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vbaa_bench.assembly.experiment import Experiment
+from solver.instrument.beam_shape import CLAMP_SHIFT
+from solver.instrument.errors import InputError
+from tests.conftest import SMALL_SCENE
+from vbaa_bench.assembly.experiment import SPATIAL, Experiment
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.scene.frames import Frames, frame_specs
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import nominal_rig, true_rig
+from vbaa_bench.scene.schema import Scene
 
 SCENES = Path(__file__).parents[3] / "scenes"
 FIG8 = SCENES / "fig8_rigid.yaml"
@@ -64,6 +68,38 @@ def test_a_drawn_rig_lies_off_its_nominal_by_its_tolerances() -> None:
         )
     spread = np.std(pulls, axis=0)
     assert ((spread > 0.65) & (spread < 1.4)).all()  # 60 draws: 1 +- 0.09
+
+
+def test_a_beam_gripped_deeper_is_shorter_and_farther_from_the_axis() -> None:
+    def scene_with(grip_mm: float, true: str) -> Scene:
+        scene = load_scene(FIG8).scene
+        update = {"true_rig": true, "grip_mm": grip_mm}
+        return scene.model_copy(update={"tolerances": scene.tolerances.model_copy(update=update)})
+
+    assert true_rig(scene_with(1.0, "nominal")).grip == 0
+    drawn, plain = (true_rig(scene_with(grip, "drawn")) for grip in (1.0, 0.0))
+    assert 1e-5 < abs(drawn.grip) < 4e-3
+    assert drawn.beam.length == pytest.approx(plain.beam.length - drawn.grip)
+    assert drawn.base_position == pytest.approx(
+        plain.base_position + np.array([drawn.grip, 0.0, 0.0])
+    )
+    # All else is drawn as without.
+    assert drawn.beam.flexural_rigidity == plain.beam.flexural_rigidity
+    assert (drawn.antenna_from_board == plain.antenna_from_board).all()
+    scene = scene_with(1.0, "drawn")
+    experiment = Experiment(scene, drawn, frame_specs(scene)[0].push, SCENES)
+    assert experiment.motor.point == (-drawn.grip, 0.0, 0.0)
+    assert experiment.model == SPATIAL
+    assert nominal_rig(scene).shape.sigma(CLAMP_SHIFT) == pytest.approx(1 / 240)
+
+
+@pytest.mark.parametrize("name", ["clamp_offset_mm", "grip_mm"])
+def test_a_camera_in_the_world_has_its_clamp_on_the_axis(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    scene = SMALL_SCENE.replace("camera:\n", "camera:\n  mount: world\n")
+    path.write_text(f"{scene}\ntolerances: {{{name}: 1}}\n")
+    with pytest.raises(InputError, match=f"tolerances.{name} is 1, allowed is 0"):
+        load_scene(path)
 
 
 def test_every_push_begins_at_a_motor_angle_of_its_own() -> None:
