@@ -1,177 +1,162 @@
-"""Exact uniform beam with two frictionless point contacts, in one plane: integrated.
+"""Exact beam of a changing section, bowed at rest, with two contacts and friction: integrated.
 
-Beyond the outer contact the beam is straight, so its shape follows from there backwards, without a
-boundary value problem. In the frame of the outer contact's tangent, u is the distance back along
-that tangent, P the distance from it towards the side of the outer force, and psi the beam's angle
-to it. With sigma the arc length from the outer contact back to the clamp,
+Beyond the outer contact the beam is that of `rod`, whose frame, width and bow are those used here;
+between the contacts it carries the outer force, and from the inner contact to the clamp both, so
+that with the inner force's lever arm h
 
-    u' = cos(psi),    P' = sin(psi),    psi' = q_o u + q_i h,
+    u' = cos(psi),    P' = sin(psi),    psi' = (Q_o u + Q_i h) / w(s)^4 + b(s)
 
-where q_o and q_i are the two forces over EI, each normal to the beam at its contact, of either
-sign; h is the lever arm of the inner force about the point at sigma, and is 0 between the contacts:
+(Antman 2005, ch. IV). Both forces may have either sign. Where one of them vanishes this is the beam
+of `rod`; where their sum vanishes nothing is singular.
 
-    h = (u - u_i) cos(psi_i) + (P - P_i) sin(psi_i)
-
-with (u_i, P_i, psi_i) at the inner contact (Antman 2005, ch. IV). Where one of the forces vanishes
-this is the beam of `exact`; where their sum vanishes nothing is singular.
-
-All lengths are in units of the beam's length. A shape has the parameters (q_o, s_o, q_i, s_i), s
-being the arc length from the clamp to a contact. This module is compiled.
+All lengths are in units of the beam's length. A shape has the parameters of `rod`, those of the
+outer contact, and then (q_i, s_i, grip_i) of the inner one. This module is compiled.
 """
 
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.curve import END, MOST_ANGLE, Curve, U, advance, shifted, write_node
+from solver.beam_models.curve import END, MOST_ANGLE, Curve
+from solver.beam_models.rod import FREE_STEPS
+from solver.beam_models.rod_stretch import (
+    ALPHA,
+    GRIP,
+    INNER,
+    LINE_P,
+    LINE_U,
+    LOAD,
+    S_C,
+    WIDTHS,
+    Q,
+    Stretch,
+    march,
+    moment_at,
+    width_at,
+    write_contact,
+)
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
-# Parameters of a shape.
-Q_OUTER, S_OUTER, Q_INNER, S_INNER = range(4)
-PARAMETERS: Final = 4
+# Parameters of the inner contact, counted from the shape's end.
+Q_INNER, S_INNER, GRIP_INNER = -3, -2, -1
+INNER_PARAMETERS: Final = 3
 # Steps on either side of the inner contact. Measured: the error of a contact's place is 1e-8 for a
-# beam bent by 40 degrees.
+# uniform beam bent by 40 degrees.
 STEPS: Final = 16
-# Entries of a contact: force over EI, tangent's angle, x, y, s.
-CONTACT: Final = 5
+# Entries of a contact, those of `rod.contact_of`: force over EI, tangent's angle, x, y, s, lean.
+CONTACT: Final = 6
 
 
 class TwoContacts(NamedTuple):
-    """A shape's curve, and (u, P, psi) (3,) at the inner contact with gradients (4, 3).
+    """A shape's curve, (u, P, psi) (3,) at the inner contact and the moment over EI at the clamp.
 
-    The curve's `contact` is the outer one.
+    The gradients `by_inner` (k, 3) and `by_moment` (k,) are by the parameters. The curve's
+    `contact` is the outer one.
     """
 
     curve: Curve
     inner: Floats
     by_inner: Floats
+    moment: float
+    by_moment: Floats
 
 
 @njit
-def _derivative(
-    y: Floats,
-    by: Floats,
-    p: Floats,
-    inner: Floats,
-    by_inner: Floats,
-    between: bool,
-    out: Floats,
-    by_out: Floats,
+def _inner_force(
+    p: Floats, bow: int, radius: float, y: Floats, by: Floats, force: Floats, by_force: Floats
 ) -> None:
-    """Write the derivative by tau of y (u, P, psi) and of its gradients `by` (4, 3).
+    """Write the inner force (4,) at a contact with the state y (3,), and its gradient (k, 4).
 
-    tau goes from 0 to 1 `between` the contacts, or from the inner contact to the clamp.
+    Its line passes the centreline at a distance, as friction acts on the surface.
     """
-    cosine, sine = np.cos(y[2]), np.sin(y[2])
-    curvature, length = p[Q_OUTER] * y[0], p[S_OUTER] - p[S_INNER]
-    along, height, arm = 0.0, 0.0, 0.0
-    inner_cosine, inner_sine = np.cos(inner[2]), np.sin(inner[2])
-    if not between:
-        along, height, length = y[0] - inner[0], y[1] - inner[1], p[S_INNER]
-        arm = along * inner_cosine + height * inner_sine
-        curvature += p[Q_INNER] * arm
-    out[0], out[1], out[2] = length * cosine, length * sine, length * curvature
-    for i in range(PARAMETERS):
-        by_curvature = p[Q_OUTER] * by[i, 0]
-        if i == Q_OUTER:
-            by_curvature += y[0]
-        if not between:
-            by_arm = (
-                (by[i, 0] - by_inner[i, 0]) * inner_cosine
-                + (by[i, 1] - by_inner[i, 1]) * inner_sine
-                + (height * inner_cosine - along * inner_sine) * by_inner[i, 2]
-            )
-            by_curvature += p[Q_INNER] * by_arm
-            if i == Q_INNER:
-                by_curvature += arm
-        by_length = 0.0
-        if i == S_INNER:
-            by_length = -1.0 if between else 1.0
-        elif i == S_OUTER and between:
-            by_length = 1.0
-        by_out[i, 0] = by_length * cosine - length * sine * by[i, 2]
-        by_out[i, 1] = by_length * sine + length * cosine * by[i, 2]
-        by_out[i, 2] = by_length * curvature + length * by_curvature
+    k, grip = len(p), p[GRIP_INNER]
+    square = 1 + grip * grip
+    root = np.sqrt(square)
+    sine = grip / root
+    terms = np.zeros(k - INNER_PARAMETERS - WIDTHS)
+    width, slope = width_at(p[S_INNER], p[WIDTHS:bow], terms)
+    sided = radius if p[Q_INNER] >= 0 else -radius
+    arm, by_arm = sided * width * sine, np.zeros(k)
+    by_arm[S_INNER], by_arm[GRIP_INNER] = sided * slope * sine, sided * width / square**1.5
+    by_arm[WIDTHS:bow] = sided * sine * terms[: bow - WIDTHS]
+    alpha = y[2] + np.arctan(grip)
+    cosine, across = np.cos(alpha), np.sin(alpha)
+    force[LOAD], force[ALPHA] = p[Q_INNER] * root, alpha
+    force[LINE_U], force[LINE_P] = y[0] - arm * cosine, y[1] - arm * across
+    by_force[:, ALPHA] = by[:, 2]
+    by_force[GRIP_INNER, ALPHA] += 1 / square
+    by_force[Q_INNER, LOAD], by_force[GRIP_INNER, LOAD] = root, p[Q_INNER] * grip / root
+    for i in range(k):
+        turn = by_force[i, ALPHA]
+        by_force[i, LINE_U] = by[i, 0] - by_arm[i] * cosine + arm * across * turn
+        by_force[i, LINE_P] = by[i, 1] - by_arm[i] * across - arm * cosine * turn
 
 
 @njit
-def _march(
-    y: Floats,
-    by: Floats,
-    p: Floats,
-    inner: Floats,
-    by_inner: Floats,
-    between: bool,
-    steps: int,
-    first: int,
-    nodes: Floats,
-    gradients: Floats,
-) -> bool:
-    """Integrate by the classical method of Runge and Kutta; write the nodes; test the angles."""
-    rates, by_rates = np.empty((4, 3)), np.empty((4, PARAMETERS, 3))
-    trial, by_trial = np.empty(3), np.empty((PARAMETERS, 3))
-    h, length = 1.0 / steps, p[S_INNER]
-    if between:
-        length = p[S_OUTER] - p[S_INNER]
-    for step in range(steps + 1):
-        _derivative(y, by, p, inner, by_inner, between, rates[0], by_rates[0])
-        if not abs(y[2]) < MOST_ANGLE:
-            return False
-        write_node(y, by, rates[0, 2] / length, first + step, nodes, gradients)
-        if step == steps:
-            break
-        for stage in range(1, 4):
-            part = h if stage == 3 else h / 2
-            shifted(y, by, rates[stage - 1], by_rates[stage - 1], part, trial, by_trial)
-            _derivative(trial, by_trial, p, inner, by_inner, between, rates[stage], by_rates[stage])
-        advance(y, by, rates, by_rates, h)
-    return True
+def two_contacts_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -> TwoContacts:
+    """Integrate the shape with parameters p (k,), with `steps` on either side of the inner contact.
 
-
-@njit
-def two_contacts_of(p: Floats, steps: Any = STEPS) -> TwoContacts:
-    """Integrate the shape with parameters p (4,), with `steps` on either side of the inner contact.
-
-    The curve has the nodes beyond the tip, at the outer contact, and back to the clamp.
+    `widths` and `radius` are those of `rod.curve_of`. The curve has the nodes beyond the tip, at
+    the outer contact, and back to the clamp; a contact has one on either side, as in `curve_of`.
     """
-    nodes = np.zeros((4, 2 * steps + 2))
-    gradients = np.zeros((PARAMETERS, 2, 2 * steps + 2))
-    y, by = np.zeros(3), np.zeros((PARAMETERS, 3))
-    inner, by_inner = np.zeros(3), np.zeros((PARAMETERS, 3))
-    exists = 0 < p[S_INNER] < p[S_OUTER] < END
-    if exists:
-        nodes[U, 0] = p[S_OUTER] - END
-        exists = _march(y, by, p, inner, by_inner, True, steps, 1, nodes, gradients)
-    if exists:
-        inner[:], by_inner[:] = y, by
-        exists = _march(y, by, p, inner, by_inner, False, steps, steps + 1, nodes, gradients)
-    by_arm = np.zeros(PARAMETERS)  # the outer force's line crosses the axis at its contact
-    return TwoContacts(Curve(nodes, gradients, 1, by_arm, y, by, exists), inner, by_inner)
+    k, bow = len(p), WIDTHS + widths
+    bow_end, s_inner = k - INNER_PARAMETERS, k + S_INNER
+    free_steps = FREE_STEPS if bow_end > bow else 1
+    nodes = np.zeros((4, free_steps + 2 * steps + 3))
+    gradients = np.zeros((k, 2, free_steps + 2 * steps + 3))
+    y, by, by_arm = np.zeros(3), np.zeros((k, 3)), np.zeros(k)
+    inner, by_inner = np.zeros(3), np.zeros((k, 3))
+    force, by_force = np.zeros(INNER), np.zeros((k, INNER))
+    exists = 0 < p[S_INNER] < p[S_C] and abs(p[GRIP_INNER]) < np.tan(MOST_ANGLE)
+    for stretch in (
+        Stretch(S_C, -1, END, 0, free_steps, free_steps, -1),
+        Stretch(S_C, s_inner, 0.0, 1, steps, free_steps + 1, 1),
+        Stretch(s_inner, -1, 0.0, 2, steps, free_steps + steps + 2, 1),
+    ):
+        if exists and stretch.loads < 2:
+            exists = write_contact(p, bow, bow_end, radius, y, by)
+            by_arm[:] = by[:, 0]
+        elif exists:
+            inner[:], by_inner[:] = y, by
+            _inner_force(p, bow, radius, y, by, force, by_force)
+        exists = exists and march(
+            y, by, p, bow, bow_end, stretch, force, by_force, nodes, gradients
+        )
+    by_moment = np.zeros(k)
+    moment = moment_at(y, by, p, force, by_force, 2, by_moment)
+    curve = Curve(nodes, gradients, free_steps, by_arm, y, by, exists)
+    return TwoContacts(curve, inner, by_inner, moment, by_moment)
 
 
 @njit
 def contacts_of(shape: TwoContacts, p: Floats) -> tuple[Floats, Floats]:
-    """Compute both contacts (2, 5), the inner one first, and their gradients (2, 5, 4).
+    """Compute both contacts (2, 6), the inner one first, and their gradients (2, 6, k).
 
-    Each is (force over EI, theta, x, y, s) in the clamp's frame: the force is positive to the side
-    of +y, and theta is the angle of the tangent.
+    Each is (force over EI, theta, x, y, s, lean) in the clamp's frame, as in `rod.contact_of`: the
+    force is positive to the side of +y.
     """
-    values, gradients = np.empty((2, CONTACT)), np.zeros((2, CONTACT, PARAMETERS))
+    k = len(p)
+    values, gradients = np.empty((2, CONTACT)), np.zeros((2, CONTACT, k))
     base, by_base = shape.curve.base, shape.curve.by_base
     cosine, sine = np.cos(base[2]), np.sin(base[2])
-    for j in range(2):
-        place, by_place = np.zeros(3), np.zeros((PARAMETERS, 3))
-        load, arc = Q_OUTER, S_OUTER
-        if j == 0:
-            place, by_place = shape.inner, shape.by_inner
-            load, arc = Q_INNER, S_INNER
+    outer, by_outer = np.zeros(3), np.zeros((k, 3))
+    outer[0], outer[2] = shape.curve.nodes[0, shape.curve.contact], -np.arctan(p[GRIP])
+    by_outer[:, 0], by_outer[GRIP, 2] = shape.curve.by_arm, -1 / (1 + p[GRIP] ** 2)
+    for j, load, arc, rub, place, by_place in (
+        (0, k + Q_INNER, k + S_INNER, k + GRIP_INNER, shape.inner, shape.by_inner),
+        (1, Q, S_C, GRIP, outer, by_outer),
+    ):
+        square = 1 + p[rub] ** 2
+        root = np.sqrt(square)
         along, height = base[0] - place[0], base[1] - place[1]
         x, y = along * cosine + height * sine, along * sine - height * cosine
-        values[j, 0], values[j, 1], values[j, 4] = p[load], base[2] - place[2], p[arc]
+        values[j, 0], values[j, 1] = p[load] * root, base[2] - place[2]
         values[j, 2], values[j, 3] = x, y
-        gradients[j, 0, load], gradients[j, 4, arc] = 1.0, 1.0
-        for i in range(PARAMETERS):
+        values[j, 4], values[j, 5] = p[arc], -np.arctan(p[rub])
+        gradients[j, 0, load], gradients[j, 0, rub] = root, p[load] * p[rub] / root
+        gradients[j, 4, arc], gradients[j, 5, rub] = 1.0, -1 / square
+        for i in range(k):
             by_along, by_height = by_base[i, 0] - by_place[i, 0], by_base[i, 1] - by_place[i, 1]
             gradients[j, 1, i] = by_base[i, 2] - by_place[i, 2]
             gradients[j, 2, i] = by_along * cosine + by_height * sine - y * by_base[i, 2]

@@ -9,7 +9,8 @@ import numpy as np
 
 from solver.beam_models.curve import END, Curve
 from solver.beam_models.frictional import Contact
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q, contact_of, curve_of, width_at
+from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod_stretch import width_at
 from solver.fitting import frames
 from solver.fitting.push_beam import LastShape, Prior
 from solver.fitting.push_geometry import FirstTouch

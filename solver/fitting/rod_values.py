@@ -52,16 +52,33 @@ def rod_contact(rig: Rig, rod: RodProblem, p: Floats, motor_angle: float) -> tup
     The Jacobian is by the parameters p (p,), the motor angle, and the relative errors of EI and of
     all lengths.
     """
-    size, count, length = rod.shape_size, len(p), rig.beam.length
-    curve = curve_of(p[:size], rod.widths, rod.radius)
-    quantities, by_shape = contact_of(curve, p[:size])
-    moment, by_moment = clamp_moment(curve, p[:size])
+    shape = p[: rod.shape_size]
+    curve = curve_of(shape, rod.widths, rod.radius)
+    return mounted_contact(
+        rig, p, motor_angle, contact_of(curve, shape), clamp_moment(curve, shape)
+    )
+
+
+def mounted_contact(
+    rig: Rig,
+    p: Floats,
+    motor_angle: float,
+    quantities: tuple[Floats, Floats],
+    moment: tuple[float, Floats],
+) -> tuple[Floats, Floats]:
+    """Compute the contact (11,) and its Jacobian (11, p + 3) as `rod_contact`, of any shape.
+
+    `quantities` are those of `rod.contact_of` (6,) and their gradients (6, k) by the shape's
+    parameters, `moment` is that at the clamp [EI / L] with its gradient (k,).
+    """
+    (values, by_shape), (turning, by_moment) = quantities, moment
+    size, count, length = len(by_moment), len(p), rig.beam.length
     angle, rigidity, scale = count, count + 1, count + 2
     contact, jacobian = np.zeros(frames.CONTACT), np.zeros((frames.CONTACT, count + 3))
     force_unit = rig.beam.flexural_rigidity / length**2
     rows = (frames.FORCE, frames.THETA, frames.X_C, frames.Y_C, frames.S_C, frames.LEAN)
     units = np.array([force_unit, 1.0, length, length, length, 1.0])
-    contact[list(rows)] = quantities * units
+    contact[list(rows)] = values * units
     jacobian[list(rows), :size] = by_shape * units[:, None]
     for row in (frames.X_C, frames.Y_C, frames.S_C):
         jacobian[row, scale] = contact[row]
@@ -75,9 +92,9 @@ def rod_contact(rig: Rig, rod: RodProblem, p: Floats, motor_angle: float) -> tup
     ):
         contact[row], jacobian[row, size + column] = p[size + column] * unit, unit
     # A clamp that gives turns the beam in its mount, in which the contact is stated.
-    turn, by_turn = p[size + SOFTNESS] * moment, np.zeros(count + 3)
+    turn, by_turn = p[size + SOFTNESS] * turning, np.zeros(count + 3)
     by_turn[:size] = p[size + SOFTNESS] * by_moment
-    by_turn[size + SOFTNESS] = moment
+    by_turn[size + SOFTNESS] = turning
     plane = [frames.X_C, frames.Y_C]
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     contact[plane] = rotation @ contact[plane]

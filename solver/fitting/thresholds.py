@@ -49,7 +49,8 @@ class FittingThresholds(NamedTuple):
     some_in_runs: float = 0.1
     max_chi2_beside_runs: float = 1.4
     # The same for all rejected points of a fit of two contacts. Chosen: far fewer than the points
-    # on a stretch that a second contact bends, which no fit may reject.
+    # on a stretch that a second contact bends, which no fit may reject. If a fit of one contact
+    # rejects more, two contacts are tried.
     max_rejected_beside_two: float = 0.05
     # Reduction of chi2 that shows a second contact. Derived: five sigmas.
     min_second_chi2: float = 25.0

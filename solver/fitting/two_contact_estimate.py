@@ -1,16 +1,20 @@
 """Estimate from one frame of a beam that touches at two places, in the known plane."""
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from solver.beam_models.two_contacts import PARAMETERS, Q_INNER, Q_OUTER, S_INNER, S_OUTER
+from solver.beam_models.two_contacts import contacts_of, two_contacts_of
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.minimise import CONVERGED
-from solver.fitting.problem import problem_of
+from solver.fitting.problem import Problem, problem_of
 from solver.fitting.residuals import TILT as START_TILT
+from solver.fitting.rival_taper import other_taper
+from solver.fitting.rod_estimate import with_bow
 from solver.fitting.rod_fit import LeastSquares, fit_rod, least_squares
+from solver.fitting.rod_problem import lit_by_object, reflection_matters, rod_problem_of
 from solver.fitting.rod_residuals import PSI
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.two_contact_problem import (
@@ -26,7 +30,8 @@ from solver.instrument.measurement import Measurement
 # Largest number of starts. Measured: the minimum is reached from the first one but for forces near
 # the noise.
 _STARTS: Final = 5
-
+# Parameters of two contacts: their forces and places.
+_OF_CONTACTS: Final = 4
 # Least inner force over the outer one. Measured: a single contact with friction of 0.3 looks like
 # an additional inner force of 0.02 to 0.06, one in an unknown inclined plane like one of 0.11.
 _LEAST_INNER: Final = 0.2
@@ -35,28 +40,35 @@ _LEAST_INNER: Final = 0.2
 def two_contact_estimate(measurement: Measurement) -> Estimate:
     """Estimate two contacts and their forces, with the joint covariance of all values.
 
-    The inner contact has the names of a single one, the outer one those of `second_...`. The
-    outcome is "invalid" where such a beam does not explain the points, and "not identifiable" where
-    the image shows a second contact but does not determine it.
+    The beam is the stated or learned one of the rig, as in `rod_estimate`. The inner contact has
+    the names of a single one, the outer one those of `second_...`. The outcome is "invalid" where
+    such a beam does not explain the points, and "not identifiable" where the image shows a second
+    contact but does not determine it, or where one contact on a beam of another taper than the rig
+    states explains the points as well.
     """
-    problem = problem_of(measurement, with_tips=False)
+    bowed = with_bow(measurement)
+    problem = problem_of(bowed, with_tips=False)
     if problem.points < LIMITS.min_points:
         return Estimate(Outcome.NOT_IDENTIFIABLE, f"{problem.points} visible points")
-    double = two_contact_problem_of(measurement, problem)
-    single = start_of(problem, float(double.mean[PARAMETERS + PSI]))
+    double = two_contact_problem_of(rod_problem_of(bowed, problem))
+    single = start_of(problem, float(double.mean[double.shape_size + PSI]))
     fit = _best_fit(double, 0.0 if single is None else float(single[START_TILT]))
+    if fit is not None and fit.status == CONVERGED and reflection_matters(double):
+        double = _lit_at_both(double, fit)
+        fit = fit_rod(double, np.append(fit.p, np.zeros(double.own_errors)))
     if fit is None or fit.status != CONVERGED:
         return Estimate(Outcome.NOT_CONVERGED, "no beam with two contacts is near the points")
     count = int(np.count_nonzero(fit.kept))
-    dof = max(count - PARAMETERS, 1)
+    dof = max(count - _OF_CONTACTS, 1)
     for outcome, reason in (
-        (Outcome.INVALID, _misfit(fit, dof) or _no_inner(fit)),
-        (Outcome.NOT_IDENTIFIABLE, _undetermined(fit, "outer", Q_OUTER, S_OUTER)),
-        (Outcome.INVALID, _impossible(measurement, fit)),
+        (Outcome.INVALID, _misfit(fit, dof) or _no_inner(double, fit)),
+        (Outcome.NOT_IDENTIFIABLE, _undetermined(double, fit, "outer")),
+        (Outcome.INVALID, _impossible(measurement, double, fit)),
+        (Outcome.NOT_IDENTIFIABLE, _taper_instead(bowed, problem, fit)),
     ):
         if reason:
             return Estimate(outcome, reason, chi2=fit.chi2, dof=dof)
-    values, covariance = two_contact_values(measurement, fit)
+    values, covariance = two_contact_values(measurement, double, fit)
     rejected = len(fit.kept) - count
     return classified_estimate(
         measurement.rig,
@@ -82,6 +94,17 @@ def _best_fit(problem: TwoContactProblem, tilt: float) -> FrameFit | None:
     return None if best is None else fit_rod(problem, best.p)
 
 
+def _lit_at_both(problem: TwoContactProblem, fit: FrameFit) -> TwoContactProblem:
+    """Add the light that the objects reflect at both contacts of a fit."""
+    shape = fit.p[: problem.shape_size]
+    both = two_contacts_of(shape, problem.widths, problem.radius)
+    for _, theta, x, y, *_ in contacts_of(both, shape)[0]:
+        tangent = np.array([math.cos(theta), math.sin(theta)])
+        lit = lit_by_object(problem, np.array([x, y]), tangent)
+        problem = replace(lit, own_errors=problem.own_errors + lit.own_errors)
+    return problem
+
+
 def noise_chi2(dof: int) -> float:
     """Compute the largest chi2 per degree of freedom of noise alone: six sigmas of it."""
     return 1 + 6 * math.sqrt(2 / dof)
@@ -97,8 +120,19 @@ def _misfit(fit: FrameFit, dof: int) -> str:
     return ""
 
 
-def _undetermined(fit: FrameFit, name: str, q: int, s: int) -> str:
-    """Return why the fit does not determine the contact with the parameters q and s, or ""."""
+def _taper_instead(measurement: Measurement, problem: Problem, fit: FrameFit) -> str:
+    """Return how one contact explains the points with another taper of the beam, or ""."""
+    chi2, tip = other_taper(measurement, problem, fit.kept)
+    count = int(np.count_nonzero(fit.kept))
+    if chi2 > count * noise_chi2(count):
+        return ""
+    return f"one contact on a beam with a tip of {tip:.2f} times its width, or two contacts"
+
+
+def _undetermined(problem: TwoContactProblem, fit: FrameFit, name: str) -> str:
+    """Return why the fit does not determine the "inner" or "outer" contact, or ""."""
+    i = ("outer", "inner").index(name)
+    q, s = problem.forces[i], problem.places[i]
     force_sigma, place_sigma = np.sqrt(np.diag(fit.covariance)[[q, s]])
     if abs(fit.p[q]) < LIMITS.contact_sigmas * force_sigma:
         return f"the {name} force is {abs(fit.p[q]) / force_sigma:.1f} sigmas"
@@ -107,24 +141,25 @@ def _undetermined(fit: FrameFit, name: str, q: int, s: int) -> str:
     return ""
 
 
-def _no_inner(fit: FrameFit) -> str:
+def _no_inner(problem: TwoContactProblem, fit: FrameFit) -> str:
     """Return why the fit does not show an inner contact, or ""."""
-    ratio = abs(fit.p[Q_INNER]) / max(abs(fit.p[Q_OUTER]), 1e-300)
-    if ratio < _LEAST_INNER:
-        return f"the inner force is only {ratio:.2g} of the outer one"
-    return _undetermined(fit, "inner", Q_INNER, S_INNER)
+    outer, inner = np.abs(fit.p[list(problem.forces)])
+    if inner < _LEAST_INNER * outer:
+        return f"the inner force is only {inner / outer:.2g} of the outer one"
+    return _undetermined(problem, fit, "inner")
 
 
-def _impossible(measurement: Measurement, fit: FrameFit) -> str:
+def _impossible(measurement: Measurement, problem: TwoContactProblem, fit: FrameFit) -> str:
     """Return why two places are not those of two contacts on the beam, or ""."""
-    places = fit.covariance[np.ix_([S_OUTER, S_INNER], [S_OUTER, S_INNER])]
+    outer, inner = fit.p[list(problem.places)]
+    covariance = fit.covariance[np.ix_(problem.places, problem.places)]
     difference = np.array([1.0, -1.0])
-    apart = math.sqrt(max(float(difference @ places @ difference), 0.0))
-    if fit.p[S_OUTER] - fit.p[S_INNER] < LIMITS.contact_sigmas * apart:
+    apart = math.sqrt(max(float(difference @ covariance @ difference), 0.0))
+    if outer - inner < LIMITS.contact_sigmas * apart:
         return "the two contacts are not apart"
     beam = measurement.rig.beam
     tolerance = measurement.rig.tolerances.beam_length / beam.length
-    sigma = math.hypot(math.sqrt(places[0, 0]), tolerance)
-    if fit.p[S_OUTER] > 1 + LIMITS.beyond_tip_sigmas * sigma:
+    sigma = math.hypot(math.sqrt(covariance[0, 0]), tolerance)
+    if outer > 1 + LIMITS.beyond_tip_sigmas * sigma:
         return "the outer contact is beyond the tip"
     return ""

@@ -1,4 +1,4 @@
-"""Fit of a uniform beam with two contacts to one frame: problem, residuals and starts."""
+"""Fit of a beam with two contacts to one frame: problem, residuals and starts."""
 
 import math
 from collections.abc import Iterator
@@ -6,22 +6,16 @@ from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
-from solver.beam_models.two_contacts import (
-    PARAMETERS,
-    Q_INNER,
-    Q_OUTER,
-    S_INNER,
-    S_OUTER,
-    two_contacts_of,
-)
-from solver.fitting.problem import Problem
+from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
+from solver.beam_models.rod_stretch import width_at
+from solver.beam_models.two_contacts import INNER_PARAMETERS, two_contacts_of
 from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import RodProblem
-from solver.fitting.rod_residuals import DX, DY, POSE, PSI, TILT, curve_residuals
+from solver.fitting.rod_residuals import DY, POSE, TILT, curve_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
-from solver.instrument.measurement import Measurement
 
 # Places of the grid of starts, in units of the beam's length, and points that it uses. Chosen:
 # the fit moves a contact by more than a step of the grid.
@@ -30,19 +24,27 @@ _POINTS: Final = 64
 # Starts differ in a place by more than this many steps of the grid. Chosen: nearer ones lead to the
 # same minimum.
 _APART: Final = 3
-
-
-_FORCES: Final = [Q_OUTER, Q_INNER]
-_PLACES: Final = [S_OUTER, S_INNER]
+# Points of the integration of a linear beam. Chosen: its error is far below a step of the grid.
+_FINE: Final = 100
 
 
 class TwoContactProblem(RodProblem):
     """Points of one frame and the prior, for the shapes of `two_contacts`."""
 
     @property
+    def forces(self) -> tuple[int, int]:
+        """Indices of the forces, the outer one first."""
+        return Q, self.shape_size - 3
+
+    @property
+    def places(self) -> tuple[int, int]:
+        """Indices of the contacts' places, the outer one first."""
+        return S_C, self.shape_size - 2
+
+    @property
     def positive(self) -> tuple[int, ...]:
         """Indices of the contacts' places: the forces may have either sign."""
-        return (S_OUTER, S_INNER)
+        return self.places
 
     def moved(self, p: Floats, step: Floats) -> Floats:
         """Return the parameters (p,) after a step (p,); NaN where no two contacts have its moments.
@@ -51,10 +53,10 @@ class TwoContactProblem(RodProblem):
         clamp of order 0 and 1, beyond them on those of order 2 and 3, and linearly on all four. A
         step is therefore straight in the moments, which follow the curved valley of the objective.
         """
-        moved = p + step
-        by_force, by_place = _moments(p)
-        moments = by_force @ (p[_FORCES] + step[_FORCES]) + by_place @ step[_PLACES]
-        moved[:PARAMETERS] = np.nan
+        moved, forces, places = p + step, list(self.forces), list(self.places)
+        by_force, by_place = _moments(p[forces], p[places])
+        moments = by_force @ (p[forces] + step[forces]) + by_place @ step[places]
+        moved[[*forces, *places]] = np.nan
         # The two places are the nodes of Gauss's quadrature with these moments.
         determinant = moments[0] * moments[2] - moments[1] ** 2
         if determinant != 0:
@@ -63,73 +65,67 @@ class TwoContactProblem(RodProblem):
             root = total**2 - 4 * product
             if root > 0:
                 outer, inner = (total + math.sqrt(root)) / 2, (total - math.sqrt(root)) / 2
-                moved[S_OUTER], moved[S_INNER] = outer, inner
-                moved[Q_OUTER] = (moments[1] - inner * moments[0]) / (outer - inner)
-                moved[Q_INNER] = moments[0] - moved[Q_OUTER]
+                load = (moments[1] - inner * moments[0]) / (outer - inner)
+                moved[places], moved[forces] = (outer, inner), (load, moments[0] - load)
         return moved
 
     def residuals(self, p: Floats, residual: Floats, jacobian: Floats) -> bool:
         """Write the residuals (n,) of shape and pose p, and their Jacobian."""
         arrays = self.points, self.bounds, self.views
-        return bool(_residuals(p, *arrays, residual, jacobian))
+        return bool(_residuals(p, *arrays, self.widths, self.radius, residual, jacobian))
 
 
-def _moments(p: Floats) -> tuple[Floats, Floats]:
+def _moments(forces: Floats, places: Floats) -> tuple[Floats, Floats]:
     """Compute the derivatives (4, 2) of the forces' moments of order 0 to 3, by force and place."""
     order = np.arange(4)[:, None]
-    forces, places = p[_FORCES], p[_PLACES]
-    by_place = order * forces * places ** np.maximum(order - 1, 0)
-    return places**order, by_place
+    return places**order, order * forces * places ** np.maximum(order - 1, 0)
 
 
 @njit
 def _residuals(
-    p: Floats, points: Floats, bounds: Any, views: Floats, residual: Floats, jacobian: Floats
+    p: Floats,
+    points: Floats,
+    bounds: Any,
+    views: Floats,
+    widths: int,
+    radius: float,
+    residual: Floats,
+    jacobian: Floats,
 ) -> bool:
     """Write the residuals and their Jacobian; return whether the shape exists."""
-    curve, _, _ = two_contacts_of(p[:PARAMETERS])
-    # The clamp of a uniform beam is rigid, so that its moment does not turn it.
-    return curve.exists and curve_residuals(
-        p, curve, 0.0, np.zeros(PARAMETERS), points, bounds, views, residual, jacobian
+    both = two_contacts_of(p[: len(p) - POSE], widths, radius)
+    return both.curve.exists and curve_residuals(
+        p, both.curve, both.moment, both.by_moment, points, bounds, views, residual, jacobian
     )
 
 
-def two_contact_problem_of(measurement: Measurement, problem: Problem) -> TwoContactProblem:
-    """Return the problem of two contacts with the points of `problem`, in the known plane."""
-    points, bounds, views, *_ = problem.arrays
-    shared = problem.shared_errors
-    pose, errors = PARAMETERS + DX, PARAMETERS + POSE
-    mean = np.zeros(errors + shared.shape[1])
-    mean[PARAMETERS + PSI] = measurement.handedness * (measurement.rig.known_psi or 0.0)
-    information = np.zeros((len(mean), len(mean)))
-    length = measurement.rig.beam.length
-    unit = np.array([length, length, 1.0])
-    clamp = slice(pose, PARAMETERS + TILT + 1)
-    # In units of the sigmas, which differ by orders of magnitude.
-    sigmas = np.sqrt(np.diag(measurement.base_covariance))
-    correlation = measurement.base_covariance / np.outer(sigmas, sigmas)
-    weights = unit / sigmas
-    information[clamp, clamp] = np.linalg.inv(correlation) * np.outer(weights, weights)
-    own = np.arange(errors, len(mean))
-    information[own, own] = 1.0
+def two_contact_problem_of(rod: RodProblem) -> TwoContactProblem:
+    """Add an inner contact to the problem of one contact, with the same prior of its friction."""
+    size = rod.shape_size
+    added = [size] * INNER_PARAMETERS
+    load, place, grip = range(size, size + INNER_PARAMETERS)
+    information = np.insert(np.insert(rod.information, added, 0.0, axis=0), added, 0.0, axis=1)
+    information[grip, grip] = rod.information[GRIP, GRIP]
+    rubs = [grip] if GRIP in rod.free else []
+    others = np.where(rod.free < size, rod.free, rod.free + INNER_PARAMETERS)
     return TwoContactProblem(
-        points=points,
-        bounds=bounds - bounds[0],
-        views=views,
-        widths=0,
-        radius=measurement.rig.beam.radius / length,
-        shared=shared,
-        mean=mean,
+        points=rod.points,
+        bounds=rod.bounds,
+        views=rod.views,
+        widths=rod.widths,
+        radius=rod.radius,
+        shared=rod.shared,
+        mean=np.insert(rod.mean, added, 0.0),
         information=information,
-        free=np.array([*range(PARAMETERS), *range(pose, PARAMETERS + TILT + 1), *own]),
+        free=np.sort([*others, load, place, *rubs]),
     )
 
 
 def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[Floats]:
     """Yield up to `count` starts (p,), the best first, of a beam whose clamp is turned by `tilt`.
 
-    Each is the best linear beam, eqs. (9) and (10) superposed, with contacts at two places of a
-    grid; offset and tilt of the clamp are fitted with their prior. Linear theory is applied to the
+    Each is the best linear beam of the prior's section, with contacts at two places of a grid;
+    offset and tilt of the clamp are fitted with their prior. Linear theory is applied to the
     integral of the tangent's angle over the arc length, whose second derivative is the curvature
     for any deflection.
     """
@@ -137,11 +133,12 @@ def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[F
     points = problem.points[:, : last : max(last // _POINTS, 1)]
     weight = 1 / np.maximum(np.hypot(points[SIGMA_X], points[SIGMA_Y]), LEAST_SIGMA)
     s, y = _unrolled(points, tilt)
-    near = np.minimum(s, _GRID[:, None])
-    # The deflection by a force of 6 EI: (3 a - s) s^2 up to its place a, (3 s - a) a^2 beyond.
-    bends = (3 * np.maximum(s, _GRID[:, None]) - near) * near**2 * weight
+    size = problem.shape_size
+    widths, bow = np.split(problem.mean[WIDTHS : size - INNER_PARAMETERS], [problem.widths])
+    y = y - sum(b * s ** (2 + i) for i, b in enumerate(bow))
+    bends = _bends(s, np.ascontiguousarray(widths)) * weight
     clamp = np.array([weight, s * weight])
-    rows = [PARAMETERS + DY, PARAMETERS + TILT]
+    rows = [size + DY, size + TILT]
     inverse = np.linalg.inv(clamp @ clamp.T + problem.information[np.ix_(rows, rows)])
     # Eliminate the clamp (Schur complement).
     columns = np.concatenate([bends, [y * weight]])
@@ -163,11 +160,22 @@ def starts_of(problem: TwoContactProblem, tilt: float, count: int) -> Iterator[F
     for _ in range(count):
         best = int(np.argmax(gains))
         start = problem.mean.copy()
-        start[[S_INNER, S_OUTER]] = _GRID[pairs[best]]
-        start[[Q_INNER, Q_OUTER]] = 6 * forces[best]
-        start[PARAMETERS + TILT] = tilt
+        start[list(problem.places)] = _GRID[pairs[best]][::-1]
+        start[list(problem.forces)] = forces[best][::-1]
+        start[size + TILT] = tilt
         yield start
         gains[(np.abs(pairs - pairs[best]) <= _APART).all(axis=1)] = -np.inf
+
+
+def _bends(s: Floats, widths: Floats) -> Floats:
+    """Compute the deflections (g, n) at arc lengths s (n,) by a force of EI at each of _GRID."""
+    fine = np.linspace(0.0, max(float(s[-1]), _GRID[-1]), _FINE)
+    terms = np.empty(len(widths))
+    width = np.array([width_at(x, widths, terms)[0] for x in fine])
+    curvature = np.maximum(_GRID[:, None] - fine, 0.0) / width**4
+    slope = cumulative_trapezoid(curvature, fine, initial=0.0)
+    deflections = cumulative_trapezoid(slope, fine, initial=0.0)
+    return np.array([np.interp(s, fine, row) for row in deflections])
 
 
 def _unrolled(points: Floats, tilt: float) -> tuple[Floats, Floats]:

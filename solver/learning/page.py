@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from scipy.constants import g
 
-from solver.beam_models.rod import width_at
+from solver.beam_models.rod_stretch import width_at
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import (
     CLAMP_SHIFT,

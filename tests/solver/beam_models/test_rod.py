@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from solver.beam_models import frictional
 from solver.beam_models.curve import P, U, interpolated
-from solver.beam_models.rod import GRIP, STEPS, WIDTHS, Q, contact_of, curve_of, width_at
+from solver.beam_models.rod import GRIP, STEPS, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod_stretch import width_at
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 

@@ -2,16 +2,19 @@
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from solver.beam_models.frictional import misfit
+from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.two_contact_fit import two_contact_fit
+from tests import tapered
 from tests.simulated import BEAM, columns, measurement, pushed_points
 from tests.vbaa_bench.mechanics.benches import obstacle
 from vbaa_bench.mechanics.pushing import Motor, Step, push
@@ -23,15 +26,18 @@ SECOND = 0.19
 
 
 @functools.cache
-def between_pegs(gap: float, angle: float) -> State:
+def between_pegs(gap: float, angle: float, tip: float = 1.0) -> State:
     pegs = [obstacle(BEAM, 0.1), obstacle(BEAM, SECOND, nu=math.pi, clearance=gap)]
-    return push(Rod(BEAM), Motor(), pegs, 0.1, [Step(pushing_angle=angle)], intervals=4000)[0]
+    return push(
+        Rod(BEAM, tip_ratio=tip), Motor(), pegs, 0.1, [Step(pushing_angle=angle)], intervals=4000
+    )[0]
 
 
-def noisy(state: State, seed: int) -> Measurement:
+def noisy(state: State, seed: int, shape: BeamShape = UNIFORM) -> Measurement:
     points = columns(state.centreline)
     noise = SIGMA * np.random.default_rng(seed).standard_normal(len(points))
-    return measurement(points + np.outer(noise, [0, 1]), SIGMA, base_sigma=1e-5)
+    taken = measurement(points + np.outer(noise, [0, 1]), SIGMA, base_sigma=1e-5)
+    return replace(taken, rig=replace(taken.rig, shape=shape))
 
 
 def truths(state: State) -> dict[str, float]:
@@ -65,6 +71,29 @@ def test_both_contacts_are_within_their_sigmas(gap: float, angle: float) -> None
         )
     size = np.sqrt(np.mean(np.square(errors), axis=0))
     assert size == pytest.approx(np.ones(len(size)), abs=0.4)  # three sigmas of 30 values
+
+
+def test_both_contacts_of_a_beam_of_unknown_taper_are_within_their_sigmas() -> None:
+    state = between_pegs(3e-3, 0.2, tip=0.8)
+    shape = stated_shape(taper=0.2, softness=0.001, section=0.02, friction=0.1)
+    for seed in range(5):
+        estimate = two_contact_fit(noisy(state, seed, shape))
+        assert estimate.outcome is Outcome.CONTACT
+        for name, value in truths(state).items():
+            assert abs(estimate.values[name] - value) < 3 * estimate.sigma(name)
+        # The taper that is not known is in the sigmas.
+        known = two_contact_fit(
+            noisy(state, seed, BeamShape(np.array([-0.2]), covariance=np.zeros((2, 2))))
+        )
+        assert estimate.sigma("second_s_c_m") > 2 * known.sigma("second_s_c_m")
+
+
+@pytest.mark.parametrize("shape", [UNIFORM, stated_shape(0.02, 0.002, 0.02, 0.2)])
+def test_a_beam_of_another_taper_than_stated_has_no_second_contact(shape: BeamShape) -> None:
+    taken = tapered.measured(tapered.bent(0.3, 0.7, 0.3), shape, np.random.default_rng(0))
+    estimate = two_contact_fit(taken)
+    assert estimate.outcome is Outcome.NOT_IDENTIFIABLE
+    assert estimate.message.startswith("one contact on a beam with a tip of 1.30")
 
 
 def test_values_of_both_contacts_are_correlated() -> None:
