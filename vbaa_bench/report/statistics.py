@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from vbaa_bench.scoring.bootstrap import Interval, group_numbers, median_interval
+from vbaa_bench.scoring.efficiency import share_of_information
 from vbaa_bench.scoring.scored_quantities import SCORED_QUANTITIES
 from vbaa_bench.scoring.summary import CONTACTS
 
@@ -60,8 +61,7 @@ class MethodStatistics:
     @property
     def efficiency(self) -> float | None:
         """Fraction of the available information that the method uses, as in `scoring`."""
-        ratio = self.rmse_over_limit
-        return 1 / ratio**2 if ratio else None
+        return share_of_information(self.rmse_over_limit, self.matched)
 
 
 def with_groups(scores: pl.DataFrame) -> pl.DataFrame:

@@ -12,6 +12,7 @@ from polars import selectors
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.conditions import CONDITIONS, STRATA
+from vbaa_bench.scoring.efficiency import share_of_information
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.remarks import remarks
 from vbaa_bench.scoring.score import read_scores
@@ -154,7 +155,7 @@ def _row(rows: pl.DataFrame) -> Row:
         "x_c_sigma_over_rmse": stated["x_c"].get("sigma_over_rmse"),
         "second_s_c_sigma_over_rmse": stated["second_s_c"].get("sigma_over_rmse"),
         "x_c_coverage_95_pct": _percent(stated["x_c"].get("coverage_95")),
-        "x_c_efficiency_pct": None if not over_limit else 100 / over_limit**2,
+        "x_c_efficiency_pct": _percent(share_of_information(over_limit, rows.height)),
         "second_answered_pct": _percent(values["second_detection_rate"]),
         "second_false_pct": _percent(values["false_second_rate"]),
         "consistent_pct": _percent(values["consistent_rate"]),

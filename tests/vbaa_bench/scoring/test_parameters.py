@@ -13,7 +13,7 @@ from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.scoring.columns import LIMITS
-from vbaa_bench.scoring.efficiency import efficiency
+from vbaa_bench.scoring.efficiency import efficiency, share_of_information
 from vbaa_bench.scoring.information import information_of, scored_limits
 from vbaa_bench.scoring.metrics import checked_predictions, score_frames, true_frames
 from vbaa_bench.scoring.parameters import ALL, parameter_rows
@@ -177,13 +177,35 @@ def test_the_share_of_the_information_is_a_sentence(
     rows = scored(answers, separate(400), limits(400, "planar", [limit] * 400))
     parameters = parameter_rows(rows)
     share = summarise(rows, parameters)["methods"]["exact_fit"]["efficiency"]["x_c_mm"]
-    assert share["efficiency_pct"] == pytest.approx(percent, rel=0.1)
-    low, high = share["efficiency_pct_95"]
-    assert low < percent < high
-    assert "in the image and the known plane about the contact" in share["sentence"]
-    assert ("impossible" in share["sentence"]) is share["impossible"] is impossible
+    assert share["impossible"] is impossible
+    assert ("impossible" in share["sentence"]) is impossible
+    assert ("of the information" in share["sentence"]) is not impossible
+    assert "in the image and the known plane" in share["sentence"] or impossible
+    if impossible:
+        # A statement of the rig that is wider than the truth has no share.
+        assert share["efficiency_pct"] is share["efficiency_pct_95"] is None
+    else:
+        low, high = share["efficiency_pct_95"]
+        assert low < percent < high
+        assert share["efficiency_pct"] == pytest.approx(percent, rel=0.1)
     few = {**of(parameters, "x_c_mm")[ALL], "answered": 19}
     assert "impossible" not in (efficiency("planar", few) or {})["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "frames", "share"),
+    [
+        (None, 100, None),
+        (2.0, 100, 0.25),
+        (0.9, 100, 1 / 0.81),
+        (0.7, 100, None),
+        (0.7, 10, 1 / 0.49),
+    ],
+)
+def test_a_share_that_chance_does_not_explain_is_not_stated(
+    ratio: float | None, frames: int, share: float | None
+) -> None:
+    assert share_of_information(ratio, frames) == pytest.approx(share)
 
 
 def test_without_limits_there_is_no_share() -> None:
