@@ -122,9 +122,14 @@ class FrameLimits:
 
     @property
     def rubbing(self) -> tuple[bool, bool]:
-        """Whether there is friction along the beam and across it."""
+        """Whether there is friction along the beam and across it.
+
+        A force normal to the surface of a cone is inclined against the axis by the surface's slope.
+        """
         along, across = self.imaged.loads[0].friction
-        return abs(along) > _FRICTION, abs(across) > _FRICTION
+        rod = self.imaged.rod
+        slope = rod.beam.radius * abs(rod.tip_ratio - 1) / rod.beam.length
+        return abs(along) > _FRICTION + 2 * slope, abs(across) > _FRICTION
 
     @property
     def bending(self) -> tuple[str, ...]:

@@ -109,3 +109,18 @@ def test_frames_without_stated_shape_have_no_parameters_of_it() -> None:
     frame = paper_push()[0]
     assert "friction_along" not in frame.parameters
     assert "tip_ratio" not in frame.bending
+
+
+def test_the_slope_of_a_cones_surface_is_no_friction() -> None:
+    """The force normal to it is inclined against the axis by radius (tip ratio - 1) / length."""
+    pushes = {"contact_distance_mm": [90], "deflection_pct": [5]}
+    cone = {"beam": {"tip_ratio": 0.6}, "pushes": pushes, "tolerances": {"tip_ratio_pct": 40}}
+    (frame,) = push(**cone)
+    slope = 0.4 * frame.imaged.rod.beam.radius / frame.imaged.rod.beam.length
+    assert abs(frame.imaged.loads[0].friction[0]) == pytest.approx(slope, rel=0.01)
+    assert "friction_along" not in frame.parameters
+    # One frame of a push informs on its contact as its image does.
+    (limits,) = PushLimits([frame]).limits()
+    assert limits[X_C] == pytest.approx(planar(frame)[X_C], rel=1e-3)
+    (rubbing,) = push(**cone, object={"kind": "cylinder", "radius_mm": 6, "friction": 0.1})
+    assert "friction_along" in rubbing.parameters
