@@ -131,3 +131,14 @@ def test_width_terms_are_legendre_polynomials() -> None:
 )
 def test_shapes_that_no_beam_has(p: list[float]) -> None:
     assert not curve_of(np.array(p), WIDTHS - 2, RADIUS).exists
+
+
+def test_beyond_the_contact_a_beam_without_bow_is_straight_also_with_friction() -> None:
+    p = np.array([3.0, 0.6, 0.4, -0.3])
+    curve = curve_of(p, 1, RADIUS)
+    tip, contact = curve.nodes[:, 0], curve.nodes[:, curve.contact]
+    for part in (0.2, 0.5, 0.8):
+        u = (1 - part) * tip[U] + part * contact[U]
+        value, slope, _ = interpolated(curve.nodes, 0, u)
+        assert value == pytest.approx((1 - part) * tip[P] + part * contact[P], abs=1e-14)
+        assert slope == pytest.approx((contact[P] - tip[P]) / (contact[U] - tip[U]), abs=1e-13)
