@@ -120,17 +120,21 @@ class Solid:
         first, last = self._ends[:, 0], self._ends[:, 1]
         to_middle, _ = cKDTree(centreline).query((first + last) / 2)
         half = np.linalg.norm(last - first, axis=1) / 2
-        steps = np.linalg.norm(np.diff(centreline, axis=0), axis=1)
-        pitch = float(steps.max(initial=0.0))
-        candidates = np.flatnonzero(to_middle - half - pitch <= (to_middle + pitch).min())
-        distances = np.empty(len(candidates))
-        fractions = np.empty(len(candidates))
-        for i, k in enumerate(candidates):
-            distances[i], fractions[i] = _closest_approach(first[k], last[k], centreline)
+        pitch = float(np.linalg.norm(np.diff(centreline, axis=0), axis=1).max(initial=0.0))
+        tie = TIE * float(np.ptp(self._ends))
+        # Edges in the order of their least possible distance, up to that of the nearest one.
+        bound = to_middle - half - pitch / 2
+        distances, fractions = np.full((2, len(first)), np.inf)
+        limit = np.inf
+        for k in np.argsort(bound):
+            if bound[k] > limit:
+                break
+            distances[k], fractions[k] = _closest_approach(first[k], last[k], centreline)
+            limit = min(limit, float(distances[k]) + tie)
         # A beam that lies along a flat face leans on the edge nearer to the clamp, once it turns.
-        tied = np.flatnonzero(distances <= distances.min() + TIE * float(np.ptp(self._ends)))
-        best = int(tied[np.argmin(first[candidates[tied], 0] + last[candidates[tied], 0])])
-        edge, fraction = int(candidates[best]), float(fractions[best])
+        tied = np.flatnonzero(distances <= distances.min() + tie)
+        edge = int(tied[np.argmin(first[tied, 0] + last[tied, 0])])
+        fraction = float(fractions[edge])
         key = (edge, fraction if fraction in (0.0, 1.0) else 0.5)
         if key not in self._parts:
             self._parts[key] = self._part(edge, fraction)
