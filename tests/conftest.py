@@ -1,5 +1,6 @@
 """Datasets rendered once for all tests: four pushes of the reference rig in a strip of an image."""
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -60,6 +61,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Order the test files for worker processes, which take one file after the other."""
     rank = {Path(__file__).parent / name: number for number, name in enumerate(_LONGEST)}
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
+
+
+def pytest_collection_finish() -> None:
+    """Leave the modules and tests to the end: each garbage collection would search them all."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
