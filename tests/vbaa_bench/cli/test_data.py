@@ -14,10 +14,20 @@ from vbaa_bench import cli
 from vbaa_bench.api.forecast import Forecast
 from vbaa_bench.report.gallery import TRUTH
 
+# Counts and pictures do not depend on the noise, and less of it takes longest.
+NOISY_SCENE = f"{SMALL_SCENE}render: {{noise_elsewhere: 2, noise_near_beam: 1, sample_table: false}}\n"
 
-def test_a_preview_shows_the_true_beam_on_the_image(small_scene: Path, tmp_path: Path) -> None:
+
+@pytest.fixture
+def noisy_scene(tmp_path: Path) -> Path:
+    path = tmp_path / "noisy.yaml"
+    path.write_text(NOISY_SCENE, encoding="utf-8")
+    return path
+
+
+def test_a_preview_shows_the_true_beam_on_the_image(noisy_scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "frame.png"
-    line = ["preview", str(small_scene), "--frame", "3", "--out", str(out)]
+    line = ["preview", str(noisy_scene), "--frame", "3", "--out", str(out)]
     done = CliRunner().invoke(cli.app, [*line, "--json"])
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
@@ -46,8 +56,8 @@ def test_a_preview_that_cannot_be_written_renders_nothing(
     assert "cannot be written" in str(done.exception)
 
 
-def test_a_plan_counts_the_scene_and_states_a_range(small_scene: Path) -> None:
-    done = CliRunner().invoke(cli.app, ["plan", str(small_scene), "--workers", "1", "--json"])
+def test_a_plan_counts_the_scene_and_states_a_range(noisy_scene: Path) -> None:
+    done = CliRunner().invoke(cli.app, ["plan", str(noisy_scene), "--workers", "1", "--json"])
     assert done.exit_code == 0, done.output
     cost = Forecast(**json.loads(done.stdout))
     assert (cost.frames, cost.pushes, cost.images, cost.workers) == (4, 2, 8, 1)
@@ -59,7 +69,7 @@ def test_a_plan_counts_the_scene_and_states_a_range(small_scene: Path) -> None:
 
 def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
     path = tmp_path / "rigs.yaml"
-    path.write_text(SMALL_SCENE + "rigs: 40\nbackground: {reflectance: {uniform: [0, 0.2]}}\n")
+    path.write_text(NOISY_SCENE + "rigs: 40\nbackground: {reflectance: {uniform: [0, 0.2]}}\n")
     done = CliRunner().invoke(cli.app, ["plan", str(path), "--workers", "1", "--json"])
     assert done.exit_code == 0, done.output
     cost = Forecast(**json.loads(done.stdout))
