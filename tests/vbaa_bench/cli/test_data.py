@@ -14,8 +14,10 @@ from vbaa_bench import cli
 from vbaa_bench.api.forecast import Forecast
 from vbaa_bench.report.gallery import TRUTH
 
-# Counts and pictures do not depend on the noise, and less of it takes longest.
-NOISY_SCENE = f"{SMALL_SCENE}render: {{noise_elsewhere: 2, noise_near_beam: 1, sample_table: false}}\n"
+# Counts and pictures do not depend on the noise; less noise takes more time.
+NOISY_SCENE = f"""{SMALL_SCENE}
+render: {{noise_elsewhere: 2, noise_near_beam: 1, sample_table: false}}
+"""
 
 
 @pytest.fixture
