@@ -8,6 +8,7 @@ import numpy as np
 from solver.at_rest.pose import Rest
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+from solver.instrument.dot_products import dot
 from solver.instrument.rig import Rig
 
 # Powers of the distance that describe a bent beam across its direction at the clamp (the first
@@ -97,6 +98,13 @@ def _slope(x: float, slope: float, weights: Floats) -> float:
 
 
 @njit
+def _subtract(values: Floats, factor: float, others: Floats) -> None:
+    """Subtract `factor` times `others` (n,) from `values` (n,)."""
+    for i in range(len(values)):
+        values[i] -= factor * others[i]
+
+
+@njit
 def _fitted(x: Floats, y: Floats, terms: int) -> Floats:
     """Fit y = sum of w_j x^(j + 2) by least squares; return w (terms,).
 
@@ -106,21 +114,25 @@ def _fitted(x: Floats, y: Floats, terms: int) -> Floats:
     n = len(x)
     columns, upper = np.empty((terms, n)), np.zeros((terms, terms))
     weights, rest, power = np.zeros(terms), y.copy(), x.copy()
+    # Loops, because each expression of whole arrays takes tenths of a second to compile.
     for j in range(terms):
-        power = power * x  # the first one is x^FIRST_POWER
-        columns[j] = power
-        before = math.sqrt((columns[j] ** 2).sum())
+        column = columns[j]
+        for i in range(n):
+            power[i] *= x[i]  # the first one is x^FIRST_POWER
+            column[i] = power[i]
+        before = math.sqrt(dot(column, column))
         for k in range(j):
-            upper[k, j] = (columns[k] * columns[j]).sum()
-            columns[j] -= upper[k, j] * columns[k]
-        left = math.sqrt((columns[j] ** 2).sum())
+            upper[k, j] = dot(columns[k], column)
+            _subtract(column, upper[k, j], columns[k])
+        left = math.sqrt(dot(column, column))
         if left <= INDEPENDENT * before:
-            columns[j] = 0.0
+            column[:] = 0.0
             continue
         upper[j, j] = left
-        columns[j] /= left
-        weights[j] = (columns[j] * rest).sum()
-        rest -= weights[j] * columns[j]
+        for i in range(n):
+            column[i] /= left
+        weights[j] = dot(column, rest)
+        _subtract(rest, weights[j], column)
     for j in range(terms - 1, -1, -1):
         if upper[j, j] == 0.0:
             continue

@@ -1,4 +1,4 @@
-"""Small positive definite matrices in compiled code.
+"""Small matrices in compiled code.
 
 numba's wrappers of LAPACK take seconds to compile and longer than a small system to run.
 """
@@ -9,6 +9,35 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
+
+
+@njit
+def solve(matrix: Floats, right: Floats) -> bool:
+    """Replace `right` (n,) by the solution of matrix (n, n) x = right; the matrix is lost.
+
+    Return False if the matrix is singular. By Gaussian elimination with partial pivoting.
+    """
+    n = len(right)
+    for j in range(n):
+        pivot = j
+        for i in range(j + 1, n):
+            if abs(matrix[i, j]) > abs(matrix[pivot, j]):
+                pivot = i
+        if not abs(matrix[pivot, j]) > 0:
+            return False
+        for k in range(j, n):
+            matrix[j, k], matrix[pivot, k] = matrix[pivot, k], matrix[j, k]
+        right[j], right[pivot] = right[pivot], right[j]
+        for i in range(j + 1, n):
+            factor = matrix[i, j] / matrix[j, j]
+            for k in range(j, n):
+                matrix[i, k] -= factor * matrix[j, k]
+            right[i] -= factor * right[j]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    return True
 
 
 @njit

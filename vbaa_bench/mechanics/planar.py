@@ -19,6 +19,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
+from solver.instrument.small_matrices import solve
 from vbaa_bench.mechanics.state import MAX_RESIDUAL, Contact, EquilibriumError, State
 
 ORDER = 16
@@ -53,20 +54,19 @@ def push(
     length, rigidity = beam.length, beam.flexural_rigidity
     force_unit = rigidity / length**2
     offset = beam.radius / length
-    try:
-        tau, scale, angle, residual = _solve(
-            contact_distance / length,
-            offset + object_radius / length,
-            compliance * force_unit / length,
-            spring_heading,
-            -1.0 if deflection is None else deflection,
-            pushing_angle or 0.0,
-        )
-    except np.linalg.LinAlgError as error:  # so small a push that numbers underflow
+    tau, scale, angle, residual = _solve(
+        contact_distance / length,
+        offset + object_radius / length,
+        compliance * force_unit / length,
+        spring_heading,
+        -1.0 if deflection is None else deflection,
+        pushing_angle or 0.0,
+    )
+    if math.isnan(residual):  # so small a push that numbers underflow
         raise EquilibriumError(
             f"no equilibrium at contact distance {contact_distance:.6g} m "
             "(the equations are singular)"
-        ) from error
+        )
     if not residual <= MAX_RESIDUAL:
         raise EquilibriumError(
             f"no equilibrium at contact distance {contact_distance:.6g} m "
@@ -165,8 +165,9 @@ def _solve(
 ) -> tuple[float, float, float, float]:
     """Find (tau, lambda, dtheta, residual) of a touching beam.
 
-    A negative deflection means that `pushing_angle` is prescribed. `offset` is the distance from
-    the beam's centreline to the edge, or to the cylinder's axis.
+    The residual is NaN if the equations are singular. A negative deflection means that
+    `pushing_angle` is prescribed. `offset` is the distance from the beam's centreline to the edge,
+    or to the cylinder's axis.
     """
     # Start from linear theory: y_tip / y_c = (3 L - x_c) / (2 x_c), F = 3 EI y_c / x_c^3.
     give = 1 + 3 * compliance / x_0**3
@@ -195,21 +196,22 @@ def _solve(
             stalled += 1
         if stalled >= 2 or not math.isfinite(error):
             break
-        change = np.linalg.solve(slopes, equations)
+        if not solve(slopes, equations):
+            return tau, scale, angle, math.nan
         # Go at most half the way to the bounds of tau and lambda.
         fraction = 1.0
         for value, step, low, high in (
-            (tau, change[0], 0.0, _MAX_TAU),
-            (scale, change[1], 0.0, math.inf),
+            (tau, equations[0], 0.0, _MAX_TAU),
+            (scale, equations[1], 0.0, math.inf),
         ):
             if step > 0:
                 fraction = min(fraction, 0.5 * (value - low) / step)
             elif step < 0 and high < math.inf:
                 fraction = min(fraction, 0.5 * (high - value) / -step)
         fraction = min(1.0, fraction)
-        tau -= fraction * change[0]
-        scale -= fraction * change[1]
-        angle -= fraction * change[2]
+        tau -= fraction * equations[0]
+        scale -= fraction * equations[1]
+        angle -= fraction * equations[2]
     return solution
 
 
@@ -255,7 +257,7 @@ def _residuals(
     slopes[0, 2] = w_y - compliance * push_turn * e_x
     slopes[1, 2] = -w_x - compliance * push_turn * e_y
     if deflection < 0:
-        slopes[2] = 0.0, 0.0, 1.0
+        slopes[2, 0], slopes[2, 1], slopes[2, 2] = 0.0, 0.0, 1.0
     else:
         ahead = 1 - tau * scale
         equations[2] = scale * p_y + ahead * sine - deflection

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solver.instrument.arrays import Floats
-from solver.instrument.small_matrices import solve_definite, whitening
+from solver.instrument.small_matrices import solve, solve_definite, whitening
 
 
 def definite(size: int, seed: int) -> Floats:
@@ -21,6 +21,21 @@ def test_systems_are_solved_as_by_lapack(size: int, seed: int) -> None:
     right = matrix @ x
     assert solve_definite(matrix.copy(), right)
     assert right == pytest.approx(x, abs=1e-8)
+
+
+@given(size=st.integers(1, 8), seed=st.integers(0, 2**32))
+def test_general_systems_are_solved_as_by_lapack(size: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    matrix, right = random.normal(size=(size, size)), random.normal(size=size)
+    matrix[0, 0] = 0.0 if size > 1 else 1.0  # elimination must exchange rows
+    expected = np.linalg.solve(matrix, right)
+    assert solve(matrix, right)
+    assert right == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((2, 2)), np.ones((3, 3)), np.full((1, 1), np.nan)])
+def test_a_singular_matrix_is_reported(matrix: Floats) -> None:
+    assert not solve(matrix, np.ones(len(matrix)))
 
 
 @given(size=st.integers(1, 8), seed=st.integers(0, 2**32))
