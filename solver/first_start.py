@@ -23,7 +23,9 @@ _LAST_OF_FITS = "frame_fit._mark_inliers"
 _CHILD = """
 import json, pickle, sys
 sys.path[:] = json.loads(sys.argv[1])
-from solver.first_start import compile_fits
+from solver.instrument.quick_imports import quick_imports
+with quick_imports():
+    from solver.first_start import compile_fits
 compile_fits(pickle.load(sys.stdin.buffer))
 """
 

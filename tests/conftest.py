@@ -63,10 +63,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
-def pytest_collection_finish() -> None:
-    """Leave the modules and tests to the end: each garbage collection would search them all."""
-    gc.collect()
+def pytest_runtestloop() -> None:
+    """Leave modules and tests out of garbage collections, each of which would search them all."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
+from solver.instrument.quick_imports import quick_imports
 from vbaa_bench.generation.job import Job, WorkerStartError
 
 
@@ -39,7 +40,8 @@ def serve(connection: Connection, stop: Any) -> None:
 def _build(pickled: bytes) -> Any:
     """Build the worker's object, or return the error that prevents it."""
     try:
-        build, arguments = pickle.loads(pickled)
+        with quick_imports():
+            build, arguments = pickle.loads(pickled)
         return build(*arguments)
     except Exception as error:  # noqa: BLE001  # any exception is the reason
         return WorkerStartError(f"{type(error).__name__}: {error}")

@@ -40,6 +40,12 @@ _SOURCES: Final = "method"
 _MAX_END_S: Final = 10.0
 # Time limit for reading the last of the printed output [s].
 _MAX_REST_S: Final = 2.0
+_SUPERVISOR: Final = """
+from solver.instrument.quick_imports import quick_imports
+with quick_imports():
+    from vbaa_bench.scoring.supervisor import main
+main()
+"""
 
 
 @dataclass(frozen=True)
@@ -244,7 +250,7 @@ def _supervisor(
     When its standard input ends, also because this process has ended, it ends with the method.
     """
     # -P: nothing is imported from the folder where it starts.
-    command = [sys.executable, "-P", "-m", "vbaa_bench.scoring.supervisor", *task]
+    command = [sys.executable, "-P", "-c", _SUPERVISOR, *task]
     readable, writable = os.pipe()
     listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
     listener.start()

@@ -1,6 +1,6 @@
 """Run methods on datasets in worker processes, and continue after the loss of a worker.
 
-`python -m vbaa_bench.scoring.supervisor FOLDER CENTRELINE REPEATS MEMORY_GB FRAME_S`
+The arguments of the process are FOLDER CENTRELINE REPEATS MEMORY_GB FRAME_S.
 
 Each line on standard input is a JSON list of a method, a folder of observations, which is set up
 once for consecutive methods, and the indices of the frames to solve, or null for all. For each
@@ -202,7 +202,3 @@ def main() -> None:
         except InputError as error:
             print(json.dumps({"refused": str(error)}), flush=True)
         print(json.dumps({"end": path}), flush=True)
-
-
-if __name__ == "__main__":
-    main()

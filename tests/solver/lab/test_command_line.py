@@ -54,7 +54,7 @@ def command(
 ) -> CommandLine:
     """The real command line, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("solver.__main__.set_up", calibrates_once)
+    monkeypatch.setattr("solver.lab.command_line.set_up", calibrates_once)
     return CommandLine(main, capfd)
 
 
@@ -216,7 +216,7 @@ def test_a_bad_image_is_a_row_and_not_the_end(
 def test_a_place_that_cannot_be_written_is_told_before_anything_is_solved(
     command: CommandLine, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("solver.__main__.set_up", lambda *_: pytest.fail("it has begun"))
+    monkeypatch.setattr("solver.lab.command_line.set_up", lambda *_: pytest.fail("it has begun"))
     Path("blocked").write_text("")
     Path("folder.csv").mkdir()
     for out in ("blocked/out.csv", "folder.csv"):

@@ -1,0 +1,206 @@
+"""The commands of `python -m solver`, and their errors."""
+
+import sys
+import time
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import typer
+from rich.console import Console
+
+from solver.centreline.extractors import EXTRACTORS, find_extractor
+from solver.instrument.errors import InputError
+from solver.instrument.images import png_bytes
+from solver.instrument.observation import open_rig, rig_file
+from solver.instrument.rig import read_rig
+from solver.lab.check import calibration_report
+from solver.lab.console import console, setting_up, table, with_progress
+from solver.lab.controls import controls_of
+from solver.lab.input_options import (
+    ChannelOption,
+    ControlOption,
+    ExposureOption,
+    RigOption,
+    SizeOption,
+    checked_channel,
+    open_inputs,
+)
+from solver.lab.learn_command import learn
+from solver.lab.live import json_line, solve_shots, warm_up
+from solver.lab.outline_command import outline
+from solver.lab.overlay import OverlayWriter, draw
+from solver.lab.photos_command import photos
+from solver.lab.rigidity_command import rigidity
+from solver.lab.sources import open_source
+from solver.lab.table import Row, csv_text
+from solver.lab.target import svg
+from solver.lab.writing import prepare_output_path, write
+from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
+from solver.methods import LEARNING, METHODS
+from solver.methods.by_name import find_method
+from solver.set_up import set_up
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
+
+
+@app.command()
+def solve(
+    sources: Annotated[
+        list[str],
+        typer.Argument(help="observations folder; or images, a video, a camera, with --rig"),
+    ],
+    rig: Annotated[
+        Path | None, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
+    ] = None,
+    method: Annotated[
+        str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
+    ] = "exact_fit",
+    centreline: Annotated[
+        str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
+    ] = "profile_fit",
+    readings: Annotated[
+        Path | None, typer.Option(help="table like metadata.csv, in the folder of the images")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="CSV to write", show_default="estimates_<method>.csv, none for a camera"),
+    ] = None,
+    stream: Annotated[
+        bool, typer.Option("--stream", help="print one line of JSON per frame to stdout")
+    ] = False,
+    overlay: Annotated[
+        Path | None, typer.Option(help="folder, .mp4 or .avi for images with the overlay")
+    ] = None,
+    channel: ChannelOption = None,
+    size: SizeOption = None,
+    exposure: ExposureOption = None,
+    control: ControlOption = None,
+    repeats: Annotated[
+        int, typer.Option(min=1, help="runs per frame; the median time is reported")
+    ] = 1,
+    quiet: Annotated[bool, typer.Option(help="no table, no progress")] = False,
+) -> None:
+    """Estimate contact and force in every frame: a table and a CSV, or a stream of JSON."""
+    function, learn_extractor = find_method(method), find_extractor(centreline)
+    controls = controls_of(size, exposure, control or ())
+    observations, source = open_inputs(sources, rig, readings, channel, controls)
+    target = out or (
+        None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
+    )
+    if target:
+        prepare_output_path(target)
+    with setting_up(quiet):
+        antenna = set_up(observations, learn_extractor)
+        if method in LEARNING:
+            beam = learn_from_frames(antenna, frames_to_learn(observations.frames))
+            antenna = with_learned(antenna, beam)
+        warm_up(antenna, function, next(observations.read_rest_images()))
+    rows: dict[int, Row] = {}
+    interrupted = False
+    try:
+        with ExitStack() as stack:
+            writer = stack.enter_context(OverlayWriter(overlay, source.rate)) if overlay else None
+            results = stack.enter_context(closing(solve_shots(source, antenna, function, repeats)))
+            for answer in stack.enter_context(with_progress(results, source, quiet or stream)):
+                if target:
+                    rows[answer.shot.number] = answer.row
+                if stream:
+                    print(json_line(answer), flush=True)
+                if writer and answer.solved.line is not None:
+                    writer.write(draw(antenna, answer), answer.shot.number, answer.shot.name)
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        # In the order of the frames, not in that of the estimates.
+        ordered_rows = [rows[number] for number in sorted(rows)]
+        if target and ordered_rows:
+            write(target, csv_text(ordered_rows).encode())
+    if target and not (quiet or stream):
+        Console().print(table(ordered_rows, method))
+        Console(soft_wrap=True).print(f"{len(ordered_rows)} estimates in {target}", markup=False)
+    if interrupted and not source.live:  # Ctrl-C is how a camera is switched off
+        console.print("interrupted: the estimates so far are kept")
+        raise typer.Exit(130)
+
+
+@app.command()
+def warm(
+    rig: RigOption,
+    method: Annotated[
+        str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
+    ] = "exact_fit",
+) -> None:
+    """Compile all code that a frame needs, so that the next start takes seconds."""
+    function, observations = find_method(method), open_rig(rig)
+    start = time.perf_counter()
+    with setting_up(quiet=False):
+        warm_up(set_up(observations), function, next(observations.read_rest_images()))
+    console.print(f"ready after {time.perf_counter() - start:.1f} s")
+
+
+@app.command()
+def board(
+    out: Annotated[Path, typer.Argument(help="SVG to write")],
+    rig: Annotated[Path, typer.Option(help="rig.json that describes the board")],
+) -> None:
+    """Draw the rig's calibration board in its true size, for printing at 100 %."""
+    write(out, svg(read_rig(rig_file(rig)).board).encode())
+
+
+@app.command()
+def snap(
+    source: Annotated[str, typer.Argument(help="a camera, or an image to convert to gray")],
+    out: Annotated[Path, typer.Argument(help="PNG to write, such as rest/rest_00.png")],
+    rig: Annotated[Path | None, typer.Option(help="rig.json whose camera.channel is used")] = None,
+    channel: ChannelOption = None,
+    size: SizeOption = None,
+    exposure: ExposureOption = None,
+    control: ControlOption = None,
+    drop: Annotated[
+        int,
+        typer.Option(min=0, help="number of first frames dropped while the exposure settles"),
+    ] = 30,
+) -> None:
+    """Save one camera image as a gray PNG: of the board, or of the beam at rest."""
+    used_channel = checked_channel(channel) or (read_rig(rig_file(rig)).channel if rig else "gray")
+    controls = controls_of(size, exposure, control or ())
+    frames = open_source([source], channel=used_channel, controls=controls)
+    prepare_output_path(out)
+    shot = next(shot for shot in frames if not frames.live or shot.number >= drop)
+    write(out, png_bytes(shot.grey()))
+
+
+@app.command()
+def check(
+    rig: RigOption,
+    json: Annotated[bool, typer.Option("--json", help="print one line of JSON")] = False,
+) -> None:
+    """Report the quality of the calibration and of the rest images."""
+    report = calibration_report(set_up(open_rig(rig)))
+    print(report.json() if json else report.text())
+
+
+for command in (rigidity, learn, outline, photos):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run `solve`, unless the first word names another command.
+
+    An input error prints one sentence and exits with status 2.
+    """
+    # Errors of images are reported by InputError, not by OpenCV's log.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    arguments = sys.argv[1:]
+    commands = [
+        command.callback.__name__ for command in app.registered_commands if command.callback
+    ]
+    if arguments and arguments[0] not in (*commands, "--help"):
+        arguments = ["solve", *arguments]
+    try:
+        app(arguments)
+    except InputError as error:
+        console.print(f"error: {error}", markup=False)
+        sys.exit(2)

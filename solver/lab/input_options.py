@@ -1,0 +1,71 @@
+"""Options that name a rig and a source of images, and the inputs that they open."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from solver.instrument.errors import InputError
+from solver.instrument.images import CHANNELS
+from solver.instrument.observation import Observations, open_observations, open_rig
+from solver.lab.controls import NO_CONTROLS, Controls
+from solver.lab.shots import Files, Source
+from solver.lab.sources import open_source
+
+RigOption = Annotated[
+    Path, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
+]
+ChannelOption = Annotated[
+    str | None,
+    typer.Option(
+        help=f"channel read from colour images: {', '.join(CHANNELS)}",
+        show_default="camera.channel of rig.json, or gray",
+    ),
+]
+SizeOption = Annotated[str | None, typer.Option(help="image size of a camera: WIDTHxHEIGHT")]
+ExposureOption = Annotated[
+    float | None, typer.Option(help="manual exposure, in the camera's unit", show_default="auto")
+]
+ControlOption = Annotated[
+    list[str] | None,
+    typer.Option(help="OpenCV camera property: gain=4, fourcc=Y16; may be repeated"),
+]
+
+
+def open_inputs(
+    sources: list[str],
+    rig: Path | None,
+    readings: Path | None,
+    channel: str | None,
+    controls: Controls,
+) -> tuple[Observations, Source]:
+    """Open the rig with its calibration and rest images, and the source of frames.
+
+    `channel` replaces the rig's, for images at rest and for frames.
+    """
+    if rig is not None:
+        observations = open_rig(rig)
+        used_channel = checked_channel(channel) or observations.rig.channel
+        observations = replace(observations, rig=replace(observations.rig, channel=used_channel))
+        return observations, open_source(sources, readings, used_channel, controls)
+    root = Path(sources[0])
+    if len(sources) > 1 or not root.is_dir():
+        raise InputError(
+            f"{sources[0]}: is not a folder of observations, "
+            "and images, a video or a camera need --rig rig.json"
+        )
+    if readings is not None or channel is not None or controls != NO_CONTROLS:
+        raise InputError(
+            "--readings, --channel, --size, --exposure and --control are for images, videos and "
+            "cameras; a folder of observations has its own"
+        )
+    observations = open_observations(root)
+    return observations, Files(observations.frames)
+
+
+def checked_channel(name: str | None) -> str | None:
+    """Check the option --channel. Raises InputError."""
+    if name is not None and name not in CHANNELS:
+        raise InputError(f"--channel is '{name}', allowed is one of {', '.join(CHANNELS)}")
+    return name
