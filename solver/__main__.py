@@ -10,5 +10,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 with quick_imports():
     from solver.lab.command_line import main
 
+__all__ = ["main"]
+
 if __name__ == "__main__":
     main()
