@@ -9,7 +9,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.geometry import clamp
-from vbaa_bench.render.world import Surface
+from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.laboratory import ClampSpec
 from vbaa_bench.scene.schema import Scene
 

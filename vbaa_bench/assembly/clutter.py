@@ -15,7 +15,7 @@ from vbaa_bench.geometry.clutter import Room, Sector, places, thing
 from vbaa_bench.geometry.ground import view_of_ground
 from vbaa_bench.geometry.solids import together
 from vbaa_bench.render.materials import Texture
-from vbaa_bench.render.world import Surface
+from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.clutter import ClutterSpec
 from vbaa_bench.scene.objects import NothingSpec
 from vbaa_bench.scene.paint import Paint

@@ -18,8 +18,8 @@ from vbaa_bench.geometry.ground import chequered_side, edge_side, edged_sheet
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.render.image_files import read_surface_image
 from vbaa_bench.render.materials import Texture
+from vbaa_bench.render.surface import Surface
 from vbaa_bench.render.textures import gradient_texture, image_texture, random_texture
-from vbaa_bench.render.world import Surface
 from vbaa_bench.scene.clutter import EdgeSpec
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig

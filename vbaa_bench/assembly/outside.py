@@ -15,7 +15,7 @@ from vbaa_bench.geometry import lamps
 from vbaa_bench.geometry.solids import box, rod, together, turned
 from vbaa_bench.render.lights import Lamp, Light
 from vbaa_bench.render.outside import Colour, ColouredBody, Viewpoint
-from vbaa_bench.render.world import Surface
+from vbaa_bench.render.surface import Surface
 
 # Colours by the names of surfaces; all are chosen by eye.
 _COLOURS: Final[dict[str, Colour]] = {

@@ -31,7 +31,8 @@ from vbaa_bench.render.lights import Light
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
-from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.render.surface import RenderUnit, Surface
+from vbaa_bench.render.world import World
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
 from vbaa_bench.scene.paint import PaintedPart

@@ -9,7 +9,7 @@ from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.assembly.clutter import texel_each
 from vbaa_bench.geometry.solids import together
 from vbaa_bench.geometry.wires import Wire, crossing
-from vbaa_bench.render.world import Surface
+from vbaa_bench.render.surface import Surface
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene

@@ -21,7 +21,7 @@ from vbaa_bench.mechanics.rod import Rod
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Lamp, Light
 from vbaa_bench.render.reflection import Reflection
-from vbaa_bench.render.world import RenderUnit
+from vbaa_bench.render.surface import RenderUnit
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene

@@ -10,7 +10,7 @@ import numpy as np
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.lights import Ambient, Environment, Light, emitter
 from vbaa_bench.render.materials import bsdf
-from vbaa_bench.render.world import RenderUnit, Surface, mitsuba_mesh
+from vbaa_bench.render.surface import RenderUnit, Surface, mitsuba_mesh
 
 Colour = tuple[float, float, float]
 

@@ -12,7 +12,7 @@ from solver.instrument.camera import Camera
 from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.lights import Light
 from vbaa_bench.render.outside import ColouredBody, coloured_world
-from vbaa_bench.render.world import RenderUnit
+from vbaa_bench.render.surface import RenderUnit
 
 # Light goes from a lamp over one further surface to the camera.
 _DEPTH = 3

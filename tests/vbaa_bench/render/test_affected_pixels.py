@@ -11,9 +11,10 @@ from vbaa_bench.geometry.objects import block, sheet
 from vbaa_bench.render.affected_pixels import View, shadows
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame, render_static_layer
 from vbaa_bench.render.lights import Environment, Lamp, Light, Spot
+from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
-from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.render.world import World
 
 MIDDLE = np.array([0.12, 0.0, 0.0])
 CAMERA = Camera(

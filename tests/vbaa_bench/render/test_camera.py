@@ -17,8 +17,9 @@ from solver.instrument.transforms import camera_looking_at
 from tests.even import even_picture
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.render.lights import Lamp
+from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.variant import PLAIN, activate
-from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.render.world import World
 
 POINTS = np.array(
     [

@@ -11,10 +11,11 @@ from vbaa_bench.geometry.tube import arc_length_of_vertices, around_of_vertices,
 from vbaa_bench.render.layers import every_pixel
 from vbaa_bench.render.lights import Ambient
 from vbaa_bench.render.materials import Texture
+from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.textures import Grime, grime_texture
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
-from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.render.world import World
 
 LENGTH = 0.024
 PIXELS = np.argwhere(np.ones((CAMERA.height, CAMERA.width)))[:, ::-1]

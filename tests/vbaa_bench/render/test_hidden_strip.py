@@ -16,9 +16,10 @@ from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
 from vbaa_bench.render.hidden_strip import HiddenStrip
 from vbaa_bench.render.lights import Lamp
+from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import Quantity, trace
 from vbaa_bench.render.variant import activate, is_scalar
-from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.render.world import World
 
 ABOVE = sheet(np.array([0.12, 0.0, 0.42]), 0.7, -1)
 TILTED = rectangle(

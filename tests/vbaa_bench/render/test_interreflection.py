@@ -11,9 +11,10 @@ from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.plain import Plain
+from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import activate, is_scalar
-from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.render.world import World
 
 BOUNCES = 3
 PIXELS = np.argwhere(np.ones((CAMERA.height, CAMERA.width)))[:, ::-1]

@@ -15,8 +15,9 @@ from tests.vbaa_bench.render.test_camera import POINTS, centroids, skewed_camera
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.render.lights import Lamp
 from vbaa_bench.render.optics import Lens
+from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.variant import FAST, PLAIN, activate, is_scalar
-from vbaa_bench.render.world import RenderUnit, Surface, World
+from vbaa_bench.render.world import World
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -20,8 +20,8 @@ from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.materials import Texture
 from vbaa_bench.render.outside import ColouredBody
 from vbaa_bench.render.photograph import photographed
+from vbaa_bench.render.surface import Surface
 from vbaa_bench.render.textures import gaussian_field
-from vbaa_bench.render.world import Surface
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import check_scene
 from vbaa_bench.scene.random_streams import random_generator, render_seed
