@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.plan import CHECKED_PUSHES, plan
 from vbaa_bench.mechanics.state import State
 from vbaa_bench.scene.frames import Frames

@@ -9,7 +9,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.units import DEGREE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.mechanics.state import EquilibriumError
 from vbaa_bench.scene.push import StepTarget
 from vbaa_bench.scene.rigs import TrueRig

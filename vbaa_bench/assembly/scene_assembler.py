@@ -10,17 +10,18 @@ import numpy as np
 import trimesh
 
 from solver.instrument.arrays import Floats
-from solver.instrument.transforms import apply, rigid
-from solver.instrument.units import DEGREE, MILLIMETRE
+from solver.instrument.transforms import apply
+from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.beam_mesher import BeamMesher
+from vbaa_bench.assembly.board_tilt import board_tilt
 from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.assembly.clamp import CLAMP, clamp_surfaces
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.ground import GROUND, Ground
-from vbaa_bench.assembly.hidden_stretch import hidden_stretch
 from vbaa_bench.assembly.occluder import occluder
 from vbaa_bench.assembly.part_textures import beam_texture, object_texture
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.wires import WIRES, wires_surface
 from vbaa_bench.geometry.board import board, cells
 from vbaa_bench.geometry.box_mapping import unshared
@@ -33,7 +34,6 @@ from vbaa_bench.render.optics import Lens
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.surface import RenderUnit, Surface
 from vbaa_bench.render.world import World
-from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.objects import NothingSpec, PegSpec
 from vbaa_bench.scene.paint import PaintedPart
 from vbaa_bench.scene.random_streams import random_generator
@@ -42,37 +42,6 @@ from vbaa_bench.scene.schema import Scene
 
 # Reflectance of the board's card and of the ink on it.
 WHITE, BLACK = 0.7, 0.04
-
-
-@dataclass(frozen=True)
-class Pose:
-    """One frame to be rendered: a step of a push, and its state.
-
-    A cover is placed for the state `covered`, if that is given.
-    """
-
-    experiment: Experiment
-    spec: FrameSpec
-    state: State
-    covered: State | None = None
-
-    @property
-    def motor_angle(self) -> float:
-        """True motor angle [rad]."""
-        return self.spec.motor_angle(self.state.pushing_angle)
-
-    @property
-    def camera_frame_from_clamp(self) -> Floats:
-        """Transform (4, 4) from the clamp's frame to the frame in which the camera is fixed."""
-        return self.experiment.camera_frame_from_clamp(self.motor_angle)
-
-    @property
-    def hidden(self) -> tuple[float, float] | None:
-        """The stretch [m] of the beam that is covered or removed."""
-        scene = self.experiment.scene
-        random = random_generator(scene, "cover", self.spec.index)
-        length = scene.beam.length_mm * MILLIMETRE
-        return hidden_stretch(self.spec.cover, self.covered or self.state, length, random)
 
 
 @dataclass(frozen=True)
@@ -136,22 +105,7 @@ class SceneAssembler:
 
     def antenna_from_board(self, view: int) -> Floats:
         """Compute the true pose (4, 4) of the calibration board in a view."""
-        return self.rig.antenna_from_board @ self._tilt(view)
-
-    def _tilt(self, view: int) -> Floats:
-        """Draw a view's board pose relative to view 0: tilted about its own x and y axes."""
-        if view == 0:
-            return np.eye(4)
-        random = random_generator(self.scene, "board view", view)
-        max_tilt = self.scene.calibration.tilt_deg * DEGREE
-        # Tilt directions are spread evenly, and no tilt is near zero, as in careful calibration.
-        fraction = (view + random.uniform(-0.2, 0.2)) / (self.scene.calibration.views - 1)
-        azimuth = 2 * np.pi * fraction
-        angle = max_tilt * random.uniform(0.7, 1.0)
-        axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        # Tilting brings one side nearer to the camera; lower the card so that it stays in view.
-        lowering = random.uniform(0.12, 0.2) * self.scene.camera.position_mm[2] * MILLIMETRE
-        return rigid(angle * axis, np.array([0.0, 0.0, -lowering]))
+        return self.rig.antenna_from_board @ board_tilt(self.scene, view)
 
     def _antenna_and_ground(
         self, experiment: Experiment, state: State, motor_angle: float

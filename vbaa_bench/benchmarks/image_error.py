@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.transforms import apply
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.render.frame import MAX_SAMPLES, RenderedRadiance
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.world import World

@@ -9,7 +9,8 @@ from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.outside import rig_bodies, viewpoint
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.outside import picture

@@ -21,7 +21,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.images import png_bytes
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.benchmarks.image_error import Reference, beam_line, reference_of
 from vbaa_bench.benchmarks.speed_curves import TARGET, Record, at_equal_error, write
 from vbaa_bench.dataset.exr import write_exr

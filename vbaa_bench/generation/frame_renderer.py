@@ -12,7 +12,8 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.units import PERCENT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.look import Look, look_of, rest_look
 from vbaa_bench.generation.processor import processor
 from vbaa_bench.generation.pushes import PushSolver

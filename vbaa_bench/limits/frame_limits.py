@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.limits.image_shape import (
     BEAM,
     CAMERA_SHIFT,

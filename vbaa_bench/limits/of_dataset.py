@@ -13,7 +13,7 @@ import polars as pl
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import LEARN
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth

@@ -5,7 +5,7 @@ import numpy as np
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.limits.image_shape import ImagedBeam
 from vbaa_bench.limits.lit_beam import BeamPlaces
 from vbaa_bench.mechanics.loaded import Load

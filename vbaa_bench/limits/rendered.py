@@ -14,7 +14,7 @@ from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from vbaa_bench.assembly.motion import exposure_poses
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.frame_information import APPEARANCE
 from vbaa_bench.limits.image_shape import PARAMETERS

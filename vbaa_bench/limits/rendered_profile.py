@@ -11,7 +11,8 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.camera import Camera
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.geometry.tube import sides
 from vbaa_bench.limits.image_shape import ImageShape

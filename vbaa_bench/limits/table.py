@@ -11,7 +11,7 @@ import polars as pl
 from solver.instrument.arrays import Floats
 from solver.instrument.units import DEGREE, MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.push_limits import PushLimits

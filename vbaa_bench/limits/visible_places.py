@@ -6,7 +6,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.units import MILLIMETRE
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.limits.image_shape import FRACTIONS
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, RenderedRadiance, render_frame, render_static_layer
 from vbaa_bench.render.variant import activate

@@ -11,7 +11,8 @@ from solver.instrument.transforms import camera_looking_at, invert
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.outside import rig_bodies, viewpoint
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.benchmarks.outside_view import outside_view
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.illumination import lights

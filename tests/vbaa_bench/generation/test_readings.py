@@ -11,7 +11,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import LINEAR, PLANAR, SPATIAL, Experiment
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row
 from vbaa_bench.scene.frames import FrameSpec, frame_specs

@@ -7,7 +7,7 @@ import numpy as np
 
 from vbaa_bench.api.scene import Scene
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.image_shape import PLACES
 from vbaa_bench.limits.rig_information import RigInformation

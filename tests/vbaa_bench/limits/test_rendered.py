@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
-from vbaa_bench.assembly.scene_assembler import Pose
+from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.displacement import displacements
 from vbaa_bench.limits.frame_information import PlacesInformation, frame_information

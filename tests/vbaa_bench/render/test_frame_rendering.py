@@ -9,7 +9,8 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.generation.plan import Plan, plan
 from vbaa_bench.render import frame as rendering
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame

@@ -13,7 +13,8 @@ from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply
 from solver.instrument.units import GRAM, MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
-from vbaa_bench.assembly.scene_assembler import Pose, SceneAssembler
+from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.benchmarks.photographs.draw import GRAVITY_M_S2, PhotoDraw, RigDraw
 from vbaa_bench.benchmarks.photographs.materials import Colour
 from vbaa_bench.render.illumination import lights
