@@ -125,7 +125,13 @@ def _minimise(problem: RodProblem, start: Floats, cut: float) -> _Minimum | None
         if not len(at.step):
             return _Minimum(at, DEFICIENT, iteration)
         length = at.length
-        moved = _moved(problem, at, cut) if damping == 0 else _damped(problem, at, cut, damping)
+        if damping == 0:
+            moved = _moved(problem, at, cut)
+        else:
+            # At the smallest objective only strongly damped, short steps are accepted.
+            step = _solved(at.normal, at.gradient, damping)
+            length = math.sqrt(max(float(-step @ at.gradient), 0.0))
+            moved = _damped(problem, at, step, cut)
         if moved is not None:
             at, damping = moved, damping / _FACTOR if damping > _FIRST_DAMPING else 0.0
             if length < LIMITS.step_sigmas:
@@ -154,9 +160,9 @@ def _moved(problem: RodProblem, at: _Linearised, cut: float) -> _Linearised | No
     return None
 
 
-def _damped(problem: RodProblem, at: _Linearised, cut: float, damping: float) -> _Linearised | None:
+def _damped(problem: RodProblem, at: _Linearised, step: Floats, cut: float) -> _Linearised | None:
     """Return where a damped step leads; None if that is not better."""
-    moved = _after(problem, at, _solved(at.normal, at.gradient, damping), cut)
+    moved = _after(problem, at, step, cut)
     better = moved is not None and moved.objective <= at.objective * (1 + 1e-9)
     return moved if better else None
 
