@@ -146,8 +146,8 @@ def _minimise(problem: RodProblem, start: Floats, cut: float) -> _Minimum | None
 def _moved(problem: RodProblem, at: _Linearised, cut: float) -> _Linearised | None:
     """Return where the largest part of a step leads that is better; None if none is.
 
-    Near the minimum the next step has to be shorter: the points' sigmas depend on the shape, so
-    that the objective may increase there.
+    Near the minimum, where the objective hardly changes, a part is better if the next step is
+    shorter, or if the objective falls by at least a quarter of what is expected.
     """
     for part in _PARTS:
         moved = _after(problem, at, part * at.step, cut)
