@@ -149,13 +149,13 @@ def _row(rows: pl.DataFrame) -> Row:
         f"{name}_within_3_sigma_pct": _percent(coverage.get("within_3_sigma"))
         for name, coverage in stated.items()
     }
-    over_limit = values["x_c_rmse_over_limit"]
+    over_limit, answered = values["x_c_rmse_over_limit"], rows["x_c_error_pct_L"].count()
     return values | {
         **percentages,
         "x_c_sigma_over_rmse": stated["x_c"].get("sigma_over_rmse"),
         "second_s_c_sigma_over_rmse": stated["second_s_c"].get("sigma_over_rmse"),
         "x_c_coverage_95_pct": _percent(stated["x_c"].get("coverage_95")),
-        "x_c_efficiency_pct": _percent(share_of_information(over_limit, rows.height)),
+        "x_c_efficiency_pct": _percent(share_of_information(over_limit, answered)),
         "second_answered_pct": _percent(values["second_detection_rate"]),
         "second_false_pct": _percent(values["false_second_rate"]),
         "consistent_pct": _percent(values["consistent_rate"]),
