@@ -65,6 +65,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
+@pytest.hookimpl(tryfirst=True)  # before the loop of a worker process, which is such a hook
 def pytest_runtestloop() -> None:
     """Leave modules and tests out of garbage collections, each of which would search them all."""
     gc.freeze()

@@ -10,7 +10,7 @@ from solver.fitting.problem import Problem
 from solver.fitting.rod_estimate import uniform_start
 from solver.fitting.rod_fit import LeastSquares, least_squares
 from solver.fitting.rod_problem import only, rod_problem_of
-from solver.instrument.beam_shape import BeamShape
+from solver.instrument.beam_shape import FIRST_WIDTH, BeamShape
 from solver.instrument.measurement import Measurement
 
 # Sigma of the tip's relative width. Chosen: wires, needles and whiskers lie within two of it.
@@ -40,6 +40,7 @@ def _with_any_taper(shape: BeamShape) -> BeamShape:
     widths, covariance = shape.widths, np.array(shape.covariance)
     if not len(widths):
         widths = np.zeros(1)
-        covariance = np.insert(np.insert(covariance, 1, 0.0, axis=0), 1, 0.0, axis=1)
-    covariance[1, 1] += _TAPER**2
+        covariance = np.insert(covariance, FIRST_WIDTH, 0.0, axis=0)
+        covariance = np.insert(covariance, FIRST_WIDTH, 0.0, axis=1)
+    covariance[FIRST_WIDTH, FIRST_WIDTH] += _TAPER**2
     return replace(shape, widths=widths, covariance=covariance)

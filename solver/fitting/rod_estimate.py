@@ -96,17 +96,22 @@ def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
 
 
 def fit_with_neighbours(problem: Problem, rod: RodProblem) -> RodFit | None:
-    """Fit a frame as `fit_frame`, beside the errors that neighbouring points share."""
+    """Fit a frame as `fit_frame`, beside the errors that neighbouring points share.
+
+    The fit's chi2 is that without them: whether the beam has one contact is judged by all of it.
+    """
     fitted = fit_frame(problem, rod)
-    neighbours = fitted and neighbours_of(fitted.rod, fitted.fit.p, fitted.fit.kept)
-    if fitted is None or neighbours is None:
+    if fitted is None or fitted.fit.status != CONVERGED:
+        return fitted
+    neighbours = neighbours_of(fitted.rod, fitted.fit.p, fitted.fit.kept)
+    if neighbours is None:
         return fitted
     # Outliers stay outliers: such errors could imitate a run of them.
     kept = fitted.fit.kept.copy()
     rod = with_neighbours(fitted.rod, neighbours)
     fit = refitted(only(rod, kept), replace(fitted.fit, kept=kept[kept]))
     kept[kept] = fit.kept
-    return RodFit(rod, replace(fit, kept=kept))
+    return RodFit(rod, replace(fit, kept=kept, chi2=fitted.fit.chi2))
 
 
 def refitted(rod: RodProblem, fit: FrameFit) -> FrameFit:

@@ -183,8 +183,12 @@ def _after(problem: RodProblem, at: _Linearised, step: Floats, cut: float) -> _L
     change = np.zeros_like(at.p)
     change[problem.free] = step
     trial = problem.moved(at.p, change)
-    allowed = all(0 < trial[i] < 2 * at.p[i] for i in problem.positive)
-    return _linearised(problem, trial, cut) if allowed else None
+    if not all(0 < trial[i] < 2 * at.p[i] for i in problem.positive):
+        return None
+    # A wild step may lead beyond the range of numbers.
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = _linearised(problem, trial, cut)
+    return moved if moved is not None and np.isfinite(moved.normal).all() else None
 
 
 def residuals_at(problem: RodProblem, p: Floats) -> tuple[Floats, Floats] | None:

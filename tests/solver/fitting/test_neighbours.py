@@ -93,7 +93,7 @@ def test_estimates_are_honest_with_them_and_not_without(
 ) -> None:
     beam = bent(0.05, 0.6, 1.2)
     random = np.random.default_rng(3)
-    frames = [disturbed(beam, nodes, 3 * SIGMA, random) for _ in range(30)]
+    frames = [disturbed(beam, nodes, 1.5 * SIGMA, random) for _ in range(30)]
 
     def pulls() -> Floats:
         estimates = [exact_fit(frame) for frame in frames]
@@ -107,4 +107,5 @@ def test_estimates_are_honest_with_them_and_not_without(
     assert 0.4 < np.mean(honest**2) < 1.9
     monkeypatch.setattr(neighbours, "MIN_GAIN", np.inf)
     refused_or_wrong = len(frames) - np.count_nonzero(np.abs(pulls()) < 3)
-    assert refused_or_wrong > len(frames) / 4
+    # Of honest estimates, four of 30 are wrong less than once in 100,000 runs.
+    assert refused_or_wrong >= 4

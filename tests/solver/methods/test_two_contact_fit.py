@@ -83,7 +83,7 @@ def test_both_contacts_of_a_beam_of_unknown_taper_are_within_their_sigmas() -> N
             assert abs(estimate.values[name] - value) < 3 * estimate.sigma(name)
         # The taper that is not known is in the sigmas.
         known = two_contact_fit(
-            noisy(state, seed, BeamShape(np.array([-0.2]), covariance=np.zeros((2, 2))))
+            noisy(state, seed, BeamShape(np.array([-0.2]), covariance=np.zeros((4, 4))))
         )
         assert estimate.sigma("second_s_c_m") > 2 * known.sigma("second_s_c_m")
 
