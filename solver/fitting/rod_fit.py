@@ -24,8 +24,7 @@ _MAX_ITERATIONS: Final = 100
 # Chosen.
 _FIRST_DAMPING, _FACTOR = 1e-6, 10.0
 _MAX_DAMPING: Final = 1e6
-# Length of a step [sigma] that is near the minimum. Chosen. Measured: with friction, whose part in
-# the sigmas is largest, the smallest objective is up to 2.7 away.
+# Length of a step [sigma] that is near the minimum. Chosen: there the objective hardly changes.
 _NEAR: Final = 5.0
 # Parts of a step that are tried before it is damped. Chosen: a shorter one is no faster than a
 # damped one.
@@ -128,7 +127,7 @@ def _minimise(problem: RodProblem, start: Floats, cut: float) -> _Minimum | None
         if damping == 0:
             moved = _moved(problem, at, cut)
         else:
-            # At the smallest objective only strongly damped, short steps are accepted.
+            # Where rounding hides a decrease, only strongly damped, short steps are accepted.
             step = _solved(at.normal, at.gradient, damping)
             length = math.sqrt(max(float(-step @ at.gradient), 0.0))
             moved = _damped(problem, at, step, cut)

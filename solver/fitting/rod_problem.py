@@ -64,7 +64,7 @@ class RodProblem:
 
     @cached_property
     def _whitener(self) -> tuple[Floats, Floats]:
-        """Directions (n, k) in which the frame's own errors widen residuals, and by how much."""
+        """Directions (n, k) of the frame's own errors, and the part (k,) of residuals to remove."""
         own = self.shared[:, self.shared.shape[1] - self.own_errors :]
         directions, sigmas, _ = np.linalg.svd(own, full_matrices=False)
         return directions, 1 - 1 / np.hypot(1.0, sigmas)
