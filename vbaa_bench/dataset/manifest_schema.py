@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.keys import Keys
+from solver.instrument.rig import RIGIDITIES_N_MM2, SIZES_MM
 from vbaa_bench.dataset.document import mistake_sentence
 from vbaa_bench.scene.load import recorded_values
 from vbaa_bench.scene.push_spec import PushSpec
@@ -15,7 +16,6 @@ from vbaa_bench.scene.schema import Scene
 
 # Chosen far beyond any rig: only mistakes in typing are rejected, and no product overflows.
 _LARGEST: Final = 1e12
-_SMALLEST: Final = 1e-12
 _MAX_SIDE_PX: Final = 100_000
 # Errors of a scene from another version of the program, which is readable nevertheless.
 _OF_OTHER_VERSIONS: Final = ("missing", "extra_forbidden")
@@ -40,8 +40,8 @@ def checked_manifest(path: Path, manifest: dict[str, Any]) -> dict[str, Any]:
     for name in (*rig, *others, "camera.distortion"):
         if not key.has(f"true_rig.{name}"):
             raise _not_generated(path, f"true_rig.{name}")
-    for name in rig:
-        key.number(f"true_rig.{name}", _SMALLEST, _LARGEST)
+    for name, bounds in zip(rig, (SIZES_MM, SIZES_MM, RIGIDITIES_N_MM2), strict=True):
+        key.number(f"true_rig.{name}", *bounds)
     for name in camera:
         key.number(f"true_rig.camera.{name}", -_LARGEST, _LARGEST)
     for name in ("width_px", "height_px"):

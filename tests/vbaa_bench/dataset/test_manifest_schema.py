@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,9 @@ import pytest
 
 from solver.instrument.errors import InputError
 from vbaa_bench.dataset.manifest_schema import checked_manifest
+from vbaa_bench.scene.load import load_scene
+
+SCENES = Path(__file__).parents[3] / "scenes"
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +32,20 @@ def test_keys_of_a_newer_version_get_their_defaults(manifest: dict[str, Any]) ->
     scene = checked_manifest(Path("m"), older)["scene"]
     assert scene["gravity_m_s2"] == manifest["scene"]["gravity_m_s2"]
     assert scene["beam"] == manifest["scene"]["beam"]
+
+
+@pytest.mark.parametrize("name", ["float_tiny", "float_huge"])
+def test_the_largest_and_the_smallest_scene_are_accepted(
+    manifest: dict[str, Any], name: str
+) -> None:
+    beam = load_scene(SCENES / "hard" / f"{name}.yaml").scene.beam
+    document = copy.deepcopy(manifest)
+    document["true_rig"]["beam_length_mm"] = beam.length_mm
+    document["true_rig"]["beam_diameter_mm"] = beam.diameter_mm
+    document["true_rig"]["flexural_rigidity_n_mm2"] = (
+        beam.youngs_modulus_gpa * 1e3 * math.pi * beam.diameter_mm**4 / 64
+    )
+    assert checked_manifest(Path("m"), document) == document
 
 
 @pytest.mark.parametrize(
