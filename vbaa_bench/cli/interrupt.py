@@ -16,6 +16,16 @@ def _exit(_signal: int, _frame: FrameType | None) -> None:
     os._exit(130)
 
 
+def heed_interrupts() -> None:
+    """Let SIGINT interrupt this process, even if a script has started it in the background.
+
+    Shells start such a process with SIGINT ignored: `kill -INT`, and Ctrl-C in the script's
+    terminal, would leave it and its workers running. Every command can be interrupted and repeated.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
     """End the process at Ctrl-C within this block; restore KeyboardInterrupt after it.

@@ -12,6 +12,7 @@ from vbaa_bench.cli import checks, data, datasets, measure, regression, results
 from vbaa_bench.cli.endurance import endurance_app
 from vbaa_bench.cli.export import check_exports, export
 from vbaa_bench.cli.fuzz import fuzz
+from vbaa_bench.cli.interrupt import heed_interrupts
 from vbaa_bench.cli.limits import limits
 from vbaa_bench.cli.outline import outline
 from vbaa_bench.cli.photographs import check_photographs
@@ -81,6 +82,7 @@ def main() -> None:
 
     A dead worker process gives exit status 1. Errors are printed as one message.
     """
+    heed_interrupts()
     try:
         app()
     except KeyboardInterrupt:

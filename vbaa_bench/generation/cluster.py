@@ -12,7 +12,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Self
 
@@ -77,17 +77,20 @@ class ClusterPool:
             ready = [future for future in pending if future.status != "pending"]
             for future in ready:
                 job = pending.pop(future)
-                if future.status == "finished":
+                if future.status == "lost":
+                    jobs.append(job)
+                    continue
+                # A finished result may be lost with its worker until it is here: Dask then runs
+                # the job again, which may kill the next worker, or end with the scheduler.
+                try:
                     counted: _Counted = future.result()
+                except KilledWorker:
+                    yield Ended(job, None, WorkerDiedError())
+                except CancelledError:
+                    jobs.append(job)
+                else:
                     pieces += counted.pieces
                     yield Ended(job, counted.result)
-                elif future.status == "error":
-                    error = future.exception()
-                    if not isinstance(error, KilledWorker):
-                        raise error
-                    yield Ended(job, None, WorkerDiedError())
-                else:  # the scheduler was restarted, or has lost it
-                    jobs.append(job)
             done(pieces)
             if not ready:
                 time.sleep(_POLL_S)

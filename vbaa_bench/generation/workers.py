@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import sys
+import time
 import types
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +22,9 @@ from vbaa_bench.generation.worker_process import serve
 
 # Seconds between two looks at a pool without news, at which Ctrl-C is noticed on Windows. Chosen.
 _POLL_S: Final = 0.2
+# Seconds that a worker has to finish its piece after an error or an interrupt. Chosen: most frames
+# take less. One that takes longer is lost, as are all of an unfinished shard.
+GRACE_S: Final = 5.0
 
 
 def cores() -> int:
@@ -73,15 +77,17 @@ class Pool:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # After an error or an interrupt a running job ends after its piece.
+        # After an error or an interrupt a running job ends after its piece, or is killed.
         if kind is not None:
             self._stop.set()
+        end = time.monotonic() + GRACE_S
         for worker in self._workers:
             # Unread messages would block a worker that is about to end.
             with contextlib.suppress(OSError, EOFError):
                 worker.connection.send(None)
-                while worker.connection.poll(None):
+                while worker.connection.poll(None if kind is None else _seconds_until(end)):
                     worker.connection.recv()
+                worker.process.kill()  # it is still in its piece
             worker.process.join()
             worker.connection.close()
         self._workers.clear()
@@ -173,6 +179,11 @@ class Pool:
             self._workers.remove(worker)
             if worker.job is not None:
                 yield Ended(worker.job, None, WorkerDiedError())
+
+
+def _seconds_until(end: float) -> float:
+    """Return the time until `end` of the monotonic clock, at least 0 s."""
+    return max(end - time.monotonic(), 0.0)
 
 
 @contextlib.contextmanager

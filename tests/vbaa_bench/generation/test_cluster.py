@@ -2,12 +2,15 @@
 
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import dask
 import distributed
 import pytest
+from distributed.scheduler import KilledWorker
 
 from solver.instrument.errors import InputError
 from tests.poisoned import PoisonedWorker
@@ -17,7 +20,7 @@ from vbaa_bench.generation import cluster
 from vbaa_bench.generation.cluster import ClusterPool
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import DIED
-from vbaa_bench.generation.job import Job
+from vbaa_bench.generation.job import Job, WorkerDiedError
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +54,33 @@ def test_a_worker_of_another_version_is_refused(
         ClusterPool(address, PoisonedWorker, (tmp_path,), print) as pool,
     ):
         list(pool.outcomes(deque([Job("image", ("rest/rest_00.png", 1.0))]), lambda _done: None))
+
+
+class Gone:
+    """The future of a job whose result is lost with its worker before it is fetched."""
+
+    status = "finished"
+
+    def __init__(self, ending: Exception | None) -> None:
+        self._ending = ending
+
+    def result(self) -> Any:
+        if self._ending is not None:
+            raise self._ending
+        return SimpleNamespace(result="later", pieces=1)
+
+
+def test_a_finished_result_may_still_be_lost(
+    address: ClusterAddress, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed = KilledWorker("run_job", None, 0)  # type: ignore[arg-type]
+    futures = iter([Gone(killed), Gone(CancelledError()), Gone(None)])
+    monkeypatch.setattr(ClusterPool, "_submitted", lambda _pool, _job: next(futures))
+    with ClusterPool(address, PoisonedWorker, (), print) as pool:
+        first, second = pool.outcomes(deque(Job("image", (n,)) for n in "ab"), lambda _done: None)
+    # Dask has run the one again, which has killed the next worker; the other is submitted again.
+    assert isinstance(first.death, WorkerDiedError)
+    assert (second.job.arguments, second.result) == (("b",), "later")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Worker processes: they say why they cannot start, end with their parent, and bear Ctrl-C."""
 
+import importlib
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -9,10 +11,13 @@ from pathlib import Path
 import pytest
 
 from tests.vbaa_bench.residents import InterruptedAtImport, Resident, broken
+from vbaa_bench.generation import workers
 from vbaa_bench.generation.job import WorkerStartError
 from vbaa_bench.generation.workers import Pool, cores
 
 ROOT = Path(__file__).parents[3]
+# The package has a function of this name.
+command = importlib.import_module("vbaa_bench.cli.main")
 
 
 def test_a_worker_that_cannot_start_says_why() -> None:
@@ -29,6 +34,32 @@ def test_an_interrupt_while_workers_start_is_the_parents_alone(
     with Pool(1, Resident, (InterruptedAtImport(),)) as pool:
         assert pool.call("pid") != os.getpid()
     assert capfd.readouterr().err == ""
+
+
+def test_a_worker_that_does_not_finish_its_piece_ends_with_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted_at_first_piece(pieces: int) -> None:
+        if pieces:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(workers, "GRACE_S", 0.1)
+    with pytest.raises(KeyboardInterrupt), Pool(1, Resident, ()) as pool:
+        pool.run([("slow", ())], interrupted_at_first_piece)
+    assert not multiprocessing.active_children()
+
+
+def test_a_command_in_the_background_of_a_script_is_interrupted_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(command, "app", lambda: os.kill(os.getpid(), signal.SIGINT))
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell starts it
+    try:
+        with pytest.raises(SystemExit) as ended:
+            command.main()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended.value.code == 130
 
 
 PARENT = """
