@@ -1,7 +1,9 @@
 """Datasets rendered once for all tests: four pushes of the reference rig in a strip of an image."""
 
+import fcntl
 import gc
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -88,9 +90,16 @@ def small_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def dataset(
     small_scene: Path, variant: str, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Path]:
-    """A complete dataset, made in this process. Not to be written to: copy it first."""
+    """A complete dataset, rendered by the first worker process. Not to be written to: copy it."""
     root = tmp_path_factory.mktemp("data") / "small"
-    generate(load_scene(small_scene), root, variant, 0, lambda _done, _total: None)
+    of_all_workers = tmp_path_factory.getbasetemp().parent
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        of_all_workers = root.parent
+    rendered = of_all_workers / "rendered"
+    with (of_all_workers / "rendered.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # the others wait for the first, and find it complete
+        generate(load_scene(small_scene), rendered, variant, 0, lambda _done, _total: None)
+    shutil.copytree(rendered, root)
     yield root
     for path in root.rglob(f".*{os.getpid()}.part"):
         pytest.fail(f"{path} was left behind")

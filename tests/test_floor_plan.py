@@ -1,6 +1,7 @@
 """The floor plan: which room may import from which."""
 
 import ast
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -54,9 +55,15 @@ def modules(package: str) -> list[Path]:
     return found
 
 
+@functools.cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@functools.cache
 def imports(path: Path) -> set[str]:
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -102,8 +109,8 @@ def test_each_tree_is_opened_in_one_place() -> None:
         found = []
         for package in ("solver", "vbaa_bench"):
             for path in modules(package):
-                tree = ast.parse(path.read_text(encoding="utf-8"))
-                if any(isinstance(n, ast.FunctionDef) and n.name == function for n in tree.body):
+                body = tree_of(path).body
+                if any(isinstance(n, ast.FunctionDef) and n.name == function for n in body):
                     found.append(str(path.relative_to(ROOT)))
         return found
 

@@ -86,7 +86,8 @@ def contact_of(curve: Curve, p: Floats) -> tuple[Floats, Floats]:
     along = lever - curve.nodes[U, curve.contact]
     x_c = along * cosine + height * sine
     y_c = along * sine - height * cosine
-    values[:] = p[Q] * root, angle - lean, x_c, y_c, p[S_C], lean
+    values[0], values[1], values[2] = p[Q] * root, angle - lean, x_c
+    values[3], values[4], values[5] = y_c, p[S_C], lean
     gradients[0, Q], gradients[0, GRIP] = root, p[Q] * p[GRIP] / root
     gradients[4, S_C], gradients[5, GRIP] = 1.0, -1 / square
     for i in range(k):

@@ -35,7 +35,7 @@ from solver.beam_models.rod_stretch import (
     width_at,
     write_contact,
 )
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 
 # Parameters of the inner contact, counted from the shape's end.
@@ -79,12 +79,13 @@ def _inner_force(
     sided = radius if p[Q_INNER] >= 0 else -radius
     arm, by_arm = sided * width * sine, np.zeros(k)
     by_arm[S_INNER], by_arm[GRIP_INNER] = sided * slope * sine, sided * width / square**1.5
-    by_arm[WIDTHS:bow] = sided * sine * terms[: bow - WIDTHS]
+    for i in range(WIDTHS, bow):
+        by_arm[i] = sided * sine * terms[i - WIDTHS]
     alpha = y[2] + np.arctan(grip)
     cosine, across = np.cos(alpha), np.sin(alpha)
     force[LOAD], force[ALPHA] = p[Q_INNER] * root, alpha
     force[LINE_U], force[LINE_P] = y[0] - arm * cosine, y[1] - arm * across
-    by_force[:, ALPHA] = by[:, 2]
+    copy_into(by_force[:, ALPHA], by[:, 2])
     by_force[GRIP_INNER, ALPHA] += 1 / square
     by_force[Q_INNER, LOAD], by_force[GRIP_INNER, LOAD] = root, p[Q_INNER] * grip / root
     for i in range(k):
@@ -116,9 +117,10 @@ def two_contacts_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -
     ):
         if exists and stretch.loads < 2:
             exists = write_contact(p, bow, bow_end, radius, y, by)
-            by_arm[:] = by[:, 0]
+            copy_into(by_arm, by[:, 0])
         elif exists:
-            inner[:], by_inner[:] = y, by
+            copy_into(inner, y)
+            copy_into(by_inner, by)
             _inner_force(p, bow, radius, y, by, force, by_force)
         exists = exists and march(
             y, by, p, bow, bow_end, stretch, force, by_force, nodes, gradients
@@ -142,7 +144,8 @@ def contacts_of(shape: TwoContacts, p: Floats) -> tuple[Floats, Floats]:
     cosine, sine = np.cos(base[2]), np.sin(base[2])
     outer, by_outer = np.zeros(3), np.zeros((k, 3))
     outer[0], outer[2] = shape.curve.nodes[0, shape.curve.contact], -np.arctan(p[GRIP])
-    by_outer[:, 0], by_outer[GRIP, 2] = shape.curve.by_arm, -1 / (1 + p[GRIP] ** 2)
+    copy_into(by_outer[:, 0], shape.curve.by_arm)
+    by_outer[GRIP, 2] = -1 / (1 + p[GRIP] ** 2)
     for j, load, arc, rub, place, by_place in (
         (0, k + Q_INNER, k + S_INNER, k + GRIP_INNER, shape.inner, shape.by_inner),
         (1, Q, S_C, GRIP, outer, by_outer),

@@ -27,7 +27,7 @@ from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
 from solver.fitting.robust import VARIANCE_FACTOR, scale
 from solver.fitting.starts import consensus
 from solver.fitting.thresholds import LIMITS
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import interpreted, njit
 
 # Maximum iterations at each wider cut, and of the final fit. A numpy scalar is compiled once, a
@@ -63,9 +63,9 @@ def _minimise_both(
         first_p, problem, free, cut, work, covariance
     )
     status, cost, iterations = _minimise_tukey(second_p, problem, free, cut, work, covariance)
-    p[:] = second_p
     if first_status == CONVERGED and (first_cost <= cost * (1 + 1e-6) or status != CONVERGED):
-        status, p[:] = first_status, first_p
+        status, second_p = first_status, first_p
+    copy_into(p, second_p)
     return status, first_iterations + iterations
 
 

@@ -17,7 +17,7 @@ from solver.fitting.residuals import (
 )
 from solver.fitting.robust import tukey
 from solver.fitting.thresholds import LIMITS
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST, dot
 
@@ -112,14 +112,6 @@ def invert(normal: Floats, free: Any, covariance: Floats) -> bool:
 
 
 @njit
-def copy_parameters(source: Floats, target: Floats) -> None:
-    """Copy parameters (8,) to `target`."""
-    # Assignment to a slice would compile numba's message for arrays of unequal length: 2 s.
-    for a in range(PARAMETERS):
-        target[a] = source[a]
-
-
-@njit
 def _take_step(p: Floats, step: Floats, fraction: float, views: Floats, target: Floats) -> None:
     """Write p plus a fraction of the step to `target`.
 
@@ -182,7 +174,7 @@ def minimise(
         if fraction == 1.0 and last:
             _take_step(p, step, fraction, views, trial)
             if is_feasible(trial, points, bounds, views):
-                copy_parameters(trial, p)
+                copy_into(p, trial)
             return CONVERGED, chi2 - length2, iteration
         accepted = False
         for _ in range(10):
@@ -197,6 +189,6 @@ def minimise(
         if not accepted:
             chi2 = linearise(p, problem, free, cut, work, normal, gradient)
             return STOPPED, chi2, iteration
-        copy_parameters(trial, p)
+        copy_into(p, trial)
         chi2 = trial_chi2
     return STOPPED, chi2, iteration

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from solver.fitting.minimise import DEFICIENT, copy_parameters, minimise
+from solver.fitting.minimise import DEFICIENT, minimise
 from solver.fitting.residuals import (
     LEVER,
     PARAMETERS,
@@ -21,7 +21,7 @@ from solver.fitting.residuals import (
     is_feasible,
     point_residuals,
 )
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import interpreted, njit
 from solver.instrument.dot_products import FAST
 
@@ -176,5 +176,5 @@ def consensus(
             cost += min(r * r, cut * cut)
         if cost < best:
             best = cost
-            copy_parameters(trial, p)
+            copy_into(p, trial)
     return best < np.inf

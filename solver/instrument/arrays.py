@@ -1,4 +1,4 @@
-"""Array types, and a check that returns a read-only copy of an array."""
+"""Array types, a check that returns a read-only copy of an array, and a copy in compiled code."""
 
 from typing import Any
 
@@ -36,3 +36,13 @@ def frozen_floats(name: str, values: Any, shape: tuple[int | None, ...]) -> Floa
 def _finite(values: Floats) -> bool:
     """Return whether all values (n,) are finite; compiled: NumPy is slower on short arrays."""
     return bool(np.isfinite(values).all())
+
+
+@njit
+def copy_into(target: Floats, source: Floats) -> None:
+    """Copy an array to another of the same shape, in compiled code.
+
+    Assignment to a slice would compile numba's message for arrays of unequal shape: 2 s.
+    """
+    for i in range(target.size):
+        target.flat[i] = source.flat[i]

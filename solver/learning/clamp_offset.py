@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2 as distribution
+from scipy.special import chdtri
 
 from solver.fitting.push_joint import RADIUS_SIGMA
 from solver.fitting.thresholds import LIMITS
@@ -109,7 +109,7 @@ def learn_clamp_offset(
         position = fit.offset
     # Radii and offset have priors: only the places reduce the degrees of freedom.
     dof = 2 * sum(len(push) - 1 for push in turned)
-    limits = distribution.isf(LIMITS.false_rejection, [dof, 2])
+    limits = chdtri([dof, 2], LIMITS.false_rejection)
     return LearnedOffset(
         offset=ClampOffset(fit.offset, fit.covariance),
         chi2=fit.chi2,

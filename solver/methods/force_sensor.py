@@ -13,7 +13,7 @@ The sensor measures in the axes of the clamp, which are assumed to be those of t
 import math
 
 import numpy as np
-from scipy.stats import chi2 as distribution
+from scipy.special import chdtri
 
 from solver.beam_models.exact import MOST_SINE
 from solver.fitting.gauss_newton import Fit, Linearised, gauss_newton
@@ -38,7 +38,7 @@ def force_sensor(measurement: Measurement) -> Estimate:
     sigma = np.repeat([sensors.base_force, sensors.base_moment], 3)
     load = _load_on_beam(measurement)
     significance = float(((load / sigma) ** 2).sum())
-    if significance < distribution.isf(LIMITS.false_alarm, 6):
+    if significance < chdtri(6, LIMITS.false_alarm):
         return Estimate(
             Outcome.NO_CONTACT, f"a load of {math.sqrt(significance):.1f} sigmas at the clamp"
         )
@@ -100,7 +100,7 @@ def _estimate(measurement: Measurement, fit: Fit) -> Estimate:
 
     if fit.rank_deficient:
         return failure(Outcome.NOT_IDENTIFIABLE)
-    if fit.chi2 > distribution.isf(LIMITS.false_rejection, dof):
+    if fit.chi2 > chdtri(dof, LIMITS.false_rejection):
         return failure(
             Outcome.INVALID,
             f"force and moment do not fit one contact without friction: chi^2 is "

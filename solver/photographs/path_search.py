@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
 
@@ -177,7 +177,7 @@ def _chain(measure: Any, turn: Any, first: int, last: int) -> Any:
     for segment in range(count):
         best = np.full((slopes, places), np.float32(-1e30))
         for m in range(slopes):
-            total[m] = score[m]
+            copy_into(total[m], score[m])
             before[segment, m] = m
             for other in range(max(m - MOST_TURN, 0), min(m + MOST_TURN + 1, slopes)):
                 if other != m:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from collections.abc import Callable
 
 
@@ -12,6 +13,10 @@ class Resident:
 
     def pid(self, _tick: Callable[[], None]) -> int:
         return os.getpid()
+
+    def slow(self, tick: Callable[[], None]) -> None:
+        tick()
+        time.sleep(600)
 
 
 def broken(reason: type[Exception]) -> Resident:

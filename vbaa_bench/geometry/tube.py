@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.compiled import njit
 
 
@@ -168,7 +168,7 @@ def _transport(normal: Floats, tangents: Floats) -> Floats:
     for i in range(len(tangents)):
         normal = normal - (normal * tangents[i]).sum() * tangents[i]
         normal = normal / np.sqrt((normal**2).sum())
-        normals[i] = normal
+        copy_into(normals[i], normal)
     return normals
 
 

@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from scipy.integrate import DOP853
 
-from solver.instrument.arrays import Floats
+from solver.instrument.arrays import Floats, copy_into
 from solver.instrument.beam import Beam
 from solver.instrument.compiled import njit
 from solver.instrument.transforms import rigid
@@ -235,16 +235,18 @@ def trace(
     """
     ahead = np.zeros(3)
     for i in range(len(stops)):
-        ahead += forces[i]
+        for axis in range(3):
+            ahead[axis] += forces[i, axis]
     states = np.empty((len(rows), _SIZE))
     state, position, passed = clamp, 0.0, 0
     for i in range(len(rows)):
         if rows[i] > position:
             state = advance(state, position, rows[i], steps, ahead, p)
             position = rows[i]
-        states[i] = state
+        copy_into(states[i], state)
         while passed < len(stops) and rows[i] >= stops[passed]:
-            state[9:] -= couples[passed]
-            ahead -= forces[passed]
+            for axis in range(3):
+                state[9 + axis] -= couples[passed, axis]
+                ahead[axis] -= forces[passed, axis]
             passed += 1
     return states

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 from markupsafe import Markup
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from vbaa_bench.report.axes import Axis
 from vbaa_bench.report.drawing import Plot
@@ -39,7 +39,7 @@ def calibrations(rows: pl.DataFrame, methods: Sequence[str]) -> list[Calibration
     found = []
     for quantity in QUANTITIES:
         size = pl.col(quantity.in_sigmas).abs()
-        shares = [(size <= float(norm.ppf((1 + p) / 2))).mean().alias(f"{p}") for p in _CLAIMED]
+        shares = [(size <= float(ndtri((1 + p) / 2))).mean().alias(f"{p}") for p in _CLAIMED]
         table = (
             rows.drop_nulls(quantity.in_sigmas)
             .group_by("method")

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 from markupsafe import Markup
-from scipy.stats import halfnorm
+from scipy.special import ndtri
 
 from vbaa_bench.report.axes import Axis, log_axis
 from vbaa_bench.report.drawing import Margins, Plot
@@ -50,7 +50,7 @@ def limit_lines(rows: pl.DataFrame) -> dict[str, float]:
     unique = rows.drop_nulls("x_c_limit_pct_L").unique(["information", *_frame_keys(rows)])
     return {
         str(name): float(
-            np.median(np.outer(part["x_c_limit_pct_L"].to_numpy(), halfnorm.ppf(_QUANTILES)))
+            np.median(np.outer(part["x_c_limit_pct_L"].to_numpy(), ndtri((1 + _QUANTILES) / 2)))
         )
         for (name,), part in unique.sort("information").group_by("information", maintain_order=True)
     }

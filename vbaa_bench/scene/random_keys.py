@@ -54,6 +54,7 @@ FINEST: Final[dict[Path, Level]] = {
 }
 # Keys that describe the scene itself.
 _FIXED: Final = {("title",), ("seed",), ("rigs",), ("random_method",), ("look",)}
+_PLAIN: Final = (str, int, float)
 # Lists whose lengths define the grid of pushes: only their items are random.
 _GRID: Final = {
     *(path for path in FINEST if path[0] == "pushes"),
@@ -151,14 +152,17 @@ def _finest(path: Path) -> Level:
 
 def nodes(tree: Tree, path: Path = ()) -> Iterator[tuple[Path, Any]]:
     """Find all distributions of a tree, except those within other distributions."""
-    if isinstance(tree, DISTRIBUTIONS):
-        yield path, tree
-    elif isinstance(tree, Mapping):
+    # The most frequent kinds first: tests for pydantic's classes are slow.
+    if tree is None or isinstance(tree, _PLAIN):
+        return
+    if isinstance(tree, dict):
         for key, value in tree.items():
             yield from nodes(value, (*path, key))
     elif isinstance(tree, tuple):
         for i, value in enumerate(tree):
             yield from nodes(value, (*path, i))
+    elif isinstance(tree, DISTRIBUTIONS):
+        yield path, tree
 
 
 def random_keys(tree: Tree) -> tuple[RandomKey, ...]:
@@ -219,16 +223,22 @@ def drawn(tree: Tree, units: Units, defaults: Tree) -> Tree:
     A key that a value is computed from and that is not in the tree is looked up in `defaults`.
     Raises DistributionError for a key that does not exist or that has no value yet.
     """
-    while waiting := [(path, node) for path, node in nodes(tree) if node.per in units]:
-        progress = False
+    waiting = [(path, node) for path, node in nodes(tree) if node.per in units]
+    while waiting:
+        later, progress = [], False
         for path, node in waiting:
             source = partial(_source, tree=tree, defaults=defaults)
             value = _value(node, dotted(path), units, source)
-            if value is not None:
-                tree, progress = replaced(tree, path, value.value), True
+            if value is None:
+                later.append((path, node))
+                continue
+            tree, progress = replaced(tree, path, value.value), True
+            # A chosen section may hold distributions.
+            later += [(p, one) for p, one in nodes(value.value, path) if one.per in units]
         if not progress:
             path, node = waiting[0]
             raise DistributionError(path, _unresolved(node, tree, defaults))
+        waiting = later
     return tree
 
 

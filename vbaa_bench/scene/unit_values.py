@@ -1,5 +1,6 @@
 """Random numbers from 0 to 1, each a function of seed, key and number of the draw alone."""
 
+import functools
 import hashlib
 from typing import Final, Literal, NamedTuple
 
@@ -30,8 +31,14 @@ def unit_value(seed: int, method: Method, draw: Draw, key: str) -> float:
     name = _number(f"{draw.stream} {key}")
     if method == "uniform" or draw.attempt > 0:
         return float(np.random.default_rng([seed, draw.number, name, draw.attempt]).random())
+    return _stratified(draw.number & _MASK, *_scrambling(seed, name))
+
+
+@functools.lru_cache(maxsize=1024)  # chosen: more keys than a scene has
+def _scrambling(seed: int, name: int) -> tuple[int, int]:
+    """Return the numbers that shuffle and scramble the sequence of a key."""
     shuffle, scramble = np.random.default_rng([seed, name]).integers(2**32, size=2).tolist()
-    return _stratified(draw.number & _MASK, shuffle, scramble)
+    return shuffle, scramble
 
 
 def _stratified(index: int, shuffle: int, scramble: int) -> float:
@@ -56,5 +63,6 @@ def _reversed_bits(bits: int) -> int:
     return int(f"{bits:032b}"[::-1], 2)
 
 
+@functools.lru_cache(maxsize=1024)
 def _number(name: str) -> int:
     return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest())
