@@ -64,7 +64,7 @@ class Antenna:
 
     @cached_property
     def base_covariance(self) -> Floats:
-        """Covariance (3, 3) of the clamp's pose, as `Measurement` has it.
+        """Covariance (3, 3) of the clamp's pose, as `Measurement` has it without a shifted image.
 
         The motor angle is not read where the camera is fixed in the world: the clamp's tilt is then
         almost unknown, and is the motor's angle.
@@ -74,12 +74,16 @@ class Antenna:
         covariance[0, 0] = tolerance.base_position**2 + tolerance.board_translation**2
         covariance[0, 0] += self.clamp_sigma**2
         covariance[1:, 1:] = self.rest.line_covariance
-        covariance[:2, :2] += np.eye(2) * (tolerance.camera_shift_px * self.pixel) ** 2
         # A nanometre and a nanoradian keep the covariance of an exact rig regular.
         covariance += np.diag([1e-18, 1e-18, 1e-18])
         if self.in_world:
             covariance[2, 2] += ANY_TILT**2
         return covariance
+
+    @cached_property
+    def camera_shift(self) -> Floats:
+        """Covariance (2, 2) [m^2] of the camera's undetected shift since rest."""
+        return np.asarray(np.eye(2) * (self.rig.tolerances.camera_shift_px * self.pixel) ** 2)
 
     @cached_property
     def pixel(self) -> float:
@@ -125,7 +129,7 @@ class Antenna:
         tip = self.tip_at_rest
         if tip is None:
             return None
-        variance = tip.covariance[0, 0] + self.base_covariance[0, 0]
+        variance = tip.covariance[0, 0] + self.base_covariance[0, 0] + self.camera_shift[0, 0]
         return math.sqrt(variance) / self.rig.beam.length
 
     @cached_property

@@ -27,6 +27,11 @@ SHADING: Final = 4 / (3 * math.pi)
 SHADING_SIGMA: Final = 0.3
 
 
+# Largest shift of the middle of the shading, in radii. Derived, for a matt cylinder in light that
+# grazes it: the brightness x, on the lit half only, has its middle at (1/3) / (1/2).
+MAX_SHADING: Final = 2 / 3
+
+
 class Shading(NamedTuple):
     """Shift (n,) [m] of each point's shading along its normal since rest, and errors (n, 2) [m].
 
@@ -53,3 +58,14 @@ def shading_of(antenna: Antenna, points: Floats, turn: Floats) -> Shading:
     shift = size * (gradient * moved * np.cos(turn) - along * np.sin(turn))
     errors = np.column_stack([size * rig.light_slope_sigma * np.sin(turn), SHADING_SIGMA * shift])
     return Shading(shift, errors)
+
+
+def axis_sigma(antenna: Antenna) -> float:
+    """Compute the sigma [m] of the beam's axis about its apparent middle at rest, across the beam.
+
+    The rest pose is that of the apparent middle. Contact distance and force depend only on changes
+    since rest; the place in Sigma_a depends on the axis.
+    """
+    rig = antenna.rig
+    shift = SHADING * abs(antenna.at_rest.shading) * rig.light_across
+    return min(shift, MAX_SHADING) * rig.beam.radius

@@ -14,7 +14,7 @@ from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.measurement import Measurement, RestBow, Tip, View
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
-from solver.shading import shading_of
+from solver.shading import axis_sigma, shading_of
 
 # Number of last points before the tip, which give the direction of the beam's straight end.
 TIP_POINTS = 30
@@ -50,6 +50,11 @@ def to_measurement(
         shared = errors / across[:, None]
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
     bow_error = _bow_error(points, rest)
+    image_shift = antenna.camera_shift.copy()
+    # The error that all points share.
+    image_shift[1, 1] += (line.common_sigma * antenna.pixel) ** 2
+    base_covariance = antenna.base_covariance.copy()
+    base_covariance[:2, :2] += image_shift
     points = (points - clamp) @ axes
     return Measurement(
         view=View(
@@ -59,7 +64,7 @@ def to_measurement(
             _tip(antenna, line, points),
             shared,
         ),
-        base_covariance=_base_covariance(antenna, line),
+        base_covariance=base_covariance,
         scale_sigma=math.hypot(antenna.lengths_sigma, bow_error),
         motor_angle=None if antenna.in_world else readings.motor_angle,
         rig=rig,
@@ -70,6 +75,8 @@ def to_measurement(
         earlier=tuple(earlier),
         viewpoint_known=antenna.calibration.viewpoint_known,
         tip_sigma=antenna.tip_sigma,
+        image_shift=image_shift,
+        axis_sigma=axis_sigma(antenna),
         rest_bow=RestBow(
             coefficients=rest.bow * axes[1, 1],
             covariance=rest.covariance,
@@ -79,13 +86,6 @@ def to_measurement(
             errors=0 if course is None else course.bow_errors.shape[1],
         ),
     )
-
-
-def _base_covariance(antenna: Antenna, line: Centreline) -> Floats:
-    """Compute the clamp's covariance (3, 3), including the error that all points share."""
-    covariance = antenna.base_covariance.copy()
-    covariance[1, 1] += (line.common_sigma * antenna.pixel) ** 2
-    return covariance
 
 
 def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:

@@ -124,13 +124,20 @@ def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
             f"the image has {image.shape[1]} x {image.shape[0]} px, "
             f"the calibration {camera.width} x {camera.height}"
         )
-    # The compiled code accepts one memory layout of an image only.
-    return antenna.extract(np.ascontiguousarray(antenna.scale(image)))
+    return antenna.extract(_plain(antenna.scale(image)))
+
+
+def _plain(image: Grey) -> Grey:
+    """Copy an image of another memory layout, and one that is read-only.
+
+    Compiled code would be compiled once more for each: 4 s.
+    """
+    return np.require(image, requirements=("C", "W"))
 
 
 def reject_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
     """Reject an image (height, width) whose landmarks have moved since the rest images."""
-    shift = antenna.at_rest.landmarks.shift_of(np.ascontiguousarray(antenna.scale(image)))
+    shift = antenna.at_rest.landmarks.shift_of(_plain(antenna.scale(image)))
     if shift is None or not shift.exceeds(antenna.rig.tolerances.camera_shift_px):
         return None
     return Estimate(

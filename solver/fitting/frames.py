@@ -11,6 +11,12 @@ Sigma_a is known only as accurately as the board's pose in it during camera cali
 is a shift by the rig's tolerance of the board's translation, and a rotation about the board's
 middle by that of the board's rotation. The clamp's height over plane C has the tolerance of the
 clamp's position. The clamp's offset from the axis has the covariance that the rig states.
+
+Where the image shows the clamp elsewhere than at rest, the clamp may have moved or the image may
+have shifted: the camera was knocked, or all points share an error. The fitted displacement is
+divided between both in proportion to their covariances, and only the clamp's part moves the contact
+in Sigma_a and Sigma_o. The clamp's place is that of the beam's axis, which the light hides: the
+apparent middle at rest is beside it.
 """
 
 import math
@@ -45,6 +51,9 @@ CONTACT: Final = 11
 # clamp's offset (2,) from the motor's axis.
 _POSE_ERRORS: Final = 6
 _OFFSET: Final = CONTACT + _POSE_ERRORS
+_SHIFT: Final = _POSE_ERRORS + 2
+_CLAMP: Final = slice(DX, DY + 1)
+_CLAMP_POSE: Final = slice(DX, TILT + 1)
 
 
 def tilt_is_motor_angle(measurement: Measurement) -> bool:
@@ -85,18 +94,22 @@ def with_jacobians(
     linear: bool = False,
     plane: float = 0.0,
 ) -> tuple[dict[str, float], Floats, Floats]:
-    """Compute values (m,) by name, Jacobians (m, 11) by contact and (m, 8) by the rig's poses.
+    """Compute values (m,) by name, Jacobians (m, 11) by contact and (m, 10) by the rig's poses.
 
     `contact` (11,) is (x_c, y_c, s_c, force, theta_c, psi, dx, dy, tilt, motor angle, lean) in the
     frame of the beam at rest; `measurement` may already be un-projected onto a plane inclined by
     `plane` [rad]. Values that are not estimated are absent: the third dimension if psi was neither
     fitted nor stated by the rig, Sigma_o if neither the encoder nor a fitted clamp gives the motor
     angle, and with `linear` the values that linear theory neglects. The rig's poses are the error
-    of Sigma_a (6,) and the clamp's offset (2,) from the motor's axis.
+    of Sigma_a (6,), the clamp's offset (2,) from the motor's axis, and the part (2,) of the clamp's
+    displacement that the image does not show.
     """
+    shift_by_clamp, _ = _shift_of_image(measurement)
+    moved = contact.copy()
+    moved[_CLAMP] -= shift_by_clamp @ contact[_CLAMP_POSE]
     rig, world_camera = measurement.rig, tilt_is_motor_angle(measurement)
     values, by_contact, by_pose = _with_jacobian(
-        contact,
+        moved,
         rig.beam.length,
         measurement.antenna_from_beam,
         rig.antenna_from_board,
@@ -105,6 +118,8 @@ def with_jacobians(
         plane,
         world_camera,
     )
+    by_pose = np.hstack([by_pose, by_contact[:, _CLAMP]])
+    by_contact[:, _CLAMP_POSE] -= by_contact[:, _CLAMP] @ shift_by_clamp
     by_tilt = world_camera and clamp_fitted
     indices, names = _estimated(
         psi_fitted or rig.known_psi is not None,
@@ -120,13 +135,31 @@ def with_jacobians(
 
 
 def pose_covariance(measurement: Measurement, by_pose: Floats) -> Floats:
-    """Compute the covariance (m, m), due to the rig's poses, of values with Jacobian (m, 8)."""
+    """Compute the covariance (m, m), due to the rig's poses, of values with Jacobian (m, 10)."""
     tolerances = measurement.rig.tolerances
     shift, rotation = tolerances.board_translation**2, tolerances.board_rotation**2
     variances = np.array((shift, shift, shift + tolerances.base_position**2, *[rotation] * 3))
-    of_frame, by_offset = by_pose[:, :_POSE_ERRORS], by_pose[:, _POSE_ERRORS:]
+    of_frame, by_offset = by_pose[:, :_POSE_ERRORS], by_pose[:, _POSE_ERRORS:_SHIFT]
+    by_shift = by_pose[:, _SHIFT:]
     offset = measurement.rig.clamp_offset.covariance
-    return np.asarray((of_frame * variances) @ of_frame.T + by_offset @ offset @ by_offset.T)
+    _, unexplained = _shift_of_image(measurement)
+    return np.asarray(
+        (of_frame * variances) @ of_frame.T
+        + by_offset @ offset @ by_offset.T
+        + by_shift @ unexplained @ by_shift.T
+    )
+
+
+def _shift_of_image(measurement: Measurement) -> tuple[Floats, Floats]:
+    """Estimate the image's shift from the clamp's pose in the image.
+
+    Return its Jacobian (2, 3) by (dx, dy, tilt), and the covariance (2, 2) [m^2] of what remains,
+    with that of the axis about its apparent middle.
+    """
+    shift = measurement.image_shift
+    by_clamp = np.linalg.solve(measurement.base_covariance, np.vstack([shift, np.zeros(2)])).T
+    axis = np.diag([0.0, measurement.axis_sigma**2])
+    return np.asarray(by_clamp), shift - by_clamp[:, :2] @ shift + axis
 
 
 @lru_cache

@@ -104,15 +104,17 @@ class Measurement:
 
     `view` is the view of the camera, `other_views` are views of the same beam from further cameras
     or mirrors. `base_covariance` (3, 3) of (dx, dy, tilt) [m, m, rad] is the uncertainty of the
-    clamp's pose: the clamp is at (dx, dy) and its tangent is rotated by tilt. `scale_sigma` is the
-    relative one-sigma error of all lengths. `motor_angle` [rad] is the encoder's reading.
-    `moment_y` [N m] about Sigma_a's y axis, `base_force` (3,) [N] and `base_moment` (3,) [N m] in
-    Sigma_a are sensor readings; the first is exerted by the beam on the sensor, the other two by
-    the clamp on the beam. Readings that do not exist are None. `viewpoint_known` is False if only
-    plane C was calibrated: then only quantities within C can be estimated. `tip_sigma` is the
-    relative one-sigma error of the length up to the visible tip, None if it is the rig's tolerance.
-    `earlier` contains the previous frames of the same push, in order. `rest_bow` is None for a beam
-    without a bow. Raises ValueError.
+    clamp's image: the clamp is at (dx, dy) and its tangent is rotated by tilt. It includes the
+    `image_shift` (2, 2) [m^2], the covariance of shifts of the image since rest, which do not move
+    the clamp. `scale_sigma` is the relative one-sigma error of all lengths. `motor_angle` [rad] is
+    the encoder's reading. `moment_y` [N m] about Sigma_a's y axis, `base_force` (3,) [N] and
+    `base_moment` (3,) [N m] in Sigma_a are sensor readings; the first is exerted by the beam on the
+    sensor, the other two by the clamp on the beam. Readings that do not exist are None.
+    `viewpoint_known` is False if only plane C was calibrated: then only quantities within C can be
+    estimated. `tip_sigma` is the relative one-sigma error of the length up to the visible tip, None
+    if it is the rig's tolerance. `earlier` contains the previous frames of the same push, in order.
+    `rest_bow` is None for a beam without a bow. `axis_sigma` [m] is that of the beam's axis about
+    its apparent middle at rest, across the beam. Raises ValueError.
     """
 
     view: View
@@ -129,11 +131,15 @@ class Measurement:
     viewpoint_known: bool = True
     tip_sigma: float | None = None
     rest_bow: RestBow | None = None
+    image_shift: Floats = field(default_factory=lambda: np.zeros((2, 2)))
+    axis_sigma: float = 0.0
 
     def __post_init__(self) -> None:
         base = frozen_floats("base_covariance", self.base_covariance, (3, 3))
         object.__setattr__(self, "base_covariance", base)
         _check_positive_definite("base_covariance", base)
+        shift = frozen_floats("image_shift", self.image_shift, (2, 2))
+        object.__setattr__(self, "image_shift", shift)
         pose = frozen_floats("antenna_from_beam", self.antenna_from_beam, (4, 4))
         object.__setattr__(self, "antenna_from_beam", pose)
         if not 0 <= self.scale_sigma < math.inf:

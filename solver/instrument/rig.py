@@ -39,7 +39,7 @@ RIGIDITIES_N_MM2 = (1e-18, 1e18)
 SENSOR_NOISE = (1e-15, 1e6)  # noise of a sensor [N] or [N mm]
 BOARD_POINTS = (3, 200)  # per row and column of a board; OpenCV's detectors take minutes for more
 BITS = (8, 16)
-# Slope of the light where rig.json does not state it. Chosen: lamps within 17 degrees.
+# Slopes of the light where rig.json does not state them. Chosen: lamps within 17 degrees.
 ANY_LIGHT = 0.3
 MAX_LIGHT_SLOPE = 10.0  # light that grazes the beam at six degrees
 # Chosen as SIZES_MM, a million beams away at most.
@@ -95,7 +95,7 @@ class Rig:
     the camera, at the beam's middle, positive where the light comes from the tip's side: 0 for a
     ring about the lens. `light_distance` [m] is the distance of a small lamp from plane C whose
     direction changes as much along the beam; None if the light is as far away as the camera.
-    `bits` is the
+    `light_across` is the root mean square of the light's tangent across the beam. `bits` is the
     camera's bit depth, None if it is found from the images. `channel` is the channel read from a
     colour image. `shape` is how the beam differs from a uniform one, as stated or learned.
     `gravity` is its direction, which a hung weight needs; None if it is not stated. `clamp_offset`
@@ -117,6 +117,7 @@ class Rig:
     light_slope: float = 0.0
     light_slope_sigma: float = ANY_LIGHT
     light_distance: float | None = None
+    light_across: float = ANY_LIGHT
     bits: int | None = None
     channel: str = "gray"
     shape: BeamShape = UNIFORM
@@ -179,6 +180,8 @@ def rig_to_json(rig: Rig) -> str:
         document["light"] = {"slope": rig.light_slope, "slope_sigma": rig.light_slope_sigma}
     if rig.light_distance is not None:
         document.setdefault("light", {})["distance_mm"] = rig.light_distance / mm
+    if rig.light_across != ANY_LIGHT:
+        document.setdefault("light", {})["across"] = rig.light_across
     if rig.sag:
         document["beam"]["sag_mm"] = rig.sag / mm
     if rig.known_psi is not None:
@@ -282,6 +285,9 @@ def read_rig(path: Path) -> Rig:
         light_distance=key.number("light.distance_mm", *LIGHT_DISTANCES_MM) * mm
         if key.has("light.distance_mm")
         else None,
+        light_across=key.number("light.across", 0, MAX_LIGHT_SLOPE)
+        if key.has("light.across")
+        else ANY_LIGHT,
         sensors=_sensors(key),
         distortion_coefficients=_distortion_coefficients(key, telecentric),
         bits=key.count("camera.bits", *BITS) if key.has("camera.bits") else None,

@@ -91,6 +91,7 @@ def on_deformation_plane(measurement: Measurement, psi: float) -> Measurement | 
             shared_errors=view.shared_errors[visible],
         ),
         base_covariance=clamp @ measurement.base_covariance @ clamp.T,
+        image_shift=clamp[:2, :2] @ measurement.image_shift @ clamp[:2, :2].T,
         antenna_from_beam=antenna_from_beam,
         other_views=(),
         earlier=(),

@@ -1,5 +1,6 @@
 """From a centreline to a measurement: the tip, the bow, and a camera that has moved."""
 
+import math
 from dataclasses import replace
 from functools import cache
 
@@ -16,6 +17,7 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import invert
+from solver.methods.exact_fit import exact_fit
 from solver.shading import SHADING, SHADING_SIGMA
 from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
@@ -121,6 +123,22 @@ def test_shading_that_turns_with_the_beam_is_taken_off(slope: float) -> None:
     # A column crosses the beam obliquely: an error along it is larger than one along the normal.
     expected = np.hypot(0.2, SHADING_SIGMA) * np.abs(shift).max() / np.cos(turn[-1])
     assert sigma.max() == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize(("across", "expected"), [(0.0, 0.0), (0.5, 0.5 * SHADING), (9.0, 2 / 3)])
+def test_light_across_the_beam_hides_its_axis(across: float, expected: float) -> None:
+    """The sigma of the contact across the beam, in radii; x_c does not depend on it."""
+    lab = bowed(np.zeros(3))
+    line = down_columns(GUIDE.pixels(bent(0.2, 0.7)), np.full(len(bent(0.2, 0.7)), 0.01))
+    dark, lit = (
+        exact_fit(to_measurement(replace(lab, rig=replace(lab.rig, light_across=light)), line))
+        for light in (0.0, across)
+    )
+    assert lit.values == dark.values
+    assert lit.sigma("x_c_m") == dark.sigma("x_c_m")
+    name = "contact_antenna_y_m"
+    added = math.sqrt(lit.sigma(name) ** 2 - dark.sigma(name) ** 2)
+    assert added == pytest.approx(expected * lab.rig.beam.radius, rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize("distance", [0.1, 0.3])

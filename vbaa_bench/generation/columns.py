@@ -191,6 +191,9 @@ RIG: Final = {
     "light.distance_mm": Column(
         "distance from plane C of a small lamp whose direction changes as much along the beam"
     ),
+    "light.across": Column(
+        "root mean square tangent, across the beam, between these two directions", SIGMA_A
+    ),
     "camera.projection": Column("perspective or telecentric"),
     "camera.mount": Column("antenna: turns with the motor; world: fixed"),
     "camera.distortion_coefficients": Column("number of distortion coefficients: 0, 5 or 8"),

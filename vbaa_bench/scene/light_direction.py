@@ -1,4 +1,7 @@
-"""Direction of the light along the beam, as a laboratory knows it from where its lamps stand."""
+"""Direction of the light, along and across the beam.
+
+A laboratory knows it from where its lamps stand.
+"""
 
 import math
 from typing import Final, NamedTuple
@@ -28,6 +31,8 @@ EVEN: Final = (math.pi / 4) / (1 + math.pi / 4)
 # Largest distance of the light, in lengths of the beam. Chosen: changes of direction along the beam
 # are then a millionth.
 _FAR: Final = 1e6
+# Axes of plane C, from the clamp.
+ALONG, ACROSS = 0, 1
 # Height above plane C of lamps in or below it, whose light grazes. Chosen: ten times the least
 # distance that rig.json states.
 _LOWEST_MM: Final = 1e-5
@@ -59,19 +64,8 @@ class _Lamp(NamedTuple):
 
 
 def light_direction(scene: Scene) -> LightDirection:
-    """Compute the light's direction from the places and sizes of the lamps."""
-    camera, middle = np.array(scene.camera.position_mm), scene.beam.length_mm / 2
-    is_pinhole = scene.camera.projection != "telecentric"
-    axis = camera - scene.camera.look_at_mm
-    to_camera = (camera[0] - middle) / camera[2] if is_pinhole else axis[0] / axis[2]
-    convergence = 1 / camera[2] if is_pinhole else 0.0  # of the rays to the camera
-    lamps = [_lamp(scene, lamp, to_camera, convergence) for lamp in scene.lights]
-    if not lamps:
-        soft_lamp = np.array([*camera[:2], scene.light.height_mm])
-        lamps = [_panel(scene, soft_lamp, scene.light.side_mm**2, 1.0, to_camera, convergence)]
-    if scene.ambient is not None:  # its mean direction is straight down
-        even = _Lamp(scene.ambient.irradiance, -EVEN * to_camera, PLACE_SIGMA, EVEN * convergence)
-        lamps.append(even)
+    """Compute the light's direction along the beam from the places and sizes of the lamps."""
+    lamps, convergence = _lamps(scene, ALONG)
     power = sum(lamp.irradiance for lamp in lamps)
     slope = sum(lamp.irradiance * lamp.slope for lamp in lamps) / power
     gradient = sum(lamp.irradiance * lamp.gradient for lamp in lamps) / power
@@ -82,7 +76,39 @@ def light_direction(scene: Scene) -> LightDirection:
     return LightDirection(_bounded(slope), sigma, float(distance))
 
 
-def _lamp(scene: Scene, lamp: LampSpec, to_camera: float, convergence: float) -> _Lamp:
+def light_across(scene: Scene) -> float:
+    """Compute the root mean square tangent, across the beam, from the camera to the light."""
+    lamps, _ = _lamps(scene, ACROSS)
+    power = sum(lamp.irradiance for lamp in lamps)
+    squares = sum(lamp.irradiance * (lamp.sigma**2 + lamp.slope**2) for lamp in lamps)
+    return min(math.sqrt(squares / power), MAX_LIGHT_SLOPE)
+
+
+def _lamps(scene: Scene, axis: int) -> tuple[list[_Lamp], float]:
+    """Compute the light of all lamps along an axis.
+
+    Also return the convergence [1/mm] of the rays to the camera.
+    """
+    camera = np.array(scene.camera.position_mm)
+    is_pinhole = scene.camera.projection != "telecentric"
+    view = camera - (_middle(scene) if is_pinhole else scene.camera.look_at_mm)
+    to_camera = view[axis] / view[2]
+    convergence = 1 / camera[2] if is_pinhole else 0.0
+    lamps = [_lamp(scene, lamp, axis, to_camera, convergence) for lamp in scene.lights]
+    if not lamps:
+        soft_lamp, area = np.array([*camera[:2], scene.light.height_mm]), scene.light.side_mm**2
+        lamps = [_panel(scene, soft_lamp, area, 1.0, axis, to_camera, convergence)]
+    if scene.ambient is not None:  # its mean direction is straight down
+        even = _Lamp(scene.ambient.irradiance, -EVEN * to_camera, PLACE_SIGMA, EVEN * convergence)
+        lamps.append(even)
+    return lamps, convergence
+
+
+def _middle(scene: Scene) -> Floats:
+    return np.array([scene.beam.length_mm / 2, 0.0, 0.0])
+
+
+def _lamp(scene: Scene, lamp: LampSpec, axis: int, to_camera: float, convergence: float) -> _Lamp:
     if isinstance(lamp, RingSpec | BackSpec):
         # A ring is about the lens; before a panel the beam is a shadow, which has no shading.
         return _Lamp(lamp.irradiance, 0.0, 0.0, 0.0)
@@ -96,7 +122,7 @@ def _lamp(scene: Scene, lamp: LampSpec, to_camera: float, convergence: float) ->
         ahead = np.array([math.cos(azimuth), math.sin(azimuth), math.tan(elevation)])
         distance = lamp.distance_mm * math.cos(elevation)
         place = np.array(scene.camera.look_at_mm) + distance * ahead
-    return _panel(scene, place, area, lamp.irradiance, to_camera, convergence)
+    return _panel(scene, place, area, lamp.irradiance, axis, to_camera, convergence)
 
 
 def _panel(
@@ -104,6 +130,7 @@ def _panel(
     place: Floats,
     area: float,
     irradiance: float,
+    axis: int,
     to_camera: float,
     convergence: float,
 ) -> _Lamp:
@@ -112,10 +139,10 @@ def _panel(
     The mean direction of the light from a wide lamp changes less than that to its middle: before a
     disc of radius R at distance d, as from a small lamp at d + R^2 / d (Lambert 1760).
     """
-    middle = np.array([scene.beam.length_mm / 2, 0.0, 0.0])
+    middle = _middle(scene)
     wider = 1 + area / (math.pi * float((place - middle) @ (place - middle)))
     height = max(float(place[2]), _LOWEST_MM)
-    slope = _bounded((place[0] - middle[0]) / height - to_camera)
+    slope = _bounded((place[axis] - middle[axis]) / height - to_camera)
     gradient = convergence - 1 / (height * wider)
     return _Lamp(irradiance, slope, PLACE_SIGMA, float(gradient))
 

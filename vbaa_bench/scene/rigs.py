@@ -16,7 +16,7 @@ from solver.instrument.rig import Rig, Sensors, Tolerances
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from vbaa_bench.scene.camera import CalibrationSpec
-from vbaa_bench.scene.light_direction import light_direction
+from vbaa_bench.scene.light_direction import light_across, light_direction
 from vbaa_bench.scene.random_streams import random_generator
 from vbaa_bench.scene.schema import Scene
 from vbaa_bench.scene.weight import WeightSpec
@@ -82,6 +82,7 @@ def nominal_rig(scene: Scene) -> Rig:
         light_slope=light.slope,
         light_slope_sigma=light.sigma,
         light_distance=light.distance_mm * MILLIMETRE,
+        light_across=light_across(scene),
         shape=stated_shape(
             taper=tolerances.tip_ratio_pct * PERCENT,
             softness=tolerances.clamp_softness,

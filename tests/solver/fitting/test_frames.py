@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.fitting.frames import CONTACT, in_all_frames
+from solver.fitting.frames import CONTACT, DY, in_all_frames
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement, View
@@ -185,3 +185,32 @@ def test_a_moment_without_a_sigma_is_left_out_in_words() -> None:
     assert "no sigma for its moment sensor" in answer.message
     weighed = replace(seen, rig=replace(seen.rig, sensors=Sensors(1e-4)))
     assert exact_fit_3d(weighed).message == ""
+
+
+def test_a_shifted_image_does_not_move_the_contact() -> None:
+    """Of the clamp's displacement in the image, each cause has the share of its variance."""
+    nothing = measurement(np.zeros((0, 2)), 1e-5)
+    shifted = contact()
+    shifted[DY] = 1e-4
+    y = "contact_antenna_y_m"
+
+    def placed(clamp: float, image: float) -> tuple[float, float]:
+        """Return the contact's y for standard deviations [m], and the sigma of the shift."""
+        seen = replace(
+            nothing,
+            base_covariance=np.diag([1e-12, clamp**2 + image**2, 1e-12]),
+            image_shift=np.diag([0.0, image**2]),
+        )
+        values, by_contact, poses = in_all_frames(seen, shifted)
+        row = list(values).index(y)
+        total = by_contact[row, DY] ** 2 * (clamp**2 + image**2) + poses[row, row]
+        # Whether or not the displacement is fitted, the clamp's own variance remains in all.
+        assert total == pytest.approx(clamp**2, rel=1e-6)
+        return values[y], float(np.sqrt(poses[row, row]))
+
+    still, moved_clamp = placed(1e-9, 1e-4), placed(1e-4, 1e-9)
+    assert moved_clamp[0] - still[0] == pytest.approx(1e-4, rel=1e-6)
+    assert still[1] < 2e-9
+    half, sigma = placed(1e-4, 1e-4)
+    assert half - still[0] == pytest.approx(0.5e-4, rel=1e-6)
+    assert sigma == pytest.approx(1e-4 / np.sqrt(2), rel=1e-6)

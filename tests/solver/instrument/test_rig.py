@@ -52,13 +52,16 @@ def test_an_end_that_is_not_stated_to_be_sharp_is_uncertain(tmp_path: Path) -> N
 def test_the_lights_slope_comes_back_and_is_uncertain_unless_said(tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
     lit = replace(rig(), light_slope=-0.7, light_slope_sigma=0.1, light_distance=0.4)
+    lit = replace(lit, light_across=0.6)
     path.write_text(rig_to_json(lit))
     found = read_rig(path)
     assert (found.light_slope, found.light_slope_sigma, found.light_distance) == (-0.7, 0.1, 0.4)
+    assert found.light_across == 0.6
     path.write_text(rig_to_json(rig()))
     assert "light" not in json.loads(path.read_text())
     found = read_rig(path)
     assert (found.light_slope, found.light_slope_sigma) == (0.0, ANY_LIGHT)
+    assert found.light_across == ANY_LIGHT
     assert found.light_distance is None
 
 

@@ -11,6 +11,8 @@ from solver.instrument.rig import Rig, read_rig, rig_to_json
 from solver.instrument.transforms import rigid
 from solver.lab.findings import findings
 from solver.set_up import set_up
+from solver.to_measurement import to_measurement
+from solver.tracker import extract_centreline
 
 
 def names(observations: Observations, rig: Rig) -> set[str]:
@@ -64,6 +66,10 @@ def test_a_usual_shift_of_the_camera_is_part_of_the_clamp_s_error(
     rig = read_rig(path)
     assert rig.tolerances.camera_shift_px == 0.2
     antenna = set_up(observations)
-    moving = replace(antenna, rig=rig)
-    added = np.diag(moving.base_covariance - antenna.base_covariance)
-    assert added[:2] == pytest.approx((0.2 * antenna.pixel) ** 2, rel=1e-6)
+    line = extract_centreline(antenna, next(observations.read_rest_images()))
+    still, moving = to_measurement(antenna, line), to_measurement(replace(antenna, rig=rig), line)
+    variance = (0.2 * antenna.pixel) ** 2
+    added = moving.base_covariance - still.base_covariance
+    assert np.diag(added) == pytest.approx([variance, variance, 0], rel=1e-6)
+    # The shift is the image's: the clamp has not moved.
+    assert moving.image_shift - still.image_shift == pytest.approx(added[:2, :2], rel=1e-6)

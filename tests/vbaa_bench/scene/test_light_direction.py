@@ -17,6 +17,7 @@ from vbaa_bench.scene.light_direction import (
     EVEN,
     PLACE_SIGMA,
     LightDirection,
+    light_across,
     light_direction,
 )
 from vbaa_bench.scene.load import check_scene
@@ -54,6 +55,9 @@ def test_a_far_lamp_at_the_side_has_the_cotangent_of_its_elevation(azimuth: floa
     light = direction(lamp)
     expected = math.cos(math.radians(azimuth)) / math.tan(math.radians(40))
     assert light.slope == pytest.approx(expected, abs=1e-3)
+    # The camera is 20 mm beside the beam.
+    across = math.sin(math.radians(azimuth)) / math.tan(math.radians(40)) - 20 / 360
+    assert light_across(scene(lamp)) == pytest.approx(math.hypot(across, PLACE_SIGMA), abs=1e-3)
     assert light.sigma == PLACE_SIGMA
     assert light.distance_mm == pytest.approx(1e6 * math.sin(math.radians(40)), rel=1e-3)
 

@@ -22,7 +22,7 @@ _OPTIONAL: Any = {
     "beam": {"sag_mm": 0.1, "known_psi_deg": 10.0},
     "board": {"kind": "charuco", "dictionary": "4X4_50", "line_width_mm": 1.0},
     "camera": {"camera_shift_sigma_px": 0.1, "bits": 8, "channel": "r", "mount": "world"},
-    "light": {"slope": 0.1, "slope_sigma": 0.1, "distance_mm": 300.0},
+    "light": {"slope": 0.1, "slope_sigma": 0.1, "distance_mm": 300.0, "across": 0.5},
     "moment_sensor": {"sigma_n_mm": 0.1},
     "force_sensor": {"force_sigma_n": 0.1, "moment_sigma_n_mm": 0.1},
     "beam_shape": {
