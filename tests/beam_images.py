@@ -52,7 +52,8 @@ class Look:
     """How the beam looks: brightness of its middle and of the ground, in shares of full scale.
 
     `tip` is one of TIPS: the free end is cut square, rounded off, cut at 45 degrees, or square
-    and shaded over its last FADED_PX.
+    and shaded over its last FADED_PX. `taper` is the difference of the radii at tip and clamp, over
+    that in the middle.
     """
 
     beam: float = 0.9
@@ -62,6 +63,7 @@ class Look:
     roundness: float = 0.6
     skew: float = 0.0
     tip: str = "square"
+    taper: float = 0.0
 
     @property
     def dark(self) -> "Look":
@@ -121,7 +123,7 @@ def cover(
     line, tangent, bend = curve(fine), curve(fine, 1), curve(fine, 2)
     curvature = tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]
     du, dv = _lattice(look.spread_px, points, generator)
-    reach = look.radius_px + float(np.hypot(du, dv).max())
+    reach = look.radius_px * (1 + abs(look.taper) / 2) + float(np.hypot(du, dv).max())
     v, u = np.mgrid[: shape[0], : shape[1]]
     centres = np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
     away, nearest = cKDTree(line).query(centres, distance_upper_bound=reach + 0.1)
@@ -136,7 +138,7 @@ def cover(
         across = y * tangent[k, 0, None] - x * tangent[k, 1, None]
         across -= curvature[k, None] * along**2 / 2
         place = fine[k, None] + along
-        r = across / look.radius_px
+        r = across / (look.radius_px * (1 + look.taper * (place / s[-1] - 0.5)))
         before_tip = _before_tip(s[-1] - place, r, look)
         inside = (np.abs(r) < 1) & (place > 0) & (before_tip > 0)
         shine = np.where(inside, np.clip(1 - r**2, 0, 1) ** (look.roundness / 2), 0.0)

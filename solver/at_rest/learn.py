@@ -113,16 +113,21 @@ def _check_direction(
         )
     if line.tip is None and isinstance(extract, BeamExtractor):
         turned = extract.guide.turned_about()
-        tip = replace(extract, guide=turned)(image).tip
+        end = replace(extract, guide=turned)(image)
+        if end.tip is None or end.tip_covariance is None:
+            return
         # A clamp's edge may look like a tip: the tip is at the beam's length, within three sigmas.
         tolerance = rig.tolerances
+        along = np.diff(turned.ends, axis=0)[0]
+        along *= turned.pixel / math.hypot(*along)
         sigma = math.hypot(
             tolerance.beam_length,
             tolerance.base_position,
             tolerance.board_translation,
-            turned.pixel,
+            tolerance.tip,
+            math.sqrt(along @ end.tip_covariance @ along),
         )
-        if tip is not None and abs(turned.places(tip[None])[0, 0] - turned.length) < 3 * sigma:
+        if abs(turned.places(end.tip[None])[0, 0] - turned.length) < 3 * sigma:
             raise InputError(
                 "the beam's free end is at the clamp's position in rig.json: the rig's x axis "
                 f"runs from the clamp to the tip, so turn {key} by 180 degrees about z and "

@@ -32,6 +32,7 @@ def fit_amplitudes(
         np.abs(places.climb[which]),
         places.upright[which],
         places.sense[which],
+        profile.nearest(places.length[which]),
         profile.value,
         noise.dark,
         noise.per_gray,
@@ -64,6 +65,7 @@ def _fit_amplitudes(
     climb: Floats,
     upright: npt.NDArray[np.bool_],
     sense: Floats,
+    table: npt.NDArray[np.int64],
     value: Floats,
     dark: float,
     per_gray: float,
@@ -81,7 +83,7 @@ def _fit_amplitudes(
         # in two would weigh more than the bright one, and the estimated end would be too near.
         for k in range(size):
             weight[k] = 0.0 if gray[k] >= full_scale else 1.0
-        interpolate_profile(value, min(climb[i], 1.0), sense[i], first - centre[i], p)
+        interpolate_profile(value[table[i]], min(climb[i], 1.0), sense[i], first - centre[i], p)
         p0, p1 = _ground(weight, p, half)
         norm = product = noise_sum = 0.0
         for k in range(size):

@@ -120,7 +120,7 @@ def effective_profile(columns: Columns, reach: float, polarity: int) -> Effectiv
 
     def splines(offset: Floats) -> Floats:
         """Compute the columns of each knot, (n, m, k), without their lines."""
-        shapes = [interpolated(hat.value, columns.climb, offset - k * stretch) for k in knots]
+        shapes = [interpolated(hat.value[0], columns.climb, offset - k * stretch) for k in knots]
         return beyond_line(np.stack(shapes, -1) * (basis @ amplitude)[:, None, None])
 
     for _ in range(ROUNDS):
@@ -136,8 +136,8 @@ def effective_profile(columns: Columns, reach: float, polarity: int) -> Effectiv
         best, least = (values, centre, amplitude, good), chi2
         # Improve profile and course together: one in turn after the other would drift slowly.
         table = spline_profile(values, step, reach)
-        slope = interpolated(table.slope, columns.climb, offset) * (basis @ amplitude)[:, None]
-        value = interpolated(table.value, columns.climb, offset)
+        slope = interpolated(table.slope[0], columns.climb, offset) * (basis @ amplitude)[:, None]
+        value = interpolated(table.value[0], columns.climb, offset)
         by_course = beyond_line(np.stack([-slope, value], axis=-1))
         by_course = (by_course[..., None] * basis[:, None, None]).reshape(*gray.shape, -1)
         joint = np.concatenate([design, by_course], axis=-1)

@@ -98,7 +98,6 @@ class BeamExtractor:
             appearance.noise,
             appearance.half,
             appearance.full_scale,
-            appearance.section.radius,
             ground,
             at_rest,
         )

@@ -16,7 +16,7 @@ from solver.centreline.profile import Profile
 from solver.centreline.profile_fit import MAX_STEPS, TOLERANCE_PX, Fits, fit_profiles
 from solver.centreline.stations import Stations
 from solver.centreline.thresholds import LIMITS
-from solver.instrument.arrays import Floats, Grey
+from solver.instrument.arrays import Floats, Grey, copy_into
 from solver.instrument.compiled import njit
 from solver.instrument.dot_products import FAST
 from solver.instrument.small_matrices import solve_definite
@@ -29,11 +29,10 @@ def fit_columns(
     noise: Noise,
     half: int,
     full_scale: int,
-    radius: float,
     ground: Ground | None,
     expected: Floats,
 ) -> Fits:
-    """Fit as `fit_profiles`, before a known ground if there is one; `radius` [px] is the beam's.
+    """Fit as `fit_profiles`, before a known ground if there is one.
 
     `expected` (n,) [gray px] are the amplitudes at rest, from which those of the image may differ
     by AMPLITUDE_SIGMA: where the ground is not known, it looks like a part of the beam.
@@ -44,6 +43,7 @@ def fit_columns(
     plain = fit_profiles(image, places, profile, noise, half, full_scale)
     if ground is None:
         return plain
+    table = profile.nearest(places.length)
     fields = _fit(
         image,
         ground.gray,
@@ -53,13 +53,14 @@ def fit_columns(
         np.abs(places.climb),
         places.upright,
         places.sense,
+        table,
         profile.value,
         profile.slope,
         noise.dark,
         noise.per_gray,
         half,
         full_scale,
-        2 * radius,
+        2 * profile.radius[table],
         ground.level,
         ground.fine,
         expected,
@@ -99,13 +100,14 @@ def _fit(
     climb: Floats,
     upright: npt.NDArray[np.bool_],
     sense: Floats,
+    table: npt.NDArray[np.int64],
     value: Floats,
     slope: Floats,
     dark: float,
     per_gray: float,
     half: int,
     full_scale: int,
-    width: float,
+    width: Floats,
     level: float,
     fine: float,
     amplitude_at_rest: Floats,
@@ -131,8 +133,8 @@ def _fit(
         if used < LIMITS.min_pixels:
             continue
         _fit_column(
-            start[i], first, half, min(climb[i], 1.0), sense[i], value, slope, dark, per_gray,
-            full_scale, width, level, fine / level**2, gray, pattern, variance,
+            start[i], first, half, min(climb[i], 1.0), sense[i], value[table[i]], slope[table[i]],
+            dark, per_gray, full_scale, width[i], level, fine / level**2, gray, pattern, variance,
             columns, amplitude_at_rest[i], out[:, i],
         )  # fmt: skip
         out[6, i] = used - 4
@@ -198,7 +200,7 @@ def _fit_column(
             # The line and the amplitude alone are fitted.
             normal[3, :] = normal[:, 3] = right[3] = 0.0
             normal[3, 3] = 1.0
-        factor[:] = normal
+        copy_into(factor, normal)
         if not solve_definite(factor, right):
             return
         b, s, a = b + right[0], s + right[1], a + right[2]
@@ -208,7 +210,7 @@ def _fit_column(
         if step > 3 and abs(right[3]) < TOLERANCE_PX:
             break
     for p in range(4):
-        factor[:] = normal
+        copy_into(factor, normal)
         right[:] = 0.0
         right[p] = 1.0
         if not solve_definite(factor, right):

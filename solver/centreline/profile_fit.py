@@ -58,6 +58,7 @@ def fit_profiles(
         np.abs(places.climb),
         places.upright,
         places.sense,
+        profile.nearest(places.length),
         profile.value,
         profile.slope,
         noise.dark,
@@ -85,6 +86,7 @@ def _fit(
     climb: Floats,
     upright: npt.NDArray[np.bool_],
     sense: Floats,
+    table: npt.NDArray[np.int64],
     value: Floats,
     slope: Floats,
     dark: float,
@@ -105,7 +107,8 @@ def _fit(
             row[7] = size - used
             if used >= LIMITS.min_pixels:
                 _fit_column(
-                    start[i], first, half, min(climb[i], 1.0), sense[i], value, slope,
+                    start[i], first, half, min(climb[i], 1.0), sense[i],
+                    value[table[i]], slope[table[i]],
                     dark, per_gray, full_scale, gray, weight, expected, sums, row,
                 )  # fmt: skip
                 row[6] = used - 4

@@ -2,43 +2,42 @@
 
 A contrast that is too weak for a single pixel column adds up along the beam (a Radon transform over
 lines that may be slightly bowed). The same means along lines elsewhere measure what the ground's
-structure gives by chance.
+structure gives by chance. Where it hides the beam, a filter that is matched to both is tried.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from solver.centreline.candidates import GAP, SIDE
 from solver.centreline.guide import LINES, Guide
+from solver.centreline.line_sums import Line, Sheet, line_at, line_sums, straightened
+from solver.centreline.matched_line import find_matched_line
 from solver.centreline.noise import ROUNDING
 from solver.centreline.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 
-# Part of the beam's length that is summed: its clamp and its end are left out.
-FIRST, LAST = 0.05, 0.97
-# Lines elsewhere are within this distance [px] beside the beam, or this many widths if that is
-# more. Chosen: a hundred lines, under light that is still like that at the beam.
-BESIDE_PX, BESIDE_WIDTHS = 60.0, 6.0
+# Lines elsewhere are within this many widths beside the beam, if that is more than BESIDE_PX.
+BESIDE_WIDTHS = 6.0
 # Largest distance [px] of the beam's middle from the line through its clamp and tip, and the step
 # of tips and middles. Chosen: a bow of 2 % of the length.
 MAX_BOW_PX, COARSE_PX = 8.0, 2.0
+# The step for a filter that is matched to a beam of less than two pixels.
+MATCHED_PX = 1.0
 # Steps of the refinement about the best line, of a tip and a middle [px]. Chosen: the profile fit
 # starts within half a pixel of the beam.
 FINE_PX = np.arange(-2.0, 2.25, 0.5)
 
 
 class RestLine(NamedTuple):
-    """The beam at rest: `places` (n, 2) [m] of the beam's frame, and its mean contrast [gray].
+    """The beam at rest: `places` (n, 2) [m] of the beam's frame.
 
     `polarity` is 1 for a beam brighter than its ground, and -1 for a darker one; `width` is that of
     the detection, over the rig's diameter.
     """
 
     places: Floats
-    contrast: float
     polarity: int
     width: int
 
@@ -48,13 +47,35 @@ def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestLi
 
     `widths` are trial widths over the rig's diameter. Of the lines whose contrast exceeds the
     scatter of those elsewhere by `min_line_sigmas`, the one of largest contrast is the beam.
+    Without any, the matched filter is tried for the rig's diameter.
     """
-    sheet = _straightened(image, guide, BESIDE_WIDTHS * max(widths) * 2 * guide.radius_px)
+    sheet = straightened(image, guide, BESIDE_WIDTHS * max(widths) * 2 * guide.radius_px)
+    line = _line_of_contrast(sheet, guide, widths) or find_matched_line(
+        sheet, *_trials(guide, MATCHED_PX), FINE_PX, guide.radius_px
+    )
+    if line is None:
+        return None
+    x = np.linspace(0.0, 1.06, 96)
+    y = line_at(x, line.tip, line.bow) + line.offset
+    places = np.column_stack([guide.length * x, guide.pixel * y])
+    return RestLine(places, line.polarity, line.width)
+
+
+def _trials(guide: Guide, step: float) -> tuple[Floats, Floats]:
+    """Return the trial tips and bows [px] of lines, a `step` apart."""
     largest_tip = LIMITS.max_askew * guide.length / guide.pixel
-    tips = np.arange(-largest_tip, largest_tip + COARSE_PX, COARSE_PX)
-    bows = np.arange(-MAX_BOW_PX, MAX_BOW_PX + COARSE_PX, COARSE_PX)
-    coarse = _sums(sheet, tips, bows)
-    best: RestLine | None = None
+    return (
+        np.arange(-largest_tip, largest_tip + step, step),
+        np.arange(-MAX_BOW_PX, MAX_BOW_PX + step, step),
+    )
+
+
+def _line_of_contrast(sheet: Sheet, guide: Guide, widths: Sequence[int]) -> Line | None:
+    """Find the line that differs most in mean gray value from both sides."""
+    tips, bows = _trials(guide, COARSE_PX)
+    coarse = line_sums(sheet, tips, bows)
+    best: Line | None = None
+    largest = -np.inf
     for width in widths:
         core = max(2, round(width * 2 * guide.radius_px))
         near = np.abs(sheet.offset) <= max(LIMITS.near_px, LIMITS.near_radii_at_rest * core / 2)
@@ -73,73 +94,14 @@ def find_rest_line(image: Floats, guide: Guide, widths: Sequence[int]) -> RestLi
             at = np.nanargmax(contrasts[..., near])
             tip, bow, _ = np.unravel_index(at, contrasts[..., near].shape)
             finer = (tips[tip] + FINE_PX, bows[bow] + FINE_PX)
-            fine = _contrasts(_sums(sheet, *finer), core, polarity)[..., near]
+            fine = _contrasts(line_sums(sheet, *finer), core, polarity)[..., near]
             tip, bow, offset = np.unravel_index(np.nanargmax(fine), fine.shape)
             contrast = float(fine[tip, bow, offset])
-            if contrast - middle < LIMITS.min_line_sigmas * by_chance:
-                continue
-            if best is None or contrast > best.contrast:
-                x = np.linspace(0.0, 1.06, 96)
-                y = _line(x, finer[0][tip], finer[1][bow]) + sheet.offset[near][offset]
-                places = np.column_stack([guide.length * x, guide.pixel * y])
-                best = RestLine(places, contrast, polarity, width)
+            if contrast > max(largest, middle + LIMITS.min_line_sigmas * by_chance):
+                start = sheet.offset[near][offset]
+                best = Line(finer[0][tip], finer[1][bow], start, polarity, width)
+                largest = contrast
     return best
-
-
-class _Sheet(NamedTuple):
-    """The image along the beam: gray values (n, LINES), n offsets [px] across, and positions.
-
-    `x` (LINES,) is over the beam's length. Values beside the image are NaN.
-    """
-
-    gray: Floats
-    offset: Floats
-    x: Floats
-
-
-def _straightened(image: Floats, guide: Guide, beside: float) -> _Sheet:
-    """Sample the image each pixel across the nominal beam, and average along it over each line."""
-    half = round(max(BESIDE_PX, beside))
-    offset = np.arange(-half, half + 1, dtype=np.float64)
-    per_line = max(round((LAST - FIRST) * guide.length / guide.pixel / LINES), 1)
-    x = np.linspace(FIRST, LAST, LINES * per_line)
-    along, across = np.meshgrid(guide.length * x, guide.pixel * offset)
-    pixels = guide.pixels(np.column_stack([along.ravel(), across.ravel()])).astype(np.float32)
-    u, v = pixels[:, 0].reshape(along.shape), pixels[:, 1].reshape(along.shape)
-    gray = cv2.remap(
-        image.astype(np.float32), u, v, cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT, borderValue=(np.nan,),
-    )  # fmt: skip
-    return _Sheet(
-        gray.reshape(len(offset), LINES, per_line).mean(axis=2, dtype=np.float64),
-        offset,
-        x.reshape(LINES, per_line).mean(axis=1),
-    )
-
-
-def _line(x: Floats, tip: float, bow: float) -> Floats:
-    """Compute the distance [px] of a bowed line from the nominal beam, at x over the length."""
-    return np.asarray(tip * x + bow * 4 * x * (1 - x))
-
-
-def _sums(sheet: _Sheet, tips: Floats, bows: Floats) -> Floats:
-    """Average the sheet along each line (tip, bow, offset); NaN with too few lines in the image."""
-    n = len(sheet.offset)
-    known = np.isfinite(sheet.gray)
-    # Rows beyond the sheet are unknown.
-    gray = np.vstack([np.where(known, sheet.gray, 0.0), np.zeros((1, LINES))])
-    known = np.vstack([known, np.zeros((1, LINES), bool)])
-    result = np.empty((len(tips), len(bows), n))
-    for i, tip in enumerate(tips):
-        for j, bow in enumerate(bows):
-            shift = np.rint(_line(sheet.x, tip, bow)).astype(np.int64)
-            row = np.arange(n)[:, None] + shift
-            row = np.where((row >= 0) & (row < n), row, n)
-            count = np.take_along_axis(known, row, 0).sum(axis=1)
-            total = np.take_along_axis(gray, row, 0).sum(axis=1)
-            enough = count > LIMITS.min_support_at_rest * LINES
-            result[i, j] = np.where(enough, total / np.maximum(count, 1), np.nan)
-    return result
 
 
 def _contrasts(sums: Floats, core: int, polarity: int) -> Floats:

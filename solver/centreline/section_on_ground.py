@@ -75,7 +75,7 @@ def section_on_ground(
     def deviation(section: Section, centre: Floats, amplitude: Floats) -> Floats:
         """Compute the deviation (n, m) from the model; the amplitude is in units of the level."""
         offset = columns.sense * columns.row - centre[:, None]
-        shape = interpolated(profile(section).value, columns.climb, offset)
+        shape = interpolated(profile(section).value[0], columns.climb, offset)
         cover = np.clip(2 * section.radius * shape, 0, 1)
         model = columns.ground + cover * (ground.level - columns.ground)
         model += ground.level * amplitude[:, None] * shape

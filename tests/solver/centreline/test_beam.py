@@ -1,5 +1,6 @@
 """The beam in drawn images: found, measured, judged; truth is the line along which it was drawn."""
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -122,6 +123,30 @@ def test_a_rest_line_along_the_rows_teaches_as_well() -> None:
     off = distances(seen(light, beam).points, pixels)
     assert off.std() < 0.011
     assert abs(off.mean()) < 0.02
+
+
+def test_a_beam_that_gets_thinner_is_measured_as_far_as_a_uniform_one() -> None:
+    look = replace(BRIGHT, taper=-0.5)
+    light, pixels = pushed(0.25, look)
+    beam = learned(look)
+    # A wide, round section of less taper has almost the same image.
+    assert beam.appearance.section.taper == pytest.approx(look.taper, abs=0.15)
+    assert beam.appearance.misfit < 1.2
+    line = seen(light, beam)
+    assert len(line.points) > 0.95 * len(seen(pushed(0.25)[0], learned()).points)
+    # Which side shines more shifts a wide part of the beam by more, at rest and bent alike.
+    at_rest = guide().pixels(bent(0.0, tilt=TILT))
+    before, after = (
+        np.polyfit(x.points[:, 0], distances(x.points, true), 1)
+        for x, true in ((beam(rest_images(look)[0]), at_rest), (line, pixels))
+    )
+    middle = line.points[:, 0].mean()
+    assert np.polyval(after, middle) == pytest.approx(np.polyval(before, middle), abs=0.004)
+    assert after[0] * WIDTH == pytest.approx(before[0] * WIDTH, abs=0.006)
+    off = (distances(line.points, pixels) - np.polyval(after, line.points[:, 0])) / line.sigma
+    assert np.abs(off).max() < 5
+    assert 0.75 < off.std() < 1.2
+    assert learned().appearance.section.taper == pytest.approx(0.0, abs=0.05)
 
 
 def test_sixteen_bits_say_what_eight_do() -> None:

@@ -46,11 +46,11 @@ def fit(image: Grey, at: Stations, noise: Noise = QUIET, section: Section = SECT
 def test_an_even_band_without_spread_is_a_trapezoid() -> None:
     radius = 0.8
     table = profile(Section(radius, 0.0, 0.0, 0.0))
-    middle = table.value.shape[1] // 2
-    t = (np.arange(table.value.shape[1]) - middle) * STEP
+    middle = table.value.shape[2] // 2
+    t = (np.arange(table.value.shape[2]) - middle) * STEP
     trapezoid = np.clip((radius + 0.5 - np.abs(t)) / (2 * radius), 0, 1 / (2 * radius))
     # Nowhere farther off than the trapezoid climbs within a step of the table.
-    assert np.abs(table.value[0] - trapezoid).max() < STEP / (2 * radius)
+    assert np.abs(table.value[0, 0] - trapezoid).max() < STEP / (2 * radius)
 
 
 @pytest.mark.parametrize(
@@ -59,9 +59,21 @@ def test_an_even_band_without_spread_is_a_trapezoid() -> None:
 def test_the_table_has_the_area_of_a_beam_crossed_aslant(section: Section) -> None:
     table = profile(section)
     stretch = np.hypot(1, np.linspace(0, 1, SLOPES))
-    assert table.value.sum(axis=1) * STEP == pytest.approx(stretch, rel=1e-3)
-    differences = np.gradient(table.value, STEP, axis=1)[:, 2:-2]
-    assert np.abs(table.slope[:, 2:-2] - differences).max() < 0.02 * np.abs(table.slope).max()
+    assert table.value[0].sum(axis=1) * STEP == pytest.approx(stretch, rel=1e-3)
+    differences = np.gradient(table.value[0], STEP, axis=1)[:, 2:-2]
+    assert np.abs(table.slope[0, :, 2:-2] - differences).max() < 0.02 * np.abs(table.slope).max()
+
+
+def test_a_tapered_beam_has_the_table_of_each_width() -> None:
+    section = Section(0.8, 0.4, 1.0, 0.1, -0.5)
+    tables = profile(section, 200.0)
+    assert tables.radius[[0, -1]] == pytest.approx([1.0, 0.6])
+    nearest = tables.nearest(np.array([-5.0, 0.0, 100.0, 200.0, 230.0]))
+    assert tables.radius[nearest] == pytest.approx([1.0, 1.0, 0.8, 0.6, 0.6])
+    for j, radius in enumerate(tables.radius):
+        alone = profile(Section(float(radius), 0.4, 1.0, 0.1)).value[0]
+        margin = (tables.value.shape[2] - alone.shape[1]) // 2
+        assert tables.value[j, :, margin : -margin or None] == pytest.approx(alone, abs=1e-6)
 
 
 @pytest.mark.parametrize("climb", [0.0, 0.37, 1.0])
@@ -72,8 +84,8 @@ def test_the_table_is_what_a_lattice_of_points_sees(climb: float, skew: float) -
     _, light = cover(line(rows), look, (48, 12), **FINE)
     table = profile(Section(look.radius_px, look.spread_px, look.roundness, skew))
     index = round(climb * (SLOPES - 1))
-    middle, wanted = table.value.shape[1] // 2, table.value[index]
-    beside = table.value[min(index + 1, SLOPES - 1)]
+    middle, wanted = table.value.shape[2] // 2, table.value[0, index]
+    beside = table.value[0, min(index + 1, SLOPES - 1)]
     share = climb * (SLOPES - 1) - index
     wanted = wanted + (beside - wanted) * share
     # The chord's mean height is pi / 4.

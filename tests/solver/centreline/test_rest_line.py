@@ -1,5 +1,7 @@
 """Detection of the beam at rest by its mean contrast along lines."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,30 @@ def test_a_beam_below_the_noise_of_a_column_is_found(polarity: int, tilt: float)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_texture_alone_shows_no_beam(seed: int) -> None:
     assert find_rest_line(255 * felt(seed), guide(), (1, 2)) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_thin_beam_is_found_on_a_texture_of_its_brightness(seed: int) -> None:
+    """Of a beam of 0.7 px, whose contrast is half of the texture's scatter, mean values show none.
+
+    The texture's gray values are alike over five pixels.
+    """
+    thin = replace(guide(), radius=0.35 * guide().pixel)
+    look = Look(beam=0.2, ground=0.12, radius_px=0.35, spread_px=0.4)
+    light = drawn(guide(), bent(0.0, tilt=0.05), look, felt(seed, correlation=5.0))
+    noise = np.random.default_rng(seed).standard_normal(light.shape)
+    line = find_rest_line(255 * light + noise, thin, (1, 2))
+    assert line is not None
+    assert (line.polarity, line.width) == (1, 1)
+    x, y = line.places.T
+    assert np.abs(y - np.tan(0.05) * x).max() < 0.5 * thin.pixel
+
+
+@pytest.mark.parametrize("correlation", [1.0, 5.0, 10.0])
+def test_no_texture_matches_a_beam(correlation: float) -> None:
+    thin = replace(guide(), radius=0.35 * guide().pixel)
+    for seed in range(2):
+        assert find_rest_line(255 * felt(seed, correlation), thin, (1, 2)) is None
 
 
 def test_noise_alone_shows_no_beam() -> None:
