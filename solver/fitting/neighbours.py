@@ -33,11 +33,13 @@ MIN_GAIN: Final = 10.8
 class Neighbours(NamedTuple):
     """A random course along the beam.
 
-    Its correlation `length`, over the beam's length, and its `sigma`, in sigmas of a point.
+    Its correlation `length`, over the beam's length, its `sigma`, in sigmas of a point, and twice
+    the log likelihood that it gains.
     """
 
     length: float
     sigma: float
+    gain: float
 
 
 def neighbours_of(problem: RodProblem, p: Floats, kept: Floats) -> Neighbours | None:
@@ -77,7 +79,8 @@ def neighbours_of(problem: RodProblem, p: Floats, kept: Floats) -> Neighbours | 
             widened = 1 + sigma**2 * np.maximum(values, 0.0)
             likelihood = float((sigma**2 * size**2 / widened - np.log(widened)).sum())
             if likelihood > gain:
-                best, gain = Neighbours(length, float(sigma * scatter)), likelihood
+                best = Neighbours(length, float(sigma * scatter), likelihood)
+                gain = likelihood
     return best
 
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2 as distribution
+from scipy.linalg import block_diag
+from scipy.special import chdtri
 
 from solver.fitting.gauss_newton import Fit
 from solver.fitting.push_joint import PUSH, RADIUS_SIGMA, Push
@@ -19,6 +20,10 @@ from solver.instrument.measurement import Measurement
 # The radius is reported only if its sigma is below this share of its prior sigma. Derived: the
 # prior then makes the radius smaller by less than 7 %.
 MAX_RADIUS_SHARE: Final = 0.25
+# Sigma of the contact distance over that of the last frame alone, above which the contact is that
+# of the frame. Chosen: a push is never worse with a motor's axis that is known, and thirty times
+# worse with one that is known to a centimetre.
+MOST_SIGMAS: Final = 2.0
 # Friction is reported only if its sigma is below this share of its prior sigma. Chosen.
 MAX_FRICTION_SHARE: Final = 0.5
 
@@ -42,7 +47,7 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
     if fit.rank_deficient:
         return single_frame(single, f"{count} frames do not determine the push")
     consistency, equations = push.consistency_chi2(fit.parameters)
-    if consistency > distribution.isf(LIMITS.false_rejection, equations):
+    if consistency > chdtri(equations, LIMITS.false_rejection):
         return failure(
             Outcome.INVALID,
             f"the {count} frames of the push do not fit one object at one place on a linear "
@@ -74,7 +79,7 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
             "the compliance would be negative: the motor turns about another axis than the rig "
             "states, or the beam is not the rig's",
         )
-    return classified_estimate(
+    estimate = classified_estimate(
         last.rig,
         values,
         covariance,
@@ -82,6 +87,27 @@ def push_estimate(push: Push, last: Measurement, fit: Fit, single: Estimate) -> 
         chi2=chi2,
         dof=dof,
         iterations=fit.iterations,
+    )
+    if estimate.values and estimate.sigma("x_c_m") > MOST_SIGMAS * single.sigma("x_c_m"):
+        return _with_contact_of(single, estimate)
+    return estimate
+
+
+def _with_contact_of(single: Estimate, push: Estimate) -> Estimate:
+    """Return a single frame's estimate with the values that only its push has.
+
+    The errors of both are taken as independent: those of the push are of the motor's axis.
+    """
+    assert single.covariance is not None
+    assert push.covariance is not None
+    names = list(push.values)
+    of_push = [name for name in names if name not in single.values]
+    rows = [names.index(name) for name in of_push]
+    contact = single_frame(single, "the place of the motor's axis is too uncertain for the push")
+    return replace(
+        contact,
+        values={**single.values, **{name: push.values[name] for name in of_push}},
+        covariance=block_diag(single.covariance, push.covariance[np.ix_(rows, rows)]),
     )
 
 

@@ -1,15 +1,17 @@
-"""Test whether one contact on a beam of another taper explains an image as well as two contacts."""
+"""Fit one contact on a beam of another taper: it may explain what looks like something else."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from solver.beam_models.rod import WIDTHS
 from solver.fitting.problem import Problem
-from solver.fitting.rod_estimate import uniform_start
-from solver.fitting.rod_fit import LeastSquares, least_squares
-from solver.fitting.rod_problem import only, rod_problem_of
+from solver.fitting.rod_fit import least_squares
+from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
+from solver.fitting.rod_start import uniform_start
+from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import FIRST_WIDTH, BeamShape
 from solver.instrument.measurement import Measurement
 
@@ -19,20 +21,47 @@ from solver.instrument.measurement import Measurement
 _TAPER: Final = 0.4
 
 
-def other_taper(measurement: Measurement, problem: Problem, kept: Any) -> tuple[float, float]:
+class OtherTaper(NamedTuple):
+    """Sum of squares of a fit with another taper, and the width of the tip over the clamp's."""
+
+    objective: float
+    tip: float
+
+
+def other_taper(
+    measurement: Measurement,
+    problem: Problem,
+    kept: Any,
+    rod_problem: Callable[[Measurement, Problem], RodProblem] = rod_problem_of,
+    near: Floats | None = None,
+) -> OtherTaper:
     """Fit one contact on a beam whose taper may be another than the rig states.
 
     Only the `kept` (n,) points of `problem` are used, which has those of the measurement with its
-    bow. Return the sum of squares, infinite where no such beam is near the points, and the width
-    of its tip over that at the clamp.
+    bow. The sum of squares is infinite where no such beam is near the points. `rod_problem` states
+    what kind of force bends the beam, and `near` (p,) are the parameters of a fit of the stated
+    beam.
     """
-    rig = replace(measurement.rig, shape=_with_any_taper(measurement.rig.shape))
-    rod = only(rod_problem_of(replace(measurement, rig=rig), problem), kept)
+    shape = measurement.rig.shape
+    rig = replace(measurement.rig, shape=_with_any_taper(shape))
+    rod = only(rod_problem(replace(measurement, rig=rig), problem), kept)
+    starts = [uniform_start(problem, rod)]
+    if near is None:
+        near = _near(only(rod_problem(measurement, problem), kept), problem)
+    if near is not None:
+        starts.append(near if len(shape.widths) else np.insert(near, WIDTHS, 0.0))
+    fits = [fit for p in starts if p is not None and (fit := least_squares(rod, p)) is not None]
+    if not fits:
+        return OtherTaper(np.inf, 1.0)
+    best = min(fits, key=lambda fit: fit.objective)
+    return OtherTaper(best.objective, 1.0 + float(best.p[WIDTHS : WIDTHS + rod.widths].sum()))
+
+
+def _near(rod: RodProblem, problem: Problem) -> Floats | None:
+    """Fit the stated beam: its friction and clamp are nearer than those of a uniform beam."""
     start = uniform_start(problem, rod)
-    fit: LeastSquares | None = None if start is None else least_squares(rod, start)
-    if fit is None:
-        return np.inf, 1.0
-    return fit.objective, 1.0 + float(fit.p[WIDTHS : WIDTHS + rod.widths].sum())
+    fit = None if start is None else least_squares(rod, start)
+    return None if fit is None else fit.p
 
 
 def _with_any_taper(shape: BeamShape) -> BeamShape:

@@ -2,14 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.exact import contact_at
-from solver.beam_models.rod import GRIP, S_C, Q, contact_of, curve_of
-from solver.fitting import residuals
-from solver.fitting.fit import FrameFit, start_of
+from solver.beam_models.rod import GRIP, contact_of, curve_of
+from solver.fitting.fit import FrameFit
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
@@ -22,16 +20,13 @@ from solver.fitting.rod_problem import (
     reflection_matters,
     rod_problem_of,
 )
-from solver.fitting.rod_residuals import DX, PSI, TILT
+from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_values import rod_values
+from solver.fitting.stated_beam import contradiction
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
-
-# Largest contact arc length of a start, over the beam's length. Chosen: a uniform beam may be
-# nearest to a thin tip with a contact beyond it.
-_MAX_START: Final = 0.95
 
 
 def rod_estimate(
@@ -42,6 +37,7 @@ def rod_estimate(
 
     What one image does not determine (section, friction, clamp) has the prior that the rig states,
     and widens the covariance accordingly. `rod_problem` states what kind of force bends the beam.
+    The outcome is "invalid" where the beam is not the one that the rig states.
     """
     bowed = with_bow(measurement)
     problem = problem_of(bowed, with_tips=False)
@@ -51,6 +47,10 @@ def rod_estimate(
     refusal = refusal_of(measurement, problem, fit)
     if refusal is not None or fitted is None or fit is None:
         return refusal or Estimate(Outcome.NOT_CONVERGED)
+    reason = contradiction(bowed, problem, fitted.fit, fitted.gain, rod_problem)
+    if reason:
+        dof = max(int(np.count_nonzero(fit.kept)) - 2, 1)
+        return Estimate(Outcome.INVALID, reason, chi2=fit.chi2, dof=dof)
     values, covariance = rod_values(measurement, fitted.rod, fitted.rod.rod_fit(fit))
     return estimate_from_fit(measurement, problem, fit, values, covariance)
 
@@ -67,11 +67,13 @@ def with_bow(measurement: Measurement) -> Measurement:
 class RodFit(NamedTuple):
     """Fit of a frame, and its problem with errors of the frame's own.
 
-    The fit's points are in the order of the problem.
+    The fit's points are in the order of the problem. `gain` is twice the log likelihood that errors
+    of neighbouring points gain, 0 where there are none.
     """
 
     rod: RodProblem
     fit: FrameFit
+    gain: float = 0.0
 
     def in_order(self, problem: Problem) -> FrameFit:
         """Return the fit with its `kept` (n,) in the order of the measurement's points."""
@@ -111,7 +113,7 @@ def fit_with_neighbours(problem: Problem, rod: RodProblem) -> RodFit | None:
     rod = with_neighbours(fitted.rod, neighbours)
     fit = refitted(only(rod, kept), replace(fitted.fit, kept=kept[kept]))
     kept[kept] = fit.kept
-    return RodFit(rod, replace(fit, kept=kept, chi2=fitted.fit.chi2))
+    return RodFit(rod, replace(fit, kept=kept, chi2=fitted.fit.chi2), neighbours.gain)
 
 
 def refitted(rod: RodProblem, fit: FrameFit) -> FrameFit:
@@ -144,22 +146,3 @@ def _best_fit(rod: RodProblem, start: Floats) -> FrameFit | None:
 def _rank(fit: FrameFit) -> tuple[bool, int]:
     """Return a sort key: converged fits first, then fewer rejected points."""
     return fit.status != CONVERGED, int(np.count_nonzero(~fit.kept))
-
-
-def uniform_start(problem: Problem, rod: RodProblem, psi: float | None = None) -> Floats | None:
-    """Return the parameters (p,) with load, place and clamp of a uniform beam near the points.
-
-    Its inclination is `psi` [rad], or that of the prior. Return None if there is none.
-    """
-    size = rod.shape_size
-    inclination = float(rod.mean[size + PSI]) if psi is None else psi
-    uniform = start_of(problem, inclination)
-    if uniform is None:
-        return None
-    start = rod.mean.copy()
-    start[size + PSI] = inclination
-    start[Q] = uniform[residuals.Q]
-    _, _, _, arc = contact_at(uniform[residuals.Q], uniform[residuals.LEVER])
-    start[S_C] = min(arc[0], _MAX_START)
-    start[size + DX : size + TILT + 1] = uniform[residuals.DX : residuals.TILT + 1]
-    return start

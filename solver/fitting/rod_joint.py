@@ -26,6 +26,9 @@ _FACTOR: Final = 10.0
 _MAX_DAMPING: Final = 1e6
 # Step [sigma] after which the fit has converged. Chosen: far below what noise moves.
 _STEP_SIGMAS: Final = 0.01
+# Share of a parameter's information that is rounding, where the elimination of the frames' own
+# parameters leaves no more. Derived: differences of numbers with 16 digits, of squares.
+_ROUNDING: Final = 1e-12
 
 
 @dataclass(frozen=True)
@@ -88,8 +91,7 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
             damping = max(damping * _FACTOR, _FIRST_DAMPING)
             if damping > _MAX_DAMPING:
                 break
-    covariance = np.asarray(np.linalg.inv(_reduced(at, 0.0)[0]), dtype=np.float64)
-    return JointFit(at.parameters, shared, covariance, at.objective, converged)
+    return JointFit(at.parameters, shared, _covariance(at), at.objective, converged)
 
 
 def _nearest(problem: RodProblem, common: Floats, starts: Floats, own: Floats) -> Floats | None:
@@ -161,12 +163,20 @@ def _reduced(at: _System, damping: float) -> tuple[Floats, Floats, Floats]:
     return (matrix + matrix.T) / 2, gradient, np.asarray(inverse, dtype=np.float64)
 
 
+def _covariance(at: _System) -> Floats:
+    """Invert the reduced matrix; a direction of which only rounding is left has a large sigma."""
+    unit = np.sqrt(np.diag(at.shared))
+    values, vectors = np.linalg.eigh(_reduced(at, 0.0)[0] / np.outer(unit, unit))
+    inverse = (vectors / np.maximum(values, _ROUNDING)) @ vectors.T
+    return np.asarray(inverse / np.outer(unit, unit))
+
+
 def _step(
     problems: Sequence[RodProblem], at: _System, own: Floats, shared: Floats, damping: float
 ) -> tuple[_System | None, float]:
     """Take a damped step; return where it leads, None if nowhere, and its length in sigmas."""
     matrix, gradient, inverse = _reduced(at, damping)
-    unit = np.sqrt(np.diag(matrix))
+    unit = np.sqrt(np.diag(at.shared))
     step_shared = -np.linalg.solve(matrix / np.outer(unit, unit), gradient / unit) / unit
     right = at.own_gradient + at.mixed @ step_shared
     step_own = -np.einsum("nop,np->no", inverse, right)

@@ -9,9 +9,10 @@ from solver.fitting.fit import FrameFit
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem
-from solver.fitting.rod_estimate import refitted, uniform_start
+from solver.fitting.rod_estimate import refitted
 from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_tip import spatial
 from solver.instrument.arrays import Floats
 

@@ -23,7 +23,7 @@ _ITERATIONS: Final = 4
 _TOLERANCE: Final = 1e-3
 _LARGEST: Final = 0.5
 # Steps of the integration. Chosen: its error is the same before and after a step.
-_STEPS: Final = 8
+_STEPS: Final = np.int64(8)
 
 
 def straight_in_moments(p: Floats, step: Floats) -> Floats:

@@ -12,9 +12,10 @@ from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.problem import problem_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
-from solver.fitting.rod_estimate import fit_frame, uniform_start, with_bow
+from solver.fitting.rod_estimate import fit_frame, with_bow
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
+from solver.fitting.rod_start import uniform_start
 from solver.instrument.arrays import Floats, Mask
 from solver.instrument.beam_shape import BeamShape
 from solver.instrument.measurement import Measurement
@@ -45,7 +46,7 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
     fitted = fit_frame(problem, rod_problem_of(bowed, problem)) if problem.points else None
     if fitted is None or refusal_of(measurement, problem, fitted.in_order(problem)) is not None:
         return None
-    rod, fit = fitted
+    rod, fit = fitted.rod, fitted.fit
     rows = residuals_at(rod, fit.p)
     if rows is None:
         return None

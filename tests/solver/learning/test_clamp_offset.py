@@ -206,6 +206,10 @@ def test_a_push_turns_about_the_axis(side: int) -> None:
     assert known.values["onset_angle_rad"] == pytest.approx(side * ONSET, abs=1e-3)
     uncertain = push_fit(about(ClampOffset(position, np.eye(2) * 1e-6)))
     assert uncertain.sigma("compliance_m_per_n") > 3 * sigma
+    # The frame itself needs no axis.
+    alone = push_fit(replace(about(ClampOffset(position)), earlier=()))
+    assert uncertain.sigma("x_c_m") == pytest.approx(alone.sigma("x_c_m"))
+    assert uncertain.values["x_c_m"] == pytest.approx(alone.values["x_c_m"])
     clamp = push_fit(about(ClampOffset()))
     wrong = clamp.values.get("compliance_m_per_n")
     assert wrong is None or abs(wrong) > 10 * sigma

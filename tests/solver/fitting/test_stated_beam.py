@@ -1,0 +1,45 @@
+"""Images of a beam that is not the one of its rig are refused, and no others."""
+
+import numpy as np
+import pytest
+
+from solver.instrument.beam_shape import stated_shape
+from solver.instrument.estimate import Outcome
+from solver.methods.exact_fit import exact_fit
+from tests.solver.fitting.test_neighbours import disturbed
+from tests.tapered import SIGMA, bent, measured
+
+WIRE = stated_shape(taper=0.02, softness=0.002, section=0.02, friction=0.2)
+ANY_TAPER = stated_shape(taper=0.4, softness=0.002, section=0.02, friction=0.2)
+
+
+@pytest.mark.parametrize(("place", "load"), [(0.4, 0.5), (0.6, 1.2), (0.8, 0.5)])
+def test_a_taper_that_the_rig_excludes_is_refused(place: float, load: float) -> None:
+    beam, random = bent(-0.4, place, load), np.random.default_rng(8)
+    refused = exact_fit(measured(beam, WIRE, random))
+    assert refused.outcome is Outcome.INVALID
+    assert "beam_shape" in refused.message
+    assert exact_fit(measured(beam, ANY_TAPER, random)).outcome is Outcome.CONTACT
+
+
+def test_a_friction_that_the_rig_excludes_is_refused() -> None:
+    beam, random = bent(0.0, 0.6, 1.2, friction=0.5), np.random.default_rng(8)
+    polished = stated_shape(taper=0.0, softness=0.0, section=0.02, friction=0.02)
+    refused = exact_fit(measured(beam, polished, random))
+    assert refused.outcome is Outcome.INVALID
+    assert "rig.json" in refused.message
+
+
+def test_a_true_statement_is_not_refused() -> None:
+    random = np.random.default_rng(9)
+    for _ in range(40):
+        taper = 0.02 * float(random.standard_normal())
+        beam = bent(taper, float(random.uniform(0.3, 0.9)), float(random.uniform(0.3, 1.2)))
+        estimate = exact_fit(measured(beam, WIRE, random))
+        assert estimate.outcome is Outcome.CONTACT, estimate.message
+
+
+def test_errors_that_neighbours_share_are_no_taper() -> None:
+    random = np.random.default_rng(8)
+    frames = [disturbed(bent(0.05, 0.6, 1.2), 12, 2 * SIGMA, random) for _ in range(20)]
+    assert not any("rig.json" in exact_fit(frame).message for frame in frames)
