@@ -84,7 +84,8 @@ class RodProblem:
 
     def moved(self, p: Floats, step: Floats) -> Floats:
         """Return the parameters (p,) after a step (p,) of a fit, along the objective's valley."""
-        return straight_in_free_end(p, step, self.shape_size, self.widths, self.radius)
+        size, ray = self.shape_size, float(self.views[0, 1])
+        return straight_in_free_end(p, step, size, self.widths, self.radius, ray)
 
     def rod_fit(self, fit: FrameFit) -> FrameFit:
         """Return a fit of this problem with the parameters of `rod_residuals`."""

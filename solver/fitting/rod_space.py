@@ -10,8 +10,9 @@ from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem
 from solver.fitting.rod_estimate import refitted
-from solver.fitting.rod_fit import fit_rod
+from solver.fitting.rod_fit import fit_rod, least_squares
 from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_residuals import PSI
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_tip import spatial
 from solver.instrument.arrays import Floats
@@ -32,8 +33,9 @@ def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> Sp
     neighbouring points share are those beside the best fit.
     """
     space = spatial(rod, problem)
-    starts = [uniform_start(problem, rod, float(psi)) for psi in inclinations]
-    fits = [fit for start in starts if start is not None and (fit := fit_rod(space, start))]
+    tried = (uniform_start(problem, rod, float(psi)) for psi in inclinations)
+    starts = _lowest(space, [start for start in tried if start is not None])
+    fits = [fit for start in starts if (fit := fit_rod(space, start))]
     if fits:
         best = min(fits, key=lambda fit: (fit.status != CONVERGED, fit.chi2))
         neighbours = neighbours_of(space, best.p, best.kept)
@@ -42,6 +44,22 @@ def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> Sp
             space = spatial(rod, problem)
             fits = [refitted(space, fit) for fit in fits]
     return SpaceFits(rod, [_in_order(problem, fit) for fit in fits])
+
+
+def _lowest(space: RodProblem, starts: list[Floats]) -> list[Floats]:
+    """Fit from each start with psi held; return the fits lower than those beside them.
+
+    Where an image hardly shows psi, the objective is a long flat valley, along which a fit creeps:
+    one fit in each valley is enough. Starts are in the order of psi.
+    """
+    held = replace(space, free=space.free[space.free != space.shape_size + PSI])
+    fits = [fit for start in starts if (fit := least_squares(held, start))]
+    objectives = [np.inf, *(fit.objective for fit in fits), np.inf]
+    return [
+        fit.p
+        for fit, before, after in zip(fits, objectives, objectives[2:], strict=False)
+        if fit.objective <= min(before, after)
+    ]
 
 
 def _in_order(problem: Problem, fit: FrameFit) -> FrameFit:

@@ -3,7 +3,8 @@
 Load and place of a contact can change a lot together with taper, friction, bow and clamp, while the
 beam beyond the contact stays where it is, as the points there require. A step of all parameters is
 therefore straight in the angle of that end and in its distance from the clamp; load and place
-follow from these.
+follow from these. So does an inclination of the plane: to first order an image shows the deflection
+times cos(psi) - (y_v / z_v) sin(psi).
 """
 
 from typing import Final
@@ -12,7 +13,7 @@ import numpy as np
 
 from solver.beam_models.curve import END
 from solver.beam_models.rod import S_C, Q, contact_of, curve_of
-from solver.fitting.rod_residuals import SOFTNESS, clamp_moment
+from solver.fitting.rod_residuals import PSI, SOFTNESS, clamp_moment
 from solver.instrument.arrays import Floats
 from solver.instrument.compiled import njit
 
@@ -40,22 +41,25 @@ def straight_in_moments(p: Floats, step: Floats) -> Floats:
     return after
 
 
-def straight_in_free_end(p: Floats, step: Floats, size: int, widths: int, radius: float) -> Floats:
+def straight_in_free_end(
+    p: Floats, step: Floats, size: int, widths: int, radius: float, ray: float
+) -> Floats:
     """Return the parameters (p,) after a step (p,), by the exact beam.
 
     The first `size` parameters are those of the shape; `widths` and `radius` are those of
-    `rod.curve_of`. Where no beam has such an end, the result is that of linear theory.
+    `rod.curve_of`; `ray` is y_v / z_v of the rays to the camera. Where no beam has such an end, the
+    result is that of linear theory.
     """
     start = straight_in_moments(p, step)
     after = start.copy()
-    return after if _solve(p, step, size, widths, radius, after) else start
+    return after if _solve(p, step, size, widths, radius, ray, after) else start
 
 
 @njit
 def _free_end(
-    p: Floats, size: int, widths: int, radius: float, end: Floats, by_end: Floats
+    p: Floats, size: int, widths: int, radius: float, ray: float, end: Floats, by_end: Floats
 ) -> bool:
-    """Write angle and distance (2,) of the free end, and their gradients (2, p).
+    """Write apparent angle and distance (2,) of the free end, and their gradients (2, p).
 
     These are against the clamp without load, which gives. Return False if there is no such beam.
     """
@@ -75,14 +79,23 @@ def _free_end(
         by_end[1, i] = (
             by_contact[2, i] * sine - by_contact[3, i] * cosine + along * by_contact[1, i]
         )
+    cosine, sine = np.cos(p[size + PSI]), np.sin(p[size + PSI])
+    seen = cosine - ray * sine
+    for j in range(2):
+        for i in range(soft + 1):
+            by_end[j, i] *= seen
+        by_end[j, size + PSI] = -end[j] * (sine + ray * cosine)
+        end[j] *= seen
     return True
 
 
 @njit
-def _solve(p: Floats, step: Floats, size: int, widths: int, radius: float, after: Floats) -> bool:
+def _solve(
+    p: Floats, step: Floats, size: int, widths: int, radius: float, ray: float, after: Floats
+) -> bool:
     """Write load and place whose free end is that of a straight step; return whether they exist."""
     target, end, by_end = np.empty(2), np.empty(2), np.empty((2, len(p)))
-    if not _free_end(p, size, widths, radius, target, by_end):
+    if not _free_end(p, size, widths, radius, ray, target, by_end):
         return False
     for i in range(size + SOFTNESS + 1):
         target[0] += by_end[0, i] * step[i]
@@ -90,7 +103,7 @@ def _solve(p: Floats, step: Floats, size: int, widths: int, radius: float, after
     for _ in range(_ITERATIONS):
         if not (after[Q] > 0 and 0 < after[S_C] < END):
             return False
-        if not _free_end(after, size, widths, radius, end, by_end):
+        if not _free_end(after, size, widths, radius, ray, end, by_end):
             return False
         angle, distance = target[0] - end[0], target[1] - end[1]
         determinant = by_end[0, Q] * by_end[1, S_C] - by_end[0, S_C] * by_end[1, Q]

@@ -8,7 +8,7 @@ in the image of the tip of a beam of known length. chi2 may have several minima 
 searched for.
 
 Where the rig states that the beam may be tapered or out of round, or objects rough, or where the
-beam was learned, it is the beam of `rod_estimate`; a moment sensor is then not used.
+beam was learned, it is the beam of `rod_estimate`.
 """
 
 import math
