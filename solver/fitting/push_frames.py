@@ -44,7 +44,7 @@ def bent_frames(measurement: Measurement) -> BentFrames | None:
     other points, and the contact.
     """
     rig, length = measurement.rig, measurement.rig.beam.length
-    if rig.shape.uniform:
+    if measurement.uniform:
         frames, points, fits = _collected(measurement, _uniform)
         if not frames:
             return None

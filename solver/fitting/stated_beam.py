@@ -50,5 +50,6 @@ def contradiction(
         return ""
     return (
         f"the beam is not that of rig.json: with a tip {other.tip:.2f} times as wide as at the "
-        "clamp it fits better; state beam_shape.taper_sigma, or learn the beam"
+        "clamp it fits better; state beam_shape.taper_sigma, or friction_sigma of rough objects, "
+        "or learn the beam"
     )

@@ -30,7 +30,7 @@ def curved_by_grip(force: float, grip: float, sigma: float) -> float:
 
 
 def with_unknown_grip(alone: Estimate, measurement: Measurement) -> Estimate:
-    """Add the uncertainty due to unknown friction to the estimate `alone` of `exact_fit`."""
+    """Add the uncertainty due to unknown friction to the `uniform_estimate` `alone`."""
     plane = known_plane(measurement)
     if isinstance(plane, Estimate):
         return plane

@@ -163,6 +163,16 @@ class Measurement:
         return 1 if np.linalg.det(self.antenna_from_beam[:3, :3]) > 0 else -1
 
     @property
+    def uniform(self) -> bool:
+        """Whether the closed form of a straight uniform beam describes this one well enough.
+
+        A bow is removed to first order; what this leaves must not be the largest error of lengths.
+        """
+        bow = self.rest_bow
+        straight = bow is None or 2 * bow.scale_sigma**2 <= self.scale_sigma**2
+        return self.rig.shape.uniform and straight
+
+    @property
     def points(self) -> Floats:
         """Points (n, 2) [m] of the view."""
         return self.view.points

@@ -6,33 +6,28 @@ tolerances. The fit attains the information limit for white noise, and 95 % of i
 outliers. The plane is C itself (psi = 0), or that in which a flat strip bends (`rig.known_psi`,
 eqs. (7) and (8)). Neither the contact nor the tip needs to be visible.
 
-Where the rig states that the beam may be tapered or out of round, or that objects have friction, or
-where its shape was learned, the fit is that of `rod_estimate`.
+Where the rig states that the beam may be tapered or out of round, or that objects have friction,
+where its shape was learned, or where it has a bow that matters, the fit is that of `rod_estimate`,
+which also judges a uniform beam whose residuals are no white noise.
 """
 
-from solver.fitting.fit import fit_from, start_of
-from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
-from solver.fitting.problem import problem_of
 from solver.fitting.rod_estimate import rod_estimate
-from solver.fitting.thresholds import LIMITS
-from solver.fitting.values import values_of
+from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 
 
 def exact_fit(measurement: Measurement) -> Estimate:
     """Estimate contact, force and displacement in the known plane, with their joint covariance."""
-    if not measurement.rig.shape.uniform:
+    if not measurement.uniform:
         return rod_estimate(measurement)
-    # In a known plane the tip adds little to the points, and may be an occluder's edge.
-    problem = problem_of(measurement, with_tips=False)
-    known_psi = measurement.rig.known_psi
-    # If the rig deflects to -y, the beam's frame is mirrored and the inclination changes its sign.
-    psi = measurement.handedness * (known_psi or 0.0)
-    start = start_of(problem, psi) if problem.points >= LIMITS.min_points else None
-    fit = None if start is None else fit_from(problem, start, psi_free=False)
-    refusal = refusal_of(measurement, problem, fit)
-    if refusal is not None or fit is None:
-        return refusal or Estimate(Outcome.NOT_CONVERGED)
-    values, covariance = values_of(measurement, fit, known_psi is not None)
-    return estimate_from_fit(measurement, problem, fit, values, covariance)
+    estimate, white = uniform_estimate(measurement)
+    if white or not estimate.values:
+        return estimate
+    # A beam of another shape is refused. Otherwise all points scatter by more than is stated, or
+    # neighbouring ones share errors: the estimate with the larger sigma answers for both.
+    judged = rod_estimate(measurement)
+    if judged.outcome is Outcome.INVALID:
+        return judged
+    sigma = judged.sigma("x_c_m") if judged.values else 0.0
+    return judged if sigma > estimate.sigma("x_c_m") else estimate

@@ -8,7 +8,7 @@ in the image of the tip of a beam of known length. chi2 may have several minima 
 searched for.
 
 Where the rig states that the beam may be tapered or out of round, or objects rough, or where the
-beam was learned, it is the beam of `rod_estimate`.
+beam was learned, or where it has a bow that matters, it is the beam of `rod_estimate`.
 """
 
 import math
@@ -60,7 +60,7 @@ def exact_fit_3d(measurement: Measurement) -> Estimate:
 
 def _fit(measurement: Measurement) -> Estimate:
     """Estimate by the fit, for a beam bent to either side."""
-    search = _uniform_minima if measurement.rig.shape.uniform else _rod_minima
+    search = _uniform_minima if measurement.uniform else _rod_minima
     found = search(measurement, with_tips=True)
     if len(found.problem.arrays[3]):
         tipless = search(measurement, with_tips=False)

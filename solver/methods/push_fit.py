@@ -38,6 +38,7 @@ from solver.fitting.push_frames import BentFrames, bent_frames
 from solver.fitting.push_joint import DRY, PUSH, Push
 from solver.fitting.sliding import grip_matrix
 from solver.fitting.thresholds import LIMITS
+from solver.fitting.uniform_estimate import uniform_estimate
 from solver.fitting.unknown_grip import with_unknown_grip
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import CLAMP_SHIFT
@@ -64,14 +65,12 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     With `friction`, or where the rig states that objects may have it, also estimate its
     coefficient, which a single frame does not determine.
     """
-    shape = measurement.rig.shape
-    if friction and not (shape.uniform or shape.friction_sigma):
+    uniform = measurement.uniform
+    if friction and not (uniform or measurement.rig.shape.friction_sigma):
         measurement = _with_friction(measurement)
-    single = exact_fit(measurement)
+    single = _rough(measurement) if friction and uniform else exact_fit(measurement)
     if not single.values:
         return single
-    if friction and shape.uniform:
-        single = with_unknown_grip(single, measurement)
     if measurement.rig.known_psi:
         return single_frame(single, "the push is not in plane C")
     if measurement.motor_angle is None:
@@ -142,6 +141,11 @@ def _sliding(push: Push, bent: BentFrames, parameters: Floats, compliance_sigma:
 def _unit_stiffness(push: Push, bent: BentFrames) -> float:
     """Compute the beam's own stiffness [N/m] against the object."""
     return 3 * push.rig.beam.flexural_rigidity / bent.place**3
+
+
+def _rough(measurement: Measurement) -> Estimate:
+    """Estimate from the last frame of a uniform beam, whose image may be that of friction."""
+    return with_unknown_grip(uniform_estimate(measurement).estimate, measurement)
 
 
 def _with_friction(measurement: Measurement) -> Measurement:

@@ -1,9 +1,11 @@
 """Images of a beam that is not the one of its rig are refused, and no others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from solver.instrument.beam_shape import stated_shape
+from solver.instrument.beam_shape import UNIFORM, stated_shape
 from solver.instrument.estimate import Outcome
 from solver.methods.exact_fit import exact_fit
 from tests.solver.fitting.test_neighbours import disturbed
@@ -43,3 +45,26 @@ def test_errors_that_neighbours_share_are_no_taper() -> None:
     random = np.random.default_rng(8)
     frames = [disturbed(bent(0.05, 0.6, 1.2), 12, 2 * SIGMA, random) for _ in range(20)]
     assert not any("rig.json" in exact_fit(frame).message for frame in frames)
+
+
+@pytest.mark.parametrize("taper", [-0.4, -0.1])
+@pytest.mark.parametrize("place", [0.5, 0.9])
+@pytest.mark.parametrize("load", [0.3, 1.2])
+def test_a_taper_on_a_rig_that_states_a_uniform_beam(
+    taper: float, place: float, load: float
+) -> None:
+    tapered = measured(bent(taper, place, load), UNIFORM, np.random.default_rng(8))
+    assert exact_fit(tapered).outcome is Outcome.INVALID
+
+
+def test_errors_of_neighbours_on_a_uniform_beam_are_in_its_sigmas() -> None:
+    random, in_sigmas = np.random.default_rng(8), []
+    beam = bent(0.0, 0.6, 1.2)
+    for _ in range(20):
+        taken = disturbed(beam, 12, SIGMA, random)
+        estimate = exact_fit(replace(taken, rig=replace(taken.rig, shape=UNIFORM)))
+        assert estimate.outcome is Outcome.CONTACT, estimate.message
+        error = estimate.values["x_c_m"] - float(beam.points[0, 0])
+        in_sigmas.append(error / estimate.sigma("x_c_m"))
+    # One course of twenty looks like another place of the contact.
+    assert np.count_nonzero(np.abs(in_sigmas) < 3) >= 19

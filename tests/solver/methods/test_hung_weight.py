@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.calibrate.rigidity import hung_beam
+from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.estimate import Outcome
 from solver.instrument.gravity import Gravity
@@ -54,8 +55,10 @@ def test_place_and_force_agree_with_the_world(
 
 def test_a_normal_force_is_another_one() -> None:
     exact, contact = hung(0.5, 1.5)
-    estimate = exact_fit(exact)
+    estimate, white = uniform_estimate(exact)
     assert abs(estimate.values["x_c_m"] - contact.point[0]) > 10 * estimate.sigma("x_c_m")
+    assert not white
+    assert exact_fit(exact).outcome is Outcome.INVALID
 
 
 @pytest.mark.parametrize(("taper_sigma", "softness_sigma"), [(0.0, 0.0), (0.01, 0.01)])

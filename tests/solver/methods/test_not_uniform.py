@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.fitting.uniform_estimate import uniform_estimate
 from solver.instrument.beam_shape import BeamShape, stated_shape
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import View
@@ -57,10 +58,12 @@ def test_unknown_friction_widens_the_sigmas_as_much_as_it_moves_the_estimate() -
     stated = stated_shape(0.0, 0.0, 0.0, friction=grip)
     for sign in (-1, 1):
         beam = bent(0.0, 0.6, 1.2, friction=sign * grip)
-        certain = exact_fit(measured(beam, BeamShape(), random))
+        smooth = measured(beam, BeamShape(), random)
+        certain = uniform_estimate(smooth).estimate
         honest = exact_fit(measured(beam, stated, random))
         truth = {"x_c_m": float(beam.points[0, 0])}
         assert abs(pulls(certain, truth)[0]) > 3
+        assert exact_fit(smooth).outcome is Outcome.INVALID
         assert abs(pulls(honest, truth)[0]) < 3
 
 
