@@ -11,18 +11,23 @@ from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem
 from solver.fitting.rod_estimate import refitted
 from solver.fitting.rod_fit import fit_rod, least_squares
-from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.fitting.rod_residuals import PSI
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_tip import spatial
 from solver.instrument.arrays import Floats
+from solver.instrument.measurement import Measurement
 
 
 class SpaceFits(NamedTuple):
-    """Fits of a frame from several starts, and their problem with errors of the frame's own."""
+    """Fits of a frame from several starts, and their problem with errors of the frame's own.
+
+    `gain` is twice the log likelihood that errors of neighbouring points gain, 0 without them.
+    """
 
     rod: RodProblem
     fits: list[FrameFit]
+    gain: float
 
 
 def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> SpaceFits:
@@ -36,14 +41,23 @@ def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> Sp
     tried = (uniform_start(problem, rod, float(psi)) for psi in inclinations)
     starts = _lowest(space, [start for start in tried if start is not None])
     fits = [fit for start in starts if (fit := fit_rod(space, start))]
+    gain = 0.0
     if fits:
         best = min(fits, key=lambda fit: (fit.status != CONVERGED, fit.chi2))
         neighbours = neighbours_of(space, best.p, best.kept)
         if neighbours is not None:
             rod = with_neighbours(rod, neighbours)
             space = spatial(rod, problem)
-            fits = [refitted(space, fit) for fit in fits]
-    return SpaceFits(rod, [_in_order(problem, fit) for fit in fits])
+            fits, gain = [refitted(space, fit) for fit in fits], neighbours.gain
+    return SpaceFits(rod, [_in_order(problem, fit) for fit in fits], gain)
+
+
+def rod_in_plane(psi: float, measurement: Measurement, problem: Problem) -> RodProblem:
+    """Return the problem of a frame in the plane of inclination `psi` [rad]."""
+    rod = rod_problem_of(measurement, problem)
+    mean, index = rod.mean.copy(), rod.shape_size + PSI
+    mean[index] = psi
+    return replace(rod, mean=mean, free=rod.free[rod.free != index])
 
 
 def _lowest(space: RodProblem, starts: list[Floats]) -> list[Floats]:

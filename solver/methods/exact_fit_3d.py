@@ -14,6 +14,7 @@ beam was learned, or where it has a bow that matters, it is the beam of `rod_est
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,9 @@ from solver.fitting.residuals import PSI
 from solver.fitting.rod_estimate import with_bow
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.fitting.rod_residuals import PSI as ROD_PSI
-from solver.fitting.rod_space import fits_in_space
+from solver.fitting.rod_space import fits_in_space, rod_in_plane
 from solver.fitting.rod_values import rod_values
+from solver.fitting.stated_beam import contradiction
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.values import values_of
 from solver.instrument.arrays import Floats
@@ -66,7 +68,7 @@ def _fit(measurement: Measurement) -> Estimate:
         tipless = search(measurement, with_tips=False)
         if _contradicted(found.minima, tipless.minima):
             found = tipless
-    problem, minima, rod = found
+    problem, minima, rod, gain = found
     row = PSI if rod is None else rod.shape_size + ROD_PSI
     best = minima[0] if minima else None
     refusal = refusal_of(measurement, problem, best, either_side=True)
@@ -94,6 +96,8 @@ def _fit(measurement: Measurement) -> Estimate:
             chi2=best.chi2,
             iterations=best.iterations,
         )
+    if refusal is None and rod is not None:
+        refusal = _other_beam(measurement, problem, best, float(best.p[row]), gain)
     if refusal is not None:
         return refusal
     best = replace(best, covariance=best.covariance + np.outer(spread, spread))
@@ -106,11 +110,27 @@ def _fit(measurement: Measurement) -> Estimate:
 
 
 class _Found(NamedTuple):
-    """Distinct minima of a frame's chi2 over psi, best first; `rod` is None of a uniform beam."""
+    """Distinct minima of a frame's chi2 over psi, best first; `rod` is None of a uniform beam.
+
+    `gain` is that of `SpaceFits`.
+    """
 
     problem: Problem
     minima: list[FrameFit]
     rod: RodProblem | None
+    gain: float = 0.0
+
+
+def _other_beam(
+    measurement: Measurement, problem: Problem, fit: FrameFit, psi: float, gain: float
+) -> Estimate | None:
+    """Refuse an image whose beam, in the plane of inclination `psi`, is not that of its rig."""
+    in_order = replace(fit, kept=fit.kept[problem.order])
+    in_plane = partial(rod_in_plane, psi)
+    reason = contradiction(with_bow(measurement), problem, in_order, gain, in_plane)
+    if not reason:
+        return None
+    return Estimate(Outcome.INVALID, reason, chi2=fit.chi2, iterations=fit.iterations)
 
 
 def _uniform_minima(measurement: Measurement, with_tips: bool) -> _Found:
@@ -134,8 +154,8 @@ def _rod_minima(measurement: Measurement, with_tips: bool) -> _Found:
     rod = rod_problem_of(bowed, problem)
     if problem.points < LIMITS.min_points:
         return _Found(problem, [], rod)
-    rod, fits = fits_in_space(problem, rod, STARTS)
-    return _Found(problem, _distinct(fits, rod.shape_size + ROD_PSI), rod)
+    rod, fits, gain = fits_in_space(problem, rod, STARTS)
+    return _Found(problem, _distinct(fits, rod.shape_size + ROD_PSI), rod, gain)
 
 
 def _contradicted(with_tip: list[FrameFit], without_tip: list[FrameFit]) -> bool:

@@ -7,7 +7,9 @@ import pytest
 
 from solver.instrument.beam_shape import UNIFORM, stated_shape
 from solver.instrument.estimate import Outcome
+from solver.instrument.measurement import Measurement, Tip
 from solver.methods.exact_fit import exact_fit
+from solver.methods.exact_fit_3d import exact_fit_3d
 from tests.solver.fitting.test_neighbours import disturbed
 from tests.tapered import SIGMA, bent, measured
 
@@ -39,6 +41,23 @@ def test_a_true_statement_is_not_refused() -> None:
         beam = bent(taper, float(random.uniform(0.3, 0.9)), float(random.uniform(0.3, 1.2)))
         estimate = exact_fit(measured(beam, WIRE, random))
         assert estimate.outcome is Outcome.CONTACT, estimate.message
+
+
+def with_tip(taper: float, place: float, load: float) -> Measurement:
+    """A beam whose plane is unknown, but for the image of its tip."""
+    beam = bent(taper, place, load)
+    taken = measured(beam, WIRE, np.random.default_rng(8))
+    tip = Tip(beam.centreline[-1, 1:3], np.diag([2e-5, 2e-5]) ** 2)
+    viewpoint = np.array([0.12, -0.1, 0.36, 1.0])
+    return replace(taken, view=replace(taken.view, tip=tip, viewpoint=viewpoint))
+
+
+@pytest.mark.parametrize("place", [0.4, 0.6, 0.8])
+def test_a_taper_that_the_rig_excludes_is_refused_in_an_unknown_plane(place: float) -> None:
+    refused = exact_fit_3d(with_tip(-0.2, place, 1.2))
+    assert refused.outcome is Outcome.INVALID
+    assert "beam_shape" in refused.message
+    assert exact_fit_3d(with_tip(0.01, place, 1.2)).outcome is Outcome.CONTACT
 
 
 def test_errors_that_neighbours_share_are_no_taper() -> None:
