@@ -24,9 +24,9 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "equals that of the rigidity, and chi2 stays near 1.": beam["section"] == "elliptic",
         "Not observable from the centreline: the beam stretches by less than 0.1 %, which moves "
         "its points along the beam and does not change its shape.": beam["extensible"],
-        "The bow is measured in the rest images only and subtracted to first order. The residual "
-        "is the bow times the slope of the bent beam. A method that assumes a straight beam "
-        "interprets the bow as bending.": beam["bow_mm"] != 0,
+        "The bow is measured in the rest images. Where it matters, exact_fit, exact_fit_3d and "
+        "push_fit bend a beam with this bow; other methods subtract it to first order, which leaves "
+        "the bow times the slope of the bent beam.": beam["bow_mm"] != 0,
         "The sag is almost along the line of sight, where it changes only the scale. rig.json "
         "states it as sag_mm; a method that neglects it has errors in all lengths.": (
             scene["gravity_m_s2"][2] != 0
@@ -46,8 +46,10 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "Where the beam touches the second peg, no single point contact explains its shape: a "
         "refusal is right.": scene["second_peg"] is not None,
         "The beam bends in an inclined plane, which to first order looks like a smaller bend in "
-        "plane C. Planar methods estimate the contact correctly and underestimate the force; "
-        "exact_fit_3d also estimates the inclination.": any(normals) and not flat,
+        "plane C. Planar methods estimate the contact correctly and underestimate the force, or "
+        "refuse frames whose residuals show it; exact_fit_3d also estimates the inclination.": (
+            any(normals) and not flat
+        ),
         "Steps with a pushing angle of zero or less have no contact.": not hangs
         and any(angle <= 0 for angle in angles),
     }
