@@ -25,8 +25,8 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "Not observable from the centreline: the beam stretches by less than 0.1 %, which moves "
         "its points along the beam and does not change its shape.": beam["extensible"],
         "The bow is measured in the rest images. Where it matters, exact_fit, exact_fit_3d and "
-        "push_fit bend a beam with this bow; other methods subtract it to first order, which leaves "
-        "the bow times the slope of the bent beam.": beam["bow_mm"] != 0,
+        "push_fit bend a beam with this bow; other methods subtract it to first order, which "
+        "leaves the bow times the slope of the bent beam.": beam["bow_mm"] != 0,
         "The sag is almost along the line of sight, where it changes only the scale. rig.json "
         "states it as sag_mm; a method that neglects it has errors in all lengths.": (
             scene["gravity_m_s2"][2] != 0
