@@ -22,7 +22,7 @@ from solver.learning.learn import LearnedBeam
 from solver.learning.next_push import NextForce, NextPush
 
 # Size of a picture [px], and its margins.
-_WIDTH, _HEIGHT, _MARGIN = 640, 220, 46
+_WIDTH, _HEIGHT, _MARGIN = 640, 220, 60
 # Ratio of the sigmas of a clamp's offset above which the objects' radius is the cause. Measured:
 # without the radius 4 to 6, with it 3.
 _CONFOUNDED: Final = 4.0
@@ -182,9 +182,17 @@ _STYLE: Final = (
     ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:680px;"
     "margin:2rem auto;padding:0 1rem}svg{width:100%;height:auto}pre{white-space:pre-wrap}"
     "td,th{padding:.2rem .8rem .2rem 0;text-align:left}svg text{fill:currentColor;"
-    "font:12px system-ui,sans-serif}.line{stroke:currentColor;fill:none}"
+    "font:13px system-ui,sans-serif}@media(max-width:500px){svg text{font-size:20px}}"
+    ".line{stroke:currentColor;fill:none}"
     ".band{fill:#0b57d0;opacity:.25}.axis{stroke:currentColor;opacity:.3}"
 )
+
+
+def _round_numbers(low: float, high: float) -> Floats:
+    """Return the two to five multiples of 1, 2 or 5 times a power of ten from `low` to `high`."""
+    power = 10.0 ** np.floor(np.log10((high - low) / 2))
+    step = power * max(factor for factor in (1, 2, 5) if factor * power <= (high - low) / 2)
+    return np.asarray(np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step)
 
 
 def _picture(length_mm: float, values: Floats, sigmas: Floats) -> str:
@@ -202,7 +210,7 @@ def _picture(length_mm: float, values: Floats, sigmas: Floats) -> str:
 
     band_x = np.append(x, x[::-1])
     band_y = np.append(y(values + 2 * sigmas), y(values - 2 * sigmas)[::-1])
-    ticks = np.linspace(low + pad, high - pad, 3)
+    ticks = _round_numbers(low, high)
     grid = "".join(
         f'<path class="axis" d="M{_MARGIN} {level:.1f}H{_WIDTH - 10}"/>'
         f'<text x="2" y="{level + 4:.1f}">{tick:.4g}</text>'
