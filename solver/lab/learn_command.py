@@ -2,23 +2,27 @@
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.console import Console
 from rich.progress import track
+from scipy.constants import g
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.observation import open_observations
 from solver.instrument.rig import rig_to_json
-from solver.instrument.units import MILLIMETRE
+from solver.instrument.units import GRAM, MILLIMETRE
 from solver.lab.console import console, setting_up
 from solver.lab.writing import prepare_output_path, write
 from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import frames_to_learn, learn_from_frames, measurement_of
 from solver.learning.known_force import rig_with_force
 from solver.learning.page import page, summary
+from solver.methods import Method
+from solver.methods.exact_fit import exact_fit
+from solver.methods.hung_weight import hung_weight as hung_load
 from solver.set_up import set_up
 
 
@@ -37,6 +41,14 @@ def learn(
             metavar="FRAME_ID NEWTON SIGMA",
         ),
     ] = None,
+    hung_weight: Annotated[
+        tuple[str, float, float] | None,
+        typer.Option(
+            help="frame with a hung weight, its mass and sigma in gram, thread included: gives EI; "
+            "rig.json states the direction of gravity",
+            metavar="FRAME_ID GRAM SIGMA",
+        ),
+    ] = None,
     object_radius: Annotated[
         tuple[float, float] | None,
         typer.Option(
@@ -52,33 +64,60 @@ def learn(
     """Learn the beam and its clamp from pushes against unknown objects, by images alone.
 
     Frames of a push share push_id in metadata.csv; with a column split, those marked "learn" are
-    used. The rig's EI at the clamp stays unless one force is known: images show only how EI
-    changes along the beam. Objects must be at rest, each push against one, for the clamp's offset
-    from the motor's axis to be learned too.
+    used. The rig's EI at the clamp stays unless one force is known, of a contact or of a hung
+    weight: images show only how EI changes along the beam. Objects must be at rest, each push
+    against one, for the clamp's offset from the motor's axis to be learned too.
     """
+    known = _known_force(known_force, hung_weight)
     files, learn_extractor = open_observations(observations), find_extractor(centreline)
     radius = None if object_radius is None else _radius(*object_radius)
     for path in filter(None, (out, web_page)):
         prepare_output_path(path)
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
-    images = frames_to_learn(files.frames)
+    # A weight does not push against the beam's normal.
+    hung = {known.frame_id} if known is not None and hung_weight else set()
+    images = frames_to_learn([frame for frame in files if frame.frame_id not in hung])
     measured = track(images, "measuring", console=console, transient=True)
     beam = learn_from_frames(antenna, measured, radius)
     rig = beam.rig(files.rig)
-    if known_force:
-        frame_id, force, sigma = known_force
-        frame = next((frame for frame in files if frame.frame_id == frame_id), None)
+    if known is not None:
+        frame = next((frame for frame in files if frame.frame_id == known.frame_id), None)
         measurement = None if frame is None else measurement_of(antenna, frame)
         if measurement is None:
-            raise InputError(f"--known-force: {quoted(frame_id)} is no frame that shows the beam")
-        rig = rig_with_force(rig, measurement, force, sigma)
+            raise InputError(
+                f"{known.option}: {quoted(known.frame_id)} is no frame that shows the beam"
+            )
+        rig = rig_with_force(rig, measurement, known.force, known.sigma, known.method)
     write(out, rig_to_json(rig).encode())
     if web_page:
         write(web_page, page(beam, rig).encode())
     Console(highlight=False, soft_wrap=True).print(
         f"{summary(beam, rig)}\nwritten to {out}", markup=False
     )
+
+
+class _KnownForce(NamedTuple):
+    """A force [N] and its sigma in one frame, the option that states it, and its method."""
+
+    option: str
+    frame_id: str
+    force: float
+    sigma: float
+    method: Method
+
+
+def _known_force(
+    contact: tuple[str, float, float] | None, weight: tuple[str, float, float] | None
+) -> _KnownForce | None:
+    if contact and weight:
+        raise InputError("--known-force and --hung-weight are given, allowed is one of them")
+    if contact:
+        return _KnownForce("--known-force", *contact, exact_fit)
+    if weight:
+        frame_id, mass, sigma = weight
+        return _KnownForce("--hung-weight", frame_id, mass * GRAM * g, sigma * GRAM * g, hung_load)
+    return None
 
 
 def _radius(radius_mm: float, sigma_mm: float) -> ObjectRadius:

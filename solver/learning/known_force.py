@@ -7,15 +7,19 @@ from solver.instrument.beam import Beam
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.instrument.rig import Rig
+from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
 
 
-def rig_with_force(rig: Rig, measurement: Measurement, force: float, sigma: float) -> Rig:
-    """Return the rig with EI and its sigma from a contact's known force [N], as of a balance.
+def rig_with_force(
+    rig: Rig, measurement: Measurement, force: float, sigma: float, method: Method = exact_fit
+) -> Rig:
+    """Return the rig with EI and its sigma from one known force [N].
 
-    `rig` has the learned beam; `measurement` shows the contact. The force is estimated with the
-    rig's EI, to which it is proportional. Raises InputError for a force that is not positive, or
-    a measurement that shows no contact.
+    `rig` has the learned beam; `measurement` shows it under the force: that of a contact, as of a
+    balance, or a hung weight where that is the `method`. The force is estimated with the rig's EI,
+    to which it is proportional. Raises InputError for a force that is not positive, or a
+    measurement in which the method finds none.
     """
     if not (math.isfinite(force) and force > 0 and math.isfinite(sigma) and sigma >= 0):
         raise InputError(
@@ -24,9 +28,10 @@ def rig_with_force(rig: Rig, measurement: Measurement, force: float, sigma: floa
         )
     certain = replace(rig.tolerances, flexural_rigidity=0.0)
     assumed = replace(rig, tolerances=certain, shape=replace(rig.shape, rigidity_sigma=0.0))
-    estimate = exact_fit(replace(measurement, rig=assumed))
+    estimate = method(replace(measurement, rig=assumed))
     if not estimate.values:
-        raise InputError(f"the frame of the known force shows no contact: {estimate.outcome}")
+        reason = estimate.message or estimate.outcome
+        raise InputError(f"the frame of the known force does not determine it: {reason}")
     estimated = estimate.values["force_n"]
     rigidity = rig.beam.flexural_rigidity * force / estimated
     relative = math.hypot(sigma / force, estimate.sigma("force_n") / estimated)

@@ -19,12 +19,14 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.image_frame import LEARN
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
+from solver.instrument.rig import Rig
 from solver.instrument.units import MILLIMETRE, PERCENT
 from solver.learning.clamp_offset import ObjectRadius
 from solver.learning.frames import measurement_of
 from solver.learning.known_force import rig_with_force
 from solver.learning.learn import learn_beam
 from solver.methods.exact_fit import exact_fit
+from solver.methods.hung_weight import hung_weight
 from solver.set_up import set_up
 from solver.tracker import run_method
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
@@ -75,7 +77,7 @@ class Errors:
     def line(self) -> tuple[str, ...]:
         """Format as a line of a table, in the order of HEADS."""
         if not len(self.rows):
-            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 10)
+            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 11)
         x, x_sigma, force, force_sigma, limit, distance, sigmas = np.asarray(self.rows).T
         limited, located = np.isfinite(limit), np.isfinite(distance)
         world = np.sqrt(np.mean(distance[located] ** 2)) / MILLIMETRE if located.any() else np.nan
@@ -90,6 +92,7 @@ class Errors:
             f"{np.mean(np.abs(x) <= _WRONG * x_sigma) / PERCENT:.0f}",
             f"{np.sqrt(np.mean(x_sigma**2)) / rmse:.2f}",
             f"{np.sqrt(np.mean(limit[limited] ** 2)):.3f}" if limited.any() else "-",
+            f"{np.median((np.abs(x) / limit)[limited]):.2f}" if limited.any() else "-",
             f"{np.median((x_sigma / limit)[limited]):.2f}" if limited.any() else "-",
             f"{np.sqrt(np.mean(force**2)):.2f}",
             f"{np.mean(np.abs(force) <= _WRONG * force_sigma) / PERCENT:.0f}",
@@ -108,7 +111,8 @@ HEADS: Final = (
     "within 3 sigma, %",
     "sigma / RMSE",
     "limit, % of L",
-    "sigma / limit",
+    "error / limit, median",
+    "sigma / limit, median",
     "RMSE of force, %",
     "force within 3 sigma, %",
     "contact in Sigma_o, RMSE mm",
@@ -123,13 +127,15 @@ def measure(
     seed: int,
     force_sigma_pct: float | None = None,
     object_radius_mm: float | None = None,
+    weights: Path | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> list[Errors]:
     """Estimate with the stated and the learned beam; two results per dataset or collection.
 
     Where there is no split to learn from, `pushes` pushes are drawn `draws` times, as functions of
     `seed`. With `force_sigma_pct`, the force of one frame to learn from is known with this sigma,
-    as from a balance; with `object_radius_mm` the radius of the objects is known to 0.1 mm. Limits
+    as from a balance, or, if `weights` is a dataset of hung weights on the same rig, the weight in
+    one of its frames; with `object_radius_mm` the radius of the objects is known to 0.1 mm. Limits
     are those of the dataset, if they were computed. `progress` is called after each dataset. Raises
     InputError for a damaged dataset, and where no beam can be learned from any.
     """
@@ -137,7 +143,10 @@ def measure(
     radius = None
     if object_radius_mm is not None:
         radius = ObjectRadius(object_radius_mm * MILLIMETRE, _RADIUS_SIGMA)
-    known = _Known(force_sigma_pct, radius)
+    if weights is not None and force_sigma_pct is None:
+        raise InputError("a dataset of weights is given, needed is the sigma of the known force")
+    weight = None if weights is None else _most_bent(_measured(Layout(weights)))
+    known = _Known(force_sigma_pct, radius, weight)
     for root in roots:
         frames, stated, learned = 0, list[Floats](), list[Floats]()
         for layout in _datasets(root):
@@ -166,10 +175,26 @@ Rows = list[Floats | None]
 
 
 class _Known(NamedTuple):
-    """Relative sigma [%] of one force, and radius of the objects; None if unknown."""
+    """Relative sigma [%] of one force, radius of the objects, and a frame of a hung weight.
+
+    None where they are unknown. Without a weight the force is that of a contact.
+    """
 
     force_sigma_pct: float | None
     radius: ObjectRadius | None
+    weight: _Frame | None
+
+    def with_force(self, rig: Rig, pushed: _Frame, random: np.random.Generator) -> Rig:
+        """Give the rig EI from the weight, or else from the contact of the frame `pushed`."""
+        if self.force_sigma_pct is None:
+            return rig
+        loaded = self.weight or pushed
+        # Pushes do not need it: their rig.json may not state it.
+        rig = replace(rig, gravity=loaded.measurement.rig.gravity)
+        sigma = loaded.force * self.force_sigma_pct * PERCENT
+        force = loaded.force + sigma * random.standard_normal()
+        method = exact_fit if self.weight is None else hung_weight
+        return rig_with_force(rig, loaded.measurement, force, sigma, method)
 
 
 def _trials(
@@ -177,8 +202,7 @@ def _trials(
 ) -> Iterator[tuple[Rows, Rows]]:
     """Yield the errors of the tested frames before and after learning; None for no answer."""
     observations = open_observations(layout.observations)
-    truth = open_truth(layout.truth, centrelines=False).frames
-    rows = {row["frame_id"]: row for row in truth.iter_rows(named=True)}
+    rows = _rows(layout)
     try:
         antenna = set_up(observations)
     except DamageError:
@@ -206,12 +230,7 @@ def _trials(
             yield before, before
             continue
         rig = beam.rig(frames[0].measurement.rig)
-        if known.force_sigma_pct is not None:
-            # The most strongly bent frame of a push.
-            loaded = max(to_learn[0], key=lambda frame: frame.force)
-            sigma = loaded.force * known.force_sigma_pct * PERCENT
-            force = loaded.force + sigma * random.standard_normal()
-            rig = rig_with_force(rig, loaded.measurement, force, sigma)
+        rig = known.with_force(rig, _most_bent(to_learn[0]), random)
         learned = (replace(frame.measurement, rig=rig) for frame in tested)
         yield (
             before,
@@ -220,6 +239,23 @@ def _trials(
                 for frame, measurement in zip(tested, learned, strict=True)
             ],
         )
+
+
+def _rows(layout: Layout) -> Mapping[str, Mapping[str, Any]]:
+    """Read the rows of a dataset's truth by frame."""
+    truth = open_truth(layout.truth, centrelines=False).frames
+    return {row["frame_id"]: row for row in truth.iter_rows(named=True)}
+
+
+def _measured(layout: Layout) -> list[_Frame]:
+    """Set up the rig of a dataset, and measure its frames. Raises InputError."""
+    observations = open_observations(layout.observations)
+    return _frames(set_up(observations), observations, _rows(layout), {})
+
+
+def _most_bent(frames: Sequence[_Frame]) -> _Frame:
+    """Return the frame of the largest force."""
+    return max(frames, key=lambda frame: frame.force)
 
 
 def exact_fit_of(measurement: Measurement) -> Estimate:

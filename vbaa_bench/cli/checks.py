@@ -97,6 +97,13 @@ def check_learning(
         float | None,
         typer.Option(min=0, help="radius of the touched objects", show_default="unknown"),
     ] = None,
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            help="dataset of hung weights on the same rig, one of which is the known force",
+            show_default="a contact is known",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of the draws")] = 1,
     out: Annotated[Path | None, typer.Option(help="Markdown file to write")] = None,
     as_json: AsJson = False,
@@ -117,6 +124,7 @@ def check_learning(
             seed,
             force_sigma_pct,
             object_radius_mm,
+            weights,
             lambda: bars.advance(task),
         )
     if out:
@@ -125,6 +133,8 @@ def check_learning(
             options += f" --force-sigma-pct {force_sigma_pct:g}"
         if object_radius_mm is not None:
             options += f" --object-radius-mm {object_radius_mm:g}"
+        if weights is not None:
+            options += f" --weights {weights}"
         command = f"vbaa-bench check-learning {' '.join(map(str, datasets))} {options} --out {out}"
         write(out, learning.markdown(results, command).encode())
     if as_json:

@@ -39,6 +39,8 @@ def test_the_beam_of_rendered_images_is_learned(
     assert rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity < 0.05
     wrong = ("--known-force", "nothing", "0.05", "0.001")
     assert run(monkeypatch, "learn", str(observations), "--out", str(out), *wrong) == 2
+    weight = ("--hung-weight", frame.frame_id, "4", "0.01")
+    assert run(monkeypatch, "learn", str(observations), "--out", str(out), *weight, *force) == 2
 
 
 def test_frames_to_learn_are_those_of_the_split(dataset: Path) -> None:

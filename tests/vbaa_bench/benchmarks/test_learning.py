@@ -24,7 +24,8 @@ def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
     assert line["RMSE of force, %"] == "1.00"
     assert line["force within 3 sigma, %"] == "50"
     assert line["limit, % of L"] == "0.020"
-    assert line["sigma / limit"] == "2.50"
+    assert line["sigma / limit, median"] == "2.50"
+    assert line["error / limit, median"] == "5.00"
     empty = Errors("a", "learned", 4, np.empty((0, 7))).line()
     assert empty[:4] == ("a", "learned", "4", "0")
     assert len(empty) == len(HEADS)
@@ -46,6 +47,11 @@ def test_the_beam_is_learned_from_other_pushes_than_it_is_tested_on(
     assert (stated.beam, learned.beam) == ("as stated", "learned")
     assert 0 < len(learned.rows) <= learned.frames == stated.frames
     assert np.abs(learned.rows[:, 0]).max() < 1
+
+
+def test_weights_need_the_sigma_of_the_known_force(dataset: Path) -> None:
+    with pytest.raises(InputError, match="needed is the sigma of the known force"):
+        measure([dataset], pushes=2, draws=1, seed=3, weights=dataset)
 
 
 def test_a_rig_whose_images_show_no_beam_answers_no_frame(

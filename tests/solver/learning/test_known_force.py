@@ -1,0 +1,35 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.instrument.errors import InputError
+from solver.learning.known_force import rig_with_force
+from solver.methods.exact_fit import exact_fit
+from solver.methods.hung_weight import hung_weight
+from tests.hung import UNIT, hung, noisy
+from tests.simulated import BEAM
+
+
+def test_a_hung_weight_gives_ei() -> None:
+    """By linear theory, EI is proportional to the weight that bends the beam as the image shows."""
+    load = 1.2
+    exact, _ = hung(0.75, load, motor_angle=0.05)
+    frame = noisy(exact, np.random.default_rng(4))
+    wrong = replace(BEAM, flexural_rigidity=1.07 * BEAM.flexural_rigidity)
+    rig = replace(frame.rig, beam=wrong)
+    force = load * UNIT
+    known = rig_with_force(rig, frame, force, 1e-3 * force, hung_weight)
+    sigma = known.tolerances.flexural_rigidity
+    assert 1e-3 <= sigma / BEAM.flexural_rigidity < 5e-3
+    assert abs(known.beam.flexural_rigidity - BEAM.flexural_rigidity) < 3 * sigma
+    # A contact's force is across the beam, and a weight's is not.
+    with pytest.raises(InputError, match="exact beam with one contact"):
+        rig_with_force(rig, frame, force, 1e-3 * force, exact_fit)
+
+
+def test_a_frame_without_a_force_is_refused() -> None:
+    frame, _ = hung(0.75, 1.2)
+    rig = replace(frame.rig, gravity=None)
+    with pytest.raises(InputError, match="states no direction of gravity"):
+        rig_with_force(rig, frame, UNIT, 0.0, hung_weight)
