@@ -42,7 +42,8 @@ def least_squares(design: Floats, y: Floats, mean: MeanLine) -> LinearFit:
     if mean.rows + 1 > GRID_COEFFICIENTS:
         phase = 2 * np.pi * np.outer(mean.row, np.arange(1, HARMONICS + 1))
         design = np.column_stack([design, np.sin(phase), np.cos(phase)])
-    n, spare_rows = len(y), mean.rows + 1 - design.shape[1]
+    # A harmonic has no mean over a row: it explains none of the rows' errors.
+    n, spare_rows = len(y), mean.rows + 1 - m
     whitened = design / mean.sigma[:, None]
     inverse: Floats = np.linalg.pinv(whitened.T @ whitened, hermitian=True).astype(np.float64)
     coefficients = inverse @ (whitened.T @ (y / mean.sigma))
@@ -53,18 +54,30 @@ def least_squares(design: Floats, y: Floats, mean: MeanLine) -> LinearFit:
     variance = max(float(np.mean(residual**2)), 1e-12)
     inlier_variance = float(np.mean(inliers**2))
     correlation = correlation_length(residual)
-    shared = _shared_by_neighbours(residual)
-    # The spare rows measure the shared variance; one row more counts with its upper bound.
-    free_rows, upper_bound = max(spare_rows, 0.0), max(_repeating(variance, n, mean), shared)
-    in_rows = n * (free_rows * shared + upper_bound) / (free_rows + 1)
-    repeated = n * max(_repeating(inlier_variance, n, mean), _shared_by_neighbours(inliers))
+    repeated = n * max(
+        _repeating(inlier_variance, n, mean), _shared_by_neighbours(inliers).significant
+    )
+    in_rows = _variance_of_rows(spare_rows, _shared_by_neighbours(residual), variance, n, mean)
     return LinearFit(
         coefficients[:m],
-        inverse[:m, :m] * max(variance * correlation, in_rows / max(spare_rows, 1.0)),
+        inverse[:m, :m] * max(variance * correlation, n * in_rows),
         float(residual @ residual),
         max(inlier_variance, 1.0) * correlation,
         repeated / spare_rows if spare_rows > 0 else math.inf,
     )
+
+
+def _variance_of_rows(
+    spare_rows: float, shared: "_Shared", variance: float, n: int, mean: MeanLine
+) -> float:
+    """Estimate the variance of one row's error, as the fit's coefficients contain it.
+
+    `variance` is that of the n residuals, which show the errors of the spare rows. Without a spare
+    row they may be as large as all that repeats from image to image.
+    """
+    shown = min(max(spare_rows, 0.0), 1.0)
+    hidden = max(_repeating(variance, n, mean), shared.significant)
+    return shown * shared.at_most / max(spare_rows, 1.0) + (1 - shown) * hidden
 
 
 def _repeating(variance: float, n: int, mean: MeanLine) -> float:
@@ -76,16 +89,31 @@ def _repeating(variance: float, n: int, mean: MeanLine) -> float:
     return repeating if repeating > 3.1 * math.sqrt(2 / n) * (variance + mean.random) else 0.0
 
 
-def _shared_by_neighbours(residual: Floats) -> float:
+class _Shared(NamedTuple):
+    """Part of a variance that neighbours have in common, and the least that is significant."""
+
+    measured: float
+    least: float
+
+    @property
+    def significant(self) -> float:
+        """The part; 0 unless chance would exceed it in fewer than one rig of a thousand."""
+        return self.measured if self.measured > self.least else 0.0
+
+    @property
+    def at_most(self) -> float:
+        """The part, or what would be overlooked."""
+        return max(self.measured, self.least)
+
+
+def _shared_by_neighbours(residual: Floats) -> _Shared:
     """Estimate the part of the variance of residuals (n,) that neighbours have in common.
 
     It is the variance of means over LAG neighbours, minus the part of independent errors in it.
-    Errors that alternate from column to column, as those of a colour mosaic, cancel. It is 0 unless
-    chance would exceed it in fewer than one rig of a thousand.
+    Errors that alternate from column to column, as those of a colour mosaic, cancel.
     """
     n, white = len(residual), float(np.mean(residual**2)) / LAG
     if n < 2 * LAG:
-        return 0.0
+        return _Shared(0.0, 0.0)
     means = np.convolve(residual, np.full(LAG, 1 / LAG), "valid")
-    shared = float(np.mean(means**2)) - white
-    return shared if shared > 3.1 * math.sqrt(2 * LAG / n) * white else 0.0
+    return _Shared(float(np.mean(means**2)) - white, 3.1 * math.sqrt(2 * LAG / n) * white)

@@ -139,7 +139,13 @@ def _force_and_couple(rod: Rod, load: Load, tangent: Floats) -> tuple[Floats, Fl
     across = direction - (direction @ tangent) / (tangent @ tangent) * tangent
     normal = across / np.linalg.norm(across)
     along, aside = load.friction
-    force = normal + along * tangent + aside * np.cross(normal, tangent)
+    force = normal + along * tangent + aside * _cross(normal, tangent)
     force *= load.normal_force / rod.force_unit
     lever = -rod.half_height(load.s) / rod.beam.length * normal
-    return force, np.cross(lever, force)
+    return force, _cross(lever, force)
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Return the product a x b (3,); `np.cross` takes 30 times as long for two vectors."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
