@@ -1,7 +1,7 @@
 """Radiance across the beam's image and beside it, from the scene's lights and paints.
 
-Shadows, light between surfaces, textures and dirt are neglected: they change the contrast in
-places, whereas the limit depends on the contrast along the whole beam.
+Shadows, light between surfaces and textures are neglected: they change the contrast in places,
+whereas the limit depends on the contrast along the whole beam.
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.units import MILLIMETRE, PERCENT
 from vbaa_bench.geometry.lamps import between
+from vbaa_bench.limits.dirt import Dirt, dirt_of
 from vbaa_bench.limits.profile import SurfaceProfile, gray_profile
 from vbaa_bench.limits.section import visible_side
 from vbaa_bench.mechanics.rod import Rod
@@ -77,12 +78,23 @@ class LitBeam:
         arriving = self._light_of(camera, pixels)[:, None]
         normals = np.concatenate([side.normals for side in sides])
         points, to_camera = (np.repeat(x, _OFFSETS, axis=0) for x in (places.points, towards))
-        lit = self._reflection.radiance(self.scene.beam, points, normals, to_camera)
-        lit = arriving * lit.reshape(len(sides), _OFFSETS)
+        paint = self.scene.beam
+        lit = self._reflection.radiance(paint, points, normals, to_camera)
+        diffuse = lit
+        if self.dirt is not None:
+            specular = np.zeros_like(lit)
+            if paint.paint in ("gloss", "bare"):
+                shine = paint.model_copy(update={"reflectance": 0.0})
+                specular = self._reflection.radiance(shine, points, normals, to_camera)
+            diffuse = self.dirt.mean_diffuse * (lit - specular)
+            lit = diffuse + self.dirt.mean_specular * specular
+        lit, diffuse = (arriving * part.reshape(len(sides), _OFFSETS) for part in (lit, diffuse))
         behind = arriving[:, 0] * self.background(camera, places.points)
         spread = self._spread(camera, places.points)
         return [
-            SurfaceProfile(lit[i], float(behind[i]), width, normal[i] / width, float(spread[i]))
+            SurfaceProfile(
+                lit[i], float(behind[i]), width, normal[i] / width, float(spread[i]), diffuse[i]
+            )
             for i, width in enumerate(map(float, half_px))
         ]
 
@@ -150,6 +162,11 @@ class LitBeam:
         radius *= camera.fx / (1 if camera.telecentric else focus)
         # The variance of a uniform disc along one axis is a quarter of its squared radius.
         return np.asarray(np.hypot(optics.point_spread_px, radius / 2))
+
+    @cached_property
+    def dirt(self) -> Dirt | None:
+        """Dirt on the beam; None if it is clean."""
+        return dirt_of(self.scene, self.rig, _OFFSETS)
 
     @cached_property
     def _lights(self) -> list[Light]:

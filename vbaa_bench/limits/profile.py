@@ -13,7 +13,7 @@ normal: there is one pixel per unit of area.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -36,7 +36,7 @@ class SurfaceProfile:
     `radiance` (k,) is that of the beam at even offsets from one side to the other, at the middles
     of k equal parts of the width, and `background` that beside it. `half_width` is in [px],
     `normal` (2,) is the unit vector across the beam in the image, and `point_spread` [px] is the
-    sigma of the lens.
+    sigma of the lens. `diffuse` (k,) is the part of the radiance that the paint scatters.
     """
 
     radiance: Floats
@@ -44,6 +44,7 @@ class SurfaceProfile:
     half_width: float
     normal: Floats
     point_spread: float = 0.0
+    diffuse: Floats = field(default_factory=lambda: np.zeros(1))
 
 
 class GrayProfile(NamedTuple):
@@ -91,11 +92,29 @@ def information(surface: SurfaceProfile, variance: Callable[[Floats], Floats]) -
     the sensor's noise.
     """
     profile = gray_profile(surface)
-    # Far from the beam only the background remains; its brightness is not part of this profile.
-    end = surface.half_width + 2.0 + 3 * surface.point_spread
-    inside = np.clip((end - np.abs(profile.offset)) / STEP + 0.5, 0.0, 1.0)
+    inside = inside_profile(surface, profile.offset)
     weighted = profile.slopes * (inside / variance(profile.mean))
     return np.asarray(weighted @ profile.slopes.T * STEP)
+
+
+def inside_profile(surface: SurfaceProfile, offset: Floats) -> Floats:
+    """Return which fraction (n,) of the cells of a grid at `offset` (n,) [px] is near the beam.
+
+    Far from the beam only the background remains; its brightness is not part of its profile.
+    """
+    end = surface.half_width + 2.0 + 3 * surface.point_spread
+    return np.clip((end - np.abs(offset)) / STEP + 0.5, 0.0, 1.0)
+
+
+def unit_cells(surface: SurfaceProfile, offset: Floats) -> Floats:
+    """Compute the image (k, n) of each part of the width, with radiance 1, at `offset` (n,) [px].
+
+    Their sum, each times its radiance, is the image of the beam.
+    """
+    kernel = _pixel_kernel(surface.normal, surface.point_spread)
+    parts = np.eye(len(surface.radiance))
+    images = (_cell_means(part, surface.half_width, offset)[0] for part in parts)
+    return np.array([np.convolve(image, kernel, mode="same") for image in images])
 
 
 def _cell_means(radiance: Floats, half_width: float, offset: Floats) -> tuple[Floats, Floats]:

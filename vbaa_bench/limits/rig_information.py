@@ -16,6 +16,7 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import camera_parameters
+from vbaa_bench.limits.dirt import Dirt, information_through_dirt
 from vbaa_bench.limits.frame_information import (
     PlacesInformation,
     frame_information,
@@ -33,7 +34,7 @@ from vbaa_bench.limits.lit_beam import LitBeam
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import beam_at_rest, beam_places
 from vbaa_bench.limits.pixel_noise import PixelNoise
-from vbaa_bench.limits.profile import information
+from vbaa_bench.limits.profile import SurfaceProfile, information
 from vbaa_bench.limits.stated_shape import stated_shape_information, uncertain_shape
 from vbaa_bench.limits.tip import BeamEnd, tip_information
 from vbaa_bench.mechanics.state import State
@@ -149,7 +150,8 @@ class RigInformation:
         surfaces = lit.surfaces(imaged.rod, imaged.camera, beam_places(imaged, state, at))
         sensor = image_sensor(self.scene.sensor, self.exposure * scene.light_level)
         noise = PixelNoise.of(self.scene.sensor, sensor)
-        known = np.array([information(surface, noise.variance) for surface in surfaces])
+        length_px = float(np.linalg.norm(np.diff(imaged.pixels, axis=0), axis=1).sum())
+        known = np.array([_seen(surface, noise, lit.dirt, length_px) for surface in surfaces])
         flat = known.reshape(len(at), -1)
         of_places = np.column_stack([np.interp(FRACTIONS[1:-1], at, column) for column in flat.T])
         of_tip = tip_information(surfaces[-1], BeamEnd.of(imaged), noise.variance)
@@ -168,3 +170,12 @@ class RigInformation:
     @cached_property
     def _assembler(self) -> SceneAssembler:
         return SceneAssembler(self.scene, self.rig, self.folder)
+
+
+def _seen(
+    surface: SurfaceProfile, noise: PixelNoise, dirt: Dirt | None, length_px: float
+) -> Floats:
+    """Compute the information (4, 4) of one pixel of the beam's length, through its dirt if any."""
+    if dirt is None:
+        return information(surface, noise.variance)
+    return information_through_dirt(surface, noise.variance, dirt.density(surface, length_px))
