@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -51,6 +52,8 @@ SCHEMA: Final = {
 _UNITS: Final = (MILLIMETRE, MILLIMETRE, 1.0, DEGREE, MILLIMETRE, 1.0)
 _SIMPLE_UNITS: Final = _UNITS[:4]
 _COMPLIANCE_UNIT: Final = MILLIMETRE
+# Information sets for which the simple model is fitted.
+_WITH_SIMPLE: Final = frozenset({"planar", "learned", "image"})
 
 
 class Limit(NamedTuple):
@@ -141,8 +144,10 @@ class LimitsOfPushes:
 
     def _limits(self, frames: Sequence[FrameLimits]) -> Iterator[Limit]:
         for frame in frames:
+            simple_model = cache(partial(_simple_model, frame))
             for name, values in _solvable(frame.by_set()):
-                simple = _simple_model(frame, name)
+                known = name in _WITH_SIMPLE
+                simple = simple_model(planar=name != "image") if known else None
                 yield Limit(frame.pose.spec.step, name, values, simple=simple)
         together = _solvable(PushLimits(frames).limits())
         for frame, values in zip(frames, together, strict=False):
@@ -156,11 +161,9 @@ class LimitsOfPushes:
         return spec.push, spec.onset if self.scene.camera.mount == "world" else None
 
 
-def _simple_model(frame: FrameLimits, information: str) -> SimpleModel | None:
-    """Fit the simple model of an information set; None if it needs none, or does not fit."""
-    if information not in ("planar", "learned", "image"):
-        return None
-    fit = SimpleFit(frame, planar=information != "image")
+def _simple_model(frame: FrameLimits, planar: bool) -> SimpleModel | None:
+    """Fit the simple model, in plane C or in any; None if it is not needed, or does not fit."""
+    fit = SimpleFit(frame, planar)
     if not fit.is_needed:
         return None
     try:

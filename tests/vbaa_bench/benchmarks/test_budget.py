@@ -189,7 +189,8 @@ def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) 
     """The camera is calibrated without error, but relative to the board."""
     true_rig, antenna = perfect.world.rig, perfect.antenna
     nominal = antenna.rig.antenna_from_board
-    board = rigid(np.array([0.0, 2e-3, 0.0]), np.array([1e-4, 0.0, 1e-3])) @ nominal
+    # As large an error as exact_fit answers in all frames; of twice the size one is refused.
+    board = rigid(np.array([0.0, 1e-3, 0.0]), np.array([5e-5, 0.0, 5e-4])) @ nominal
     displaced = replace(true_rig, antenna_from_board=board)
     perfect = replace(perfect, world=replace(perfect.world, rig=displaced))
     camera = with_nominal_board(displaced, nominal)
@@ -197,14 +198,15 @@ def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) 
     rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
     wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
     shares = perfect.shares(wrong)
-    assert shares[TOTAL] > 5e-5
+    assert shares[TOTAL] > 2.5e-5
     alone(shares, Cause.PLACEMENT)
 
 
 def test_wrong_points_are_an_error_of_the_centreline_alone(perfect: Perfect) -> None:
-    wrong = shifted(perfect.antenna, lambda u: 1e-6 * (u - 30) * (u - 480))
+    # Up to 0.025 px, which exact_fit answers in all frames.
+    wrong = shifted(perfect.antenna, lambda u: 5e-7 * (u - 30) * (u - 480))
     shares = perfect.shares(wrong)
-    assert shares[TOTAL] > 1e-5
+    assert shares[TOTAL] > 5e-6
     alone(shares, Cause.CENTRELINE)
 
 
