@@ -24,7 +24,7 @@ def material(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("kind", "count"), [("scenes", 20), ("images", 40), ("settings", 20)])
+@pytest.mark.parametrize(("kind", "count"), [("scenes", 12), ("images", 16), ("settings", 20)])
 def test_mistakes_are_refused(kind: str, count: int, material: Path, tmp_path: Path) -> None:
     runner = Runner({kind: KINDS[kind]}, 2, material, tmp_path / "work")
     outcomes: Counter[str] = Counter()
