@@ -63,6 +63,14 @@ def _level(scene: Scene, without: set[str]) -> Level:
     return max(levels, key=LEVELS.index, default="rig")
 
 
+def draws_new_dirt(scene: Scene) -> bool:
+    """Test whether frames have other patterns of dirt than the rest images.
+
+    Patterns are those of a world; one for each push or frame is a pattern that nothing else shows.
+    """
+    return _level(scene, _POSE) != "rig"
+
+
 def rest_look(scene: Scene, number: int) -> int:
     """Return the number of the look of a rest image; 0 if all images have the same."""
     # Beyond the numbers of all frames.

@@ -1,7 +1,7 @@
 """Noise of the dirt on a beam, for information limits.
 
-The pattern of smudges and gloss is drawn anew for every push: it is unknown, and changes the
-radiance across the beam like noise that neighbouring pixels share. The beam's shape and pose move
+Where every push has a new pattern of smudges and gloss, it is unknown, and changes the radiance
+across the beam like noise that neighbouring pixels share. The beam's shape and pose move
 its image slowly along the beam. So the dirt counts with its spectral density at low frequencies,
 and the information of a pixel of the beam's length is S (N + P)^-1 S^T (Whittle 1953), with the
 pixels' derivatives S, the variances N of the sensor's noise, and the density P of the dirt.
@@ -24,9 +24,9 @@ from vbaa_bench.scene.schema import Scene
 # Chosen: their 32 squares determine a standard deviation to 9 %. Density falls with frequency: it
 # must not be that of changes which are slower than the beam's.
 _PATTERNS = 8
+_FREQUENCIES = np.arange(1, 5)
 # Number of the first pattern: beyond those of pushes, frames and rest images.
 _FIRST = 2**50
-_FREQUENCIES = np.arange(1, 5)
 # Places of a pixel's centre relative to the beam's. Measured: without dirt, half as many change the
 # information of a beam of 0.7 px by less than 2 %.
 _PHASES = 8

@@ -1,7 +1,7 @@
 """Fisher information on a rig before any contact: board, beam at rest, and stated tolerances."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ from solver.instrument.camera import Camera
 from solver.instrument.units import MILLIMETRE
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
+from vbaa_bench.generation.look import draws_new_dirt
 from vbaa_bench.limits.board_information import BOARD, board_information
 from vbaa_bench.limits.camera_parameters import camera_parameters
 from vbaa_bench.limits.dirt import Dirt, information_through_dirt
@@ -61,11 +62,13 @@ class RigInformation:
         """Information of board, rest images and tolerances on clamp, beam, camera and width."""
         imaged, state = self._at_rest
         neighbours = imaged.neighbours(self.parameters(self.rig.camera))
-        image = self.of_image(imaged, state, neighbours, np.ones(PLACES))
-        rest = image.eliminated({"brightness", "background"})
+        count = self.scene.sensor.rest_images
+        places = self.of_places(imaged, state, np.ones(PLACES), images=count)
+        images = frame_information(image_shape(imaged, neighbours), places)
+        rest = images.eliminated({"brightness", "background"})
         board = board_information(self._assembler, self.exposure)
         stated = self._tolerances + stated_shape_information(self.scene)
-        return stated + board + rest.times(self.scene.sensor.rest_images)
+        return stated + board + rest
 
     def of_image(
         self,
@@ -83,15 +86,20 @@ class RigInformation:
         return frame_information(image_shape(imaged, neighbours), places)
 
     def of_places(
-        self, imaged: ImagedBeam, state: State, visible: Floats, scene: Scene | None = None
+        self,
+        imaged: ImagedBeam,
+        state: State,
+        visible: Floats,
+        scene: Scene | None = None,
+        images: int = 1,
     ) -> PlacesInformation:
-        """Compute the information of the places on one image of the beam.
+        """Compute the information of the places on one image of the beam, or on several alike.
 
         `visible` (n,) is the visible fraction of PLACES equal parts of the beam's length. `scene`
         has the light and the paints of this image, by default those at rest.
         """
         scene, camera = scene or self.scene, imaged.camera
-        of_profile, of_tip = self._of_profile(imaged, state, scene)
+        of_profile, of_tip = self._of_profile(imaged, state, scene, images)
         pixels = imaged.pixels[1:-1]
         inside = ((pixels > -0.5) & (pixels < [camera.width - 0.5, camera.height - 0.5])).all(
             axis=1
@@ -143,18 +151,28 @@ class RigInformation:
         """Parameters of the board's pose that are stated to be exact."""
         return frozenset(BOARD) - set(self._tolerances.names)
 
-    def _of_profile(self, imaged: ImagedBeam, state: State, scene: Scene) -> tuple[Floats, float]:
-        """Compute the information (n, 4, 4) of the profile at PLACES, and of the tip."""
+    def _of_profile(
+        self, imaged: ImagedBeam, state: State, scene: Scene, images: int
+    ) -> tuple[Floats, float]:
+        """Compute the information (n, 4, 4) of the profile at PLACES, and of the tip.
+
+        Images of the beam at rest have the same dirt, which their mean contains.
+        """
         at = np.linspace(0.0, 1.0, _PROFILES)
         lit = self._lit if scene is self.scene else LitBeam(scene, self.rig, self.folder)
         surfaces = lit.surfaces(imaged.rod, imaged.camera, beam_places(imaged, state, at))
         sensor = image_sensor(self.scene.sensor, self.exposure * scene.light_level)
         noise = PixelNoise.of(self.scene.sensor, sensor)
+
+        def variance(radiance: Floats) -> Floats:
+            return noise.variance(radiance) / images
+
         length_px = float(np.linalg.norm(np.diff(imaged.pixels, axis=0), axis=1).sum())
-        known = np.array([_seen(surface, noise, lit.dirt, length_px) for surface in surfaces])
+        dirt = lit.dirt if draws_new_dirt(self.scene) else None
+        known = np.array([_seen(surface, variance, dirt, length_px) for surface in surfaces])
         flat = known.reshape(len(at), -1)
         of_places = np.column_stack([np.interp(FRACTIONS[1:-1], at, column) for column in flat.T])
-        of_tip = tip_information(surfaces[-1], BeamEnd.of(imaged), noise.variance)
+        of_tip = tip_information(surfaces[-1], BeamEnd.of(imaged), variance)
         return of_places.reshape(PLACES, 4, 4), of_tip
 
     @cached_property
@@ -173,9 +191,12 @@ class RigInformation:
 
 
 def _seen(
-    surface: SurfaceProfile, noise: PixelNoise, dirt: Dirt | None, length_px: float
+    surface: SurfaceProfile,
+    variance: Callable[[Floats], Floats],
+    dirt: Dirt | None,
+    length_px: float,
 ) -> Floats:
     """Compute the information (4, 4) of one pixel of the beam's length, through its dirt if any."""
     if dirt is None:
-        return information(surface, noise.variance)
-    return information_through_dirt(surface, noise.variance, dirt.density(surface, length_px))
+        return information(surface, variance)
+    return information_through_dirt(surface, variance, dirt.density(surface, length_px))
