@@ -76,7 +76,7 @@ def learn(
     with setting_up(quiet=False):
         antenna = set_up(files, learn_extractor)
     # A weight does not push against the beam's normal.
-    hung = {known.frame_id} if known is not None and hung_weight else set()
+    hung = {hung_weight[0]} if hung_weight else set()
     images = frames_to_learn([frame for frame in files if frame.frame_id not in hung])
     measured = track(images, "measuring", console=console, transient=True)
     beam = learn_from_frames(antenna, measured, radius)

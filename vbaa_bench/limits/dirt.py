@@ -1,9 +1,9 @@
 """Noise of the dirt on a beam, for information limits.
 
 Where every push has a new pattern of smudges and gloss, it is unknown, and changes the radiance
-across the beam like noise that neighbouring pixels share. The beam's shape and pose move
-its image slowly along the beam. So the dirt counts with its spectral density at low frequencies,
-and the information of a pixel of the beam's length is S (N + P)^-1 S^T (Whittle 1953), with the
+across the beam like noise that neighbouring pixels share. The image changes slowly along the beam
+with the beam's shape and pose. So the dirt counts with its spectral density at low frequencies, and
+the information of a pixel of the beam's length is S (N + P)^-1 S^T (Whittle 1953), with the
 pixels' derivatives S, the variances N of the sensor's noise, and the density P of the dirt.
 Specks of dust are neglected: a method may leave them out, which normal noise does not allow.
 """
@@ -21,8 +21,8 @@ from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
 # Patterns that are drawn, and frequencies [cycles per length of the beam], which a bent beam has.
-# Chosen: their 32 squares determine a standard deviation to 9 %. Density falls with frequency: it
-# must not be that of changes which are slower than the beam's.
+# Chosen: their 32 squares determine a standard deviation to 9 %. The density decreases with
+# frequency: at frequency 0 it would be that of changes that are slower than those of the beam.
 _PATTERNS = 8
 _FREQUENCIES = np.arange(1, 5)
 # Number of the first pattern: beyond those of pushes, frames and rest images.

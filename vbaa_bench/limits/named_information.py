@@ -45,10 +45,6 @@ class Information:
             total[np.ix_(places, places)] += one.matrix
         return Information(names, total)
 
-    def times(self, count: int) -> "Information":
-        """Return the information of `count` data of the same kind with independent noise."""
-        return Information(self.names, count * self.matrix)
-
     def renamed(self, names: Mapping[str, str]) -> "Information":
         """Return the same information on parameters with other names."""
         return Information(tuple(names.get(name, name) for name in self.names), self.matrix)

@@ -40,7 +40,7 @@ def test_data_are_added_by_the_names_of_their_parameters() -> None:
     expected[:2, :2] = LINE.matrix
     expected += np.diag([0.0, 4.0, 0.25])
     np.testing.assert_allclose(total.matrix, expected)
-    np.testing.assert_allclose((LINE + LINE).matrix, LINE.times(2).matrix)
+    np.testing.assert_allclose((LINE + LINE).matrix, 2 * LINE.matrix)
 
 
 def test_what_no_data_determine_is_infinite_and_harms_nothing_else() -> None:

@@ -95,8 +95,9 @@ def test_an_unknown_taper_is_the_limit_of_a_large_tolerance() -> None:
 
 def test_learning_from_many_pushes_leaves_the_limit_of_a_known_beam() -> None:
     frame = stated(tip_ratio_pct=3.0)
-    once = replace(frame, learned=frame.on_rig)
-    often = replace(frame, learned=frame.on_rig.times(10**7))
+    push = frame.on_rig
+    once = replace(frame, learned=push)
+    often = replace(frame, learned=Information(push.names, 1e7 * push.matrix))
     limits = [dict(one.by_set())["learned"][X_C] for one in (once, often)]
     known = planar(stated())[X_C]
     assert known > limits[1] > 0.3 * known  # it also learns clamp and camera
