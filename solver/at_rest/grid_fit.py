@@ -73,11 +73,12 @@ def _variance_of_rows(
     """Estimate the variance of one row's error, as the fit's coefficients contain it.
 
     `variance` is that of the n residuals, which show the errors of the spare rows. Without a spare
-    row they may be as large as all that repeats from image to image.
+    row they may be as large as all that repeats from image to image, and never larger.
     """
     shown = min(max(spare_rows, 0.0), 1.0)
-    hidden = max(_repeating(variance, n, mean), shared.significant)
-    return shown * shared.at_most / max(spare_rows, 1.0) + (1 - shown) * hidden
+    most = max(_repeating(variance, n, mean), shared.significant)
+    measured = min(shared.at_most, most)
+    return shown * measured / max(spare_rows, 1.0) + (1 - shown) * most
 
 
 def _repeating(variance: float, n: int, mean: MeanLine) -> float:
