@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from solver.centreline import Centreline
 from solver.instrument.arrays import Floats
 from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.measurement import Measurement, RestBow, Tip, View
+from solver.instrument.rig import Rig
+from solver.instrument.transforms import turn_about_z
+from solver.planes.own_weight import bow_by_own_weight
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
 from solver.shading import axis_sigma, shading_of
@@ -39,6 +43,12 @@ def to_measurement(
         outside = (points[:, 0] < low) | (points[:, 0] > high)
         points, sigmas = points[outside], sigmas[outside]
     course = course_of(points, rest, rig)
+    motor_angle = None if antenna.in_world else readings.motor_angle
+    by_weight = np.zeros(3)
+    if course is not None and rig.sag_in_plane.any():
+        by_weight = _by_own_weight(antenna, points, course.turn, motor_angle)
+        rest = replace(rest, bow=rest.bow + by_weight)
+        course = course_of(points, rest, rig)
     shared, removed = np.empty((len(points), 0)), np.zeros_like(points)
     if course is not None:
         normals = course.normals
@@ -66,7 +76,7 @@ def to_measurement(
         ),
         base_covariance=base_covariance,
         scale_sigma=math.hypot(antenna.lengths_sigma, bow_error),
-        motor_angle=None if antenna.in_world else readings.motor_angle,
+        motor_angle=motor_angle,
         rig=rig,
         antenna_from_beam=antenna.antenna_from_beam,
         moment_y=readings.moment_y,
@@ -78,14 +88,38 @@ def to_measurement(
         image_shift=image_shift,
         axis_sigma=axis_sigma(antenna),
         rest_bow=RestBow(
-            coefficients=rest.bow * axes[1, 1],
-            covariance=rest.covariance,
+            coefficients=antenna.rest.bow * axes[1, 1],
+            by_weight=by_weight * axes[1, 1],
+            covariance=rest.covariance + _weight_covariance(by_weight, rig),
             line_covariance=rest.line_covariance,
             removed=removed @ axes,
             scale_sigma=bow_error,
             errors=0 if course is None else course.bow_errors.shape[1],
         ),
     )
+
+
+def _by_own_weight(
+    antenna: Antenna, points: Floats, turn: Floats, motor_angle: float | None
+) -> Floats:
+    """Compute the change (3,) [m] of the bow since rest by the beam's own weight, in Sigma_a.
+
+    Without a motor angle the camera is fixed in the world, and Sigma_a is Sigma_o.
+    """
+    rig, rest = antenna.rig, antenna.rest
+    tilt = math.atan(rest.slope)
+    along = turn_about_z(-tilt)[:2, :2]
+    places = (points - rig.base_position[:2] - [0.0, rest.y_at_clamp]) @ along.T / rest.length
+    sag = along @ rig.sag_in_plane / rest.length
+    now = turn_about_z(-(motor_angle or 0.0))[:2, :2] @ sag
+    return rest.length * bow_by_own_weight(places[:, 0], turn, rest.bow / rest.length, now, sag)
+
+
+def _weight_covariance(by_weight: Floats, rig: Rig) -> Floats:
+    """Compute the covariance (5, 5) of line and bow due to the error of EI, and of the sag."""
+    stated = rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity
+    error = np.append(np.zeros(2), math.hypot(stated, rig.shape.rigidity_sigma) * by_weight)
+    return np.outer(error, error)
 
 
 def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:

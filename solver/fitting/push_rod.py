@@ -72,8 +72,8 @@ class RodBeam:
     def contacts(self, q: Floats, place: Floats, grip: Floats, beam: Floats) -> Contact | None:
         """Compute the contacts (n,), with gradients (3 + b, n)."""
         rows = [
-            self._contact(self._parameters(*shape, beam))
-            for shape in zip(q, place, grip, strict=True)
+            self._contact(self._parameters(i, *shape, beam))
+            for i, shape in enumerate(zip(q, place, grip, strict=True))
         ]
         present = [row for row in rows if row is not None]
         if len(present) < len(rows):
@@ -91,7 +91,7 @@ class RodBeam:
     def first_touch(self, x0: float, beam: Floats) -> FirstTouch:
         """Compute the line of the bowed beam, at the surface of a beam as thick as at its clamp."""
         length, size = self.rig.beam.length, self._problem.shape_size
-        p, x = self._parameters(0.0, x0, 0.0, beam), x0 / length
+        p, x = self._parameters(0, 0.0, x0, 0.0, beam), x0 / length
         bow = WIDTHS + self._problem.widths
         orders = np.arange(2, 2 + size - bow)
         height, slope = p[bow:size] @ x**orders, p[bow:size] @ (orders * x ** (orders - 1))
@@ -122,7 +122,7 @@ class RodBeam:
         """Compute rows of a frame: 4 + b columns."""
         problem, inflation = self.frames[frame]
         own, count = problem.own_errors, len(problem.mean)
-        shared = self._parameters(q, place, grip or 0.0, beam)
+        shared = self._parameters(frame, q, place, grip or 0.0, beam)
         at = residuals_at(problem, np.append(shared, np.zeros(own)))
         if at is None:
             return None
@@ -146,7 +146,7 @@ class RodBeam:
         motor_angle: float,
     ) -> LastShape:
         """Compute the values of the last frame by `rod_contact`."""
-        p = self._parameters(q, place, grip or 0.0, beam)
+        p = self._parameters(len(self.frames) - 1, q, place, grip or 0.0, beam)
         contact, by_p = rod_contact(self.rig, self._problem, p, motor_angle)
         values, by_contact, placement = frames.in_all_frames(last, contact, clamp_fitted=True)
         count = len(p)
@@ -161,11 +161,15 @@ class RodBeam:
         """Problem whose prior all frames share."""
         return self.frames[0].problem
 
-    def _parameters(self, q: float, place: float, grip: float, beam: Floats) -> Floats:
-        """Return the parameters (p,) of a frame's problem before the errors of the frame's own."""
-        p, length = self._problem.mean[: self._problem.common].copy(), self.rig.beam.length
+    def _parameters(self, frame: int, q: float, place: float, grip: float, beam: Floats) -> Floats:
+        """Return the parameters (p,) of a frame's problem before the errors of the frame's own.
+
+        The bow differs from that of the first frame by what the beam's own weight changes.
+        """
+        problem, length = self.frames[frame].problem, self.rig.beam.length
+        p = problem.mean[: problem.common].copy()
         p[[Q, S_C, GRIP]] = q * length**2, place / length, grip
-        p[self.fitted] = beam
+        p[self.fitted] += beam - self._problem.mean[self.fitted]
         return p
 
     def _contact(self, p: Floats) -> Floats | None:

@@ -62,14 +62,16 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
     """Fit n frames of one beam.
 
     The shared parameters start from those of `common` (c,), each frame's own from the best of its
-    `starts` (n, a, 3), in the order of OWN. Return None if no start of a frame has a shape.
+    `starts` (n, a, 3), in the order of OWN. What is shared may differ by known amounts, those of
+    the priors' means: `common` is that of the first frame. Return None if no start of a frame has a
+    shape.
     """
     first = problems[0]
     free = first.free[first.free < first.common]
     own = np.array([i for i in free if i in OWN])
     shared = np.array([i for i in free if i not in OWN])
     nearest = [
-        _nearest(problem, common, start[:, own], own)
+        _nearest(problem, common + _apart(problem, first), start[:, own], own)
         for problem, start in zip(problems, starts, strict=True)
     ]
     parameters = np.array([start for start in nearest if start is not None])
@@ -92,6 +94,11 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
             if damping > _MAX_DAMPING:
                 break
     return JointFit(at.parameters, shared, _covariance(at), at.objective, converged)
+
+
+def _apart(problem: RodProblem, first: RodProblem) -> Floats:
+    """Return by how much what is shared (c,) differs from that of the first frame."""
+    return problem.mean[: problem.common] - first.mean[: first.common]
 
 
 def _nearest(problem: RodProblem, common: Floats, starts: Floats, own: Floats) -> Floats | None:

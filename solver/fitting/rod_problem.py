@@ -167,6 +167,7 @@ def _prior(measurement: Measurement, shared: int, reflection: float) -> tuple[Fl
         if reflection > _LEAST_REFLECTION:
             rest = replace(rest, covariance=rest.covariance * (1 + reflection**2))
         _add_rest(mean, covariance, line, bow, rest, measurement.rig.beam.length, len(shape.bow))
+        mean[bow] += rest.by_weight / measurement.rig.beam.length
     return mean, covariance
 
 

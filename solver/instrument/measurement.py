@@ -35,7 +35,8 @@ class RestBow:
     """The bow of the beam at rest, which was removed from the points of a view.
 
     `coefficients` (3,) [m] are those of x^2, x^3, x^4, x over the beam's length, in the frame of
-    the beam at rest. `covariance` (5, 5) is that of the line at rest with them: its y at the clamp
+    the beam at rest; `by_weight` (3,) [m] are their change since then by the beam's own weight.
+    `covariance` (5, 5) is that of the line at rest with them: its y at the clamp
     [m] and slope, coefficients [m]; of the former two the measurement's `base_covariance` contains
     `line_covariance` (2, 2), for the straight line through the whole curve. `removed` (n, 2) [m]
     was subtracted from the points: a bow moves each point along its normal, to first order.
@@ -50,10 +51,11 @@ class RestBow:
     removed: Floats
     scale_sigma: float
     errors: int
+    by_weight: Floats = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        coefficients = frozen_floats("bow", self.coefficients, (3,))
-        object.__setattr__(self, "coefficients", coefficients)
+        for name in ("coefficients", "by_weight"):
+            object.__setattr__(self, name, frozen_floats(name, getattr(self, name), (3,)))
         for name, size in (("covariance", 5), ("line_covariance", 2)):
             matrix = frozen_floats(name, getattr(self, name), (size, size))
             object.__setattr__(self, name, matrix)

@@ -5,9 +5,11 @@ the keys; all values in memory are in SI units.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from solver.instrument.arrays import Floats, frozen_floats
 from solver.instrument.beam import Beam
@@ -90,7 +92,9 @@ class Rig:
     coefficients of the lens (0, 5 or 8). `camera_mount` is "antenna" if the camera moves with the
     antenna, "world" if it is fixed; then Sigma_a is that of the rest images. `known_psi` [rad] is
     the inclination of the only plane in which a flat strip bends; None for a round beam. `sag` [m]
-    is the distance of the tip at rest below plane C due to the beam's weight. `light_slope`
+    is the distance of the tip at rest below plane C due to the beam's weight; `sag_in_plane` (2,)
+    [m] is that within plane C, as a vector in Sigma_o along the weight, were it across the beam.
+    `light_slope`
     is the tangent of the angle, along the beam, between the directions from it to the light and to
     the camera, at the beam's middle, positive where the light comes from the tip's side: 0 for a
     ring about the lens. `light_distance` [m] is the distance of a small lamp from plane C whose
@@ -114,6 +118,7 @@ class Rig:
     sensors: Sensors = Sensors()
     distortion_coefficients: int = 0
     sag: float = 0.0
+    sag_in_plane: Floats = field(default_factory=lambda: np.zeros(2))
     light_slope: float = 0.0
     light_slope_sigma: float = ANY_LIGHT
     light_distance: float | None = None
@@ -132,7 +137,9 @@ class Rig:
     def __post_init__(self) -> None:
         base = frozen_floats("base_position", self.base_position, (3,))
         pose = frozen_floats("antenna_from_board", self.antenna_from_board, (4, 4))
+        sag_in_plane = frozen_floats("sag_in_plane", self.sag_in_plane, (2,))
         object.__setattr__(self, "base_position", base)
+        object.__setattr__(self, "sag_in_plane", sag_in_plane)
         object.__setattr__(self, "antenna_from_board", pose)
 
 
@@ -184,6 +191,8 @@ def rig_to_json(rig: Rig) -> str:
         document.setdefault("light", {})["across"] = rig.light_across
     if rig.sag:
         document["beam"]["sag_mm"] = rig.sag / mm
+    if rig.sag_in_plane.any():
+        document["beam"]["sag_in_plane_mm"] = [v / mm for v in rig.sag_in_plane]
     if rig.known_psi is not None:
         document["beam"]["known_psi_deg"] = rig.known_psi / DEGREE
     if rig.sensors.moment_y is not None:
@@ -276,6 +285,9 @@ def read_rig(path: Path) -> Rig:
         sag=key.number("beam.sag_mm", -length_mm, length_mm) * mm
         if key.has("beam.sag_mm")
         else 0.0,
+        sag_in_plane=key.pair("beam.sag_in_plane_mm", -length_mm, length_mm) * mm
+        if key.has("beam.sag_in_plane_mm")
+        else np.zeros(2),
         light_slope=key.number("light.slope", -MAX_LIGHT_SLOPE, MAX_LIGHT_SLOPE)
         if key.has("light.slope")
         else 0.0,

@@ -238,6 +238,9 @@ def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:
     indices = [size + SOFTNESS, size + DX, size + PSI, *range(WIDTHS, size)]
     values, side = fit.frames[0, indices], frames[0].measurement.handedness
     values[SKEW] -= side * (frames[0].measurement.rig.known_psi or 0.0)
+    rest, length = frames[0].measurement.rest_bow, frames[0].measurement.rig.beam.length
+    if rest is not None:
+        values[FIRST_WIDTH + len(prior.widths) :] -= rest.by_weight / length
     covariance = np.zeros((len(indices), len(indices)))
     column = {int(parameter): i for i, parameter in enumerate(fit.shared)}
     # The clamp's position has errors of its own, which are not learned.

@@ -162,6 +162,9 @@ RIG: Final = {
     "beam.flexural_rigidity_sigma_n_mm2": Column(f"{_SIGMA} of EI"),
     "beam.deflects_towards": Column("side of y to which contact bends the beam: 1 or -1", SIGMA_A),
     "beam.sag_mm": Column("distance of the tip at rest below plane C", SIGMA_A, "it is 0 (absent)"),
+    "beam.sag_in_plane_mm": Column(
+        "the same within plane C, along the weight (x, y)", "Sigma_o", "it is 0 (absent)"
+    ),
     "beam.known_psi_deg": Column("inclination of the only plane of bending", SIGMA_A, _STRIP),
     "base.position_mm": Column("nominal position of the clamp (x, y, z)", SIGMA_A),
     "base.position_sigma_mm": Column(f"{_SIGMA} of each coordinate", SIGMA_A),

@@ -53,6 +53,7 @@ def nominal_rig(scene: Scene) -> Rig:
     rigidity = circular_rigidity(modulus, diameter) * beam.aspect_ratio
     if beam.section == "strip":
         rigidity = modulus * beam.aspect_ratio * diameter**4 / 12
+    sag = _sag(scene, rigidity)
     return Rig(
         beam=Beam(beam.length_mm * MILLIMETRE, diameter, rigidity),
         base_position=np.zeros(3),
@@ -78,7 +79,8 @@ def nominal_rig(scene: Scene) -> Rig:
             base_moment=None if force is None else force.moment_sigma_n_mm * MILLIMETRE,
         ),
         distortion_coefficients=len(scene.camera.distortion),
-        sag=_sag(scene, rigidity),
+        sag=-float(sag[2]),
+        sag_in_plane=sag[:2],
         light_slope=light.slope,
         light_slope_sigma=light.sigma,
         light_distance=light.distance_mm * MILLIMETRE,
@@ -122,12 +124,12 @@ def true_gravity(scene: Scene) -> tuple[float, float, float]:
     return (cos * x - sin * y, sin * x + cos * y, z)
 
 
-def _sag(scene: Scene, rigidity: float) -> float:
-    """Compute the tip's sag [m] below plane C under the nominal weight, by linear theory."""
+def _sag(scene: Scene, rigidity: float) -> Floats:
+    """Compute the tip's sag (3,) [m] under the nominal weight, were it across, by linear theory."""
     beam, diameter = scene.beam, scene.beam.diameter_mm * MILLIMETRE
     area = diameter**2 * beam.aspect_ratio * (1.0 if beam.section == "strip" else math.pi / 4)
-    weight = -scene.gravity_m_s2[2] * beam.density_kg_m3 * area
-    return weight * (beam.length_mm * MILLIMETRE) ** 4 / (8 * rigidity)
+    weight = np.array(scene.gravity_m_s2) * beam.density_kg_m3 * area
+    return np.asarray(weight * (beam.length_mm * MILLIMETRE) ** 4 / (8 * rigidity))
 
 
 def _board(target: CalibrationSpec) -> Board:

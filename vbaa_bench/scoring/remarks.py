@@ -31,6 +31,9 @@ def remarks(scene: dict[str, Any]) -> list[str]:
         "states it as sag_mm; a method that neglects it has errors in all lengths.": (
             scene["gravity_m_s2"][2] != 0
         ),
+        "The beam's own weight bends it in the plane of the pushes, otherwise at every motor "
+        "angle. rig.json states it as sag_in_plane_mm; with the line at rest and the motor angle, "
+        "the change of the bow follows.": any(scene["gravity_m_s2"][:2]),
         "The load hangs: its direction is fixed in the world, and it has a component along the "
         "beam. A method that assumes a force normal to the beam has errors that grow with the "
         "beam's slope.": hangs,

@@ -234,6 +234,7 @@ def test_any_rig_is_read_or_refused(tmp_path: Path) -> None:
                 rig(encoder=1e-3),
                 known_psi=0.1,
                 sag=1e-4,
+                sag_in_plane=np.array([0.0, 1e-4]),
                 sensors=Sensors(1e-4, 1e-3, 1e-4),
                 bits=12,
                 channel="r",

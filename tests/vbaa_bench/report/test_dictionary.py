@@ -115,6 +115,7 @@ def test_every_key_of_a_rig_is_described(dataset: Path) -> None:
     full = dataclasses.replace(
         rig,
         sag=1e-3,
+        sag_in_plane=np.array([0.0, 1e-3]),
         known_psi=0.1,
         bits=12,
         channel="r",

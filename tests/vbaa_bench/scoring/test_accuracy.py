@@ -221,6 +221,7 @@ def test_what_is_not_scored_or_was_scored_long_ago_is_refused(scored: Path, tmp_
         ("hard/stretch.yaml", "stretches"),
         ("hard/bow.yaml", "bow"),
         ("hard/gravity.yaml", "sag"),
+        ("hard/own_weight.yaml", "motor angle"),
         ("hard/friction.yaml", "friction"),
         ("hard/moving_object.yaml", "moves by itself"),
         ("hard/two_pegs.yaml", "second peg"),

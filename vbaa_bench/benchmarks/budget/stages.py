@@ -89,7 +89,7 @@ def stages_of(antenna: Antenna, world: TrueWorld) -> list[Stage]:
     )
     placed = _rested(placed, world.camera, world.rest_line)
     beam = replace(placed, rig=replace(placed.rig, beam=world.rig.beam))
-    own = replace(beam, rig=replace(beam.rig, sag=0.0))
+    own = replace(beam, rig=replace(beam.rig, sag=0.0, sag_in_plane=np.zeros(2)))
     own = _rested(own, world.camera, world.straight_line)
     return [
         Stage(Cause.CENTRELINE, Source.MEASURED, antenna),
