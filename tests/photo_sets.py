@@ -48,8 +48,10 @@ class TrueBeam:
     def rigidity_at(self, s: float) -> float:
         """Compute EI [N m^2]."""
         t = s / self.length
-        terms = [np.polynomial.legendre.legval(2 * t - 1, np.eye(6)[k]) for k in range(6)]
-        return self.rigidity * float(1 + t * sum(map(float.__mul__, self.widths, terms))) ** 4
+        if not self.widths:
+            return self.rigidity
+        series = np.polynomial.legendre.legval(2 * t - 1, self.widths)
+        return self.rigidity * float(1 + t * series) ** 4
 
 
 @dataclass(frozen=True)

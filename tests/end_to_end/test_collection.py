@@ -15,8 +15,10 @@ from vbaa_bench.api.verification import verify
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.collection import generate_collection
 from vbaa_bench.generation.generate import Part, generate
+from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.scene.load import load_scene
 
 SCENE = """\
@@ -55,11 +57,14 @@ def scene(folder: Path, rigs: int, repeats: int = 3) -> Path:
     return path
 
 
-def test_rigs_do_not_depend_on_workers_order_count_or_part(tmp_path: Path, variant: str) -> None:
+def test_rigs_do_not_depend_on_workers_order_count_or_part(
+    tmp_path: Path, variant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     one, two = scene(tmp_path, 1), scene(tmp_path, 2)
     together, apart = tmp_path / "together", [tmp_path / f"part {n}" for n in (1, 2)]
     generate_rigs(two, together, workers=2, variant=variant)
-    # The others are generated in this process, whose start takes longer than a rig.
+    # The others are generated in this process: the start of another takes longer than a rig.
+    monkeypatch.setattr(generating, "Pool", SameProcess)
     for number, folder in enumerate(apart):
         generate_collection(load_scene(two), folder, variant, 0, quiet, range(2)[number::2])
     merge(apart, tmp_path / "merged")

@@ -44,7 +44,10 @@ def finished(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene.write_text(SMALL_SCENE, encoding="utf-8")
     methods = [word for name in sorted(SOLVED) for word in ("--method", name)]
     words = ["run", str(scene), "--out", str(root), "--repeats", "1", *methods]
-    done = CliRunner().invoke(cli.app, words)
+    with pytest.MonkeyPatch.context() as patch:
+        # The limits come from this process: the start of others takes longer. See test_of_dataset.
+        patch.setattr(of_dataset, "Pool", SameProcess)
+        done = CliRunner().invoke(cli.app, words)
     assert done.exit_code == 0, done.output
     assert "exact_fit" in done.stdout
     assert f"report: {root / 'report' / 'report.html'}" in done.stdout

@@ -68,7 +68,10 @@ NO_BEAM = {
 @pytest.mark.parametrize("points", NO_BEAM.values(), ids=NO_BEAM.keys())
 @pytest.mark.parametrize("name", VISUAL)
 def test_points_of_no_pushed_beam_give_a_sentence(name: str, points: Floats) -> None:
-    for measurement in (with_points(FLAT, points), replace(with_points(FLAT, points), earlier=())):
+    alone = replace(with_points(FLAT, points), earlier=())
+    # Only these use the frames before.
+    with_history = name.startswith("push_fit") or name == "stiffness"
+    for measurement in (with_points(FLAT, points), alone)[1 - with_history :]:
         found = sound(name, measurement)
         assert not found.values, found
         assert found.message or found.outcome.sentence

@@ -179,7 +179,7 @@ def test_its_covariance_is_honest(ratio: float) -> None:
     random = np.random.default_rng(5)
     names = ("x_c_m", "force_n", "compliance_m_per_n", "onset_angle_rad")
     squares, compliances, inside = [], [], []
-    trials = 60
+    trials = 40
     for _ in range(trials):
         measurement, state = measured_push(still(distance, own / ratio), random)
         answer = push_fit(measurement)
@@ -198,9 +198,9 @@ def test_its_covariance_is_honest(ratio: float) -> None:
         squares.append(error @ np.linalg.solve(answer.covariance[np.ix_(rows, rows)], error))
         compliances.append(error[2])
         inside.append(abs(error[2]) < 1.96 * answer.sigma("compliance_m_per_n"))
-    # chi^2 of four degrees of freedom, 60 trials: 4 +- 0.37.
+    # chi^2 of four degrees of freedom, 40 trials: 4 +- 0.45.
     assert 2.9 < np.mean(squares) < 5.2
-    assert np.mean(inside) > 0.86  # 0.95 +- 0.03
+    assert np.mean(inside) > 0.86  # 0.95 +- 0.034
     rmse = float(np.sqrt(np.mean(np.square(compliances))))
     # A hundredth of the spring; of a rigid object what the encoder leaves, 0.094 % of the beam's.
     assert rmse < (0.005 if ratio == 1.0 else 0.0014) * own
@@ -436,7 +436,7 @@ def test_its_sigmas_are_honest_whether_the_object_drags_or_not(friction: float) 
     random = np.random.default_rng(17)
     names = ("x_c_m", "force_n", "compliance_m_per_n", "friction")
     errors = []
-    for _ in range(40):
+    for _ in range(24):
         measurement, state = measured_push(
             still(0.12, 0.0), random, friction=friction, angles_deg=THERE_AND_BACK_DEG
         )
@@ -452,7 +452,7 @@ def test_its_sigmas_are_honest_whether_the_object_drags_or_not(friction: float) 
         )
         assert answer.sigma("friction") < 0.025
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
-    assert (rms > 0.65).all()  # 1 +- 0.11
+    assert (rms > 0.65).all()  # 1 +- 0.14
     assert (rms < 1.4).all()
 
 
@@ -569,7 +569,7 @@ def test_the_tension_of_a_single_object_is_chance(friction: float) -> None:
     random = np.random.default_rng(24)
     angles = THERE_AND_BACK_DEG if friction else THERE_AND_BACK_DEG[:4]
     tensions, equations = [], 0
-    for _ in range(40):
+    for _ in range(24):
         last, _ = measured_push(still(0.12, 0.0), random, friction=friction, angles_deg=angles)
         push_frames = (*last.earlier, last)
         frames = tuple(PushFrame(one.motor_angle or 0.0) for one in push_frames)

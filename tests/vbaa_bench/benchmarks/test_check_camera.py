@@ -22,19 +22,19 @@ render: {{noise_elsewhere: {noise}}}
 pushes: {{contact_distance_mm: [100], deflection_pct: [10]}}
 """
 # Distortion, calibration target, and the noise target, of which board views have twice: more noise
-# than in a dataset, and fewer views, so that a target takes a few seconds. Errors are up to 0.9 of
+# than in a dataset, and fewer views, so that a target takes a few seconds. Errors are up to 0.8 of
 # their limits.
 TARGETS = {
     "chessboard": ("[]", "views: 4, columns: 18, rows: 9, square_mm: 13", 1),
     "charuco": (
         "[-0.25, 0.1, 0.001, -0.0007, -0.02]",
-        "views: 6, target: charuco, columns: 17, rows: 9, square_mm: 14",
+        "views: 4, target: charuco, columns: 17, rows: 9, square_mm: 14",
         0.75,
     ),
     "lines": (
         "[0.1, 0.02, -0.001, 0.0008, 0.005, 0.28, 0.03, 0.01]",
         "views: 4, target: lines, columns: 18, rows: 10, square_mm: 12, line_width_mm: 1.2",
-        0.5,
+        1,
     ),
 }
 

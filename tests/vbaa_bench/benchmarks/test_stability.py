@@ -33,7 +33,10 @@ LENGTH = BEAM.length
 
 @pytest.fixture(scope="module")
 def record() -> stability.Record:
-    return measure(contacts=(0.5,))
+    # A method is repeated for every stretch: 20 of them have the same amplification to 1.5 %.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stability, "STRETCHES", 20)
+        return measure(contacts=(0.5,))
 
 
 def by_row(row: int) -> Callable[[Measurement], Estimate]:

@@ -16,7 +16,7 @@ from vbaa_bench.scene.load import load_scene
 
 KNOCKED = """
 background: {pattern: squares, reflectance: 0.4, square_turn_deg: 30}
-render: {noise_near_beam: 1, noise_elsewhere: 1, noise_static_layer: 0.5}
+render: {noise_near_beam: 3, noise_elsewhere: 3, noise_static_layer: 2}
 """
 EXTRA = """
 clutter: {count: 30, size_mm: [6, 30], top_mm: -9}

@@ -31,7 +31,7 @@ object: {kind: block, side_mm: 20, top_mm: 6}
 pushes: {contact_distance_mm: [60], deflection_pct: [10]}
 """
 NOISE = NoiseTarget(lambda radiance: np.asarray(0.008 * radiance + 0.0004), 4, 0.8, 0.8, 0.1)
-IMAGES = 12
+IMAGES = 8
 
 
 class Seen(NamedTuple):

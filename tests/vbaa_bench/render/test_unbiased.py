@@ -47,8 +47,8 @@ occlusion: {kind: [sheet], place: [contact], availability: [0.97]}
 pushes: {contact_distance_mm: [30], deflection_pct: [10]}
 """
 # At the beam's edge images and references contribute equally to the uncertainty of the ratio of
-# means, 0.1 %.
-IMAGES, REFERENCES, SAMPLES = 40, 32, 144
+# means, 0.12 %.
+IMAGES, REFERENCES, SAMPLES = 28, 22, 144
 # The chance that any region of an unbiased renderer is taken for biased.
 FALSE_ALARM = 1e-3
 # The render's noise over the sensor's: so much that a pixel gets a few samples.
