@@ -81,15 +81,24 @@ class Antenna:
         return covariance
 
     @cached_property
-    def camera_shift(self) -> Floats:
-        """Covariance (2, 2) [m^2] of the camera's undetected shift since rest."""
-        return np.asarray(np.eye(2) * (self.rig.tolerances.camera_shift_px * self.pixel) ** 2)
+    def by_pixel(self) -> Floats:
+        """Derivatives (2, 2) [m/px] of a place on C by its pixel's u and v, at the beam's middle.
+
+        The place is in the frame of the beam at rest, as a row for each of u and v.
+        """
+        pixel = self.calibration.camera.project(self._middle)
+        _, by_pixel = on_plane(self.calibration.camera, np.vstack([pixel, pixel]), np.eye(2))
+        return by_pixel @ self.antenna_from_beam[:2, :2]
 
     @cached_property
     def pixel(self) -> float:
         """Size [m] of a pixel at the middle of the beam at rest."""
-        middle = np.array([self.rig.beam.length / 2, 0.0, 0.0]) + self.rig.base_position
-        return float(1 / self.calibration.camera.pixels_per_metre(middle[None])[0])
+        return float(1 / self.calibration.camera.pixels_per_metre(self._middle)[0])
+
+    @property
+    def _middle(self) -> Floats:
+        """The middle (1, 3) [m] of the beam at rest."""
+        return (np.array([self.rig.beam.length / 2, 0.0, 0.0]) + self.rig.base_position)[None]
 
     def tip_in_beam_frame(self, pixel: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Locate a tip detected at `pixel` (2,), with `covariance` (2, 2) [px^2], on plane C.
@@ -129,7 +138,8 @@ class Antenna:
         tip = self.tip_at_rest
         if tip is None:
             return None
-        variance = tip.covariance[0, 0] + self.base_covariance[0, 0] + self.camera_shift[0, 0]
+        shift = self.rig.tolerances.camera_shift_px * self.pixel
+        variance = tip.covariance[0, 0] + self.base_covariance[0, 0] + shift**2
         return math.sqrt(variance) / self.rig.beam.length
 
     @cached_property

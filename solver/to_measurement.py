@@ -36,7 +36,8 @@ def to_measurement(
     removed stretch are left out.
     """
     camera, rig, rest = antenna.calibration.camera, antenna.rig, antenna.rest
-    points, sigmas = on_plane(camera, line.points, line.directions * line.sigma[:, None])
+    points = line.points - line.shift
+    points, sigmas = on_plane(camera, points, line.directions * line.sigma[:, None])
     points = correct_for_sag(points, camera.viewpoint, rig)
     if readings.removed is not None:
         low, high = readings.removed
@@ -60,7 +61,7 @@ def to_measurement(
         shared = errors / across[:, None]
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
     bow_error = _bow_error(points, rest)
-    image_shift = antenna.camera_shift.copy()
+    image_shift = antenna.by_pixel.T @ line.shift_covariance @ antenna.by_pixel
     # The error that all points share.
     image_shift[1, 1] += (line.common_sigma * antenna.pixel) ** 2
     base_covariance = antenna.base_covariance.copy()
@@ -131,7 +132,7 @@ def _tip(antenna: Antenna, line: Centreline, points: Floats) -> Tip | None:
     """
     if line.tip is None or line.tip_covariance is None:
         return None
-    tip, covariance = antenna.tip_in_beam_frame(line.tip, line.tip_covariance)
+    tip, covariance = antenna.tip_in_beam_frame(line.tip - line.shift, line.tip_covariance)
     at_rest = antenna.tip_at_rest
     if len(points):
         # Points come in order from the clamp to the tip.

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solver.antenna import Antenna
+from solver.at_rest.image_shift import image_shift
 from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
@@ -124,7 +125,12 @@ def extract_centreline(antenna: Antenna, image: Grey) -> Centreline:
             f"the image has {image.shape[1]} x {image.shape[0]} px, "
             f"the calibration {camera.width} x {camera.height}"
         )
-    return antenna.extract(_plain(antenna.scale(image)))
+    scaled = _plain(antenna.scale(image))
+    line, sigma = antenna.extract(scaled), antenna.rig.tolerances.camera_shift_px
+    if not sigma:
+        return line
+    shift = image_shift(antenna.at_rest.landmarks.shift_of(scaled), sigma)
+    return replace(line, shift=shift.shift, shift_covariance=shift.covariance)
 
 
 def _plain(image: Grey) -> Grey:

@@ -3,7 +3,9 @@
 The clamp's edge, a fixed mark and the texture of the ground keep their place in the image unless
 the camera moves. The strongest gradients of the rest images outside the beam are kept as landmarks.
 The shift of an image against them is estimated by robust least squares on gray values (Lucas and
-Kanade 1981; Tukey's biweight), together with a gain of the light.
+Kanade 1981; Tukey's biweight), together with a gain of the light. Both images are smoothed by the
+cubic B-spline that interpolates between pixels (Unser 1999): an edge that is sharper than a pixel
+changes by jumps as it moves, and its pixels would be rejected as outliers.
 """
 
 import math
@@ -30,8 +32,11 @@ MAX_LANDMARKS = 1000
 MIN_LANDMARKS = 30
 # Least sigma [gray levels] in processed images, whose errors are shared within a block; chosen.
 PROCESSED_ERROR = 1.0
-# Blur [px] of the image before its gradients are computed, to reduce their noise; chosen.
-BLUR_PX = 0.7
+# Cubic B-spline at whole pixels, and its derivative between them.
+SMOOTH = np.array([1, 4, 1]) / 6
+ALONG = np.array([-1, 0, 1]) / 2
+# Variance of the smoothed gradient of white noise. Derived: the sum of the squares of its weights.
+NOISE_GAIN = float((SMOOTH**2).sum() * (ALONG**2).sum())
 # Largest shift searched [px], and the margin at the image's border that such a shift may push out
 # of it.
 FARTHEST = 6
@@ -175,7 +180,10 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     `width` [px] about it is left out.
     """
     mean = np.mean([np.asarray(image, np.float64) for image in images], axis=0)
-    along_v, along_u = np.gradient(cv2.GaussianBlur(mean, (0, 0), BLUR_PX))
+    smooth, along_u, along_v = (
+        np.asarray(cv2.sepFilter2D(mean, cv2.CV_64F, *kernels), np.float64)
+        for kernels in ((SMOOTH, SMOOTH), (ALONG, SMOOTH), (SMOOTH, ALONG))
+    )
     # The mean of the rest images has noise, too.
     sigma = np.sqrt(noise.variance(mean) * (1 + 1 / len(images)))
     processed = noise.processed(images[0])
@@ -193,20 +201,13 @@ def learn_landmarks(images: Sequence[Grey], beam: Floats, width: float, noise: N
     pixels = Pixels(
         rows,
         columns,
-        mean.ravel()[selected],
+        smooth.ravel()[selected],
         along_u.ravel()[selected],
         along_v.ravel()[selected],
         sigma.ravel()[selected],
     )
     grid = np.maximum(mean[::GRID, ::GRID], DARKEST)
-    return Landmarks(pixels, processed, _noise_gain() / (len(images) + 1), grid)
-
-
-def _noise_gain() -> float:
-    """Compute the variance of the gradient of blurred white noise of unit variance."""
-    point = np.zeros((15, 15))
-    point[7, 7] = 1.0
-    return float(np.sum(np.gradient(cv2.GaussianBlur(point, (0, 0), BLUR_PX))[0] ** 2))
+    return Landmarks(pixels, processed, NOISE_GAIN / (len(images) + 1), grid)
 
 
 @njit
@@ -231,11 +232,11 @@ def _shift(image: Grey, pixels: Pixels) -> _Match:
 
 @njit
 def _cubic(t: float, weight: Floats) -> None:
-    """Compute weights (4,) to interpolate at t in 0 to 1 between the middle two (Keys 1981)."""
-    weight[0] = ((2 - t) * t - 1) * t / 2
-    weight[1] = ((3 * t - 5) * t * t + 2) / 2
-    weight[2] = ((4 - 3 * t) * t + 1) * t / 2
-    weight[3] = (t - 1) * t * t / 2
+    """Compute weights (4,) of the cubic B-spline at t in 0 to 1 between the middle two."""
+    r = 1 - t
+    weight[0], weight[3] = r * r * r / 6, t * t * t / 6
+    weight[1] = 2 / 3 - t * t * (1 - t / 2)
+    weight[2] = 2 / 3 - r * r * (1 - r / 2)
 
 
 @njit

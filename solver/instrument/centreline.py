@@ -27,8 +27,10 @@ class Centreline:
     `rejected` (m, 2) [px] are expected positions of the beam without a measured point, `flags` (m,)
     the reasons. `tip` (2,) [px] is the image of the beam's free end, `tip_covariance` (2, 2) [px^2]
     its covariance; both are None if the tip is not visible. `common_sigma` [px] is the standard
-    deviation of the error, along the directions, that all points share. `remark` describes how the
-    image differs from the rest images; it is "" if it does not differ.
+    deviation of the error, along the directions, that all points share. `shift` (2,) [px] is that
+    of the whole image since the rest images, with the covariance `shift_covariance` (2, 2) [px^2];
+    the points contain it. `remark` describes how the image differs from the rest images; it is ""
+    if it does not differ.
     """
 
     points: Floats
@@ -39,6 +41,8 @@ class Centreline:
     tip: Floats | None = None
     tip_covariance: Floats | None = None
     common_sigma: float = 0.0
+    shift: Floats = field(default_factory=lambda: np.zeros(2))
+    shift_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
     remark: str = ""
 
     def __post_init__(self) -> None:

@@ -192,6 +192,22 @@ def test_a_frame_of_a_knocked_camera_has_no_values() -> None:
     assert tracker.solve(still).estimate.outcome is Outcome.NO_CONTACT
     estimate = tracker.solve(knocked).estimate
     assert estimate.outcome is Outcome.CAMERA_MOVED
-    assert "has shifted by 0.49 px along its rows" in estimate.message
+    assert "has shifted by 0.50 px along its rows" in estimate.message
     assert not estimate.values
     assert tracker.solve(still).estimate.outcome is Outcome.NO_CONTACT
+
+
+def test_a_shift_that_the_rig_allows_is_measured_and_removed() -> None:
+    lab = antenna([image(scene(0.0, 0.0), seed) for seed in (1, 2)])
+    tolerances = replace(lab.rig.tolerances, camera_shift_px=0.5)
+    shaky = replace(lab, rig=replace(lab.rig, tolerances=tolerances))
+    still, knocked = (image(scene(du, 0.15), 3) for du in (0.0, 0.5))
+    line = extract_centreline(shaky, knocked)
+    assert line.shift == pytest.approx([0.5, 0.0], abs=0.03)
+    assert line.points[:, 0].min() == extract_centreline(lab, knocked).points[:, 0].min()
+    place = to_measurement(lab, extract_centreline(lab, still)).points
+    removed = to_measurement(shaky, line).points
+    contained = to_measurement(lab, extract_centreline(lab, knocked)).points
+    # The beam is inclined against the image's rows, along which the camera was knocked.
+    assert np.median(np.abs(distances(removed, place))) < 0.02 * lab.pixel
+    assert np.median(np.abs(distances(contained, place))) > 0.05 * lab.pixel

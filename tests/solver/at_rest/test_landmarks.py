@@ -76,6 +76,25 @@ def test_a_shift_is_found_within_its_sigma(du: float, dv: float) -> None:
     assert shift.exceeds(0.0)
 
 
+@pytest.mark.parametrize(("du", "dv"), [(0.3, -0.25), (-0.4, 0.1)])
+def test_edges_sharper_than_a_pixel_show_a_shift(du: float, dv: float) -> None:
+    """A hub on a plain ground through a perfect lens, as the mean of each pixel."""
+
+    def light(du: float, dv: float) -> Floats:
+        fine = 8
+        v, u = (np.mgrid[: HEIGHT * fine, : WIDTH * fine] + 0.5) / fine - 0.5
+        hub = np.hypot(u - du - 35, v - dv - 50) < 12
+        parts = np.where(hub, 0.9, 0.08).reshape(HEIGHT, fine, WIDTH, fine)
+        return np.asarray(parts.mean(axis=(1, 3)))
+
+    rests = [image(light(0.0, 0.0), seed) for seed in range(4)]
+    found = learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests)).shift_of(
+        image(light(du, dv), 9)
+    )
+    assert found is not None
+    assert (found.du, found.dv) == pytest.approx((du, dv), abs=0.03)
+
+
 def test_the_covariance_is_honest_and_noise_is_no_motion() -> None:
     """Over the noise of the rest images and of the image alike."""
     light, still, errors, exceeding = scene(), scene(0.3, -0.2), [], 0

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.at_rest.landmarks import Pixels
 from solver.instrument.observation import Observations
 from solver.instrument.rig import Rig, read_rig, rig_to_json
 from solver.instrument.transforms import rigid
@@ -66,10 +67,19 @@ def test_a_usual_shift_of_the_camera_is_part_of_the_clamp_s_error(
     rig = read_rig(path)
     assert rig.tolerances.camera_shift_px == 0.2
     antenna = set_up(observations)
-    line = extract_centreline(antenna, next(observations.read_rest_images()))
-    still, moving = to_measurement(antenna, line), to_measurement(replace(antenna, rig=rig), line)
+    # An image without landmarks does not show its shift.
+    landmarks = antenna.at_rest.landmarks
+    none = replace(landmarks, pixels=Pixels._make(column[:0] for column in landmarks.pixels))
+    blind = replace(antenna, at_rest=replace(antenna.at_rest, landmarks=none))
+    still, moving, seen = (
+        to_measurement(one, extract_centreline(one, next(observations.read_rest_images())))
+        for one in (blind, replace(blind, rig=rig), replace(antenna, rig=rig))
+    )
     variance = (0.2 * antenna.pixel) ** 2
     added = moving.base_covariance - still.base_covariance
     assert np.diag(added) == pytest.approx([variance, variance, 0], rel=1e-6)
     # The shift is the image's: the clamp has not moved.
     assert moving.image_shift - still.image_shift == pytest.approx(added[:2, :2], rel=1e-6)
+    # Landmarks show it.
+    known = seen.image_shift - still.image_shift
+    assert np.linalg.eigvalsh(known)[-1] < variance / 8
