@@ -15,7 +15,7 @@ from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.measurement import Measurement, RestBow, Tip, View
 from solver.instrument.rig import Rig
 from solver.instrument.transforms import turn_about_z
-from solver.planes.own_weight import bow_by_own_weight
+from solver.planes.own_weight import OwnWeight, bow_by_own_weight
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag
 from solver.shading import axis_sigma, shading_of
@@ -45,10 +45,11 @@ def to_measurement(
         points, sigmas = points[outside], sigmas[outside]
     course = course_of(points, rest, rig)
     motor_angle = None if antenna.in_world else readings.motor_angle
-    by_weight = np.zeros(3)
+    weight = OwnWeight(np.zeros(3), np.zeros(len(points)))
     if course is not None and rig.sag_in_plane.any():
-        by_weight = _by_own_weight(antenna, points, course.turn, motor_angle)
-        rest = replace(rest, bow=rest.bow + by_weight)
+        weight = _by_own_weight(antenna, points, course.turn, motor_angle)
+        rest = replace(rest, bow=rest.bow + weight.bow)
+        points = points - weight.remainder[:, None] * course.normals
         course = course_of(points, rest, rig)
     shared, removed = np.empty((len(points), 0)), np.zeros_like(points)
     if course is not None:
@@ -90,8 +91,8 @@ def to_measurement(
         axis_sigma=axis_sigma(antenna),
         rest_bow=RestBow(
             coefficients=antenna.rest.bow * axes[1, 1],
-            by_weight=by_weight * axes[1, 1],
-            covariance=rest.covariance + _weight_covariance(by_weight, rig),
+            by_weight=weight.bow * axes[1, 1],
+            covariance=rest.covariance + _weight_covariance(weight.bow, rig),
             line_covariance=rest.line_covariance,
             removed=removed @ axes,
             scale_sigma=bow_error,
@@ -102,8 +103,8 @@ def to_measurement(
 
 def _by_own_weight(
     antenna: Antenna, points: Floats, turn: Floats, motor_angle: float | None
-) -> Floats:
-    """Compute the change (3,) [m] of the bow since rest by the beam's own weight, in Sigma_a.
+) -> OwnWeight:
+    """Compute the change [m] of the bow since rest by the beam's own weight, in Sigma_a.
 
     Without a motor angle the camera is fixed in the world, and Sigma_a is Sigma_o.
     """
@@ -113,7 +114,8 @@ def _by_own_weight(
     places = (points - rig.base_position[:2] - [0.0, rest.y_at_clamp]) @ along.T / rest.length
     sag = along @ rig.sag_in_plane / rest.length
     now = turn_about_z(-(motor_angle or 0.0))[:2, :2] @ sag
-    return rest.length * bow_by_own_weight(places[:, 0], turn, rest.bow / rest.length, now, sag)
+    found = bow_by_own_weight(places[:, 0], turn, rest.bow / rest.length, now, sag)
+    return OwnWeight(found.bow * rest.length, found.remainder * rest.length)
 
 
 def _weight_covariance(by_weight: Floats, rig: Rig) -> Floats:

@@ -7,8 +7,8 @@ another curvature by its weight w per metre,
          = (integral from s to L of (L - t) r'(t) dt) x w / EI
 
 (Antman 2005, ch. IV). Less the same at rest, it is that of a bow which a weightless beam of this
-shape would have. The shape r is the one that the image shows, so that only the bow's form, a
-polynomial of degree 4, is an approximation.
+shape would have. The shape r is the one that the image shows. What the form of the bow, a
+polynomial of degree 4, leaves of it is small, and moves the points along their normals.
 """
 
 from typing import Final, NamedTuple
@@ -38,10 +38,17 @@ class Hanging(NamedTuple):
         return np.asarray(8 * (x * self.sag[1] - y * self.sag[0]))
 
 
+class OwnWeight(NamedTuple):
+    """Coefficients (3,) of s^2, s^3, s^4 of a bow, and what it lacks at n points (n,)."""
+
+    bow: Floats
+    remainder: Floats
+
+
 def bow_by_own_weight(
     x: Floats, turn: Floats, bow: Floats, sag: Floats, sag_at_rest: Floats
-) -> Floats:
-    """Compute the coefficients (3,) of s^2, s^3, s^4 by which the bow has changed since rest.
+) -> OwnWeight:
+    """Compute by how much the bow has changed since rest.
 
     All is in the frame of the beam at rest, and over the beam's length. `x` (n,) are points of the
     beam, from the clamp on, and `turn` (n,) [rad] its direction there; `bow` (3,) are the
@@ -53,7 +60,9 @@ def bow_by_own_weight(
     at_rest = Hanging(np.arctan(s * (2 * bow[0] + s * (3 * bow[1] + s * 4 * bow[2]))), sag_at_rest)
     # The bow whose line, not whose curvature, is nearest.
     line = _integral(_integral(now.curvature(s) - at_rest.curvature(s), s), s)
-    return np.asarray(np.linalg.lstsq(np.stack([s**2, s**3, s**4], axis=-1), line)[0])
+    powers = np.stack([s**2, s**3, s**4], axis=-1)
+    coefficients = np.asarray(np.linalg.lstsq(powers, line)[0], np.float64)
+    return OwnWeight(coefficients, np.interp(arc[1:], s, line - powers @ coefficients))
 
 
 def _integral(values: Floats, s: Floats) -> Floats:
