@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 
@@ -39,8 +40,9 @@ def rigidity(
         raise InputError("rigidity needs images: save some with the command snap")
     antenna = set_up(observations)
     # The sag at rest is a load to be fitted, not a bow to be subtracted.
-    at_rest = antenna.at_rest
-    antenna = replace(antenna, at_rest=replace(at_rest, rest=at_rest.rest.without_bow()))
+    at_rest = replace(antenna.at_rest, rest=antenna.at_rest.rest.without_bow())
+    weightless = replace(antenna.rig, sag_in_plane=np.zeros(2))
+    antenna = replace(antenna, at_rest=at_rest, rig=weightless)
 
     def measurement_of(image: Grey) -> Measurement:
         return to_measurement(antenna, extract_centreline(antenna, image))

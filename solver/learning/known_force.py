@@ -18,8 +18,8 @@ def rig_with_force(
 
     `rig` has the learned beam; `measurement` shows it under the force: that of a contact, as of a
     balance, or a hung weight where that is the `method`. The force is estimated with the rig's EI,
-    to which it is proportional. Raises InputError for a force that is not positive, or a
-    measurement in which the method finds none.
+    to which it is proportional. The sag in plane C follows from EI, and changes with it. Raises
+    InputError for a force that is not positive, or a measurement in which the method finds none.
     """
     if not (math.isfinite(force) and force > 0 and math.isfinite(sigma) and sigma >= 0):
         raise InputError(
@@ -37,6 +37,7 @@ def rig_with_force(
     relative = math.hypot(sigma / force, estimate.sigma("force_n") / estimated)
     return replace(
         assumed,
+        sag_in_plane=rig.sag_in_plane * estimated / force,
         beam=Beam(rig.beam.length, rig.beam.diameter, rigidity),
         tolerances=replace(certain, flexural_rigidity=relative * rigidity),
     )

@@ -17,12 +17,13 @@ def test_a_hung_weight_gives_ei() -> None:
     exact, _ = hung(0.75, load, motor_angle=0.05)
     frame = noisy(exact, np.random.default_rng(4))
     wrong = replace(BEAM, flexural_rigidity=1.07 * BEAM.flexural_rigidity)
-    rig = replace(frame.rig, beam=wrong)
+    rig = replace(frame.rig, beam=wrong, sag_in_plane=np.array([0.0, 1e-3]))
     force = load * UNIT
     known = rig_with_force(rig, frame, force, 1e-3 * force, hung_weight)
     sigma = known.tolerances.flexural_rigidity
     assert 1e-3 <= sigma / BEAM.flexural_rigidity < 5e-3
     assert abs(known.beam.flexural_rigidity - BEAM.flexural_rigidity) < 3 * sigma
+    assert known.sag_in_plane == pytest.approx([0.0, 1.07e-3], rel=0.02)
     # A contact's force is across the beam, and a weight's is not.
     with pytest.raises(InputError, match="exact beam with one contact"):
         rig_with_force(rig, frame, force, 1e-3 * force, exact_fit)
