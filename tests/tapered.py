@@ -5,8 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
-from solver.instrument.measurement import Measurement
+from solver.instrument.measurement import Measurement, RestBow, View
 from tests.simulated import BEAM, columns, measurement
 from vbaa_bench.mechanics.loaded import Load, LoadedBeam, loaded
 from vbaa_bench.mechanics.rod import Rod
@@ -38,3 +39,25 @@ def measured(
     points[:, 1] += SIGMA * random.standard_normal(len(points))
     taken = measurement(points, SIGMA, base_sigma=BASE_SIGMA)
     return replace(taken, rig=replace(taken.rig, shape=shape))
+
+
+def bowed(
+    points: Floats, removed: Floats, bow: Floats, by_weight: Floats, shape: BeamShape
+) -> Measurement:
+    """Columns (n, 2) of a beam with a known bow, from which `removed` (n, 2) is subtracted.
+
+    `bow` and `by_weight` (3,) [m] are its coefficients at rest and their change since then.
+    """
+    length, n = BEAM.length, len(points)
+    taken = measurement(points - removed, SIGMA, base_sigma=BASE_SIGMA)
+    rest = RestBow(
+        coefficients=bow,
+        by_weight=by_weight,
+        covariance=np.diag([SIGMA, SIGMA / length, SIGMA, SIGMA, SIGMA]) ** 2 / n,
+        line_covariance=np.diag([SIGMA, SIGMA / length]) ** 2 / n,
+        removed=removed,
+        scale_sigma=0.0,
+        errors=0,
+    )
+    view = View(points - removed, taken.sigma_vectors, taken.view.viewpoint)
+    return replace(taken, view=view, rig=replace(taken.rig, shape=shape), rest_bow=rest)

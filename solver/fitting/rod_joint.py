@@ -97,7 +97,7 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
 
 
 def _apart(problem: RodProblem, first: RodProblem) -> Floats:
-    """Return by how much what is shared (c,) differs from that of the first frame."""
+    """Return the difference (c,) between the priors of a frame and of the first one."""
     return problem.mean[: problem.common] - first.mean[: first.common]
 
 

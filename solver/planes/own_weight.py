@@ -14,6 +14,7 @@ polynomial of degree 4, leaves of it is small, and moves the points along their 
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from solver.instrument.arrays import Floats
 
@@ -33,7 +34,8 @@ class Hanging(NamedTuple):
 
     def curvature(self, s: Floats) -> Floats:
         """Compute the curvature (n,) by the weight, times the length, at places s (n,) over it."""
-        arm = _integral((1 - s) * np.stack([np.cos(self.angle), np.sin(self.angle)]), s)
+        direction = np.stack([np.cos(self.angle), np.sin(self.angle)])
+        arm = cumulative_trapezoid((1 - s) * direction, s, initial=0)
         x, y = arm[:, -1:] - arm
         return np.asarray(8 * (x * self.sag[1] - y * self.sag[0]))
 
@@ -48,24 +50,19 @@ class OwnWeight(NamedTuple):
 def bow_by_own_weight(
     x: Floats, turn: Floats, bow: Floats, sag: Floats, sag_at_rest: Floats
 ) -> OwnWeight:
-    """Compute by how much the bow has changed since rest.
+    """Compute the change of the bow since rest.
 
     All is in the frame of the beam at rest, and over the beam's length. `x` (n,) are points of the
     beam, from the clamp on, and `turn` (n,) [rad] its direction there; `bow` (3,) are the
     coefficients at rest. `sag` and `sag_at_rest` (2,) are those of `Hanging`.
     """
     s = np.linspace(0.0, 1.0, _STEPS + 1)
-    arc = _integral(1 / np.cos(np.append(0.0, turn)), np.append(0.0, x))
+    arc = cumulative_trapezoid(1 / np.cos(np.append(0.0, turn)), np.append(0.0, x), initial=0)
     now = Hanging(np.interp(s, arc, np.append(0.0, turn)), sag)
     at_rest = Hanging(np.arctan(s * (2 * bow[0] + s * (3 * bow[1] + s * 4 * bow[2]))), sag_at_rest)
     # The bow whose line, not whose curvature, is nearest.
-    line = _integral(_integral(now.curvature(s) - at_rest.curvature(s), s), s)
+    slope = cumulative_trapezoid(now.curvature(s) - at_rest.curvature(s), s, initial=0)
+    line = cumulative_trapezoid(slope, s, initial=0)
     powers = np.stack([s**2, s**3, s**4], axis=-1)
     coefficients = np.asarray(np.linalg.lstsq(powers, line)[0], np.float64)
     return OwnWeight(coefficients, np.interp(arc[1:], s, line - powers @ coefficients))
-
-
-def _integral(values: Floats, s: Floats) -> Floats:
-    """Integrate values (..., n) at places s (n,) from the first one (trapezoids)."""
-    steps = (values[..., 1:] + values[..., :-1]) / 2 * np.diff(s)
-    return np.concatenate([np.zeros_like(values[..., :1]), np.cumsum(steps, axis=-1)], axis=-1)

@@ -1,15 +1,12 @@
 """Contacts of a beam whose bow is as large as its deflection."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from solver.instrument.beam_shape import stated_shape
-from solver.instrument.measurement import RestBow, View
 from solver.methods.exact_fit import exact_fit
-from tests.simulated import BEAM, columns, measurement
-from tests.tapered import BASE_SIGMA, SIGMA
+from tests.simulated import BEAM, columns
+from tests.tapered import SIGMA, bowed
 from vbaa_bench.mechanics.loaded import Load, loaded
 from vbaa_bench.mechanics.rod import Rod
 
@@ -34,18 +31,8 @@ def test_a_bow_is_no_contact(side: int, place: float) -> None:
     points = columns(beam.centreline)
     points[:, 1] += SIGMA * np.random.default_rng(3).standard_normal(len(points))
     removed = np.column_stack([np.zeros(len(points)), curvature / 2 * points[:, 0] ** 2])
-    taken = measurement(points - removed, SIGMA, base_sigma=BASE_SIGMA)
-    bow = RestBow(
-        coefficients=np.array([side * BOW, 0.0, 0.0]),
-        covariance=np.diag([SIGMA, SIGMA / LENGTH, SIGMA, SIGMA, SIGMA]) ** 2 / len(points),
-        line_covariance=np.diag([SIGMA, SIGMA / LENGTH]) ** 2 / len(points),
-        removed=removed,
-        scale_sigma=0.0,
-        errors=0,
-    )
-    view = View(points - removed, taken.sigma_vectors, taken.view.viewpoint)
-    rig = replace(taken.rig, shape=SHAPE)
-    answer = exact_fit(replace(taken, view=view, rig=rig, rest_bow=bow))
+    bow = np.array([side * BOW, 0.0, 0.0])
+    answer = exact_fit(bowed(points, removed, bow, np.zeros(3), SHAPE))
     assert "x_c_m" in answer.values, answer
     assert answer.sigma("x_c_m") < 0.02 * LENGTH
     assert abs(answer.values["x_c_m"] - beam.points[0, 0]) < 3 * answer.sigma("x_c_m")

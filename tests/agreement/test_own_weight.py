@@ -1,7 +1,6 @@
 """A beam that its own weight bends in plane C, by two roads: the world's rod, and the solver's."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,12 +8,11 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import stated_shape
 from solver.instrument.estimate import Estimate
-from solver.instrument.measurement import RestBow, View
 from solver.instrument.transforms import turn_about_z
 from solver.methods.exact_fit import exact_fit
 from solver.planes.own_weight import OwnWeight, bow_by_own_weight
-from tests.simulated import BEAM, columns, measurement
-from tests.tapered import BASE_SIGMA, SIGMA
+from tests.simulated import BEAM, columns
+from tests.tapered import bowed
 from vbaa_bench.mechanics.loaded import Load, LoadedBeam, loaded
 from vbaa_bench.mechanics.rod import Rod
 
@@ -86,19 +84,7 @@ def answer(beam: LoadedBeam, bow: Floats, weight: OwnWeight) -> Estimate:
     normals = np.stack([-np.sin(turn), np.cos(turn)], axis=-1)
     removed = height[:, None] * normals
     points = points - LENGTH * weight.remainder[:, None] * normals
-    taken = measurement(points - removed, SIGMA, base_sigma=BASE_SIGMA)
-    rest = RestBow(
-        coefficients=bow * LENGTH,
-        by_weight=weight.bow * LENGTH,
-        covariance=np.diag([SIGMA, SIGMA / LENGTH, SIGMA, SIGMA, SIGMA]) ** 2 / len(points),
-        line_covariance=np.diag([SIGMA, SIGMA / LENGTH]) ** 2 / len(points),
-        removed=removed,
-        scale_sigma=0.0,
-        errors=0,
-    )
-    view = View(points - removed, taken.sigma_vectors, taken.view.viewpoint)
-    rig = replace(taken.rig, shape=SHAPE)
-    return exact_fit(replace(taken, view=view, rig=rig, rest_bow=rest))
+    return exact_fit(bowed(points, removed, bow * LENGTH, weight.bow * LENGTH, SHAPE))
 
 
 @pytest.mark.parametrize("heading", [math.pi / 2, -math.pi / 2, 0.3])
