@@ -22,6 +22,8 @@ from solver.instrument.dot_products import FAST
 
 MAX_STEPS = 5
 TOLERANCE_PX = 1e-4
+# A longer step is followed by new weights. Chosen: it changes a sharp edge's pixel by a twentieth.
+REWEIGH_PX = 0.05
 # Pixels on either side, beyond the profile's extent, that determine the background.
 MARGIN = 2
 
@@ -172,8 +174,9 @@ def _fit_column(
         c += min(max(update, -0.5), 0.5)
         if abs(c - start) > half - 2:
             return
-        if step < 2:
-            # Weights from the model's gray values, not from the noisy ones.
+        if step < 2 or abs(update) > REWEIGH_PX:
+            # Weights from the model's gray values, not from the noisy ones, nor from those of a
+            # model elsewhere: it would call dark pixels bright, and their noise larger than it is.
             for k in range(len(expected)):
                 expected[k] = max(a * expected[k] + b + s * (k - half), 0.0)
             _, sums = _weigh(gray, expected, full_scale, dark, per_gray, half, weight)

@@ -24,6 +24,17 @@ class _Search(NamedTuple):
     trials: int
 
 
+class _Judge(NamedTuple):
+    """What all candidates of a search are judged by.
+
+    Misfits are in units of `misfit_unit`. All are compared on the same pixels, `half` on either
+    side of the beam: a narrow section on fewer pixels would leave fewer of them unexplained.
+    """
+
+    misfit_unit: float
+    half: int
+
+
 # Chosen: a section changes the image by much more than the noise.
 UNIFORM, TAPERED = _Search((0.1, 0.2, 0.4, 0.1, 0.0), 90), _Search((0.1, 0.2, 0.4, 0.1, 0.3), 115)
 # A taper that is tried before it is searched for, and the fall of chi^2 that it must promise. The
@@ -32,6 +43,10 @@ UNIFORM, TAPERED = _Search((0.1, 0.2, 0.4, 0.1, 0.0), 90), _Search((0.1, 0.2, 0.
 TRIED_TAPER, MIN_GAIN = 0.1, 10.8
 # What a section that describes nothing costs.
 _NOTHING = 1e12
+# Where a thin beam lies along one row of pixels, the images hardly determine its section: one sigma
+# of the logarithm of the width over the rig's, and of the skew. Chosen: sharpening and defocus
+# change the width by up to 0.35, and light from the front leaves no skew.
+WIDTH_SIGMA, SKEW_SIGMA = 0.15, 0.3
 
 
 def find_section(rest: RestColumns) -> Section | None:
@@ -55,12 +70,13 @@ def _section(p: Floats, radius: float) -> Section | None:
     return Section(scale * radius, spread, roundness, skew, taper)
 
 
-def _cost(rest: RestColumns, p: Floats, misfit_unit: float) -> float:
-    """Compute roughness and misfit of parameters (5,), with misfits in units of `misfit_unit`."""
+def _cost(rest: RestColumns, p: Floats, judge: _Judge) -> float:
+    """Compute roughness and misfit of parameters (5,), and what their prior adds."""
     section = _section(p, rest.radius)
     if section is None:
         return _NOTHING
-    fits = rest.fits(rest.table(section), half_width(section))
+    misfit_unit = judge.misfit_unit
+    fits = rest.fits(rest.table(section), judge.half)
     centre, good = rest.mean_centre(fits)
     if np.count_nonzero(good) < LIMITS.min_stations:
         return _NOTHING
@@ -70,21 +86,32 @@ def _cost(rest: RestColumns, p: Floats, misfit_unit: float) -> float:
     # a start that is far off in all of them.
     roughness = np.log1p((residual[good] / sigma) ** 2 / misfit_unit / 25).sum() * 25
     misfit = sum(np.log1p(f.chi2[good] / f.dof[good] / misfit_unit / 9).sum() * 36 for f in fits)
-    return float(roughness + misfit)
+    prior = (np.log(p[0]) / WIDTH_SIGMA) ** 2 + (p[3] / SKEW_SIGMA) ** 2
+    return float(roughness + misfit + prior)
 
 
 def _best(rest: RestColumns, starts: Sequence[tuple[float, ...]], misfit_unit: float) -> Floats:
     """Find the parameters (5,) of minimum cost from the best of `starts`, first without a taper."""
-    start = min((np.array(start) for start in starts), key=lambda p: _cost(rest, p, misfit_unit))
-    p = _search(rest, start, UNIFORM, misfit_unit)
-    if _promises_taper(rest, p, misfit_unit):
+    candidates = [np.array(start) for start in starts]
+    judge = _Judge(misfit_unit, max(_half(rest, p) for p in candidates))
+    p = _search(rest, min(candidates, key=lambda p: _cost(rest, p, judge)), UNIFORM, judge)
+    if _half(rest, p) > judge.half:
+        judge = _Judge(misfit_unit, _half(rest, p))
+        p = _search(rest, p, UNIFORM, judge)
+    if _promises_taper(rest, p, judge):
         # A search that begins anew leaves the valley of sections that are as wide and less round.
         for _ in range(2):
-            p = _search(rest, p, TAPERED, misfit_unit)
+            p = _search(rest, p, TAPERED, judge)
     return p
 
 
-def _search(rest: RestColumns, start: Floats, search: _Search, misfit_unit: float) -> Floats:
+def _half(rest: RestColumns, p: Floats) -> int:
+    """Return the pixels on either side that parameters (5,) need; 0 if they are absurd."""
+    section = _section(p, rest.radius)
+    return 0 if section is None else half_width(section)
+
+
+def _search(rest: RestColumns, start: Floats, search: _Search, judge: _Judge) -> Floats:
     """Minimise the cost from `start` (5,), in the parameters that are not held."""
     free = np.array(search.steps) > 0
     axes = np.diag(search.steps)[free]
@@ -95,7 +122,7 @@ def _search(rest: RestColumns, start: Floats, search: _Search, misfit_unit: floa
         return p
 
     result = minimize(
-        lambda q: _cost(rest, full(q), misfit_unit),
+        lambda q: _cost(rest, full(q), judge),
         start[free],
         method="Nelder-Mead",
         options={
@@ -108,10 +135,10 @@ def _search(rest: RestColumns, start: Floats, search: _Search, misfit_unit: floa
     return full(np.asarray(result.x))
 
 
-def _promises_taper(rest: RestColumns, p: Floats, misfit_unit: float) -> bool:
+def _promises_taper(rest: RestColumns, p: Floats, judge: _Judge) -> bool:
     """Return whether the parabola through three tapers falls by MIN_GAIN, or has no minimum."""
     thinner, same, thicker = (
-        _cost(rest, p + np.array([0, 0, 0, 0, taper]), misfit_unit)
+        _cost(rest, p + np.array([0, 0, 0, 0, taper]), judge)
         for taper in (-TRIED_TAPER, 0.0, TRIED_TAPER)
     )
     slope, curvature = (thicker - thinner) / 2, thicker - 2 * same + thinner

@@ -13,7 +13,17 @@ from solver.centreline.extractor import BeamExtractor, learn_beam
 from solver.centreline.flags import fit_and_flag_outliers
 from solver.instrument.arrays import Floats, Grey, Mask
 from solver.instrument.errors import InputError
-from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
+from tests.beam_images import (
+    HEIGHT,
+    METRES_PER_PIXEL,
+    WIDTH,
+    Look,
+    Sensor,
+    bent,
+    distances,
+    drawn,
+    guide,
+)
 
 # The beam lies a little askew, as any beam does.
 TILT = 3e-3
@@ -147,6 +157,21 @@ def test_a_beam_that_gets_thinner_is_measured_as_far_as_a_uniform_one() -> None:
     assert np.abs(off).max() < 5
     assert 0.75 < off.std() < 1.2
     assert learned().appearance.section.taper == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("offset_px", [0.2, 0.3])
+def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(offset_px: float) -> None:
+    # It crosses a quarter of a row, which leaves its width, roundness and skew almost undetermined.
+    thin = replace(BRIGHT, radius_px=0.78, spread_px=0.05, roundness=1.5)
+    at_rest, pushed_shape = (
+        bent(theta, tilt=1e-3, offset=offset_px * METRES_PER_PIXEL) for theta in (0.0, 0.25)
+    )
+    random = np.random.default_rng(1)
+    rest = drawn(guide(), at_rest, thin)
+    beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
+    line = seen(drawn(guide(), pushed_shape, thin), beam)
+    assert len(line.points) > 240
+    assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.01
 
 
 def test_sixteen_bits_say_what_eight_do() -> None:
