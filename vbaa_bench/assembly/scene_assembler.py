@@ -49,8 +49,9 @@ class SceneAssembler:
     """Assembler of worlds of one scene's true rig, in the frame in which the camera is fixed.
 
     `look` numbers the random patterns of surfaces that do not move, `world` those of surfaces that
-    do; each is 0 for all frames if they have the same ones. Ground and clutter are those of
-    `still_scene`, by default the scene itself: frames that share them may have other objects.
+    do, and `dirt` those of the beam's grime; each is 0 for all frames if they have the same ones.
+    Ground and clutter are those of `still_scene`, by default the scene itself: frames that share
+    them may have other objects.
     """
 
     scene: Scene
@@ -58,6 +59,7 @@ class SceneAssembler:
     folder: Path
     look: int = 0
     world: int = 0
+    dirt: int = 0
     still_scene: Scene | None = None
 
     def rest(self, experiment: Experiment) -> World:
@@ -238,7 +240,7 @@ class SceneAssembler:
 
     @cached_property
     def _grime(self) -> Texture | None:
-        return beam_texture(self.scene, self.rig, self.world)
+        return beam_texture(self.scene, self.rig, self.dirt)
 
     @cached_property
     def _lights(self) -> list[Light]:

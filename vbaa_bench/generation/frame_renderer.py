@@ -14,7 +14,7 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
-from vbaa_bench.generation.look import Look, look_of, rest_look
+from vbaa_bench.generation.look import Look, look_of, rest_dirt, rest_look
 from vbaa_bench.generation.processor import processor
 from vbaa_bench.generation.pushes import PushSolver
 from vbaa_bench.generation.readings import readings
@@ -115,8 +115,9 @@ class FrameRenderer:
         look = rest_look(self.scene, number)
         # What does not move must not depend on the object that was drawn for this image.
         still_scene = None if look else self.scene
+        dirt = rest_dirt(self.scene, number)
         return self._at_rest(
-            SceneAssembler(scene, self.rig, self.folder, look, still_scene=still_scene)
+            SceneAssembler(scene, self.rig, self.folder, look, dirt=dirt, still_scene=still_scene)
         )
 
     @cached_property

@@ -1,5 +1,6 @@
 """Worlds that frames share: how often a scene with random keys needs new ones."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -9,12 +10,15 @@ from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.distributions import LEVELS, Level
 from vbaa_bench.scene.frames import FrameSpec
+from vbaa_bench.scene.random_keys import RandomKey
 from vbaa_bench.scene.rigs import TrueRig
 from vbaa_bench.scene.schema import Scene
 
 # Keys that change no surface, and sections that only change surfaces that move.
 _POSE: Final = {"pushes", "light_level"}
 _MOVING: Final = {*_POSE, "object", "second_peg", "occlusion", "beam"}
+# Number of the first rest image, beyond those of all frames.
+_OF_REST_IMAGES: Final = 2**40
 
 
 @dataclass
@@ -53,25 +57,36 @@ def look_of(scene: Scene, rig: TrueRig, folder: Path, spec: FrameSpec, last: Loo
     shared = level == "rig" or (level == "push" and steps > 1)
     # Surfaces that frames share must not depend on which of them is rendered first.
     still_scene = scene if level == "rig" else spec.scene
-    assembler = SceneAssembler(spec.scene, rig, folder, number, world_number, still_scene)
+    dirt = numbers[_level_of_dirt(scene)]
+    assembler = SceneAssembler(spec.scene, rig, folder, number, world_number, dirt, still_scene)
     return Look(assembler, number, world_number, shared)
 
 
 def _level(scene: Scene, without: set[str]) -> Level:
     """Return the finest level of the random keys outside of some sections."""
-    levels = (key.per for key in scene.random_keys if key.key.split(".")[0] not in without)
-    return max(levels, key=LEVELS.index, default="rig")
+    return _finest(key for key in scene.random_keys if key.key.split(".")[0] not in without)
+
+
+def _level_of_dirt(scene: Scene) -> Level:
+    """Return the level at which the beam gets a new pattern of dirt: that of its random keys."""
+    return _finest(key for key in scene.random_keys if key.key.startswith("beam.grime"))
+
+
+def _finest(keys: Iterable[RandomKey]) -> Level:
+    """Return the finest level of some random keys."""
+    return max((key.per for key in keys), key=LEVELS.index, default="rig")
 
 
 def draws_new_dirt(scene: Scene) -> bool:
-    """Test whether frames have other patterns of dirt than the rest images.
+    """Test whether frames have other patterns of dirt than the rest images."""
+    return _level_of_dirt(scene) != "rig"
 
-    Patterns are those of a world; one for each push or frame is a pattern that nothing else shows.
-    """
-    return _level(scene, _POSE) != "rig"
+
+def rest_dirt(scene: Scene, number: int) -> int:
+    """Return the number of the pattern of dirt in a rest image; 0 if all images have the same."""
+    return _OF_REST_IMAGES + number if draws_new_dirt(scene) else 0
 
 
 def rest_look(scene: Scene, number: int) -> int:
     """Return the number of the look of a rest image; 0 if all images have the same."""
-    # Beyond the numbers of all frames.
-    return 0 if _level(scene, _MOVING) == "rig" else 2**40 + number
+    return 0 if _level(scene, _MOVING) == "rig" else _OF_REST_IMAGES + number

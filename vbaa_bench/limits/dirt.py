@@ -1,6 +1,6 @@
 """Noise of the dirt on a beam, for information limits.
 
-Where every push has a new pattern of smudges and gloss, it is unknown, and changes the radiance
+Where the dirt is drawn for every push or frame, its pattern is unknown, and changes the radiance
 across the beam like noise that neighbouring pixels share. The image changes slowly along the beam
 with the beam's shape and pose. So the dirt counts with its spectral density at low frequencies, and
 the information of a pixel of the beam's length is S (N + P)^-1 S^T (Whittle 1953), with the

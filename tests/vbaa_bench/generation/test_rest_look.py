@@ -9,6 +9,7 @@ from solver.instrument.arrays import Floats
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.clutter import CLUTTER
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
+from vbaa_bench.generation.look import Look, look_of, rest_dirt
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
@@ -41,6 +42,22 @@ def test_clutter_is_the_same_at_rest_as_in_frames(tmp_path: Path, variant: str) 
     assert len(rest[0]) > 100
     for other in (*rest[1:], *pushed):
         np.testing.assert_array_equal(other, rest[0])
+
+
+@pytest.mark.parametrize("per", ["rig", "push", "frame"])
+def test_a_beam_has_the_same_dirt_at_rest_as_in_frames(tmp_path: Path, per: str) -> None:
+    """Unless it is the dirt that is drawn for each push or frame; a new object changes nothing."""
+    path = tmp_path / "scene.yaml"
+    dirt = f"\nbeam: {{grime: {{smudge_contrast: {{uniform: [0.1, 0.2], per: {per}}}}}}}\n"
+    path.write_text(SMALL_SCENE + EXTRA + dirt, encoding="utf-8")
+    file = load_scene(path)
+    work = plan(file)
+    patterns = [rest_dirt(file.scene, number) for number in range(2)]
+    look: Look | None = None
+    for spec in work.frame_specs[: file.scene.frames_per_shard]:
+        look = look_of(file.scene, work.rig, tmp_path, spec, look)
+        patterns.append(look.assembler.dirt)
+    assert len(set(patterns)) == (1 if per == "rig" else len(patterns))
 
 
 @pytest.mark.parametrize("knock", [0, 3])
