@@ -14,6 +14,7 @@ import trimesh
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply
+from vbaa_bench.render.loading import load
 
 # Fraction of a spot's cone beyond which its intensity fades.
 UNIFORM_FRACTION = 0.75
@@ -104,7 +105,7 @@ def _lamp(lamp: Lamp, render_from_antenna: Floats) -> Any:
         return {"type": "rectangle", "to_world": _transform(pose), "emitter": glow}
     corners = apply(render_from_antenna, vertices)
     properties = mi.Properties()
-    properties["mesh_emitter"] = mi.load_dict(glow)
+    properties["mesh_emitter"] = load(glow)
     mesh = mi.Mesh("lamp", len(vertices), len(faces), props=properties)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = np.ascontiguousarray(corners, dtype=np.float32).ravel()

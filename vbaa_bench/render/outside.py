@@ -9,6 +9,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.lights import Ambient, Environment, Light, emitter
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.surface import RenderUnit, Surface, mitsuba_mesh
 
@@ -58,7 +59,7 @@ def picture(
         world["room"] = {"type": "constant", "radiance": room}
     world["sensor"] = _sensor(viewpoint, unit, size)
     world["integrator"] = {"type": "path", "max_depth": _BOUNCES, "hide_emitters": False}
-    image = mi.render(mi.load_dict(world), spp=samples, seed=mi.UInt32(1))
+    image = mi.render(load(world), spp=samples, seed=mi.UInt32(1))
     return _developed(np.asarray(image, dtype=np.float64)[..., :3])
 
 

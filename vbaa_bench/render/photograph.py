@@ -11,6 +11,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.lights import Light
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.outside import ColouredBody, coloured_world
 from vbaa_bench.render.surface import RenderUnit
 
@@ -39,7 +40,7 @@ def photographed(
     sensor = sensor_dict(ideal, unit.render_from_antenna)
     sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
     sensor["film"] = {**sensor["film"], "pixel_format": "rgb"}
-    scene = mi.load_dict(
+    scene = load(
         {
             **coloured_world(bodies, lights, unit),
             "sensor": sensor,

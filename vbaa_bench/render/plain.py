@@ -9,6 +9,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render.camera import sensor_dict
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.world import World
 
 Sampler = Literal["independent", "multijitter"]
@@ -26,7 +27,7 @@ class Plain:
         sensor = sensor_dict(world.camera, world.unit.render_from_antenna)
         sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
         self._world = world
-        self._sensor = mi.load_dict({**sensor, "sampler": {"type": sampler}})
+        self._sensor = load({**sensor, "sampler": {"type": sampler}})
 
     def radiance(self, samples: int, seed: int) -> Floats:
         """Render the radiance (height, width); for multijitter, choose a square of `samples`."""
@@ -57,7 +58,7 @@ def seconds_of_rays(world: World, pixels: np.ndarray, seed: int) -> float:
 
     It finds the nearest surface and does nothing else.
     """
-    sampler = mi.load_dict({"type": "independent"})
+    sampler = load({"type": "independent"})
     sampler.seed(seed, len(pixels))
     column, row = (mi.Float(mi.UInt32(axis.astype(np.uint32))) for axis in pixels.T)
     shifts = [sampler.next_2d() for _ in range(world.optics.dimensions)]

@@ -11,6 +11,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
 from vbaa_bench.render.device_array import device_array
 from vbaa_bench.render.lights import Light, emitter
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.paint import PaintedPart
@@ -33,7 +34,7 @@ class Reflection:
         parts = {
             f"light_{i}": emitter(light, render_from_antenna) for i, light in enumerate(lights)
         }
-        self._scene = mi.load_dict({"type": "scene", **parts})
+        self._scene = load({"type": "scene", **parts})
 
     def radiance(
         self, paint: PaintedPart, points: Floats, normals: Floats, to_camera: Floats
@@ -42,7 +43,7 @@ class Reflection:
 
         No light comes from below the horizon, where the ground is.
         """
-        material = mi.load_dict(bsdf(paint.paint, paint.reflectance, paint.roughness))
+        material = load(bsdf(paint.paint, paint.reflectance, paint.roughness))
         places = points @ self._transform[:3, :3].T + self._transform[:3, 3]
         total = np.zeros(len(points))
         for light in self._scene.emitters():

@@ -11,6 +11,7 @@ import trimesh
 from solver.instrument.arrays import Floats
 from vbaa_bench.geometry.tube import normals
 from vbaa_bench.render.device_array import device_array
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import Texture, bsdf
 from vbaa_bench.scene.paint import Paint
 
@@ -93,7 +94,7 @@ def painted_meshes(surfaces: Mapping[str, Surface], unit: RenderUnit) -> dict[st
 def mitsuba_mesh(name: str, surface: Surface, unit: RenderUnit, paint: dict[str, Any]) -> Any:
     """Build Mitsuba's mesh of a surface with a paint that replaces its own."""
     properties = mi.Properties()
-    properties["mesh_bsdf"] = mi.load_dict(paint)
+    properties["mesh_bsdf"] = load(paint)
     properties["face_normals"] = not surface.smooth
     vertices, faces = np.asarray(surface.mesh.vertices), surface.mesh.faces
     texcoords = surface.texcoords

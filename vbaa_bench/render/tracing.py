@@ -14,6 +14,7 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.shading import bounced, shaded, shadow
 from vbaa_bench.render.strata import Strata, place
 from vbaa_bench.render.variant import is_scalar
@@ -92,7 +93,7 @@ def _wavefront(
 ) -> np.ndarray:
     """Estimate radiance and coverage (2, sets, n) of each set."""
     lanes = len(pixels) * sets
-    sampler = mi.load_dict({"type": "independent"})
+    sampler = load({"type": "independent"})
     sampler.seed(seed % 2**32, lanes)
     pixel = dr.arange(mi.UInt32, lanes) // sets
     column, row = (

@@ -23,6 +23,7 @@ from vbaa_bench.render.camera import sensor_dict
 from vbaa_bench.render.device_array import device_array
 from vbaa_bench.render.hidden_strip import HiddenStrip
 from vbaa_bench.render.lights import Lamp, Light, emitter, rectangle
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.optics import Lens, Optics
 from vbaa_bench.render.printed_edges import PrintedEdges
 from vbaa_bench.render.silhouette import Silhouette
@@ -118,7 +119,7 @@ class World:
         sensor["to_world"] = mi.ScalarTransform4f(sensor["to_world"])
         emitters = {f"light_{i}": emitter(light, matrix) for i, light in enumerate(self.lights)}
         integrator = {"type": "path", "max_depth": self.bounces + 1}
-        return mi.load_dict(
+        return load(
             {"type": "scene", "sensor": sensor, "integrator": integrator, **emitters, **meshes}
         )
 

@@ -13,6 +13,7 @@ from vbaa_bench.geometry.lamps import axes
 from vbaa_bench.render.environment import laboratory, plane_irradiance
 from vbaa_bench.render.illumination import lights
 from vbaa_bench.render.lights import Environment, Spot, emitter
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.lighting import AmbientSpec
 from vbaa_bench.scene.schema import Scene
@@ -76,7 +77,7 @@ def measured(scene: Scene, at: Floats, facing: Floats, unit: float = 0.4e-3) -> 
     described["sensor"] = {"type": "perspective", "fov": 1.0, "to_world": looking, "film": film}
     for number, light in enumerate(lights(scene, Path())):
         described[f"light_{number}"] = emitter(light, matrix)
-    image = mi.render(mi.load_dict(described), spp=16384, seed=mi.UInt32(1))
+    image = mi.render(load(described), spp=16384, seed=mi.UInt32(1))
     return float(np.mean(np.asarray(image)) * np.pi / 0.5)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.textures import gradient_texture, random_texture
 from vbaa_bench.render.variant import activate
@@ -39,7 +40,7 @@ def under_even_light(paint: Paint, roughness: float) -> Floats:
             },
         },
     }
-    image = mi.render(mi.load_dict(described), spp=256, seed=mi.UInt32(1))
+    image = mi.render(load(described), spp=256, seed=mi.UInt32(1))
     return np.asarray(image, dtype=float)[:, :, 0]
 
 
@@ -68,7 +69,7 @@ def test_a_graded_sheet_is_a_straight_line_of_reflectance() -> None:
     y = np.array([-9.0, -2.0, -1.0, 0.0, 0.3, 1.0, 2.0, 9.0])
     places = np.column_stack([np.linspace(-5, 5, 8), y])
     texture = gradient_texture(places, 0.1, 0.5, np.deg2rad(90), 4.0)
-    bitmap = mi.load_dict(bsdf("matt", 0.0, 0.3, texture)["bsdf"]["reflectance"])
+    bitmap = load(bsdf("matt", 0.0, 0.3, texture)["bsdf"]["reflectance"])
     seen = []
     for u, v in texture.uv:
         si = dr.zeros(mi.SurfaceInteraction3f)

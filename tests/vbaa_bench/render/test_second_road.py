@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -16,6 +15,7 @@ from solver.instrument.arrays import Floats
 from vbaa_bench.benchmarks.image_error import Line, beam_line
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.tracing import trace
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
@@ -89,7 +89,7 @@ def with_curve(world: World, text: Path) -> Any:
     shapes = {shape.id(): shape for shape in world.scene.shapes()}
     curve = {"type": "bsplinecurve", "filename": str(text), "bsdf": shapes.pop("beam").bsdf()}
     parts = {f"part_{number}": shape for number, shape in enumerate(shapes.values())}
-    return mi.load_dict({"type": "scene", "curve": curve, **parts})
+    return load({"type": "scene", "curve": curve, **parts})
 
 
 @pytest.fixture(scope="module")

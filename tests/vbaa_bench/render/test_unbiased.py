@@ -21,6 +21,7 @@ from vbaa_bench.render.frame import (
     render_frame,
     render_static_layer,
 )
+from vbaa_bench.render.loading import load
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import load_scene
@@ -94,10 +95,8 @@ def plain_renders(world: World) -> Floats:
     """The whole frame by Mitsuba's own path integrator and multijittered sampler."""
     described = sensor_dict(world.camera, world.unit.render_from_antenna)
     described["to_world"] = mi.ScalarTransform4f(described["to_world"])
-    sensor = mi.load_dict(
-        {**described, "sampler": {"type": "multijitter", "sample_count": SAMPLES}}
-    )
-    integrator = mi.load_dict({"type": "path", "max_depth": 2})
+    sensor = load({**described, "sampler": {"type": "multijitter", "sample_count": SAMPLES}})
+    integrator = load({"type": "path", "max_depth": 2})
     films = [
         mi.render(
             world.scene, sensor=sensor, integrator=integrator, spp=SAMPLES, seed=mi.UInt32(5000 + s)
