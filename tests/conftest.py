@@ -11,6 +11,10 @@ from typing import Final
 import pytest
 from hypothesis import settings
 
+from solver.antenna import Antenna
+from solver.instrument.observation import Observations, open_observations
+from solver.set_up import set_up
+from tests import COLLECTING
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
@@ -67,6 +71,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
+def pytest_collection_finish() -> None:
+    """Let the next worker process collect."""
+    if COLLECTING is not None:
+        os.close(COLLECTING)
+
+
 @pytest.hookimpl(tryfirst=True)  # before the loop of a worker process, which is such a hook
 def pytest_runtestloop() -> None:
     """Leave modules and tests out of garbage collections, each of which would search them all."""
@@ -103,3 +113,15 @@ def dataset(
     yield root
     for path in root.rglob(f".*{os.getpid()}.part"):
         pytest.fail(f"{path} was left behind")
+
+
+@pytest.fixture(scope="session")
+def observations(dataset: Path) -> Observations:
+    """Open the observations of the dataset, as a laboratory has them."""
+    return open_observations(dataset / "observations")
+
+
+@pytest.fixture(scope="session")
+def antenna(observations: Observations) -> Antenna:
+    """Calibrate the dataset's camera and learn its beam at rest."""
+    return set_up(observations)

@@ -136,11 +136,6 @@ def test_the_truth_is_complete(dataset: Path) -> None:
         assert 0 < abs(np.degrees(reading) - row["true_motor_angle_deg"]) < 0.05
 
 
-@pytest.fixture(scope="module")
-def antenna(dataset: Path) -> Antenna:
-    return set_up(open_observations(Layout(dataset).observations))
-
-
 def test_calibration_returns_the_true_camera(dataset: Path, antenna: Antenna) -> None:
     true = open_truth(Layout(dataset).truth).camera
     found = antenna.calibration

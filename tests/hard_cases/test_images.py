@@ -31,8 +31,8 @@ def under_gravity(antenna: Antenna) -> Antenna:
 
 
 @pytest.fixture(scope="module")
-def antenna(dataset: Path) -> Antenna:
-    return under_gravity(set_up(open_observations(dataset / "observations")))
+def antenna(antenna: Antenna) -> Antenna:
+    return under_gravity(antenna)
 
 
 @pytest.fixture(scope="module")

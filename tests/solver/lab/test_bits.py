@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from solver.antenna import Antenna
 from solver.instrument.arrays import Grey
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations, open_observations
@@ -40,33 +41,35 @@ def rewritten(
 )
 def test_bits_change_nothing(
     observations: Observations,
+    antenna: Antenna,
     tmp_path: Path,
     change: Callable[[Grey], Grey],
     camera: dict[str, object],
 ) -> None:
     deep = rewritten(observations.root, tmp_path / "deep", change, **camera)
-    plain, method = set_up(observations), METHODS["exact_fit"]
-    one = PushTracker(plain, method).solve(observations.frames[1].image()).estimate
+    method = METHODS["exact_fit"]
+    one = PushTracker(antenna, method).solve(observations.frames[1].image()).estimate
     other = PushTracker(set_up(deep), method).solve(deep.frames[1].image()).estimate
     assert other.outcome is one.outcome
     assert other.values["x_c_m"] == pytest.approx(one.values["x_c_m"], abs=1e-7)
 
 
-def test_frames_of_sixteen_bits_on_a_rig_of_eight_are_named(observations: Observations) -> None:
-    antenna, frame = set_up(observations), observations.frames[1]
-    deep = frame.image().astype(np.uint16) * 257
+def test_frames_of_sixteen_bits_on_a_rig_of_eight_are_named(
+    observations: Observations, antenna: Antenna
+) -> None:
+    deep = observations.frames[1].image().astype(np.uint16) * 257
     said = PushTracker(antenna, METHODS["exact_fit"]).solve(deep).estimate.message
     assert "are not in the lower 8 of its 16 bits" in said
 
 
 def test_images_at_rest_are_read_in_the_rigs_channel(
-    observations: Observations, tmp_path: Path
+    observations: Observations, antenna: Antenna, tmp_path: Path
 ) -> None:
     told = rewritten(observations.root, tmp_path / "red", lambda image: image, channel="r")
     for path in (*told.rest_images, told.frames[1].path):
         grey = read_grey(path)
         cv2.imwrite(str(path), np.dstack([0 * grey, 0 * grey, grey]))
-    plain, method = set_up(observations), METHODS["exact_fit"]
-    one = PushTracker(plain, method).solve(observations.frames[1].image()).estimate
+    method = METHODS["exact_fit"]
+    one = PushTracker(antenna, method).solve(observations.frames[1].image()).estimate
     other = PushTracker(set_up(told), method).solve(told.frames[1].image()).estimate
     assert other.values["x_c_m"] == one.values["x_c_m"]

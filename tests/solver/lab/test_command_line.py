@@ -30,19 +30,23 @@ from tests.command_line import CommandLine
 class CalibratesOnce:
     """In place of `set_up`: what has been calibrated in the same way before is used again."""
 
-    def __init__(self) -> None:
-        self._antennas: dict[tuple[object, ...], Antenna] = {}
+    def __init__(self, observations: Observations, antenna: Antenna) -> None:
+        self._antennas = {self._key(observations, learn_beam): antenna}
 
     def __call__(self, opened: Observations, learn: Learn = learn_beam) -> Antenna:
-        key = (opened.root, opened.rig.channel, bool(opened.frames), learn)
+        key = self._key(opened, learn)
         if key not in self._antennas:
             self._antennas[key] = set_up(opened, learn)
         return self._antennas[key]
 
+    @staticmethod
+    def _key(opened: Observations, learn: Learn) -> tuple[object, ...]:
+        return opened.root, opened.rig.channel, bool(opened.frames), learn
+
 
 @pytest.fixture(scope="module")
-def calibrates_once() -> CalibratesOnce:
-    return CalibratesOnce()
+def calibrates_once(observations: Observations, antenna: Antenna) -> CalibratesOnce:
+    return CalibratesOnce(observations, antenna)
 
 
 @pytest.fixture

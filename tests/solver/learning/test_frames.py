@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from solver.__main__ import main
-from solver.instrument.observation import open_observations
+from solver.antenna import Antenna
+from solver.instrument.observation import Observations, open_observations
 from solver.instrument.rig import read_rig
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.learning.page import widths_of
-from solver.set_up import set_up
 from vbaa_bench.scoring.applicable import applicable
 
 
@@ -43,8 +43,7 @@ def test_the_beam_of_rendered_images_is_learned(
     assert run(monkeypatch, "learn", str(observations), "--out", str(out), *weight, *force) == 2
 
 
-def test_frames_to_learn_are_those_of_the_split(dataset: Path) -> None:
-    observations = open_observations(dataset / "observations")
+def test_frames_to_learn_are_those_of_the_split(observations: Observations) -> None:
     assert frames_to_learn(observations.frames) == list(observations.frames)
     assert "exact_fit_learned" not in applicable(observations)
     marked = [
@@ -55,9 +54,9 @@ def test_frames_to_learn_are_those_of_the_split(dataset: Path) -> None:
     assert "exact_fit_learned" in applicable(replace(observations, frames=tuple(marked)))
 
 
-def test_a_learned_antenna_measures_with_the_learned_beam(dataset: Path) -> None:
-    observations = open_observations(dataset / "observations")
-    antenna = set_up(observations)
+def test_a_learned_antenna_measures_with_the_learned_beam(
+    observations: Observations, antenna: Antenna
+) -> None:
     beam = learn_from_frames(antenna, observations.frames)
     learned = with_learned(antenna, beam)
     assert learned.rig.shape is beam.shape

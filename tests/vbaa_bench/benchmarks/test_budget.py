@@ -15,10 +15,9 @@ from solver.antenna import Antenna
 from solver.centreline import Centreline
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.image_frame import ImageFrame
-from solver.instrument.observation import Observations, open_observations
+from solver.instrument.observation import Observations
 from solver.instrument.transforms import rigid
 from solver.methods import METHODS
-from solver.set_up import set_up
 from tests.command_line import CommandLine
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.budget.errors import Errors, NamedMethod, errors_of
@@ -109,10 +108,8 @@ class Perfect:
 
 
 @pytest.fixture(scope="module")
-def perfect(dataset: Path) -> Perfect:
-    layout = Layout(dataset)
-    observations, world = open_observations(layout.observations), open_world(layout)
-    antenna = set_up(observations)
+def perfect(dataset: Path, observations: Observations, antenna: Antenna) -> Perfect:
+    world = open_world(Layout(dataset))
     stage = stages_of(antenna, world)[CAUSES.index(Cause.MODEL)]
     rows = {row["frame_id"]: row for row in world.truth.frames.iter_rows(named=True)}
     frames = list(observations)

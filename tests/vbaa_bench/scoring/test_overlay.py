@@ -5,18 +5,19 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from solver.antenna import Antenna
 from solver.instrument.images import read_grey
-from solver.instrument.observation import open_observations
-from solver.set_up import set_up
+from solver.instrument.observation import Observations
 from solver.tracker import extract_centreline
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.layout import Results
 from vbaa_bench.scoring.overlay import overlay
 
 
-def test_points_are_those_of_the_solver_and_lie_on_the_true_beam(dataset: Path) -> None:
-    observations = open_observations(dataset / "observations")
-    antenna, truth = set_up(observations), open_truth(dataset / "truth")
+def test_points_are_those_of_the_solver_and_lie_on_the_true_beam(
+    dataset: Path, observations: Observations, antenna: Antenna
+) -> None:
+    truth = open_truth(dataset / "truth")
     frame = observations.frames[0]
     none = pl.DataFrame(
         schema={"frame_id": pl.String, "failed": pl.Boolean, "method": pl.String, "x_c_mm": float}

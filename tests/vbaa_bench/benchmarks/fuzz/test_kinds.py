@@ -1,5 +1,6 @@
 """A short fuzz of the kinds of input that need no scored dataset; `vbaa-bench fuzz` has all."""
 
+import gc
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -21,6 +22,9 @@ def material(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "files").mkdir()
     shutil.copy(SCENES / "objects" / "hexagon.stl", folder / "files")
     shutil.copytree(dataset, folder / "dataset")
+    # Garbage is collected after each case: what the tests before this left is not searched again.
+    gc.collect()
+    gc.freeze()
     return folder
 
 
