@@ -4,7 +4,7 @@ Tables come with a dataset, which may be of anyone: a column of another type, or
 length, would be a traceback far from its cause.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import polars as pl
@@ -60,17 +60,11 @@ def checked(table: pl.DataFrame, schema: Schema, source: str) -> pl.DataFrame:
     except pl.exceptions.PolarsError as error:
         reason = truncated(str(error).splitlines()[0])
         raise InputError(f"{source}: a column has values of a wrong type ({reason})") from error
-    for name in [name for name in known if name in schema.vectors]:
-        vectors = table[name].drop_nulls()
-        numbers = vectors.explode()
-        if not (vectors.list.len() == 3).all() or not _all_finite(numbers, null=False):
-            raise InputError(f"{source}: {name} is not a vector of three numbers in a row")
-    for name in [name for name in table.columns if name in schema.finite]:
-        if not _all_finite(table[name], null=True):
-            raise InputError(f"{source}: {name} is not finite, or above {LARGEST:g}, in a row")
-    for name in [name for name in table.columns if name in schema.positive]:
-        if not (table[name] >= 1 / LARGEST).fill_null(value=True).all():
-            raise InputError(f"{source}: {name} is not above {1 / LARGEST:g} in a row")
+    faults = dict(_faults(table.columns, schema))
+    # One query: one for each column takes ten times as long.
+    for fault, is_there in table.select(**faults).row(0, named=True).items() if faults else ():
+        if is_there:
+            raise InputError(f"{source}: {fault}")
     absent = [table[name].is_null() for name in schema.together]
     if any((rows != absent[0]).any() for rows in absent):
         names = ", ".join(schema.together)
@@ -86,9 +80,25 @@ def check_types(dtypes: Mapping[str, pl.DataType], schema: Schema, source: str) 
             raise InputError(f"{source}: {name} holds {held}, allowed are {_WORDS[dtype]}")
 
 
-def _all_finite(numbers: pl.Series, *, null: bool) -> bool:
+def _faults(columns: Collection[str], schema: Schema) -> Iterator[tuple[str, pl.Expr]]:
+    """Yield each fault that the numbers of a table may have, and the test for it."""
+    for name in [name for name in schema.types if name in columns and name in schema.vectors]:
+        vectors = pl.col(name).drop_nulls()
+        is_vector = (vectors.list.len() == 3).all() & _all_finite(vectors.explode(), null=False)
+        yield f"{name} is not a vector of three numbers in a row", ~is_vector
+    for name in columns:
+        if name in schema.finite:
+            fault = f"{name} is not finite, or above {LARGEST:g}, in a row"
+            yield fault, ~_all_finite(pl.col(name), null=True)
+    for name in columns:
+        if name in schema.positive:
+            is_positive = (pl.col(name) >= 1 / LARGEST).fill_null(value=True).all()
+            yield f"{name} is not above {1 / LARGEST:g} in a row", ~is_positive
+
+
+def _all_finite(numbers: pl.Expr, *, null: bool) -> pl.Expr:
     """Test whether numbers are finite and not absurdly large; NaN compares as larger."""
-    return bool((numbers.abs() <= LARGEST).fill_null(value=null).all())
+    return (numbers.abs() <= LARGEST).fill_null(value=null).all()
 
 
 def _castable(dtype: pl.DataType, wanted: pl.DataType) -> bool:

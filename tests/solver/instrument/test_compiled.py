@@ -1,6 +1,7 @@
 """The folder of compiled code depends on what the compiled functions do, not on its layout."""
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,12 @@ def limited(x):
 
 
 @pytest.fixture
-def package(tmp_path: Path) -> Path:
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package that compiles functions, beside the one module of the solver that it needs."""
+    instrument = tmp_path / "solver" / "instrument"
+    instrument.mkdir(parents=True)
+    shutil.copy(compiled.__file__, instrument)
+    monkeypatch.setattr(compiled, "__file__", str(instrument / "compiled.py"))
     root = tmp_path / "package"
     root.mkdir()
     (root / "constants.py").write_text(CONSTANTS, encoding="utf-8")
