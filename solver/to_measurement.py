@@ -53,12 +53,17 @@ def to_measurement(
         course = course_of(points, rest, rig)
     shared, removed = np.empty((len(points), 0)), np.zeros_like(points)
     if course is not None:
-        normals = course.normals
+        normals, bow_errors = course.normals, course.bow_errors
         across = np.maximum(np.abs((sigmas * normals).sum(axis=1)), 1e-15)
         shading = shading_of(antenna, points, course.turn)
         removed = course.bow[:, None] * normals
-        points = points - shading.shift[:, None] * normals - removed
-        errors = np.column_stack([course.bow_errors, shading.errors])
+        shift = shading.shift
+        share = rest.share_that_follows(course.arc, course.beside, across)
+        if share:
+            rest, shift = rest.following(share), shift + share * rest.pattern_at(course.arc)
+            _, bow_errors = rest.bow_errors_at(course.arc * rest.length)
+        points = points - shift[:, None] * normals - removed
+        errors = np.column_stack([bow_errors, shading.errors])
         shared = errors / across[:, None]
     axes, clamp = antenna.antenna_from_beam[:2, :2], antenna.antenna_from_beam[:2, 3]
     bow_error = _bow_error(points, rest)
@@ -66,6 +71,7 @@ def to_measurement(
     # The error that all points share.
     image_shift[1, 1] += (line.common_sigma * antenna.pixel) ** 2
     base_covariance = antenna.base_covariance.copy()
+    base_covariance[1:, 1:] += rest.line_covariance - antenna.rest.line_covariance
     base_covariance[:2, :2] += image_shift
     points = (points - clamp) @ axes
     return Measurement(

@@ -25,11 +25,15 @@ class Course(NamedTuple):
     """The bent beam's course at n points, and the errors that follow it.
 
     `normals` (n, 2) are unit vectors on C, `turn` (n,) [rad] is the direction less that at rest,
-    `bow` (n,) [m] and `bow_errors` (n, 5) [m] are along the normals.
+    and `arc` (n,) the arc length from the clamp over the beam's. `beside` (n,) [m], the points'
+    deviations from a smooth course, `bow` (n,) [m] and `bow_errors` (n, 5) [m] are along the
+    normals.
     """
 
     normals: Floats
     turn: Floats
+    arc: Floats
+    beside: Floats
     bow: Floats
     bow_errors: Floats
 
@@ -44,9 +48,10 @@ def course_of(points: Floats, rest: Rest, rig: Rig) -> Course | None:
     if len(points) < MIN_POINTS:
         return None
     x, y = points[:, 0] - rig.base_position[0], points[:, 1] - rest.y_at_clamp
-    return Course(
-        *_course(x / rest.length, y / rest.length, rest.slope, rest.bow, rest.error_coefficients)
+    normals, turn, arc, beside, bow, bow_errors = _course(
+        x / rest.length, y / rest.length, rest.slope, rest.bow, rest.error_coefficients
     )
+    return Course(normals, turn, arc, beside * rest.length, bow, bow_errors)
 
 
 @njit
@@ -67,7 +72,7 @@ def _course(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> 
         here = math.hypot(1.0, _slope(k * step, slope, weights))
         arcs[k] = arcs[k - 1] + (before + here) / 2 * step
         before = here
-    normals, turn = np.empty((n, 2)), np.empty(n)
+    normals, turn, arcs_there, beside = np.empty((n, 2)), np.empty(n), np.empty(n), np.empty(n)
     bows, bow_errors = np.zeros(n), np.zeros((n, errors.shape[1]))
     for i in range(n):
         here = _slope(x[i], slope, weights)
@@ -78,6 +83,8 @@ def _course(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> 
         k = min(max(int(x[i] / step), 0), ARC_STEPS - 1)
         part = max(x[i] / step - k, 0.0)
         arc = min(arcs[k] + part * (arcs[k + 1] - arcs[k]), 1.0)
+        arcs_there[i] = arc
+        beside[i] = (y[i] - _height(x[i], slope, weights)) / length
         power = 1.0
         for j in range(errors.shape[0]):
             if j >= FIRST_POWER:
@@ -85,7 +92,16 @@ def _course(x: Floats, y: Floats, slope: float, bow: Floats, errors: Floats) -> 
             for m in range(errors.shape[1]):
                 bow_errors[i, m] += errors[j, m] * power
             power *= arc
-    return normals, turn, bows, bow_errors
+    return normals, turn, arcs_there, beside, bows, bow_errors
+
+
+@njit
+def _height(x: float, slope: float, weights: Floats) -> float:
+    power, total = x, slope * x
+    for j in range(len(weights)):
+        power *= x
+        total += weights[j] * power
+    return total
 
 
 @njit

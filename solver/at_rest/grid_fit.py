@@ -21,10 +21,12 @@ class LinearFit(NamedTuple):
 
     `scatter` is that for errors like noise, `repeated` that for errors that follow the pixel grid;
     infinite where the coefficients are as many as those errors, and absorb them.
+    `noise_covariance` (m, m) is that of errors that differ from image to image, alone.
     """
 
     coefficients: Floats
     covariance: Floats
+    noise_covariance: Floats
     chi2: float
     scatter: float
     repeated: float
@@ -61,6 +63,7 @@ def least_squares(design: Floats, y: Floats, mean: MeanLine) -> LinearFit:
     return LinearFit(
         coefficients[:m],
         inverse[:m, :m] * max(variance * correlation, n * in_rows),
+        inverse[:m, :m] * mean.random,
         float(residual @ residual),
         max(inlier_variance, 1.0) * correlation,
         repeated / spare_rows if spare_rows > 0 else math.inf,

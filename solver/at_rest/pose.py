@@ -5,13 +5,14 @@ contact and after it; the rest images show them, and they are subtracted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from solver.at_rest.grid_fit import LinearFit, least_squares
-from solver.at_rest.mean_line import centres, mean_line, place_keys
+from solver.at_rest.mean_line import MeanLine, centres, mean_line, place_keys
+from solver.at_rest.pattern import NODES, pattern_of, share_that_follows
 from solver.at_rest.thresholds import LIMITS
 from solver.calibrate import Calibration
 from solver.centreline import Centreline
@@ -38,7 +39,9 @@ class Rest:
     `bow` (3,) are the coefficients of x^2, x^3, x^4 in units of the beam's `length` [m]; they are
     zero for a beam that is straight within the noise. `covariance` (5, 5) is that of
     (y_at_clamp, slope, bow). With `bow_undecided` the beam may be bowed, or straight with its image
-    shifted to the pixel rows: the bow is zero, and its sigma covers the range of both.
+    shifted to the pixel rows: the bow is zero, and its sigma covers the range of both. `pattern`
+    (NODES,) [m] is what the images show beside this course, and `noise_covariance` (5, 5) what
+    would be left of the covariance if all of it belonged to the beam; empty where there is none.
     """
 
     y_at_clamp: float
@@ -47,6 +50,8 @@ class Rest:
     covariance: Floats
     length: float
     bow_undecided: bool = False
+    pattern: Floats = field(default_factory=lambda: np.empty(0))
+    noise_covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def bent(self) -> bool:
@@ -56,7 +61,7 @@ class Rest:
         significance = self.bow @ np.linalg.pinv(self.covariance[2:, 2:]) @ self.bow
         return bool(significance > LIMITS.bow_chi2)
 
-    @property
+    @cached_property
     def line_covariance(self) -> Floats:
         """Covariance (2, 2) of the line through the whole curve's error: offset at x = 0, slope.
 
@@ -76,6 +81,28 @@ class Rest:
         """
         powers = np.vander(x / self.length, 5, increasing=True)
         return np.asarray(powers[:, 2:] @ self.bow), np.asarray(powers @ self.error_coefficients)
+
+    def pattern_at(self, s: Floats) -> Floats:
+        """Interpolate the pattern (n,) [m] at arc lengths `s` (n,) over the length."""
+        return np.interp(s, np.linspace(0.0, 1.0, NODES), self.pattern)
+
+    def share_that_follows(self, s: Floats, beside: Floats, sigma: Floats) -> float:
+        """Estimate the part of the pattern, from 0 to 1, that a bent beam shows.
+
+        `s` (n,) are its points' arc lengths over the length, in order from the clamp, `beside` (n,)
+        [m] their deviations from a smooth course, and `sigma` (n,) [m] the noise of these.
+        """
+        if not len(self.pattern):
+            return 0.0
+        return share_that_follows(s, self.pattern_at(s), beside, sigma)
+
+    def following(self, share: float) -> "Rest":
+        """Return the course whose pattern belongs to the beam, but for the part 1 - `share`.
+
+        What moves with the beam is no error of its course.
+        """
+        left = (1 - share) * (self.covariance - self.noise_covariance)
+        return replace(self, covariance=self.noise_covariance + left)
 
     @cached_property
     def bow_size(self) -> float:
@@ -130,18 +157,27 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
             f"the rest images show {len(points)} columns of the beam, "
             f"needed are {LIMITS.min_points}"
         )
-    length = rig.beam.length
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
+    bowed = least_squares(_curve(x, rig.beam.length), y, mean)
+    rest = _course_at_rest(x, y, mean, bowed, rig.beam.length)
+    if rest.bow_undecided:
+        return rest
+    beside = y - rest.y_at_clamp - rest.slope * x - rest.bow_at(x)[0]
+    pattern = pattern_of(x / rest.length, beside, mean.sigma, mean.random)
+    return replace(rest, pattern=pattern, noise_covariance=bowed.noise_covariance)
+
+
+def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, length: float) -> Rest:
+    """Choose a line, or a bow where there is one, by what each leaves of the points (n,) [m]."""
     line = np.column_stack([np.ones_like(x), x])
     curve = _curve(x, length)
     straight = least_squares(line, y, mean)
-    bowed = least_squares(curve, y, mean)
     c, s = bowed.coefficients, np.append(straight.coefficients, np.zeros(3))
     covariance = np.zeros((5, 5))
     covariance[:2, :2] = straight.covariance
     # Both fits are compared by the scatter about the curve, which fits the beam in either case.
     gain = straight.chi2 - bowed.chi2
-    if len(points) > MIN_BOW_POINTS:
+    if len(x) > MIN_BOW_POINTS:
         if gain <= LIMITS.bow_chi2 * bowed.scatter:
             return _hardly_bowed(bowed, straight, gain, mean.pixel, length)
         bend = float(np.abs(curve @ (c - s)).max())
