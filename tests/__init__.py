@@ -10,9 +10,11 @@ from typing import Final
 # test starts compiles all modules, and every worker process rewrites all assertions again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
-# Linear algebra in one thread: worker processes use all cores already, and threads that wait for
-# each other use twice the processor's time, or more. NumPy reads this when it is first imported.
+# Linear algebra and tables in one thread: worker processes use all cores already, and threads that
+# wait for each other use twice the processor's time, or more. NumPy and Polars read this when they
+# are first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("POLARS_MAX_THREADS", "1")
 # Until all tests are collected (conftest.py): modules and tests are no garbage.
 gc.disable()
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+import drjit
 import pytest
 from hypothesis import settings
 
@@ -66,8 +67,13 @@ frames_per_shard: 2
 
 
 def pytest_configure() -> None:
-    """Leave files in the system's cache: what a test writes need not survive a power failure."""
+    """Set what costs time beside other worker processes, which use all cores already."""
+    # What a test writes need not survive a power failure: it waits for no disk.
     os.fsync = lambda fd: None  # noqa: ARG005  # the name is part of its type
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        # Kernels in one thread: those that wait for each other take a third more time, or more.
+        drjit.set_thread_count(1)
+        drjit.set_thread_count = lambda _count: None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
