@@ -42,7 +42,8 @@ def pattern_of(x: Floats, residual: Floats, sigma: Floats, random: float) -> Flo
     pattern = np.zeros(NODES)
     pattern[seen] = mean
     shown = np.interp(x, nodes, pattern)
-    if np.mean(mean**2 / variance) > MIN_CHI2 and share_that_follows(x, shown, shown, sigma):
+    more_than_noise = mean @ mean > MIN_CHI2 * variance.sum()
+    if more_than_noise and share_that_follows(x, shown, shown, sigma):
         return pattern
     return np.empty(0)
 
