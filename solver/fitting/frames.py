@@ -104,7 +104,7 @@ def with_jacobians(
     of Sigma_a (6,), the clamp's offset (2,) from the motor's axis, and the part (2,) of the clamp's
     displacement that the image does not show.
     """
-    shift_by_clamp, _ = _shift_of_image(measurement)
+    shift_by_clamp = measurement.shift_by_clamp
     moved = contact.copy()
     moved[_CLAMP] -= shift_by_clamp @ contact[_CLAMP_POSE]
     rig, world_camera = measurement.rig, tilt_is_motor_angle(measurement)
@@ -142,24 +142,15 @@ def pose_covariance(measurement: Measurement, by_pose: Floats) -> Floats:
     of_frame, by_offset = by_pose[:, :_POSE_ERRORS], by_pose[:, _POSE_ERRORS:_SHIFT]
     by_shift = by_pose[:, _SHIFT:]
     offset = measurement.rig.clamp_offset.covariance
-    _, unexplained = _shift_of_image(measurement)
+    shift_of_image, by_clamp = measurement.image_shift, measurement.shift_by_clamp
+    # What the clamp's pose does not show, and that of the axis about its apparent middle.
+    unexplained = shift_of_image - by_clamp[:, :2] @ shift_of_image
+    unexplained[1, 1] += measurement.axis_sigma**2
     return np.asarray(
         (of_frame * variances) @ of_frame.T
         + by_offset @ offset @ by_offset.T
         + by_shift @ unexplained @ by_shift.T
     )
-
-
-def _shift_of_image(measurement: Measurement) -> tuple[Floats, Floats]:
-    """Estimate the image's shift from the clamp's pose in the image.
-
-    Return its Jacobian (2, 3) by (dx, dy, tilt), and the covariance (2, 2) [m^2] of what remains,
-    with that of the axis about its apparent middle.
-    """
-    shift = measurement.image_shift
-    by_clamp = np.linalg.solve(measurement.base_covariance, np.vstack([shift, np.zeros(2)])).T
-    axis = np.diag([0.0, measurement.axis_sigma**2])
-    return np.asarray(by_clamp), shift - by_clamp[:, :2] @ shift + axis
 
 
 @lru_cache

@@ -185,6 +185,12 @@ class Measurement:
         return self.view.sigma_vectors
 
     @cached_property
+    def shift_by_clamp(self) -> Floats:
+        """Jacobian (2, 3) of the image's shift, as the clamp's pose shows it, by (dx, dy, tilt)."""
+        covariance = np.vstack([self.image_shift, np.zeros(2)])
+        return np.asarray(np.linalg.solve(self.base_covariance, covariance).T)
+
+    @cached_property
     def total_sigma_vectors(self) -> Floats:
         """One-sigma vectors (n, 2) [m] of each point's own and shared errors together."""
         shared = (self.view.shared_errors**2).sum(axis=1)
