@@ -2,15 +2,21 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from solver.antenna import Antenna
+from solver.at_rest.landmarks import learn_landmarks
 from solver.at_rest.learn import AtRest, learn_at_rest
+from solver.at_rest.pose import Rest
 from solver.calibrate import Calibration
+from solver.centreline import down_columns
 from solver.centreline.extractor import learn_beam
 from solver.centreline.guide import Guide
+from solver.centreline.noise import Noise
 from solver.instrument.arrays import Grey
 from solver.instrument.beam import Beam, circular_rigidity
 from solver.instrument.rig import Rig
-from tests.beam_images import LENGTH, RADIUS, guide
+from tests.beam_images import HEIGHT, LENGTH, RADIUS, WIDTH, bent, guide
 from tests.simulated import rig as reference
 
 GUIDE = guide()
@@ -26,6 +32,14 @@ def rig() -> Rig:
 def at_rest(images: list[Grey], seen_by: Guide = GUIDE) -> AtRest:
     """What images (height, width) of the beam at rest teach. Raises InputError."""
     return learn_at_rest(images, seen_by, learn_beam, Calibration(seen_by.camera, 0.02), rig())
+
+
+def antenna_with(rest: Rest) -> Antenna:
+    """An antenna whose beam lies at rest as `rest` states, and nothing else in view."""
+    even = np.full((HEIGHT, WIDTH), 50, np.uint8)
+    marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, Noise(1.0, 0.0))
+    extract = lambda _image: down_columns(np.empty((0, 2)), np.empty(0))  # noqa: E731
+    return Antenna(rig(), CALIBRATION, AtRest(extract, rest, marks, None, None, 0, (), 0.0))
 
 
 def antenna(images: list[Grey]) -> Antenna:

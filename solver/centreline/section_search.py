@@ -24,8 +24,8 @@ class _Search(NamedTuple):
     trials: int
 
 
-class _Judge(NamedTuple):
-    """What all candidates of a search are judged by.
+class _Criterion(NamedTuple):
+    """What all candidates of a search are criteriond by.
 
     Misfits are in units of `misfit_unit`. All are compared on the same pixels, `half` on either
     side of the beam: a narrow section on fewer pixels would leave fewer of them unexplained.
@@ -70,13 +70,13 @@ def _section(p: Floats, radius: float) -> Section | None:
     return Section(scale * radius, spread, roundness, skew, taper)
 
 
-def _cost(rest: RestColumns, p: Floats, judge: _Judge) -> float:
+def _cost(rest: RestColumns, p: Floats, criterion: _Criterion) -> float:
     """Compute roughness and misfit of parameters (5,), and what their prior adds."""
     section = _section(p, rest.radius)
     if section is None:
         return _NOTHING
-    misfit_unit = judge.misfit_unit
-    fits = rest.fits(rest.table(section), judge.half)
+    misfit_unit = criterion.misfit_unit
+    fits = rest.fits(rest.table(section), criterion.half)
     centre, good = rest.mean_centre(fits)
     if np.count_nonzero(good) < LIMITS.min_stations:
         return _NOTHING
@@ -93,15 +93,15 @@ def _cost(rest: RestColumns, p: Floats, judge: _Judge) -> float:
 def _best(rest: RestColumns, starts: Sequence[tuple[float, ...]], misfit_unit: float) -> Floats:
     """Find the parameters (5,) of minimum cost from the best of `starts`, first without a taper."""
     candidates = [np.array(start) for start in starts]
-    judge = _Judge(misfit_unit, max(_half(rest, p) for p in candidates))
-    p = _search(rest, min(candidates, key=lambda p: _cost(rest, p, judge)), UNIFORM, judge)
-    if _half(rest, p) > judge.half:
-        judge = _Judge(misfit_unit, _half(rest, p))
-        p = _search(rest, p, UNIFORM, judge)
-    if _promises_taper(rest, p, judge):
+    criterion = _Criterion(misfit_unit, max(_half(rest, p) for p in candidates))
+    p = _search(rest, min(candidates, key=lambda p: _cost(rest, p, criterion)), UNIFORM, criterion)
+    if _half(rest, p) > criterion.half:
+        criterion = _Criterion(misfit_unit, _half(rest, p))
+        p = _search(rest, p, UNIFORM, criterion)
+    if _promises_taper(rest, p, criterion):
         # A search that begins anew leaves the valley of sections that are as wide and less round.
         for _ in range(2):
-            p = _search(rest, p, TAPERED, judge)
+            p = _search(rest, p, TAPERED, criterion)
     return p
 
 
@@ -111,7 +111,7 @@ def _half(rest: RestColumns, p: Floats) -> int:
     return 0 if section is None else half_width(section)
 
 
-def _search(rest: RestColumns, start: Floats, search: _Search, judge: _Judge) -> Floats:
+def _search(rest: RestColumns, start: Floats, search: _Search, criterion: _Criterion) -> Floats:
     """Minimise the cost from `start` (5,), in the parameters that are not held."""
     free = np.array(search.steps) > 0
     axes = np.diag(search.steps)[free]
@@ -122,7 +122,7 @@ def _search(rest: RestColumns, start: Floats, search: _Search, judge: _Judge) ->
         return p
 
     result = minimize(
-        lambda q: _cost(rest, full(q), judge),
+        lambda q: _cost(rest, full(q), criterion),
         start[free],
         method="Nelder-Mead",
         options={
@@ -135,10 +135,10 @@ def _search(rest: RestColumns, start: Floats, search: _Search, judge: _Judge) ->
     return full(np.asarray(result.x))
 
 
-def _promises_taper(rest: RestColumns, p: Floats, judge: _Judge) -> bool:
+def _promises_taper(rest: RestColumns, p: Floats, criterion: _Criterion) -> bool:
     """Return whether the parabola through three tapers falls by MIN_GAIN, or has no minimum."""
     thinner, same, thicker = (
-        _cost(rest, p + np.array([0, 0, 0, 0, taper]), judge)
+        _cost(rest, p + np.array([0, 0, 0, 0, taper]), criterion)
         for taper in (-TRIED_TAPER, 0.0, TRIED_TAPER)
     )
     slope, curvature = (thicker - thinner) / 2, thicker - 2 * same + thinner

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from solver.antenna import Antenna
-from solver.at_rest.landmarks import learn_landmarks
-from solver.at_rest.learn import AtRest
 from solver.at_rest.pose import Rest
 from solver.centreline import Centreline, down_columns
-from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
@@ -22,7 +19,7 @@ from solver.shading import SHADING, SHADING_SIGMA
 from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
-from tests.laboratory import CALIBRATION, GUIDE, antenna, rig
+from tests.laboratory import GUIDE, antenna, antenna_with
 
 SENSOR = Sensor()
 TILT = 3e-3
@@ -56,11 +53,7 @@ def test_a_tip_of_any_kind_is_where_the_beam_ends(kind: str) -> None:
 
 def bowed(bow: Floats) -> Antenna:
     """An antenna whose beam at rest has a bow (3,), known exactly, and nothing else in view."""
-    rest = Rest(0.0, 0.0, bow, np.zeros((5, 5)), LENGTH)
-    even = np.full((HEIGHT, WIDTH), 50, np.uint8)
-    marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, Noise(1.0, 0.0))
-    extract = lambda _image: nothing()  # noqa: E731
-    return Antenna(rig(), CALIBRATION, AtRest(extract, rest, marks, None, None, 0, (), 0.0))
+    return antenna_with(Rest(0.0, 0.0, bow, np.zeros((5, 5)), LENGTH))
 
 
 def nothing() -> Centreline:

@@ -1,4 +1,4 @@
-"""Dirt moves with the beam: found at rest, told apart from what stays behind, and subtracted."""
+"""Dirt on the beam: found at rest, distinguished from errors that do not follow it, subtracted."""
 
 from dataclasses import replace
 
@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from solver.antenna import Antenna
-from solver.at_rest.landmarks import learn_landmarks
-from solver.at_rest.learn import AtRest
 from solver.at_rest.pattern import NODES, SPREAD, pattern_of, share_that_follows
 from solver.at_rest.pose import Rest, learn_rest
 from solver.centreline import Centreline, down_columns
-from solver.centreline.noise import Noise
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import invert
 from solver.to_measurement import to_measurement
-from tests.beam_images import HEIGHT, WIDTH, bent, distances
-from tests.laboratory import CALIBRATION, GUIDE, rig
+from tests.beam_images import bent, distances
+from tests.laboratory import CALIBRATION, GUIDE, antenna_with, rig
 
 SIGMA_PX, IMAGES = 0.01, 4
 S = np.linspace(0.0, 1.0, 400)
@@ -93,13 +89,6 @@ def learned(pattern: Floats, random: np.random.Generator) -> Rest:
     return learn_rest([shown(shape, pattern, random) for _ in range(IMAGES)], CALIBRATION, rig())
 
 
-def laboratory(rest: Rest) -> Antenna:
-    even = np.full((HEIGHT, WIDTH), 50, np.uint8)
-    marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, Noise(1.0, 0.0))
-    extract = lambda _image: down_columns(np.empty((0, 2)), np.empty(0))  # noqa: E731
-    return Antenna(rig(), CALIBRATION, AtRest(extract, rest, marks, None, None, 0, (), 0.0))
-
-
 @pytest.mark.parametrize("follows", [True, False])
 def test_dirt_is_taken_off_and_counts_no_longer_as_an_error_of_the_bow(follows: bool) -> None:
     random, shape = np.random.default_rng(3), bent(0.4, 0.6, tilt=0.04)[::10]
@@ -110,7 +99,7 @@ def test_dirt_is_taken_off_and_counts_no_longer_as_an_error_of_the_bow(follows: 
         assert len(rest.pattern) == NODES
         line = shown(shape, dirt(arc, seed if follows else seed + 100, 0.02), random)
         for used in (rest, replace(rest, pattern=np.empty(0))):
-            lab = laboratory(used)
+            lab = antenna_with(used)
             measured = to_measurement(lab, line)
             beam = invert(lab.antenna_from_beam)
             away = distances(measured.points, shape @ beam[:2, :2].T + beam[:2, 3])
