@@ -8,7 +8,10 @@
 """
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
+
+from solver.instrument import MAX_PIXELS
 
 if TYPE_CHECKING:
     from solver.api import CalibratedRig, open_rig
@@ -30,6 +33,10 @@ __all__ = [
     "open_observations",
     "open_rig",
 ]
+
+# OpenCV compares an image's size with this before it allocates memory for its pixels, in all
+# formats. It reads the variable once, when it is imported: this package is imported before.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))
 
 # Imported when first used: numba and SciPy take a second.
 _MODULE_OF = {
