@@ -54,9 +54,9 @@ def shading_of(antenna: Antenna, points: Floats, turn: Floats) -> Shading:
     x = points[:, 0] - rig.base_position[0]
     moved = points[:, 1] - rest.y_at_clamp - rest.slope * x
     along = rig.light_slope + gradient * (x - rig.beam.length / 2)
-    size = SHADING * antenna.at_rest.shading * rig.beam.radius
-    shift = size * (gradient * moved * np.cos(turn) - along * np.sin(turn))
-    errors = np.column_stack([size * rig.light_slope_sigma * np.sin(turn), SHADING_SIGMA * shift])
+    size, sine = SHADING * antenna.at_rest.shading * rig.beam.radius, np.sin(turn)
+    shift = size * (gradient * moved * np.cos(turn) - along * sine)
+    errors = np.stack([size * rig.light_slope_sigma * sine, SHADING_SIGMA * shift], axis=1)
     return Shading(shift, errors)
 
 

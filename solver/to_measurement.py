@@ -45,10 +45,11 @@ def to_measurement(
         points, sigmas = points[outside], sigmas[outside]
     course = course_of(points, rest, rig)
     motor_angle = None if antenna.in_world else readings.motor_angle
-    weight = OwnWeight(np.zeros(3), np.zeros(len(points)))
+    by_weight, weight_covariance = np.zeros(3), np.zeros((5, 5))
     if course is not None and rig.sag_in_plane.any():
         weight = _by_own_weight(antenna, points, course.turn, motor_angle)
-        rest = replace(rest, bow=rest.bow + weight.bow)
+        by_weight, weight_covariance = weight.bow, _weight_covariance(weight.bow, rig)
+        rest = replace(rest, bow=rest.bow + by_weight)
         points = points - weight.remainder[:, None] * course.normals
         course = course_of(points, rest, rig)
     shared, removed = np.empty((len(points), 0)), np.zeros_like(points)
@@ -97,8 +98,8 @@ def to_measurement(
         axis_sigma=axis_sigma(antenna),
         rest_bow=RestBow(
             coefficients=antenna.rest.bow * axes[1, 1],
-            by_weight=weight.bow * axes[1, 1],
-            covariance=rest.covariance + _weight_covariance(weight.bow, rig),
+            by_weight=by_weight * axes[1, 1],
+            covariance=rest.covariance + weight_covariance,
             line_covariance=rest.line_covariance,
             removed=removed @ axes,
             scale_sigma=bow_error,
