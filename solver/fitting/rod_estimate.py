@@ -6,20 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, contact_of, curve_of
+from solver.beam_models.rod import GRIP
 from solver.fitting.fit import FrameFit
 from solver.fitting.fit_estimate import estimate_from_fit, refusal_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem, problem_of
+from solver.fitting.reflected_light import lit_by_object, reflection_matters, touch_of
 from solver.fitting.rod_fit import fit_rod
-from solver.fitting.rod_problem import (
-    RodProblem,
-    lit_by_object,
-    only,
-    reflection_matters,
-    rod_problem_of,
-)
+from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_values import rod_values
 from solver.fitting.stated_beam import contradiction
@@ -89,10 +84,7 @@ def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
     if fit is None:
         return None
     if reflection_matters(rod):
-        size = rod.shape_size
-        values, _ = contact_of(curve_of(fit.p[:size], rod.widths, rod.radius), fit.p[:size])
-        _, theta, x_c, y_c, *_ = values
-        rod = lit_by_object(rod, np.array([x_c, y_c]), np.array([np.cos(theta), np.sin(theta)]))
+        rod = lit_by_object(rod, touch_of(rod, fit.p))
         fit = refitted(rod, fit)
     return RodFit(rod, fit)
 

@@ -10,7 +10,7 @@ import numpy as np
 from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
-from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
+from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
 from solver.fitting.rod_step import straight_in_free_end
 from solver.instrument.arrays import Floats
@@ -20,11 +20,8 @@ from solver.instrument.measurement import Measurement, RestBow
 # Sigma of the shift of a beam's apparent middle at the contact, in radii, by light that the object
 # reflects. Measured: a gray cylinder as thick as the beam moves it by 0.001 to 0.003.
 REFLECTED: Final = 0.003
-# Distance from the contact at which half of it is left. Chosen: an object of the size of
-# `push_joint.RADIUS_SIGMA`.
-_OBJECT: Final = 0.05
 # Its size, in sigmas of a point, below which it is neglected. Chosen: it moves a few dozen points.
-_LEAST_REFLECTION: Final = 0.5
+LEAST_REFLECTION: Final = 0.5
 # Least variance of a combination of parameters, over those of its parts. Chosen: a ten-thousandth
 # of their sigmas is certain.
 _CERTAIN: Final = 1e-8
@@ -110,7 +107,7 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
     bow = measurement.rest_bow
     shared = problem.shared_errors[:, 0 if bow is None else bow.errors :]
     radius = measurement.rig.beam.radius / measurement.rig.beam.length
-    mean, covariance = _prior(measurement, shared.shape[1], _reflection(points, radius))
+    mean, covariance = _prior(measurement, shared.shape[1], reflection(points, radius))
     uncertain = np.flatnonzero(np.diag(covariance) > 0)
     information = np.zeros_like(covariance)
     block = np.ix_(uncertain, uncertain)
@@ -137,10 +134,10 @@ def _information(covariance: Floats) -> Floats:
     return np.asarray(inverse / np.outer(sigmas, sigmas))
 
 
-def _prior(measurement: Measurement, shared: int, reflection: float) -> tuple[Floats, Floats]:
+def _prior(measurement: Measurement, shared: int, light: float) -> tuple[Floats, Floats]:
     """Compute mean (p,) and covariance (p, p) of all parameters but load and place.
 
-    `reflection` is the sigma of light that is reflected onto the beam, in sigmas of a point: that
+    `light` is the sigma of light that is reflected onto the beam, in sigmas of a point: that
     of the hub near the clamp looks like a bow.
     """
     shape, rest = measurement.rig.shape, measurement.rest_bow
@@ -164,8 +161,8 @@ def _prior(measurement: Measurement, shared: int, reflection: float) -> tuple[Fl
     if rest is not None:
         line, bow = [size + DY, size + TILT], list(range(first, size))
         covariance[np.ix_(line, line)] -= rest.line_covariance * np.outer(unit[1:], unit[1:])
-        if reflection > _LEAST_REFLECTION:
-            rest = replace(rest, covariance=rest.covariance * (1 + reflection**2))
+        if light > LEAST_REFLECTION:
+            rest = replace(rest, covariance=rest.covariance * (1 + light**2))
         _add_rest(mean, covariance, line, bow, rest, measurement.rig.beam.length, len(shape.bow))
         mean[bow] += rest.by_weight / measurement.rig.beam.length
     return mean, covariance
@@ -213,12 +210,7 @@ def _add_rest(
     covariance[np.ix_(line, line)] += spread
 
 
-def reflection_matters(problem: RodProblem) -> bool:
-    """Test whether the light that an object reflects may move the points by part of their sigma."""
-    return _reflection(problem.points, problem.radius) > _LEAST_REFLECTION
-
-
-def _reflection(points: Floats, radius: float) -> float:
+def reflection(points: Floats, radius: float) -> float:
     """Compute the sigma of the shift by reflected light, in sigmas of the points (4, n)."""
     if not points.shape[1]:
         return 0.0
@@ -226,31 +218,28 @@ def _reflection(points: Floats, radius: float) -> float:
     return REFLECTED * radius / max(sigma, LEAST_SIGMA)
 
 
-def lit_by_object(problem: P, contact: Floats, tangent: Floats) -> P:
-    """Add errors that the points share: light that an object at `contact` (2,) reflects.
-
-    It brightens the beam's near side and moves its apparent middle beside the contact, differently
-    ahead of it and behind it along the `tangent` (2,).
-    """
-    x, y = (problem.points[[X, Y]] - contact[:, None]) / _OBJECT
-    shift = REFLECTED * problem.radius / (1 + x * x + y * y)
-    sigmas = np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])
-    ahead = x * tangent[0] + y * tangent[1]
-    return with_own_errors(problem, np.column_stack([shift / sigmas, ahead * shift / sigmas]))
-
-
 def with_own_errors(problem: P, columns: Floats) -> P:
     """Add errors that only the points of this frame share: `columns` (n, k) are like `shared`."""
-    count, own = len(problem.mean), columns.shape[1]
-    information = np.eye(count + own)
+    own = problem.own_errors + columns.shape[1]
+    return replace(_with_errors(problem, columns), own_errors=own)
+
+
+def with_common_errors(problem: P, columns: Floats) -> P:
+    """Add errors (n, k) that the points of all frames share, to a problem without own ones."""
+    assert not problem.own_errors, "a frame's own errors are the last ones"
+    return _with_errors(problem, columns)
+
+
+def _with_errors(problem: P, columns: Floats) -> P:
+    count, added = len(problem.mean), columns.shape[1]
+    information = np.eye(count + added)
     information[:count, :count] = problem.information
     return replace(
         problem,
         shared=np.column_stack([problem.shared, columns]),
-        mean=np.append(problem.mean, np.zeros(own)),
+        mean=np.append(problem.mean, np.zeros(added)),
         information=information,
-        free=np.append(problem.free, count + np.arange(own)),
-        own_errors=problem.own_errors + own,
+        free=np.append(problem.free, count + np.arange(added)),
     )
 
 

@@ -1,7 +1,6 @@
 """Estimate from one frame of a beam that touches at two places, in the known plane."""
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,11 +9,12 @@ from solver.beam_models.two_contacts import contacts_of, two_contacts_of
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of
+from solver.fitting.reflected_light import Touch, lit_by_object, reflection_matters
 from solver.fitting.residuals import TILT as START_TILT
 from solver.fitting.rival_taper import other_taper
 from solver.fitting.rod_estimate import with_bow
 from solver.fitting.rod_fit import LeastSquares, fit_rod, least_squares
-from solver.fitting.rod_problem import lit_by_object, reflection_matters, rod_problem_of
+from solver.fitting.rod_problem import rod_problem_of
 from solver.fitting.rod_residuals import PSI
 from solver.fitting.thresholds import LIMITS
 from solver.fitting.two_contact_problem import (
@@ -99,9 +99,8 @@ def _lit_at_both(problem: TwoContactProblem, fit: FrameFit) -> TwoContactProblem
     shape = fit.p[: problem.shape_size]
     both = two_contacts_of(shape, problem.widths, problem.radius)
     for _, theta, x, y, *_ in contacts_of(both, shape)[0]:
-        tangent = np.array([math.cos(theta), math.sin(theta)])
-        lit = lit_by_object(problem, np.array([x, y]), tangent)
-        problem = replace(lit, own_errors=problem.own_errors + lit.own_errors)
+        touch = Touch(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
+        problem = lit_by_object(problem, touch)
     return problem
 
 

@@ -11,6 +11,7 @@ from solver.fitting.correlation import correlation_length
 from solver.fitting.fit_estimate import refusal_of
 from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.problem import problem_of
+from solver.fitting.reflected_light import Touch, lit_by_objects, reflection_matters, touch_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rod_estimate import fit_frame, with_bow
 from solver.fitting.rod_fit import residuals_at
@@ -26,8 +27,8 @@ class BentFrame(NamedTuple):
 
     `starts` (2, 3) are load, place and grip of a uniform beam and of the frame's own fit, whose
     prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances, and
-    `correlation` the correlation length of its residuals; `neighbours` are the errors that its
-    neighbouring points share.
+    `correlation` the correlation length of its residuals; `touch` is its contact, and `neighbours`
+    are the errors that its neighbouring points share.
     """
 
     measurement: Measurement
@@ -36,6 +37,7 @@ class BentFrame(NamedTuple):
     taper: float
     inflation: float
     correlation: float
+    touch: Touch
     neighbours: Neighbours | None = None
 
 
@@ -59,12 +61,20 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
         taper=float(fit.p[WIDTHS]),
         inflation=float(fit.variance_inflation),
         correlation=correlation_length(rows[0][inliers]),
+        touch=touch_of(rod, fit.p),
     )
 
 
 def problems_of(frames: Sequence[BentFrame], shape: BeamShape) -> list[RodProblem]:
     """Return the frames' problems with this stated or learned beam, without outliers."""
-    return [_problem(frame, shape) for frame in frames]
+    problems = [_problem(frame, shape) for frame in frames]
+    # The frames have the same parameters: all of them are lit, or none.
+    if any(map(reflection_matters, problems)):
+        problems = [
+            lit_by_objects(problem, frame.touch)
+            for frame, problem in zip(frames, problems, strict=True)
+        ]
+    return [_of_inliers(frame, problem) for frame, problem in zip(frames, problems, strict=True)]
 
 
 def with_shared_errors(
@@ -74,18 +84,21 @@ def with_shared_errors(
 
     These take the place of the inflation.
     """
+    alone = [frame._replace(inflation=1.0) for frame in frames]
     result = []
-    for frame, p in zip(frames, parameters, strict=True):
-        alone = frame._replace(inflation=1.0)
-        problem = _problem(alone, shape)
+    for i, problem in enumerate(problems_of(alone, shape)):
+        p = np.append(parameters[i], np.zeros(problem.own_errors))
         found = neighbours_of(problem, p, np.ones(len(problem.shared), np.bool_))
-        result.append(frame if found is None else alone._replace(neighbours=found))
+        result.append(frames[i] if found is None else alone[i]._replace(neighbours=found))
     return result
 
 
 def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
     measurement = _with_shape(frame.measurement, shape)
-    problem = rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+    return rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+
+
+def _of_inliers(frame: BentFrame, problem: RodProblem) -> RodProblem:
     if frame.neighbours is not None:
         problem = with_neighbours(problem, frame.neighbours)
     points = problem.points.copy()

@@ -1,0 +1,70 @@
+"""Light that an object reflects onto the beam: it brightens the beam's near side.
+
+The beam's apparent middle moves beside the contact, differently ahead of it and behind it. Objects
+of one rig may be alike, as pegs of one kind are, so that this error is partly the same in all
+frames.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import contact_of, curve_of
+from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
+from solver.fitting.rod_problem import (
+    LEAST_REFLECTION,
+    REFLECTED,
+    P,
+    RodProblem,
+    reflection,
+    with_common_errors,
+    with_own_errors,
+)
+from solver.instrument.arrays import Floats
+
+# Distance from the contact at which half of it is left. Chosen: an object of the size of
+# `push_joint.RADIUS_SIGMA`.
+_OBJECT: Final = 0.05
+# Part of its variance that all frames share. Chosen: objects may be alike or not.
+_ALIKE: Final = 0.5
+
+
+class Touch(NamedTuple):
+    """Image of a contact on plane C: `place` (2,) over the length, `direction` (2,) of the beam."""
+
+    place: Floats
+    direction: Floats
+
+
+def touch_of(problem: RodProblem, p: Floats) -> Touch:
+    """Compute the contact of a fit with parameters p (p,)."""
+    shape = p[: problem.shape_size]
+    _, theta, x, y, *_ = contact_of(curve_of(shape, problem.widths, problem.radius), shape)[0]
+    return Touch(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
+
+
+def reflection_matters(problem: RodProblem) -> bool:
+    """Test whether the light that an object reflects may move the points by part of their sigma."""
+    return reflection(problem.points, problem.radius) > LEAST_REFLECTION
+
+
+def lit_by_object(problem: P, touch: Touch) -> P:
+    """Add the light that an object reflects, as errors of the frame's own."""
+    return with_own_errors(problem, _light(problem, touch))
+
+
+def lit_by_objects(problem: P, touch: Touch) -> P:
+    """Add the light that an object reflects, of which a part is the same in all frames."""
+    light = _light(problem, touch)
+    problem = with_common_errors(problem, math.sqrt(_ALIKE) * light)
+    return with_own_errors(problem, math.sqrt(1 - _ALIKE) * light)
+
+
+def _light(problem: RodProblem, touch: Touch) -> Floats:
+    """Compute the shift of the points (n, 2), in sigmas: beside the contact, and ahead of it."""
+    x, y = (problem.points[[X, Y]] - touch.place[:, None]) / _OBJECT
+    shift = REFLECTED * problem.radius / (1 + x * x + y * y)
+    sigmas = np.hypot(problem.points[SIGMA_X], problem.points[SIGMA_Y])
+    ahead = x * touch.direction[0] + y * touch.direction[1]
+    return np.column_stack([shift / sigmas, ahead * shift / sigmas])
