@@ -13,6 +13,7 @@ import numpy as np
 from solver.beam_models.rod import contact_of, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import (
+    ALIKE,
     LEAST_REFLECTION,
     REFLECTED,
     P,
@@ -26,8 +27,6 @@ from solver.instrument.arrays import Floats
 # Distance from the contact at which half of it is left. Chosen: an object of the size of
 # `push_joint.RADIUS_SIGMA`.
 _OBJECT: Final = 0.05
-# Part of its variance that all frames share. Chosen: objects may be alike or not.
-_ALIKE: Final = 0.5
 
 
 class Touch(NamedTuple):
@@ -57,8 +56,8 @@ def lit_by_object(problem: P, touch: Touch) -> P:
 def lit_by_objects(problem: P, touch: Touch) -> P:
     """Add the light that an object reflects, of which a part is the same in all frames."""
     light = _light(problem, touch)
-    problem = with_common_errors(problem, math.sqrt(_ALIKE) * light)
-    return with_own_errors(problem, math.sqrt(1 - _ALIKE) * light)
+    problem = with_common_errors(problem, math.sqrt(ALIKE) * light)
+    return with_own_errors(problem, math.sqrt(1 - ALIKE) * light)
 
 
 def _light(problem: RodProblem, touch: Touch) -> Floats:

@@ -1,9 +1,13 @@
 """Learn a beam from pushes: one least-squares fit of all frames, whose beam and clamp are shared.
 
-Every frame has its own contact, force and friction. Width, clamp, plane of bending and the errors
-that all points share are the same in all frames, so that contacts at several places determine what
-one image does not. The frames' own parameters (Schur complement) and errors of their own are
-eliminated, so that the size of the joint system is that of the shared ones.
+Every frame has its own contact, force and friction ratio. Width, clamp, plane of bending and the
+errors that all points share are the same in all frames, so that contacts at several places
+determine what one image does not. The frames' own parameters (Schur complement) and errors of their
+own are eliminated, so that the size of the joint system is that of the shared ones.
+
+The objects of one rig may be alike, and all contacts slide the same way while the motor pushes on:
+the friction ratios have a common mean, which is one more shared parameter. Were they independent,
+many frames of the same friction would be taken for a bend of the beam.
 """
 
 import math
@@ -15,7 +19,7 @@ import numpy as np
 
 from solver.beam_models.rod import GRIP, S_C, Q
 from solver.fitting.rod_fit import residuals_at
-from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_problem import ALIKE, RodProblem
 from solver.instrument.arrays import Floats
 
 # Parameters of each frame's own; all others are shared.
@@ -47,9 +51,13 @@ class JointFit:
 
 
 class _System(NamedTuple):
-    """Normal equations at `parameters` (n, c): own blocks (n, o, o), mixed (n, o, s), shared."""
+    """Normal equations at `parameters` (n, c): own blocks (n, o, o), mixed (n, o, s + 1), shared.
+
+    The last shared parameter is the mean friction ratio, `grip`.
+    """
 
     parameters: Floats
+    grip: float
     objective: float
     own: Floats
     mixed: Floats
@@ -75,7 +83,9 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
         for problem, start in zip(problems, starts, strict=True)
     ]
     parameters = np.array([start for start in nearest if start is not None])
-    at = _system(problems, parameters, own, shared) if len(parameters) == len(problems) else None
+    if len(parameters) < len(problems):
+        return None
+    at = _system(problems, parameters, 0.0, own, shared)
     if at is None:
         return None
     damping, converged = 0.0, False
@@ -93,7 +103,7 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
             damping = max(damping * _FACTOR, _FIRST_DAMPING)
             if damping > _MAX_DAMPING:
                 break
-    return JointFit(at.parameters, shared, _covariance(at), at.objective, converged)
+    return JointFit(at.parameters, shared, _covariance(at)[:-1, :-1], at.objective, converged)
 
 
 def _apart(problem: RodProblem, first: RodProblem) -> Floats:
@@ -126,19 +136,24 @@ def _rows(problem: RodProblem, p: Floats) -> Floats | None:
 
 
 def _system(
-    problems: Sequence[RodProblem], parameters: Floats, own: Floats, shared: Floats
+    problems: Sequence[RodProblem], parameters: Floats, grip: float, own: Floats, shared: Floats
 ) -> _System | None:
-    n, first = len(problems), problems[0]
+    n, s, first = len(problems), len(shared), problems[0]
     if (parameters[:, [Q, S_C]] <= 0).any():
         return None
     own_blocks = np.empty((n, len(own), len(own)))
-    mixed = np.empty((n, len(own), len(shared)))
+    mixed = np.zeros((n, len(own), s + 1))
     own_gradient = np.empty((n, len(own)))
     # The prior of the shared parameters counts once.
-    deviation = parameters[0, shared] - first.mean[shared]
-    information = first.information[np.ix_(shared, shared)]
-    shared_block, shared_gradient = information.copy(), information @ deviation
+    shared_block, deviation = np.zeros((s + 1, s + 1)), np.zeros(s + 1)
+    shared_block[:s, :s] = first.information[np.ix_(shared, shared)]
+    deviation[:s] = parameters[0, shared] - first.mean[shared]
+    # Without friction, its mean is 0 and has no effect.
+    shared_block[s, s] = max(first.information[GRIP, GRIP], 1.0) / ALIKE
+    deviation[s] = grip
+    shared_gradient = shared_block @ deviation
     objective = float(deviation @ shared_gradient)
+    friction = np.flatnonzero(own == GRIP)
     for i, problem in enumerate(problems):
         rows = _rows(problem, parameters[i])
         if rows is None:
@@ -146,15 +161,20 @@ def _system(
         residual, jacobian = rows[-1], rows[:-1]
         by_own, by_shared = jacobian[own], jacobian[shared]
         prior = problem.information[np.ix_(own, own)]
+        prior[friction, friction] /= 1 - ALIKE
         pull = parameters[i, own] - problem.mean[own]
+        pull[friction] -= grip
         own_blocks[i] = by_own @ by_own.T + prior
-        mixed[i] = by_own @ by_shared.T
+        mixed[i, :, :s] = by_own @ by_shared.T
+        mixed[i, friction, s] = -prior[friction, friction]
         own_gradient[i] = by_own @ residual + prior @ pull
-        shared_block += by_shared @ by_shared.T
-        shared_gradient += by_shared @ residual
+        shared_block[:s, :s] += by_shared @ by_shared.T
+        shared_block[s, s] += prior[friction, friction].sum()
+        shared_gradient[:s] += by_shared @ residual
+        shared_gradient[s] -= (prior[friction, friction] * pull[friction]).sum()
         objective += float(residual @ residual + pull @ prior @ pull)
     return _System(
-        parameters, objective, own_blocks, mixed, shared_block, own_gradient, shared_gradient
+        parameters, grip, objective, own_blocks, mixed, shared_block, own_gradient, shared_gradient
     )
 
 
@@ -190,5 +210,6 @@ def _step(
     decrease = -(step_shared @ at.shared_gradient) - float((step_own * at.own_gradient).sum())
     trial = at.parameters.copy()
     trial[:, own] += step_own
-    trial[:, shared] += step_shared
-    return _system(problems, trial, own, shared), math.sqrt(max(float(decrease), 0.0))
+    trial[:, shared] += step_shared[:-1]
+    moved = _system(problems, trial, at.grip + float(step_shared[-1]), own, shared)
+    return moved, math.sqrt(max(float(decrease), 0.0))

@@ -22,6 +22,9 @@ from solver.instrument.measurement import Measurement, RestBow
 REFLECTED: Final = 0.003
 # Its size, in sigmas of a point, below which it is neglected. Chosen: it moves a few dozen points.
 LEAST_REFLECTION: Final = 0.5
+# Part of the variance of what objects do, by their light or friction, that is the same for all
+# objects of a rig. Chosen: they may be alike or not.
+ALIKE: Final = 0.5
 # Least variance of a combination of parameters, over those of its parts. Chosen: a ten-thousandth
 # of their sigmas is certain.
 _CERTAIN: Final = 1e-8
