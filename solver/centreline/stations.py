@@ -37,7 +37,8 @@ _FIRST: Any = np.int64(0)
 
 def stations(path: Floats, shape: tuple[int, ...]) -> Stations:
     """Compute the stations along a path of pixels (m, 2), within an image of `shape`."""
-    return Stations(*_stations(path, shape[0], shape[1]))
+    # For another layout, the function would be compiled again.
+    return Stations(*_stations(np.ascontiguousarray(path), shape[0], shape[1]))
 
 
 @njit

@@ -108,12 +108,14 @@ def with_jacobians(
     moved = contact.copy()
     moved[_CLAMP] -= shift_by_clamp @ contact[_CLAMP_POSE]
     rig, world_camera = measurement.rig, tilt_is_motor_angle(measurement)
+    # Copies: read-only arrays, as a rig has them unless another process sent it, are another type,
+    # for which the function would be compiled again.
     values, by_contact, by_pose = _with_jacobian(
         moved,
         rig.beam.length,
         measurement.antenna_from_beam,
-        rig.antenna_from_board,
-        rig.clamp_offset.position,
+        rig.antenna_from_board.copy(),
+        rig.clamp_offset.position.copy(),
         measurement.handedness,
         plane,
         world_camera,
