@@ -41,13 +41,14 @@ from solver.instrument.compiled import njit
 __all__ = ["FREE_STEPS", "GRIP", "STEPS", "S_C", "WIDTHS", "Q", "contact_of", "curve_of"]
 
 # Steps from the contact to the clamp. Measured: for a tip of 0.6 of the clamp's width, bent by
-# 40 degrees, the error of the contact is 2e-7; for a uniform beam it is 4e-8.
-STEPS: Final = 16
+# 40 degrees, the error of the contact is 2e-7; for a uniform beam it is 4e-8. This is no literal,
+# and no default value of `steps`: each of these would be compiled anew.
+STEPS: Final[Any] = np.int64(16)
 FREE_STEPS: Final = 6
 
 
 @njit
-def curve_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -> Curve:
+def curve_of(p: Floats, widths: int, radius: float, steps: Any) -> Curve:
     """Integrate the shape with parameters p (k,), of a beam with this radius at the clamp.
 
     The first `widths` parameters after the grip are those of the width, the others of the bow.

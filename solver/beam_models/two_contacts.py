@@ -42,8 +42,8 @@ from solver.instrument.compiled import njit
 Q_INNER, S_INNER, GRIP_INNER = -3, -2, -1
 INNER_PARAMETERS: Final = 3
 # Steps on either side of the inner contact. Measured: the error of a contact's place is 1e-8 for a
-# uniform beam bent by 40 degrees.
-STEPS: Final = 16
+# uniform beam bent by 40 degrees. As in `rod`, neither a literal nor a default value.
+STEPS: Final[Any] = np.int64(16)
 # Entries of a contact, those of `rod.contact_of`: force over EI, tangent's angle, x, y, s, lean.
 CONTACT: Final = 6
 
@@ -95,7 +95,7 @@ def _inner_force(
 
 
 @njit
-def two_contacts_of(p: Floats, widths: int, radius: float, steps: Any = STEPS) -> TwoContacts:
+def two_contacts_of(p: Floats, widths: int, radius: float, steps: Any) -> TwoContacts:
     """Integrate the shape with parameters p (k,), with `steps` on either side of the inner contact.
 
     `widths` and `radius` are those of `rod.curve_of`. The curve has the nodes beyond the tip, at

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.curve import MOST_ANGLE
-from solver.beam_models.rod import GRIP, S_C, Q, curve_of
+from solver.beam_models.rod import GRIP, S_C, STEPS, Q, curve_of
 from solver.fitting.fit import FrameFit
 from solver.fitting.problem import Problem
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
@@ -92,7 +92,7 @@ class HungProblem(RodProblem):
         lean = np.clip(wanted - tilt - p[Q] * p[S_C] ** 2 / 2, -1.2, 1.2)
         for _ in range(_MAX_STEPS):
             rod[GRIP] = -math.tan(lean)
-            curve = curve_of(rod[:size], self.widths, self.radius)
+            curve = curve_of(rod[:size], self.widths, self.radius, STEPS)
             if not curve.exists:
                 return None
             moment, by_moment = clamp_moment(curve, rod[:size])

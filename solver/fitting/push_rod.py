@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.beam_models.curve import END, Curve
 from solver.beam_models.frictional import Contact
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
 from solver.beam_models.rod_stretch import width_at
 from solver.fitting import frames
 from solver.fitting.push_beam import LastShape, Prior
@@ -178,7 +178,7 @@ class RodBeam:
         The contact is that of a beam as thick as at its clamp. Returns None without a shape.
         """
         size = self._problem.shape_size
-        curve: Curve = curve_of(p[:size], self._problem.widths, self._problem.radius)
+        curve: Curve = curve_of(p[:size], self._problem.widths, self._problem.radius, STEPS)
         if not curve.exists:
             return None
         table = np.zeros((6, 1 + len(p)))

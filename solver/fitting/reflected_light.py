@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import contact_of, curve_of
+from solver.beam_models.rod import STEPS, contact_of, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import (
     ALIKE,
@@ -39,7 +39,8 @@ class Touch(NamedTuple):
 def touch_of(problem: RodProblem, p: Floats) -> Touch:
     """Compute the contact of a fit with parameters p (p,)."""
     shape = p[: problem.shape_size]
-    _, theta, x, y, *_ = contact_of(curve_of(shape, problem.widths, problem.radius), shape)[0]
+    curve = curve_of(shape, problem.widths, problem.radius, STEPS)
+    _, theta, x, y, *_ = contact_of(curve, shape)[0]
     return Touch(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from solver.beam_models.curve import Curve, U, interpolated
-from solver.beam_models.rod import GRIP, Q, curve_of
+from solver.beam_models.rod import GRIP, STEPS, Q, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y, X, Y, weight_of
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
@@ -57,7 +57,7 @@ def rod_residuals(
     The Jacobian is evaluated where each point's ray would be without its error, as in `residuals`.
     """
     k = len(p) - POSE
-    curve = curve_of(p[:k], widths, radius)
+    curve = curve_of(p[:k], widths, radius, STEPS)
     if not curve.exists:
         return False
     moment, by_moment = clamp_moment(curve, p[:k])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from solver.beam_models.rod import S_C, contact_of, curve_of
+from solver.beam_models.rod import S_C, STEPS, contact_of, curve_of
 from solver.fitting.constraints import TIP_COLUMNS
 from solver.fitting.problem import Problem
 from solver.fitting.residuals import (
@@ -51,7 +51,7 @@ class SpatialRodProblem(RodProblem):
     def _moment(self, p: Floats) -> tuple[float, Floats]:
         """Compute the moment about y [EI / L], -M sin(psi) of eq. (27), and its gradient (p,)."""
         size = self.shape_size
-        curve = curve_of(p[:size], self.widths, self.radius)
+        curve = curve_of(p[:size], self.widths, self.radius, STEPS)
         moment, by_moment = clamp_moment(curve, p[:size])
         sine, gradient = math.sin(p[size + PSI]), np.zeros(len(p))
         gradient[:size] = -sine * by_moment
@@ -61,7 +61,7 @@ class SpatialRodProblem(RodProblem):
     def _tip(self, p: Floats, tip: Floats) -> tuple[Floats, Floats]:
         """Compute the predicted less the measured image of the tip (2,), whitened; Jacobian."""
         size = self.shape_size
-        curve = curve_of(p[:size], self.widths, self.radius)
+        curve = curve_of(p[:size], self.widths, self.radius, STEPS)
         (_, theta, x_c, y_c, s_c, _), by = contact_of(curve, p[:size])
         moment, by_moment = clamp_moment(curve, p[:size])
         # The tip is where it is at rest, wherever the beam begins to bend.

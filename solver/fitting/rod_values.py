@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, contact_of, curve_of
+from solver.beam_models.rod import GRIP, STEPS, contact_of, curve_of
 from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.rod_problem import RodProblem
@@ -53,7 +53,7 @@ def rod_contact(rig: Rig, rod: RodProblem, p: Floats, motor_angle: float) -> tup
     all lengths.
     """
     shape = p[: rod.shape_size]
-    curve = curve_of(shape, rod.widths, rod.radius)
+    curve = curve_of(shape, rod.widths, rod.radius, STEPS)
     return mounted_contact(
         rig, p, motor_angle, contact_of(curve, shape), clamp_moment(curve, shape)
     )

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from solver.beam_models.two_contacts import contacts_of, two_contacts_of
+from solver.beam_models.two_contacts import STEPS, contacts_of, two_contacts_of
 from solver.fitting.fit import FrameFit, start_of
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.problem import Problem, problem_of
@@ -97,7 +97,7 @@ def _best_fit(problem: TwoContactProblem, tilt: float) -> FrameFit | None:
 def _lit_at_both(problem: TwoContactProblem, fit: FrameFit) -> TwoContactProblem:
     """Add the light that the objects reflect at both contacts of a fit."""
     shape = fit.p[: problem.shape_size]
-    both = two_contacts_of(shape, problem.widths, problem.radius)
+    both = two_contacts_of(shape, problem.widths, problem.radius, STEPS)
     for _, theta, x, y, *_ in contacts_of(both, shape)[0]:
         touch = Touch(np.array([x, y]), np.array([math.cos(theta), math.sin(theta)]))
         problem = lit_by_object(problem, touch)

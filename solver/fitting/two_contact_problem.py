@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
 from solver.beam_models.rod_stretch import width_at
-from solver.beam_models.two_contacts import INNER_PARAMETERS, two_contacts_of
+from solver.beam_models.two_contacts import INNER_PARAMETERS, STEPS, two_contacts_of
 from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y, X, Y
 from solver.fitting.rod_problem import RodProblem
 from solver.fitting.rod_residuals import DY, POSE, TILT, curve_residuals
@@ -93,7 +93,7 @@ def _residuals(
     jacobian: Floats,
 ) -> bool:
     """Write the residuals and their Jacobian; return whether the shape exists."""
-    both = two_contacts_of(p[: len(p) - POSE], widths, radius)
+    both = two_contacts_of(p[: len(p) - POSE], widths, radius, STEPS)
     return both.curve.exists and curve_residuals(
         p, both.curve, both.moment, both.by_moment, points, bounds, views, residual, jacobian
     )

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from solver.beam_models.rod import GRIP
-from solver.beam_models.two_contacts import GRIP_INNER, contacts_of, two_contacts_of
+from solver.beam_models.two_contacts import GRIP_INNER, STEPS, contacts_of, two_contacts_of
 from solver.fitting import frames
 from solver.fitting.fit import FrameFit
 from solver.fitting.rod_values import input_variances, mounted_contact
@@ -36,7 +36,7 @@ def two_contact_values(
     """
     size, count = problem.shape_size, len(fit.p)
     shape = fit.p[:size]
-    both = two_contacts_of(shape, problem.widths, problem.radius)
+    both = two_contacts_of(shape, problem.widths, problem.radius, STEPS)
     quantities, by_shape = contacts_of(both, shape)
     values: dict[str, float] = {}
     by_variables, by_poses, curved = [], [], []

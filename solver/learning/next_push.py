@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.curve import END, U, interpolated
-from solver.beam_models.rod import S_C, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod import S_C, STEPS, WIDTHS, Q, contact_of, curve_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import RodProblem
@@ -156,7 +156,9 @@ def _image(
     if linearised is None:
         return None
     jacobian = linearised[1][problem.free]
-    values, by_shape = contact_of(curve_of(p[:size], problem.widths, problem.radius), p[:size])
+    values, by_shape = contact_of(
+        curve_of(p[:size], problem.widths, problem.radius, STEPS), p[:size]
+    )
     gradients = np.zeros((2, len(p)))
     load = float(values[_FORCE])
     gradients[:, :size] = by_shape[_X_C], by_shape[_FORCE] / load
@@ -167,7 +169,7 @@ def _image(
 def _points(problem: RodProblem, p: Floats) -> Floats | None:
     """Place the points of `problem` (4, n) evenly on the shape with parameters p; None if none."""
     size = problem.shape_size
-    curve = curve_of(p[:size], problem.widths, problem.radius)
+    curve = curve_of(p[:size], problem.widths, problem.radius, STEPS)
     if not curve.exists:
         return None
     lever, height, angle = curve.base

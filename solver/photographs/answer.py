@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import S_C, Q, curve_of
+from solver.beam_models.rod import S_C, STEPS, Q, curve_of
 from solver.fitting.rod_residuals import POSE
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
@@ -138,7 +138,7 @@ def _values(fit: JointFit, photos: PhotoSet, photo: int) -> dict[str, Value]:
     angles = [own.shared + OWN_VIEW + angle for angle in (VIEW_A, VIEW_B)]
     bent = own.bent(p)
     assert bent is not None  # the fit's minimum has a shape
-    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS)
+    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS, STEPS)
 
     def value(number: float, gradient: Floats) -> Value:
         variance = max(float(gradient @ errors @ gradient), 0.0)

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from solver.beam_models.curve import Curve
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, contact_of, curve_of
+from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, contact_of, curve_of
 from solver.fitting.rod_residuals import POSE, SOFTNESS, TILT, clamp_moment
 from solver.instrument.arrays import Floats
 
@@ -64,7 +64,7 @@ def grip_of(p: Floats, widths: int, direction: float) -> Grip | None:
     trial = p.copy()
     for _ in range(_MAX_ITERATIONS):
         trial[GRIP] = -np.tan(lean)
-        curve = curve_of(trial[:k], widths, RADIUS)
+        curve = curve_of(trial[:k], widths, RADIUS, STEPS)
         if not curve.exists:
             return None
         at = direction_of(curve, trial)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solver.beam_models.curve import END, P, U
-from solver.beam_models.rod import S_C, curve_of
+from solver.beam_models.rod import S_C, STEPS, curve_of
 from solver.fitting.rod_residuals import POSE
 from solver.instrument.arrays import Floats
 from solver.photographs.bent_beam import RADIUS, tip_place, turn_of
@@ -29,7 +29,7 @@ def fitted_line(fit: JointFit, photo: int) -> Line:
     p = fit.at.p[fit.problem.columns(photo)]
     bent = own.bent(p)
     assert bent is not None  # the fit's minimum has a shape
-    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS)
+    curve = curve_of(bent.q[: len(bent.q) - POSE], own.widths, RADIUS, STEPS)
     lever, height, angle = curve.base
     # Ahead of the load the nodes are at equal arc lengths, to beyond the tip.
     ahead = curve.contact - np.arange(curve.nodes.shape[1])

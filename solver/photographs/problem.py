@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q, curve_of
+from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, Q, curve_of
 from solver.fitting.rod_residuals import DX, DY, POSE, SOFTNESS, TILT, rod_residuals
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BOW
@@ -216,7 +216,7 @@ class PhotoProblem:
 
     def _marked(self, p: Floats, bent: Bent) -> Rows | None:
         """Compute the residuals of clamp, tip and marks."""
-        curve = curve_of(bent.q[: len(bent.q) - POSE], self.widths, RADIUS)
+        curve = curve_of(bent.q[: len(bent.q) - POSE], self.widths, RADIUS, STEPS)
         tip = tip_place(curve, bent.q, self.widths)
         mirror = np.array([1.0, self.side])
         marks = self.marks[:, 2:] * math.exp(-p[LENGTH])

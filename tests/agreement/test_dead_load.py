@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import GRIP, S_C, Q, curve_of
+from solver.beam_models.rod import GRIP, S_C, STEPS, Q, curve_of
 from solver.fitting.rod_residuals import POSE
 from solver.photographs.bent_beam import RADIUS, contact_place, grip_of, tip_place
 from tests.simulated import BEAM
@@ -26,7 +26,7 @@ def test_a_dead_load_bends_the_world_s_rod_as_the_antenna_s(
     grip = grip_of(p, 1, direction)
     assert grip is not None
     p[GRIP] = grip.value
-    curve = curve_of(p[:-POSE], 1, RADIUS)
+    curve = curve_of(p[:-POSE], 1, RADIUS, STEPS)
     # A beam so thin that a force on its surface acts at its axis.
     thin = type(BEAM)(length, 1e-6 * BEAM.diameter, BEAM.flexural_rigidity)
     world = loaded(

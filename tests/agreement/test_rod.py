@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solver.beam_models.curve import Curve, P, U
-from solver.beam_models.rod import S_C, contact_of, curve_of
+from solver.beam_models.rod import S_C, STEPS, contact_of, curve_of
 from solver.instrument.arrays import Floats
 from tests.simulated import BEAM
 from vbaa_bench.mechanics.loaded import Load, loaded
@@ -34,7 +34,7 @@ def test_the_rods_agree(taper: float, friction: float, bow: float) -> None:
     # A circular arc at rest: its line, to the order of the world's small curvature.
     p = np.array([q, place, friction, taper, bow * length / 2, 0.0, 0.0])
     radius = BEAM.radius / length
-    curve = curve_of(p, 1, radius)
+    curve = curve_of(p, 1, radius, STEPS)
     values, _ = contact_of(curve, p)
     # The world's contact is on the axis too. A millionth of the length is 1/2000 px.
     assert values[2:4] * length == pytest.approx(world.points[0, :2], abs=1e-6 * length)

@@ -10,6 +10,7 @@ from solver.beam_models.two_contacts import (
     INNER_PARAMETERS,
     Q_INNER,
     S_INNER,
+    STEPS,
     contacts_of,
     two_contacts_of,
 )
@@ -66,5 +67,5 @@ def test_a_bowed_cone_under_two_loads_has_the_same_contacts(
     # A circular arc at rest: its line, to the order of the world's small curvature.
     bowed = [taper, bow * length / 2, 0.0, 0.0]
     p = np.array([q_outer, s_outer, frictions[1], *bowed, q_inner, s_inner, frictions[0]])
-    contacts, _ = contacts_of(two_contacts_of(p, 1, BEAM.radius / length), p)
+    contacts, _ = contacts_of(two_contacts_of(p, 1, BEAM.radius / length, STEPS), p)
     assert contacts[:, 2:4] * length == pytest.approx(world.points[:, :2], abs=1e-6 * length)

@@ -26,7 +26,7 @@ def test_a_uniform_beam_is_the_closed_form(lever: float, turn: float, grip: floa
     at = frictional.contact(q, lever, grip)
     assume(0.05 < at.s_c < 1.0 and at.theta_c < 1.2)
     p = np.array([q, float(at.s_c), grip])
-    curve = curve_of(p, 0, 0.0)
+    curve = curve_of(p, 0, 0.0, STEPS)
     assert curve.exists
     values, gradients = contact_of(curve, p)
     closed = np.array([at.load, at.theta_c, at.x_c, at.y_c, at.s_c, at.lean])
@@ -43,7 +43,7 @@ def test_a_little_bent_cone_is_that_of_linear_theory() -> None:
     """y = (F Lc^3 / EI) [1/(2u) - ua/(6u^2) + (1/2 - ua/3) u - 1 + ua/2], u = 1 - x / Lc."""
     taper, place, load = -0.4, 0.7, 1e-5
     p = np.array([load, place, 0.0, taper])
-    values, _ = contact_of(curve_of(p, 1, 0.0), p)
+    values, _ = contact_of(curve_of(p, 1, 0.0, STEPS), p)
     cone = -1 / taper
     ua = u = 1 - place / cone
     shape = 1 / (2 * u) - ua / (6 * u**2) + (1 / 2 - ua / 3) * u - 1 + ua / 2
@@ -78,13 +78,13 @@ def _ordinates(nodes: Floats, places: Floats) -> Floats:
     [(TAPERED, 1), (PROFILED, 3), (np.append(TAPERED, BOW), 1), (np.append(PROFILED, BOW), 3)],
 )
 def test_gradients_are_differences(p: Floats, widths: int) -> None:
-    curve = curve_of(p, widths, RADIUS)
+    curve = curve_of(p, widths, RADIUS, STEPS)
     _, by_contact = contact_of(curve, p)
     places = curve.nodes[U, 1:-1]
     for i in range(len(p)):
         step = np.zeros(len(p))
         step[i] = 1e-6
-        low, high = (curve_of(p + sign * step, widths, RADIUS) for sign in (-1, 1))
+        low, high = (curve_of(p + sign * step, widths, RADIUS, STEPS) for sign in (-1, 1))
         contacts = [contact_of(c, p + sign * step)[0] for c, sign in ((low, -1), (high, 1))]
         assert by_contact[:, i] == pytest.approx((contacts[1] - contacts[0]) / 2e-6, abs=1e-8)
         assert curve.by_base[i] == pytest.approx((high.base - low.base) / 2e-6, abs=1e-8)
@@ -94,11 +94,11 @@ def test_gradients_are_differences(p: Floats, widths: int) -> None:
 
 
 def test_beyond_the_contact_the_beam_is_straight_or_has_its_bow() -> None:
-    curve = curve_of(TAPERED, 1, RADIUS)
+    curve = curve_of(TAPERED, 1, RADIUS, STEPS)
     free = curve.nodes[:, : curve.contact + 1]
     assert np.ptp((free[P, 1:] - free[P, 0]) / (free[U, 1:] - free[U, 0])) < 1e-12
     unloaded = np.append([1e-9, 0.5, 0.0], BOW)
-    bowed = curve_of(unloaded, 0, RADIUS)
+    bowed = curve_of(unloaded, 0, RADIUS, STEPS)
     angle, height = bowed.base[2], bowed.base[1]
     along, across = bowed.base[0] - bowed.nodes[U], bowed.nodes[P] - height
     x = along * np.cos(angle) - across * np.sin(angle)
@@ -130,12 +130,12 @@ def test_width_terms_are_legendre_polynomials() -> None:
     ],
 )
 def test_shapes_that_no_beam_has(p: list[float]) -> None:
-    assert not curve_of(np.array(p), WIDTHS - 2, RADIUS).exists
+    assert not curve_of(np.array(p), WIDTHS - 2, RADIUS, STEPS).exists
 
 
 def test_beyond_the_contact_a_beam_without_bow_is_straight_also_with_friction() -> None:
     p = np.array([3.0, 0.6, 0.4, -0.3])
-    curve = curve_of(p, 1, RADIUS)
+    curve = curve_of(p, 1, RADIUS, STEPS)
     tip, contact = curve.nodes[:, 0], curve.nodes[:, curve.contact]
     for part in (0.2, 0.5, 0.8):
         u = (1 - part) * tip[U] + part * contact[U]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.beam_models.rod import GRIP, curve_of
+from solver.beam_models.rod import GRIP, STEPS, curve_of
 from solver.fitting.rod_residuals import POSE
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape
@@ -110,7 +110,7 @@ def test_a_dead_load_keeps_its_direction(load: float, side: int) -> None:
     grip = grip_of(p, 1, direction)
     assert grip is not None
     p[GRIP] = grip.value
-    curve = curve_of(p[:-POSE], 1, RADIUS)
+    curve = curve_of(p[:-POSE], 1, RADIUS, STEPS)
     assert direction_of(curve, p).value == pytest.approx(direction, abs=1e-12)
     for i in range(len(p)):
         step = np.zeros(len(p))
@@ -129,7 +129,7 @@ def test_a_light_weight_bends_a_beam_as_linear_theory_says() -> None:
     grip = grip_of(p, 0, math.pi / 2)
     assert grip is not None
     p[GRIP] = grip.value
-    curve = curve_of(p[:-POSE], 0, RADIUS)
+    curve = curve_of(p[:-POSE], 0, RADIUS, STEPS)
     assert contact_place(curve, p).value == pytest.approx([at, load * at**3 / 3], rel=1e-5)
     tip = load * at**2 * (3 - at) / 6
     assert tip_place(curve, p, 0).value == pytest.approx([1.0, tip], rel=1e-5)
@@ -142,7 +142,7 @@ def test_the_tip_of_a_bowed_beam_is_where_an_integration_ends() -> None:
     p = nearest(problem, p)
     beam = problem.bent(p)
     assert beam is not None
-    curve = curve_of(beam.q[:-POSE], 1, RADIUS)
+    curve = curve_of(beam.q[:-POSE], 1, RADIUS, STEPS)
     tip = tip_place(curve, beam.q, 1).value * [1.0, problem.side] * BEAM.length
     assert tip == pytest.approx(rows[-1, :2], abs=1e-6)
     force, _ = problem.force(p, beam)
