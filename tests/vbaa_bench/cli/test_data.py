@@ -71,16 +71,16 @@ def test_a_plan_counts_the_scene_and_states_a_range(noisy_scene: Path) -> None:
 
 def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
     path = tmp_path / "rigs.yaml"
-    # Each probed rig is generated as a whole.
-    text = NOISY_SCENE.replace("views: 6", "views: 3")
+    # Each probed rig is generated as a whole: one push of two frames.
+    text = NOISY_SCENE.replace("views: 6", "views: 3").replace("[100, 200]", "[150]")
     path.write_text(text + "rigs: 40\nbackground: {reflectance: {uniform: [0, 0.2]}}\n")
     done = CliRunner().invoke(cli.app, ["plan", str(path), "--workers", "1", "--json"])
     assert done.exit_code == 0, done.output
     cost = Forecast(**json.loads(done.stdout))
-    assert (cost.rigs, cost.frames, cost.pushes, cost.images) == (40, 160, 80, 200)
+    assert (cost.rigs, cost.frames, cost.pushes, cost.images) == (40, 80, 40, 200)
     assert 0 < cost.hours_low < cost.hours < cost.hours_high < 1
     assert 1e5 < 1e9 * cost.gigabytes / cost.frames < 8e6
-    assert str(cost).startswith("40 rigs: 160 frames of 80 pushes, and 200 images ")
+    assert str(cost).startswith("40 rigs: 80 frames of 40 pushes, and 200 images ")
 
 
 def test_a_plan_is_said_in_four_lines() -> None:
