@@ -7,8 +7,11 @@ from solver.instrument.quick_imports import quick_imports
 # Linear algebra in one thread: matrices are small, and threads that wait for each other slow down
 # a machine with other work. NumPy reads this when it is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-with quick_imports():
-    from solver.lab.command_line import main
+try:
+    with quick_imports():
+        from solver.lab.command_line import main
+except KeyboardInterrupt:
+    raise SystemExit(130) from None
 
 __all__ = ["main"]
 

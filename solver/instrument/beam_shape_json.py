@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.polynomial.legendre import legval
 
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import (
@@ -30,6 +31,8 @@ MAX_BOW: Final = 1.0
 MAX_SHIFT: Final = 0.5
 MAX_SKEW_RAD: Final = 1.0
 MAX_SIGMA: Final = 10.0
+# Arc lengths over the length at which the width must be positive. Chosen: several for each term.
+_PLACES: Final = np.linspace(0.0, 1.0, 101)
 
 
 def beam_shape_keys(shape: BeamShape, length: float) -> dict[str, Any]:
@@ -73,6 +76,8 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
         stated = stated_shape(taper, softness, section, friction, shift)
         return replace(stated, rigidity_sigma=_sigma(key, "rigidity_sigma", stated.rigidity_sigma))
     widths = key.numbers("beam_shape.widths", -MAX_WIDTH, MAX_WIDTH, MAX_WIDTHS)
+    if len(widths) and (1 + _PLACES * legval(2 * _PLACES - 1, widths) <= 0).any():
+        key.refuse("beam_shape.widths", "a width that is positive along the whole beam")
     softness = key.number("beam_shape.clamp_softness", -MAX_SOFTNESS, MAX_SOFTNESS)
     shift = key.number("beam_shape.clamp_shift", -MAX_SHIFT, MAX_SHIFT)
     skew = key.number("beam_shape.skew_rad", -MAX_SKEW_RAD, MAX_SKEW_RAD)

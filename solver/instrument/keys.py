@@ -46,7 +46,8 @@ class Keys:
         try:
             if path.is_file() and path.stat().st_size > _MAX_BYTES:
                 raise InputError(f"{path}: is larger than {_MAX_BYTES} bytes, the limit for JSON")
-            return cls(path, json.loads(read_bytes(path).decode("utf-8")))
+            text = read_bytes(path).decode("utf-8")
+            return cls(path, json.loads(text, object_pairs_hook=_section))
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
         except (ValueError, RecursionError) as error:
@@ -70,15 +71,32 @@ class Keys:
 
     def _value(self, key: str) -> Any:
         self.asked.add(key)
-        value = _looked_up(self.document, key)
+        value = self._looked_up(key)
         if value is _MISSING:
             raise InputError(f"{self.path}: the key {key} is missing")
+        return value
+
+    def _looked_up(self, key: str) -> Any:
+        """Return the value of a dotted key, `_MISSING` if there is none."""
+        value, before = self.document, ""
+        for part in key.split("."):
+            if isinstance(value, list) and part.isdecimal():
+                value = value[int(part)] if int(part) < len(value) else _MISSING
+            elif isinstance(value, dict):
+                value = value.get(part, _MISSING)
+            elif before:
+                self.refuse(before, "a section {...}")
+            else:
+                return _MISSING
+            if value is _MISSING:
+                return _MISSING
+            before = f"{before}.{part}" if before else part
         return value
 
     def has(self, key: str) -> bool:
         """Return whether the document contains a key."""
         self.asked.add(key)
-        return _looked_up(self.document, key) is not _MISSING
+        return self._looked_up(key) is not _MISSING
 
     def number(self, key: str, low: float, high: float) -> float:
         """Look up a finite number from `low` to `high`."""
@@ -162,17 +180,14 @@ class Keys:
         return str(value)
 
 
-def _looked_up(document: Any, key: str) -> Any:
-    """Return the value of a dotted key, `_MISSING` if there is none."""
-    value = document
-    for part in key.split("."):
-        if isinstance(value, dict) and part in value:
-            value = value[part]
-        elif isinstance(value, list) and part.isdecimal() and int(part) < len(value):
-            value = value[int(part)]
-        else:
-            return _MISSING
-    return value
+def _section(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make a section of its keys and values. Raises ValueError for a key that is given twice."""
+    section = dict(pairs)
+    if len(section) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"the key {twice[:_MAX_CHARACTERS]} is given twice in one section")
+    return section
 
 
 def _names(document: Any, prefix: str = "", depth: int = 3) -> Iterator[str]:

@@ -11,6 +11,7 @@ from scipy.constants import g
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError, quoted
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import open_observations
 from solver.instrument.rig import rig_to_json
 from solver.instrument.units import GRAM, MILLIMETRE
@@ -71,6 +72,8 @@ def learn(
     known = _known_force(known_force, hung_weight)
     files, learn_extractor = open_observations(observations), find_extractor(centreline)
     radius = None if object_radius is None else _radius(*object_radius)
+    if web_page and web_page.resolve() == out.resolve():
+        raise InputError(f"--out and --page are both {out}, allowed are two files")
     for path in filter(None, (out, web_page)):
         prepare_output_path(path)
     with setting_up(quiet=False):
@@ -79,7 +82,7 @@ def learn(
     hung = {hung_weight[0]} if hung_weight else set()
     images = frames_to_learn([frame for frame in files if frame.frame_id not in hung])
     measured = track(images, "measuring", console=console, transient=True)
-    beam = learn_from_frames(antenna, measured, radius)
+    beam = learn_from_frames(antenna, measured, radius, _say_left_out)
     rig = beam.rig(files.rig)
     if known is not None:
         frame = next((frame for frame in files if frame.frame_id == known.frame_id), None)
@@ -91,10 +94,15 @@ def learn(
         rig = rig_with_force(rig, measurement, known.force, known.sigma, known.method)
     write(out, rig_to_json(rig).encode())
     if web_page:
-        write(web_page, page(beam, rig).encode())
+        write(web_page, page(beam, rig, files.rig).encode())
+    written = f"{out} and {web_page}" if web_page else f"{out}"
     Console(highlight=False, soft_wrap=True).print(
-        f"{summary(beam, rig)}\nwritten to {out}", markup=False
+        f"{summary(beam, rig, files.rig)}\nwritten to {written}", markup=False
     )
+
+
+def _say_left_out(frame: ImageFrame, reason: str) -> None:
+    console.print(f"left out: {frame.frame_id}: {reason}", markup=False, soft_wrap=True)
 
 
 class _KnownForce(NamedTuple):

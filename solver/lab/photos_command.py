@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
+from solver.instrument.errors import InputError
 from solver.lab.console import console
 from solver.lab.photos_page import page
 from solver.lab.photos_table import json_line, summary, table_text
@@ -27,6 +28,8 @@ def photos(
 ) -> None:
     """Estimate loads and EI from photographs of one beam, from any poses and without a board."""
     photo_set = read_photos(folder)
+    if web_page and web_page.resolve() == out.resolve():
+        raise InputError(f"--out and --page are both {out}, allowed are two files")
     for path in filter(None, (out, web_page)):
         prepare_output_path(path)
 

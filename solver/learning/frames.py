@@ -1,6 +1,6 @@
 """Learn the beam from the images of a set of observations."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from solver.antenna import Antenna
@@ -14,26 +14,42 @@ from solver.tracker import extract_centreline, reject_moved_camera
 
 
 def frames_to_learn(frames: Sequence[ImageFrame]) -> list[ImageFrame]:
-    """Return the frames of the split LEARN, or all if no frame has a split."""
+    """Return the frames of the split LEARN, or all if no frame has a split.
+
+    Raises InputError if all frames have another split.
+    """
     chosen = [frame for frame in frames if frame.split == LEARN]
-    return chosen or [frame for frame in frames if not frame.split]
+    chosen = chosen or [frame for frame in frames if not frame.split]
+    if frames and not chosen:
+        raise InputError(f"no frame has the split {LEARN!r}, and each has another one")
+    return chosen
 
 
 def learn_from_frames(
-    antenna: Antenna, frames: Iterable[ImageFrame], radius: ObjectRadius | None = None
+    antenna: Antenna,
+    frames: Iterable[ImageFrame],
+    radius: ObjectRadius | None = None,
+    left_out: Callable[[ImageFrame, str], None] = lambda _frame, _reason: None,
 ) -> LearnedBeam:
     """Learn the beam from images of pushes; frames without a push are pushes of their own.
 
-    Images that cannot be used are left out. `radius` is that of the objects. Raises InputError as
-    `learn_beam`.
+    Images that cannot be used are left out; `left_out` is called with the frame and the reason.
+    `radius` is that of the objects. Raises InputError as `learn_beam`.
     """
     pushes: dict[str, list[Measurement]] = {}
+    reason = "there is none"
     for frame in frames:
-        measurement = measurement_of(antenna, frame)
-        if measurement is not None:
+        try:
+            measurement = measured(antenna, frame)
+        except InputError as error:
+            reason = str(error)
+            left_out(frame, reason)
+        else:
             pushes.setdefault(frame.push_id or frame.frame_id, []).append(measurement)
     if not pushes:
-        raise InputError("no image shows the beam, needed are two pushes to learn it")
+        raise InputError(
+            f"no image to learn from shows the beam ({reason}), needed are two pushes to learn it"
+        )
     return learn_beam(list(pushes.values()), radius)
 
 
@@ -42,12 +58,21 @@ def with_learned(antenna: Antenna, beam: LearnedBeam) -> Antenna:
     return replace(antenna, rig=beam.rig(antenna.rig))
 
 
+def measured(antenna: Antenna, frame: ImageFrame) -> Measurement:
+    """Measure the beam in a frame's image. Raises InputError if the image cannot be used."""
+    image = frame.image()
+    moved = reject_moved_camera(antenna, image)
+    if moved is not None:
+        raise InputError(moved.message)
+    try:
+        return to_measurement(antenna, extract_centreline(antenna, image), frame.readings)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
 def measurement_of(antenna: Antenna, frame: ImageFrame) -> Measurement | None:
     """Measure the beam in a frame's image; None if the image cannot be used."""
     try:
-        image = frame.image()
-        if reject_moved_camera(antenna, image) is not None:
-            return None
-        return to_measurement(antenna, extract_centreline(antenna, image), frame.readings)
-    except (InputError, ValueError):
+        return measured(antenna, frame)
+    except InputError:
         return None

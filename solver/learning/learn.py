@@ -63,7 +63,8 @@ class Trial:
 class LearnedBeam:
     """A learned beam, the candidates that were compared, and the frames that it was learned from.
 
-    `misfit` is the mean square of the residuals [sigma] of all frames. `next_push` would determine
+    `frames` of the `measured` ones show one contact, and were used; `misfit` is the mean square of
+    the residuals [sigma] of all of them. `next_push` would determine
     best what they have left uncertain; it is None if nothing is. `next_force`, were it
     known, would determine EI best; it is None if EI is known well. `offset` is the clamp's from the
     motor's axis; it is None if the pushes do not show it.
@@ -73,6 +74,7 @@ class LearnedBeam:
     chosen: Candidate
     trials: tuple[Trial, ...]
     frames: int
+    measured: int
     misfit: float
     next_push: NextPush | None = None
     next_force: NextForce | None = None
@@ -119,6 +121,7 @@ def learn_beam(
         chosen=chosen,
         trials=trials,
         frames=len(every),
+        measured=sum(map(len, pushes)),
         misfit=learned.misfit,
         next_push=next_push(problem, correlation, chosen.shifted),
         next_force=next_force(

@@ -9,6 +9,7 @@ centreline against the force on the beam, which is the outward normal of a slipp
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -70,15 +71,18 @@ def contacts_of(rows: Iterable[Row], frames: Iterable[ImageFrame], rig: Rig) -> 
     missing.
     """
     by_id = {frame.frame_id: frame for frame in frames}
+    by_path = {frame.path.resolve(): frame for frame in frames}
     names, contacts = [], []
     for row in rows:
         if row["outcome"] != Outcome.CONTACT:
             continue
         name = str(row["frame_id"])
-        if name not in by_id:
+        # Estimates of images that were given one by one have their paths in place of ids.
+        frame = by_id.get(name) or by_path.get(Path(name).resolve())
+        if frame is None:
             raise InputError(f"the frame {name} of the estimates is missing in the readings")
         names.append(name)
-        contacts.append(_contact(row, by_id[name], rig))
+        contacts.append(_contact(row, frame, rig))
     if not contacts:
         raise InputError("the estimates have no frame with the outcome 'contact'")
     points, normals, covariances, shared = zip(*contacts, strict=True)

@@ -129,12 +129,15 @@ def _marks(key: Keys, name: str) -> Floats:
 
 
 def _load(key: Keys, name: str, length: float) -> PhotoLoad:
+    force, place = (
+        # A value needs its sigma, and a sigma its value.
+        key.has(f"{name}.{value}_{unit}") or key.has(f"{name}.{value}_sigma_{unit}")
+        for value, unit in (("force", "n"), ("at", "mm"))
+    )
     return PhotoLoad(
         kind=key.one_of(f"{name}.kind", KINDS),
-        force=_stated(key, f"{name}.force", "n", *_FORCES_N)
-        if key.has(f"{name}.force_n")
-        else None,
+        force=_stated(key, f"{name}.force", "n", *_FORCES_N) if force else None,
         place=_stated(key, f"{name}.at", "mm", 0, length / MILLIMETRE, MILLIMETRE)
-        if key.has(f"{name}.at_mm")
+        if place
         else None,
     )

@@ -6,7 +6,7 @@ pooled.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -29,14 +29,12 @@ from solver.methods.exact_fit import exact_fit
 from solver.methods.hung_weight import hung_weight
 from solver.set_up import set_up
 from solver.tracker import run_method
+from vbaa_bench.benchmarks.learning_table import Errors
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
 from vbaa_bench.scoring.information import scored_limits
-from vbaa_bench.scoring.markdown_table import markdown_table
 
-# Error in sigmas above which an answer is wrong.
-_WRONG: Final = 3.0
 # Sigma of a known radius of objects [m]. Chosen: that of a caliper.
 _RADIUS_SIGMA: Final = 1e-4
 # Information sets of both beams.
@@ -57,67 +55,6 @@ class _Frame(NamedTuple):
     force: float
     world: Floats
     limits: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors of one method on a scene: `rows` (n, 7) of the answered of `frames` frames.
-
-    Only frames with a true contact count. The columns are the errors of x_c and its sigma [% of the
-    length], of the force and its sigma [%], the information limit of x_c [% of the length], NaN
-    where none was computed, and the distance of the contact in Sigma_o from the true one [m], and
-    in sigmas (the larger of x and y), NaN where it was not estimated.
-    """
-
-    scene: str
-    beam: str
-    frames: int
-    rows: Floats
-
-    def line(self) -> tuple[str, ...]:
-        """Format as a line of a table, in the order of HEADS."""
-        if not len(self.rows):
-            return (self.scene, self.beam, str(self.frames), "0", *["-"] * 11)
-        x, x_sigma, force, force_sigma, limit, distance, sigmas = np.asarray(self.rows).T
-        limited, located = np.isfinite(limit), np.isfinite(distance)
-        world = np.sqrt(np.mean(distance[located] ** 2)) / MILLIMETRE if located.any() else np.nan
-        rmse = float(np.sqrt(np.mean(x**2)))
-        return (
-            self.scene,
-            self.beam,
-            str(self.frames),
-            f"{len(self.rows) / self.frames / PERCENT:.0f}",
-            f"{rmse:.3f}",
-            f"{np.median(np.abs(x)):.3f}",
-            f"{np.mean(np.abs(x) <= _WRONG * x_sigma) / PERCENT:.0f}",
-            f"{np.sqrt(np.mean(x_sigma**2)) / rmse:.2f}",
-            f"{np.sqrt(np.mean(limit[limited] ** 2)):.3f}" if limited.any() else "-",
-            f"{np.median((np.abs(x) / limit)[limited]):.2f}" if limited.any() else "-",
-            f"{np.median((x_sigma / limit)[limited]):.2f}" if limited.any() else "-",
-            f"{np.sqrt(np.mean(force**2)):.2f}",
-            f"{np.mean(np.abs(force) <= _WRONG * force_sigma) / PERCENT:.0f}",
-            f"{world:.3f}" if located.any() else "-",
-            f"{np.mean(sigmas[located] <= _WRONG) / PERCENT:.0f}" if located.any() else "-",
-        )
-
-
-HEADS: Final = (
-    "dataset",
-    "beam",
-    "frames",
-    "answered, %",
-    "RMSE of x_c, % of L",
-    "median",
-    "within 3 sigma, %",
-    "sigma / RMSE",
-    "limit, % of L",
-    "error / limit, median",
-    "sigma / limit, median",
-    "RMSE of force, %",
-    "force within 3 sigma, %",
-    "contact in Sigma_o, RMSE mm",
-    "this within 3 sigma, %",
-)
 
 
 def measure(
@@ -156,7 +93,10 @@ def measure(
                 learned += [row for row in after if row is not None]
             progress()
         if not frames:
-            raise InputError(f"{root}: no beam can be learned from its pushes")
+            raise InputError(
+                f"{root}: no beam can be learned from {pushes} pushes with a contact and judged by "
+                "others; it may have too few"
+            )
         results.append(Errors(root.name, "as stated", frames, np.array(stated)))
         results.append(Errors(root.name, "learned", frames, np.array(learned)))
     return results
@@ -318,9 +258,3 @@ def _limits(layout: Layout) -> Mapping[str, Mapping[str, float]]:
         for frame, information, limit in columns.iter_rows():
             limits.setdefault(frame, {})[information] = limit * MILLIMETRE
     return limits
-
-
-def markdown(results: Sequence[Errors], command: str) -> str:
-    """Format results as a page with the command that makes it."""
-    table = markdown_table(HEADS, (one.line() for one in results), (0, 1))
-    return f"# Learning the beam\n\n```sh\n{command}\n```\n\n{table}\n"

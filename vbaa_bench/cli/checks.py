@@ -112,6 +112,7 @@ def check_learning(
     with importing():
         from solver.lab.writing import prepare_output_path, write
         from vbaa_bench.benchmarks import learning
+        from vbaa_bench.benchmarks.learning_table import HEADS, markdown
 
     if out:
         prepare_output_path(out)
@@ -136,12 +137,11 @@ def check_learning(
         if weights is not None:
             options += f" --weights {weights}"
         command = f"vbaa-bench check-learning {' '.join(map(str, datasets))} {options} --out {out}"
-        write(out, learning.markdown(results, command).encode())
+        write(out, markdown(results, command).encode())
     if as_json:
-        lines = [dict(zip(learning.HEADS, one.line(), strict=True)) for one in results]
-        print_result({"results": lines}, "", True)
+        print_result({"results": [one.record() for one in results]}, "", True)
         return
-    show_table("the exact fit", learning.HEADS, [one.line() for one in results])
+    show_table("the exact fit", HEADS, [one.line() for one in results])
 
 
 def check_damage(

@@ -31,17 +31,20 @@ def outline(
         from vbaa_bench.benchmarks.outline.measure import measure
         from vbaa_bench.benchmarks.outline.page import HEADS, lines, markdown
         from vbaa_bench.benchmarks.outline.picture import png
+        from vbaa_bench.benchmarks.outline.true_outline import TrueOutline
         from vbaa_bench.scene.load import load_scene
 
     if out:
         prepare_output_path(out / "README.md")
+    files = [load_scene(path, seed, ()) for path in scenes]
+    # Before anything is rendered: a scene may have no outline.
+    true_outlines = [TrueOutline(file) for file in files]
     records = {}
-    for path in scenes:
+    for path, file, true_outline in zip(scenes, files, true_outlines, strict=True):
         name = path.stem if seed is None else f"{path.stem}_{seed}"
         root, _ = generate_dataset(SceneChoice(path, seed, None), work / name, workers, variant)
         solve_dataset(root, [method], None, 1, MEMORY_GB)
-        file = load_scene(path, seed, ())
-        records[name], reconstruction = measure(file, root, method)
+        records[name], reconstruction = measure(true_outline, root, method)
         if out:
             write(out / f"{name}.png", png(reconstruction, file.scene.title))
     if out:

@@ -59,6 +59,14 @@ def test_mistakes_name_file_key_and_what_is_allowed(
     assert f"{path}: beam_shape.{key}" in str(error.value)
 
 
+def test_a_width_that_vanishes_along_the_beam_is_refused(tmp_path: Path) -> None:
+    shape = replace(UNIFORM, widths=np.array([-1.5]), covariance=np.zeros((4, 4)))
+    path = tmp_path / "rig.json"
+    path.write_text(rig_to_json(replace(rig(), shape=shape)))
+    with pytest.raises(InputError, match=r"rig.json: beam_shape.widths is \[-1.5\], allowed is"):
+        read_rig(path)
+
+
 def test_a_misspelt_key_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
     document = json.loads(rig_to_json(replace(rig(), shape=stated_shape(0.02, 0.0, 0.0, 0.0))))

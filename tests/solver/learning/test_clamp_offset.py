@@ -95,7 +95,7 @@ def test_the_offset_is_learned_and_corrects_contacts_in_the_world() -> None:
     sigmas = np.sqrt(np.diag(beam.offset.offset.covariance))
     assert (sigmas < [3e-4, 1e-3]).all()
     assert (np.abs(beam.offset.offset.position - OFFSET) < 3.5 * sigmas).all()
-    assert "clamp's offset from the motor's axis: x 1" in summary(beam, rig())
+    assert "clamp's offset from the motor's axis: x 1" in summary(beam, rig(), rig())
     other = pushes(seed=5)[1][-1]
     _, truth = states(PLACES[1], RADIUS, OFFSET)[-1]
     errors = []
@@ -131,7 +131,7 @@ def test_an_unknown_radius_leaves_one_direction_uncertain() -> None:
     vague, sharp = (np.sqrt(np.diag(one.offset.covariance)) for one in (unknown, known))
     assert vague[1] > 5 * sharp[1]
     assert (np.abs(unknown.offset.position - OFFSET) < 3.5 * vague).all()
-    assert "--object-radius" in summary(replace(learned(), offset=unknown), rig())
+    assert "--object-radius" in summary(replace(learned(), offset=unknown), rig(), rig())
 
 
 def test_a_clamp_on_the_axis_stays_there() -> None:
@@ -140,7 +140,7 @@ def test_a_clamp_on_the_axis_stays_there() -> None:
     assert on_axis is not None
     assert on_axis.still
     assert not on_axis.used
-    assert "is kept" in summary(replace(learned(), offset=on_axis), rig())
+    assert "is kept" in summary(replace(learned(), offset=on_axis), rig(), rig())
     # A rig that states it as uncertain learns where it is.
     stated = replace(frames[0][0].rig, clamp_offset=ClampOffset(covariance=np.eye(2) * 1e-6))
     update = learn_clamp_offset(frames, stated, ObjectRadius(RADIUS, 0.0))
@@ -155,7 +155,7 @@ def test_objects_that_yield_show_no_offset() -> None:
     moved = learn_clamp_offset(frames, frames[0][0].rig, ObjectRadius(RADIUS, 0.0))
     assert moved is not None
     assert not moved.still
-    assert "the objects moved" in summary(replace(learned(), offset=moved), rig())
+    assert "the objects moved" in summary(replace(learned(), offset=moved), rig(), rig())
     unread = [[replace(frame, motor_angle=None) for frame in push] for push in frames]
     assert learn_clamp_offset(unread, frames[0][0].rig) is None
 

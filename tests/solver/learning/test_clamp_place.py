@@ -52,7 +52,7 @@ def test_the_place_is_learned(shift: float) -> None:
     place, sigma = shape.clamp_shift * BEAM.length, shape.sigma(CLAMP_SHIFT) * BEAM.length
     assert sigma < 1e-5
     assert abs(place - shift) < 4 * sigma
-    assert f"begins to bend {place * 1e3:.3f}" in summary(learned(shift), rig())
+    assert f"begins to bend {place * 1e3:.3f}" in summary(learned(shift), rig(), rig())
 
 
 def test_contacts_are_measured_from_there_and_stay_where_they_are() -> None:
@@ -78,7 +78,7 @@ def test_a_wire_gripped_deeper_is_distinguished_from_a_clamp_that_gives() -> Non
     # The other way round both look the same, and the page says so.
     shallower = learn_beam(pushes(-SHIFT, BeamShape()))
     assert (shallower.chosen.soft, shallower.chosen.shifted) == (True, False)
-    assert "begins to bend 0.8" in summary(shallower, rig())
+    assert "begins to bend 0.8" in summary(shallower, rig(), rig())
 
 
 def test_what_pushes_do_not_distinguish_keeps_its_prior() -> None:

@@ -6,6 +6,8 @@ import pytest
 
 from solver.__main__ import main
 from solver.antenna import Antenna
+from solver.instrument.errors import InputError
+from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import Observations, open_observations
 from solver.instrument.rig import read_rig
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
@@ -35,12 +37,15 @@ def test_the_beam_of_rendered_images_is_learned(
     width, sigma = widths_of(rig.shape)
     assert (np.abs(width - 1) <= 4 * sigma + 1e-12).all()
     assert "<svg" in page.read_text(encoding="utf-8")
+    assert "from the 4 of 4 frames" in page.read_text(encoding="utf-8")
     # The frame of the known force has this force now.
     assert rig.tolerances.flexural_rigidity / rig.beam.flexural_rigidity < 0.05
     wrong = ("--known-force", "nothing", "0.05", "0.001")
     assert run(monkeypatch, "learn", str(observations), "--out", str(out), *wrong) == 2
     weight = ("--hung-weight", frame.frame_id, "4", "0.01")
     assert run(monkeypatch, "learn", str(observations), "--out", str(out), *weight, *force) == 2
+    one_file = ("learn", str(observations), "--out", str(page), "--page", str(page))
+    assert run(monkeypatch, *one_file) == 2
 
 
 def test_frames_to_learn_are_those_of_the_split(observations: Observations) -> None:
@@ -51,7 +56,27 @@ def test_frames_to_learn_are_those_of_the_split(observations: Observations) -> N
         for i, frame in enumerate(observations.frames)
     ]
     assert frames_to_learn(marked) == marked[1::2]
+    with pytest.raises(InputError, match="no frame has the split 'learn'"):
+        frames_to_learn(marked[::2])
     assert "exact_fit_learned" in applicable(replace(observations, frames=tuple(marked)))
+
+
+def test_images_that_cannot_be_used_are_named(
+    observations: Observations, antenna: Antenna, tmp_path: Path
+) -> None:
+    (tmp_path / "no_image.png").write_bytes(b"xx")
+    broken = replace(observations.frames[0], frame_id="broken", path=tmp_path / "no_image.png")
+    named = dict[str, str]()
+
+    def left_out(frame: ImageFrame, reason: str) -> None:
+        named[frame.frame_id] = reason
+
+    beam = learn_from_frames(antenna, [broken, *observations.frames], None, left_out)
+    assert list(named) == ["broken"]
+    assert "no_image.png" in named["broken"]
+    assert (beam.frames, beam.measured) == (4, 4)
+    with pytest.raises(InputError, match=r"no_image\.png"):
+        learn_from_frames(antenna, [broken])
 
 
 def test_a_learned_antenna_measures_with_the_learned_beam(

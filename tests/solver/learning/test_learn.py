@@ -36,8 +36,8 @@ def test_a_cone_is_learned_from_unknown_contacts() -> None:
     assert sigma[-1] < 0.01
     assert abs(width[-1] - 0.9) < 4 * sigma[-1]
     assert learned.misfit == pytest.approx(1, abs=0.1)
-    assert "width at the tip" in summary(learned, rig())
-    assert page(learned, rig()).count("<svg") == 2
+    assert "width at the tip" in summary(learned, rig(), rig())
+    assert page(learned, rig(), rig()).count("<svg") == 2
 
 
 def test_a_beam_that_was_learned_is_estimated_more_accurately() -> None:

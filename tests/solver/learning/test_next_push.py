@@ -62,7 +62,7 @@ def test_the_push_that_is_advised_brings_about_what_is_predicted() -> None:
     learned = learn_beam(few)
     advice = learned.next_push
     assert advice is not None
-    assert "the next push that helps most: contact at" in summary(learned, rig())
+    assert "the next push that helps most: contact at" in summary(learned, rig(), rig())
 
     def sigma(place: float, deflection: float) -> float:
         shape = learn_beam([*few, push(place, deflection)]).shape

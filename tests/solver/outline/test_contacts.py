@@ -41,6 +41,17 @@ def test_a_contact_is_on_the_object_where_the_carriage_has_brought_it() -> None:
     assert found.points[0] == pytest.approx(touched)
 
 
+def test_an_image_that_was_given_by_its_path_is_found_in_the_readings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    by_path = {**ROW, "frame_id": "images/a.png"}
+    frame = replace(FRAME, path=tmp_path / "images" / "a.png")
+    found = contacts_of([by_path], [frame], RIG)
+    assert found.points == pytest.approx(contacts_of([ROW], [FRAME], RIG).points)
+    assert found.frame_ids == ("images/a.png",)
+
+
 def test_the_whole_covariance_is_that_of_the_estimate_and_the_carriage() -> None:
     total = contacts_of([ROW], [FRAME], RIG).total_covariances()[0]
     in_world = np.array([[0.06**2, 0.3 * 0.06 * 0.05], [0.3 * 0.06 * 0.05, 0.05**2]]) * 1e-6

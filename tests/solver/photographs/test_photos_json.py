@@ -100,6 +100,11 @@ def _mistake(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
         (lambda d: d["photos"][1]["load"].update(kind="pull"), "allowed is one of weight, push"),
         (lambda d: d["photos"][1]["load"].update(at_mm=401), "a number from 0 to 400"),
         (lambda d: d["photos"][1]["load"].pop("force_sigma_n"), "force_sigma_n is missing"),
+        (
+            lambda d: d["photos"][1]["load"].update(force_N=d["photos"][1]["load"].pop("force_n")),
+            "photos.1.load.force_n is missing",
+        ),
+        (lambda d: d.update(camera=[3000]), "camera is .3000., allowed is a section"),
         (lambda d: d["photos"][0].update(clamp_px=[1]), "a list of two numbers"),
         (lambda d: d["photos"][0].update(tip_px=[812, 1404]), "at least 50 px from clamp_px"),
         (lambda d: d["photos"][0].update(file="../a.jpg"), "a file in the same folder"),

@@ -7,7 +7,8 @@ import pytest
 from solver.instrument.errors import InputError
 from solver.instrument.observation import Observations, open_observations
 from vbaa_bench.benchmarks import learning as module
-from vbaa_bench.benchmarks.learning import HEADS, Errors, count_datasets, markdown, measure
+from vbaa_bench.benchmarks.learning import count_datasets, measure
+from vbaa_bench.benchmarks.learning_table import HEADS, Errors, markdown
 
 
 def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
@@ -26,7 +27,13 @@ def test_a_line_counts_answers_and_those_within_three_sigmas() -> None:
     assert line["limit, % of L"] == "0.020"
     assert line["sigma / limit, median"] == "2.50"
     assert line["error / limit, median"] == "5.00"
-    empty = Errors("a", "learned", 4, np.empty((0, 7))).line()
+    record = Errors("a", "learned", 4, rows).record()
+    assert record["frames"] == 4
+    assert record["answered, %"] == 50
+    assert record["limit, % of L"] == pytest.approx(0.02)
+    nothing = Errors("a", "learned", 4, np.empty((0, 7)))
+    assert nothing.record()["median"] is None
+    empty = nothing.line()
     assert empty[:4] == ("a", "learned", "4", "0")
     assert len(empty) == len(HEADS)
     assert "| a | learned | 4 |" in markdown([Errors("a", "learned", 4, rows)], "command")
@@ -67,5 +74,5 @@ def test_a_rig_whose_images_show_no_beam_answers_no_frame(
 
 
 def test_a_dataset_without_pushes_to_test_on_is_refused(dataset: Path) -> None:
-    with pytest.raises(InputError, match="no beam can be learned from its pushes"):
+    with pytest.raises(InputError, match="no beam can be learned from 100 pushes"):
         measure([dataset], pushes=100, draws=1, seed=3)

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.stats import chi2
 
 from solver.instrument.arrays import Floats
+from solver.instrument.estimate import Outcome
 from solver.instrument.observation import open_observations
 from solver.instrument.units import DEGREE, MILLIMETRE, PERCENT
 from solver.lab.outline import read_estimates
 from solver.outline.contacts import Contacts, contacts_of
-from solver.outline.fit import Outline, fit_outline
+from solver.outline.fit import MIN_CONTACTS, Outline, fit_outline
 from vbaa_bench.benchmarks.outline.true_outline import TrueOutline, evenly
 from vbaa_bench.dataset.readers import open_truth
-from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scoring.layout import Results
 
 # Probability of three sigmas of one normal error; of two, the ellipse has this probability.
@@ -37,11 +37,11 @@ class Reconstruction:
     truth: TrueOutline
 
 
-def measure(file: SceneFile, root: Path, method: str) -> tuple[list[Record], Reconstruction]:
+def measure(outline: TrueOutline, root: Path, method: str) -> tuple[list[Record], Reconstruction]:
     """Score outlines from a quarter, a half and all of a dataset's pushes.
 
-    Returns a record for each, with lengths in % of L, and the last reconstruction. Raises
-    InputError.
+    Returns a record for each part that has contacts enough, with lengths in % of L, and the last
+    reconstruction. Raises InputError.
     """
     results = Results(root)
     observations = open_observations(results.dataset.observations)
@@ -49,11 +49,13 @@ def measure(file: SceneFile, root: Path, method: str) -> tuple[list[Record], Rec
     truth = open_truth(results.dataset.truth, centrelines=False).frames
     numbers = dict(zip(truth["frame_id"], truth["trial"], strict=True))
     true_points = dict(zip(truth["frame_id"], truth["touched_table_mm"], strict=True))
-    outline = TrueOutline(file)
     records = []
     for part in PARTS:
         count = len(rows) // part
         chosen = [row for row in rows if numbers[row["frame_id"]] < count]
+        touching = sum(row["outcome"] == Outcome.CONTACT for row in chosen)
+        if touching < MIN_CONTACTS and part > 1:
+            continue
         contacts = contacts_of(chosen, observations.frames, observations.rig)
         true = np.array([true_points[name][:2] for name in contacts.frame_ids]) * MILLIMETRE
         reconstruction = Reconstruction(
