@@ -40,7 +40,9 @@ def open_source(
         return Video(single_name, open_capture(single_name), channel)
     for name in names:
         if Path(name).is_dir():
-            raise InputError(f"{name}: is a folder, list its images: {name}/*.png")
+            if list(Path(name).glob("*.png")):
+                raise InputError(f"{name}: is a folder, list its images: {name}/*.png")
+            raise InputError(f"{name}: is a folder without PNG images, allowed are images")
         if not Path(name).is_file():
             raise InputError(f"{name}: does not exist")
         if Path(name).suffix.lower() in VIDEOS:
