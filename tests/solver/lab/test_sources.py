@@ -208,9 +208,10 @@ def test_sources_that_are_not_there_are_named(tmp_path: Path) -> None:
     assert "none.avi: does not exist" in refused(str(tmp_path / "none.avi"))
     assert "camera 97: cannot be opened" in refused("97")
     assert "a.png: does not exist" in refused("a.png", "b.png")
-    assert "list its images" in refused(str(tmp_path))
+    assert "is a folder without PNG images" in refused(str(tmp_path))
     image = tmp_path / "a.png"
     image.write_bytes(png_bytes(np.zeros((4, 5), np.uint8)))
+    assert "is a folder, list its images" in refused(str(tmp_path))
     assert "one video at a time" in refused(str(image), str(broken))
 
 

@@ -51,7 +51,7 @@ def test_the_largest_and_the_smallest_scene_are_accepted(
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("true_rig", None, "true_rig.beam_length_mm is missing"),
+        ("true_rig", None, "true_rig is None, allowed is a section"),
         ("true_rig.beam_length_mm", "x", "true_rig.beam_length_mm is 'x', allowed is a number"),
         ("true_rig.beam_length_mm", 0, "true_rig.beam_length_mm is 0, allowed is"),
         ("true_rig.base_position_mm", [1, 2], "a list of three numbers"),
