@@ -24,6 +24,9 @@ _MAX_ITERATIONS: Final = 100
 # Chosen.
 _FIRST_DAMPING, _FACTOR = 1e-6, 10.0
 _MAX_DAMPING: Final = 1e6
+# Largest number of times that the cut is reduced. Chosen: as often as it is halved from residuals
+# of 500 sigmas; larger ones come from points of no beam, or from sigmas that are far too small.
+_MOST_CUTS: Final = 9
 # Length of a step [sigma] that is near the minimum. Chosen: there the objective hardly changes.
 _NEAR: Final = 5.0
 # Parts of a step that are tried before it is damped. Chosen: a shorter one is no faster than a
@@ -81,9 +84,9 @@ def fit_rod(problem: RodProblem, start: Floats) -> FrameFit | None:
     if robust or status == STOPPED:
         cut = LIMITS.tukey_cut
         largest = float(np.median(np.abs(residual))) / MEDIAN
-        factors = [2.0**k for k in range(max(math.ceil(math.log2(max(largest, 1.0))), 2), -1, -1)]
-        for factor in factors:
-            at, status, extra = _minimise(problem, at.p, factor * cut) or first
+        halvings = max(math.ceil(math.log2(max(largest, 1.0))), 2)
+        for power in np.linspace(halvings, 0, min(halvings, _MOST_CUTS) + 1):
+            at, status, extra = _minimise(problem, at.p, 2.0**power * cut) or first
             iterations += extra
         inflation = scale(at.residual, LIMITS.max_scale)
         if inflation > LIMITS.min_scale:
