@@ -26,10 +26,6 @@ def longer(rig: Rig) -> Rig:
     return replace(rig, beam=replace(rig.beam, length=1.02 * rig.beam.length))
 
 
-def shorter(rig: Rig) -> Rig:
-    return replace(rig, beam=replace(rig.beam, length=0.83 * rig.beam.length))
-
-
 def larger_squares(rig: Rig) -> Rig:
     return replace(rig, board=replace(rig.board, square=1.01 * rig.board.square))
 
@@ -43,7 +39,6 @@ def turned_board(rig: Rig) -> Rig:
     ("wrong", "name"),
     [
         (longer, "scale_inconsistent"),
-        (shorter, "tip_not_found"),
         (larger_squares, "scale_inconsistent"),
         (turned_board, "pose_inconsistent"),
     ],
