@@ -28,6 +28,9 @@ Learn = Callable[[Sequence[Grey], Guide], Extractor]
 
 # Margin [px] beside the beam without landmarks, for its immediate shadow.
 BESIDE_PX = 3.0
+# Lengths, over the stated one, at which a beam's free end is looked for. Chosen: an end is found if
+# it is in the last quarter.
+_LONGER = (1.1, 1.3, 1.6, 2.0)
 # End of the beam's path for the landmarks, beyond its tip, over its length.
 BEYOND_TIP = 1.08
 
@@ -39,7 +42,8 @@ class AtRest:
     `copies` counts the images that repeat another one, `rejected` holds the indices, among the
     distinct images, of those that disagree with the others, `disagreement_px` is the largest
     difference among the images that were used. `tip` (2,) [px] is the image of the free end and
-    `tip_covariance` (2, 2) [px^2] its covariance; None where it is not detected.
+    `tip_covariance` (2, 2) [px^2] its covariance; None where it is not detected. Then `length_seen`
+    [m] is the distance from the clamp to an end farther away, None where there is none either.
     """
 
     extract: Extractor
@@ -50,6 +54,7 @@ class AtRest:
     copies: int
     rejected: tuple[int, ...]
     disagreement_px: float
+    length_seen: float | None = None
 
     @property
     def shading(self) -> float:
@@ -88,7 +93,20 @@ def learn_at_rest(
     )
     tip, tip_covariance = _mean_tip(lines)
     copies = len(images) - len(distinct)
-    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, outliers, largest)
+    seen = _length_seen(extract, used[0]) if tip is None else None
+    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, outliers, largest, seen)
+
+
+def _length_seen(extract: Extractor, image: Grey) -> float | None:
+    """Look for the free end [m] of a beam that is longer than the rig states."""
+    if not isinstance(extract, BeamExtractor):
+        return None
+    for factor in _LONGER:
+        longer = replace(extract.guide, length=factor * extract.guide.length)
+        tip = replace(extract, guide=longer)(image).tip
+        if tip is not None:
+            return float(longer.places(tip[None])[0, 0])
+    return None
 
 
 def _mean_tip(lines: Sequence[Centreline]) -> tuple[Floats | None, Floats | None]:

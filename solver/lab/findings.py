@@ -71,23 +71,26 @@ def _bent(antenna: Antenna) -> Iterator[Finding]:
 def _scale(antenna: Antenna) -> Iterator[Finding]:
     """Check the scale; errors of square, length, base and zoom cannot be distinguished."""
     tip, rig = antenna.tip_at_rest, antenna.rig
-    if tip is None:
-        return
     tolerance = rig.tolerances
     length = rig.beam.length
+    if tip is not None:
+        seen, tip_sigma = float(tip.point[0]), math.sqrt(tip.covariance[0, 0])
+    elif antenna.at_rest.length_seen is not None:
+        seen, tip_sigma = antenna.at_rest.length_seen, antenna.pixel
+    else:
+        return
     # The visible end of a cut, rounded or shaded beam is displaced by up to its radius.
     sigma = math.hypot(
         tolerance.beam_length,
         math.sqrt(antenna.base_covariance[0, 0]),
         antenna.lengths_sigma * length,
-        math.sqrt(tip.covariance[0, 0]),
+        tip_sigma,
         rig.beam.radius / 2,
     )
-    difference = tip.point[0] - length
-    if abs(difference) > CONTRADICTION * sigma:
+    if abs(seen - length) > CONTRADICTION * sigma:
         yield Finding(
             "scale_inconsistent",
-            f"the tip at rest is measured {tip.point[0] / MILLIMETRE:.2f} mm from the clamp, "
+            f"the tip at rest is measured {seen / MILLIMETRE:.2f} mm from the clamp, "
             f"beam.length_mm is {length / MILLIMETRE:.2f} (sigma of the difference "
             f"{sigma / MILLIMETRE:.2f} mm): board.square_mm, beam.length_mm or base.position_mm is "
             "wrong, or the zoom has changed since the calibration",

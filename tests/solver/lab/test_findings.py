@@ -26,6 +26,10 @@ def longer(rig: Rig) -> Rig:
     return replace(rig, beam=replace(rig.beam, length=1.02 * rig.beam.length))
 
 
+def shorter(rig: Rig) -> Rig:
+    return replace(rig, beam=replace(rig.beam, length=0.83 * rig.beam.length))
+
+
 def larger_squares(rig: Rig) -> Rig:
     return replace(rig, board=replace(rig.board, square=1.01 * rig.board.square))
 
@@ -39,6 +43,7 @@ def turned_board(rig: Rig) -> Rig:
     ("wrong", "name"),
     [
         (longer, "scale_inconsistent"),
+        (shorter, "scale_inconsistent"),
         (larger_squares, "scale_inconsistent"),
         (turned_board, "pose_inconsistent"),
     ],
