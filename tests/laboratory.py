@@ -35,7 +35,7 @@ def at_rest(images: list[Grey], seen_by: Guide = GUIDE) -> AtRest:
 
 
 def antenna_with(rest: Rest) -> Antenna:
-    """An antenna whose beam lies at rest as `rest` states, and nothing else in view."""
+    """An antenna whose course at rest is `rest`, without landmarks in view."""
     even = np.full((HEIGHT, WIDTH), 50, np.uint8)
     marks = learn_landmarks([even], GUIDE.pixels(bent(0.0)[::100]), 10.0, Noise(1.0, 0.0))
     extract = lambda _image: down_columns(np.empty((0, 2)), np.empty(0))  # noqa: E731

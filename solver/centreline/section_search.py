@@ -25,7 +25,7 @@ class _Search(NamedTuple):
 
 
 class _Criterion(NamedTuple):
-    """What all candidates of a search are criteriond by.
+    """What all candidates of a search are judged by.
 
     Misfits are in units of `misfit_unit`. All are compared on the same pixels, `half` on either
     side of the beam: a narrow section on fewer pixels would leave fewer of them unexplained.

@@ -1,8 +1,7 @@
 """Light that an object reflects onto the beam: it brightens the beam's near side.
 
-The beam's apparent middle moves beside the contact, differently ahead of it and behind it. Objects
-of one rig may be alike, as pegs of one kind are, so that this error is partly the same in all
-frames.
+The beam's apparent middle moves beside the contact, differently ahead of it and behind it. The
+objects of a rig may be alike: this error is partly the same in all frames.
 """
 
 import math

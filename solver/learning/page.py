@@ -98,15 +98,14 @@ def summary(beam: LearnedBeam, rig: Rig, stated: Rig) -> str:
 
 def _rigidity(rig: Rig, stated: Rig) -> str:
     """Describe EI at the clamp, and how far it is from the stated one if a force was known."""
-    values, sigmas = (
-        np.array([of(one) for one in (rig, stated)]) / NEWTON_SQUARE_MILLIMETRE
-        for of in (lambda r: r.beam.flexural_rigidity, _rigidity_sigma)
-    )
-    text = f"EI at the clamp: {values[0]:.5g} +- {sigmas[0]:.2g} N mm^2"
-    if values[0] == values[1]:
+    unit = NEWTON_SQUARE_MILLIMETRE
+    value, sigma = rig.beam.flexural_rigidity / unit, _rigidity_sigma(rig) / unit
+    before, sigma_before = stated.beam.flexural_rigidity / unit, _rigidity_sigma(stated) / unit
+    text = f"EI at the clamp: {value:.5g} +- {sigma:.2g} N mm^2"
+    if value == before:
         return f"{text}, as stated: images show only how it changes along the beam"
-    text += f", by the known force; the rig states {values[1]:.5g} +- {sigmas[1]:.2g}"
-    apart = abs(values[0] - values[1]) / max(float(np.hypot(*sigmas)), 1e-300)
+    text += f", by the known force; the rig states {before:.5g} +- {sigma_before:.2g}"
+    apart = abs(value - before) / max(math.hypot(sigma, sigma_before), 1e-300)
     if apart > _CONTRADICTION:
         text += (
             f", {apart:.0f} sigmas away: check the force, its unit and its frame, and "
