@@ -13,6 +13,7 @@ from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem, problem_of
 from solver.fitting.reflected_light import lit_by_object, reflection_matters, touch_of
+from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
 from solver.fitting.rod_fit import fit_rod
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
 from solver.fitting.rod_start import uniform_start
@@ -83,10 +84,12 @@ def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
     fit = None if start is None else _best_fit(rod, start)
     if fit is None:
         return None
+    alone = rod
+    if rod.axis is not None:
+        rod = with_friction_sign(rod, friction_sign_of(rod, fit.p))
     if reflection_matters(rod):
         rod = lit_by_object(rod, touch_of(rod, fit.p))
-        fit = refitted(rod, fit)
-    return RodFit(rod, fit)
+    return RodFit(rod, fit if rod is alone else refitted(rod, fit))
 
 
 def fit_with_neighbours(problem: Problem, rod: RodProblem) -> RodFit | None:

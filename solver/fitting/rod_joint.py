@@ -5,9 +5,10 @@ errors that all points share are the same in all frames, so that contacts at sev
 determine what one image does not. The frames' own parameters (Schur complement) and errors of their
 own are eliminated, so that the size of the joint system is that of the shared ones.
 
-The objects of one rig may be alike, and all contacts slide the same way while the motor pushes on:
-the friction ratios have a common mean, which is one more shared parameter. Were they independent,
-many frames of the same friction would be taken for a bend of the beam.
+The objects of one rig may be alike, and all contacts slide the same way while the motor pushes on,
+or in the direction that the problem states: the friction ratios have a common mean, which is one
+more shared parameter. Were they independent, many frames of the same friction would be taken for a
+bend of the beam.
 """
 
 import math
@@ -149,7 +150,8 @@ def _system(
     shared_block[:s, :s] = first.information[np.ix_(shared, shared)]
     deviation[:s] = parameters[0, shared] - first.mean[shared]
     # Without friction, its mean is 0 and has no effect.
-    shared_block[s, s] = max(first.information[GRIP, GRIP], 1.0) / ALIKE
+    known = max(problem.information[GRIP, GRIP] for problem in problems)
+    shared_block[s, s] = max(known, 1.0) / ALIKE
     deviation[s] = grip
     shared_gradient = shared_block @ deviation
     objective = float(deviation @ shared_gradient)
@@ -161,17 +163,18 @@ def _system(
         residual, jacobian = rows[-1], rows[:-1]
         by_own, by_shared = jacobian[own], jacobian[shared]
         prior = problem.information[np.ix_(own, own)]
-        prior[friction, friction] /= 1 - ALIKE
+        sign = problem.friction_sign
+        prior[friction, friction] /= 1 - ALIKE * sign**2
         pull = parameters[i, own] - problem.mean[own]
-        pull[friction] -= grip
+        pull[friction] -= sign * grip
         own_blocks[i] = by_own @ by_own.T + prior
         mixed[i, :, :s] = by_own @ by_shared.T
-        mixed[i, friction, s] = -prior[friction, friction]
+        mixed[i, friction, s] = -sign * prior[friction, friction]
         own_gradient[i] = by_own @ residual + prior @ pull
         shared_block[:s, :s] += by_shared @ by_shared.T
-        shared_block[s, s] += prior[friction, friction].sum()
+        shared_block[s, s] += sign**2 * prior[friction, friction].sum()
         shared_gradient[:s] += by_shared @ residual
-        shared_gradient[s] -= (prior[friction, friction] * pull[friction]).sum()
+        shared_gradient[s] -= sign * (prior[friction, friction] * pull[friction]).sum()
         objective += float(residual @ residual + pull @ prior @ pull)
     return _System(
         parameters, grip, objective, own_blocks, mixed, shared_block, own_gradient, shared_gradient

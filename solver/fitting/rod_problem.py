@@ -38,7 +38,9 @@ class RodProblem:
     `rod.curve_of`. The parameters are those of `rod_residuals`, and then the errors that all points
     share: `shared` (n, k) is the shift of each point, in sigmas, by one sigma of each. `mean` (p,)
     and `information` (p, p) are their prior; `free` (f,) are the indices of those that are fitted.
-    The last `own_errors` parameters are errors that only the points of this frame share.
+    The last `own_errors` parameters are errors that only the points of this frame share. `axis`
+    (2,) is the motor's, if the rig states that objects are rigid, and `friction_sign` that of
+    the friction ratio against the rig's other frames: 0 if it is not known.
     """
 
     points: Floats
@@ -51,6 +53,8 @@ class RodProblem:
     information: Floats
     free: Any
     own_errors: int = 0
+    axis: Floats | None = None
+    friction_sign: int = 1
 
     @property
     def shape_size(self) -> int:
@@ -125,7 +129,18 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
         mean=mean,
         information=information,
         free=np.array([Q, S_C, *uncertain]),
+        axis=_axis(measurement),
     )
+
+
+def _axis(measurement: Measurement) -> Floats | None:
+    """Return the motor's axis (2,) from where the beam begins to bend, where it has an effect."""
+    rig = measurement.rig
+    if not (rig.shape.rigid_objects and rig.shape.friction_sigma):
+        return None
+    axes = measurement.antenna_from_beam[:2, :2]
+    begin = axes.T @ rig.clamp_offset.position / rig.beam.length
+    return np.asarray(-begin - [rig.shape.clamp_shift, 0.0])
 
 
 def _information(covariance: Floats) -> Floats:

@@ -26,11 +26,11 @@ from solver.instrument.arrays import Floats
 
 # Share of the first reversal's angle up to which the beam certainly slides the first way. Chosen:
 # the reversal is known to 2 %.
-_CERTAIN: Final = 0.95
+CERTAIN: Final = 0.95
 # The contact is held up to the reversal's angle times one plus this, times the root of the beam's
 # slenderness. Chosen: 1.6 to 1.8 for beams of slenderness 0.04 to 0.07. With a friction coefficient
 # of 0.5 their contacts were still held at 1.3; the held phase grows with the root of it.
-_HELD: Final = 3.0
+HELD: Final = 3.0
 
 
 def grip_matrix(
@@ -51,8 +51,8 @@ def grip_matrix(
     starts = [i for i, free_before in enumerate(begins) if free_before or i == 0]
     angles = np.asarray(pushing_angles)
     signs = np.concatenate([_signs(part, sigma) for part in np.split(angles, starts[1:])])
-    early = angles < _reversal(0.0) * slenderness * (1 + _HELD * math.sqrt(slenderness))
-    certain = _CERTAIN * slenderness * _reversal(softest)
+    early = angles < _reversal(0.0) * slenderness * (1 + HELD * math.sqrt(slenderness))
+    certain = CERTAIN * slenderness * _reversal(softest)
     first_way = (signs > 0) & (angles > 0) & (angles < certain)
     signs[early] = np.where(first_way, -1.0, 0.0)[early]
     held = np.flatnonzero(signs == 0)

@@ -29,8 +29,9 @@ class BeamShape:
     of (softness, clamp_shift, skew, widths, bow). `section_sigma` is that of the section's second
     axis over its first, less one, in an unknown direction, and `rigidity_sigma` the relative one of
     EI for this reason; `friction_sigma` is that of the coefficient of friction of an unknown
-    object. Raises ValueError if array shapes are inconsistent or a value is not finite or a sigma
-    is negative.
+    object. `rigid_objects` is whether objects do not yield, and the motor does not turn back while
+    it pushes: the direction of friction then follows from the bend. Raises ValueError if array
+    shapes are inconsistent or a value is not finite or a sigma is negative.
     """
 
     widths: Floats = field(default_factory=lambda: np.zeros(0))
@@ -42,6 +43,7 @@ class BeamShape:
     section_sigma: float = 0.0
     rigidity_sigma: float = 0.0
     friction_sigma: float = 0.0
+    rigid_objects: bool = False
 
     def __post_init__(self) -> None:
         widths = frozen_floats("widths", self.widths, (None,))
@@ -91,7 +93,12 @@ def skew_sigma(section: float) -> float:
 
 
 def stated_shape(
-    taper: float, softness: float, section: float, friction: float, clamp_shift: float = 0.0
+    taper: float,
+    softness: float,
+    section: float,
+    friction: float,
+    clamp_shift: float = 0.0,
+    rigid_objects: bool = False,
 ) -> BeamShape:
     """Return a beam that was not learned: a uniform one, with the stated sigmas.
 
@@ -107,4 +114,5 @@ def stated_shape(
         section_sigma=section,
         rigidity_sigma=section * math.sqrt(1.5),
         friction_sigma=friction,
+        rigid_objects=rigid_objects,
     )

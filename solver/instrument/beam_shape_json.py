@@ -41,6 +41,7 @@ def beam_shape_keys(shape: BeamShape, length: float) -> dict[str, Any]:
         "section_sigma": shape.section_sigma,
         "friction_sigma": shape.friction_sigma,
         "rigidity_sigma": shape.rigidity_sigma,
+        **({"rigid_objects": True} if shape.rigid_objects else {}),
     }
     taper = shape.sigma(FIRST_WIDTH) if len(shape.widths) else 0.0
     softness, shift = shape.sigma(SOFTNESS), shape.sigma(CLAMP_SHIFT)
@@ -66,6 +67,7 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
     """
     section = _sigma(key, "section_sigma", SECTION_SIGMA)
     friction = _sigma(key, "friction_sigma", FRICTION_SIGMA)
+    rigid = key.has("beam_shape.rigid_objects") and key.flag("beam_shape.rigid_objects")
     if not key.has("beam_shape.widths"):
         taper = _sigma(key, "taper_sigma", TAPER_SIGMA)
         softness = _sigma(key, "clamp_softness_sigma", SOFTNESS_SIGMA)
@@ -73,7 +75,7 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
         if key.has("beam_shape.clamp_shift_sigma_mm"):
             longest = MAX_SHIFT * length / MILLIMETRE
             shift = key.number("beam_shape.clamp_shift_sigma_mm", 0, longest) * MILLIMETRE / length
-        stated = stated_shape(taper, softness, section, friction, shift)
+        stated = stated_shape(taper, softness, section, friction, shift, rigid)
         return replace(stated, rigidity_sigma=_sigma(key, "rigidity_sigma", stated.rigidity_sigma))
     widths = key.numbers("beam_shape.widths", -MAX_WIDTH, MAX_WIDTH, MAX_WIDTHS)
     if len(widths) and (1 + _PLACES * legval(2 * _PLACES - 1, widths) <= 0).any():
@@ -86,7 +88,9 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
         key.refuse("beam_shape.bow", f"a list of none or {BOW} numbers")
     covariance = _covariance(key, FIRST_WIDTH + len(widths) + len(bow))
     rigidity = _sigma(key, "rigidity_sigma", 0.0)
-    return BeamShape(widths, softness, shift, skew, bow, covariance, section, rigidity, friction)
+    return BeamShape(
+        widths, softness, shift, skew, bow, covariance, section, rigidity, friction, rigid
+    )
 
 
 def _sigma(key: Keys, name: str, default: float) -> float:

@@ -112,6 +112,13 @@ class Keys:
             self.refuse(key, f"a whole number from {low} to {high}")
         return value
 
+    def flag(self, key: str) -> bool:
+        """Look up true or false."""
+        value = self._value(key)
+        if not isinstance(value, bool):
+            self.refuse(key, "true or false")
+        return value
+
     def one_of(self, key: str, allowed: Sequence[str | int]) -> Any:
         """Look up one of the allowed texts or whole numbers."""
         value = self._value(key)

@@ -82,4 +82,5 @@ def prior_of(candidate: Candidate, stated: BeamShape) -> BeamShape:
         section_sigma=stated.section_sigma,
         rigidity_sigma=stated.rigidity_sigma,
         friction_sigma=stated.friction_sigma,
+        rigid_objects=stated.rigid_objects,
     )

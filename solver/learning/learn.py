@@ -267,5 +267,6 @@ def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:
         section_sigma=prior.section_sigma,
         rigidity_sigma=prior.rigidity_sigma,
         friction_sigma=prior.friction_sigma,
+        rigid_objects=prior.rigid_objects,
     )
     return _Learned(shape, misfit, fit.converged)

@@ -13,6 +13,7 @@ from solver.fitting.neighbours import Neighbours, neighbours_of, with_neighbours
 from solver.fitting.problem import problem_of
 from solver.fitting.reflected_light import Touch, lit_by_objects, reflection_matters, touch_of
 from solver.fitting.residuals import SIGMA_X, SIGMA_Y
+from solver.fitting.rigid_object import with_friction_sign
 from solver.fitting.rod_estimate import fit_frame, with_bow
 from solver.fitting.rod_fit import residuals_at
 from solver.fitting.rod_problem import RodProblem, only, rod_problem_of
@@ -27,8 +28,9 @@ class BentFrame(NamedTuple):
 
     `starts` (2, 3) are load, place and grip of a uniform beam and of the frame's own fit, whose
     prior was a cone with the tip's width `taper`; `inflation` is the factor of its variances, and
-    `correlation` the correlation length of its residuals; `touch` is its contact, and `neighbours`
-    are the errors that its neighbouring points share.
+    `correlation` the correlation length of its residuals; `touch` is its contact, `friction_sign`
+    that of its friction ratio at a rigid object, and `neighbours` are the errors that its
+    neighbouring points share.
     """
 
     measurement: Measurement
@@ -38,6 +40,7 @@ class BentFrame(NamedTuple):
     inflation: float
     correlation: float
     touch: Touch
+    friction_sign: int
     neighbours: Neighbours | None = None
 
 
@@ -62,6 +65,7 @@ def bent_frame(measurement: Measurement, prior: BeamShape) -> BentFrame | None:
         inflation=float(fit.variance_inflation),
         correlation=correlation_length(rows[0][inliers]),
         touch=touch_of(rod, fit.p),
+        friction_sign=rod.friction_sign,
     )
 
 
@@ -95,7 +99,8 @@ def with_shared_errors(
 
 def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
     measurement = _with_shape(frame.measurement, shape)
-    return rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+    problem = rod_problem_of(measurement, problem_of(measurement, with_tips=False))
+    return problem if problem.axis is None else with_friction_sign(problem, frame.friction_sign)
 
 
 def _of_inliers(frame: BentFrame, problem: RodProblem) -> RodProblem:

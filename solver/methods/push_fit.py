@@ -128,12 +128,15 @@ def _sliding(push: Push, bent: BentFrames, parameters: Floats, compliance_sigma:
     `compliance_sigma` is the uncertainty of the object's compliance over the beam's own.
     """
     _, onset, compliance, _ = parameters[push.size - PUSH : push.size]
+    softest = max(compliance, 0.0) * _unit_stiffness(push, bent) + compliance_sigma
+    if push.rig.shape.rigid_objects:
+        softest = 0.0
     matrix = grip_matrix(
         push.rig.deflects_towards * (onset - push.motor_angles),
         [frame.begins for frame in bent.frames],
         push.encoder_sigma,
         slenderness=push.rig.beam.radius / bent.place,
-        softest=max(compliance, 0.0) * _unit_stiffness(push, bent) + compliance_sigma,
+        softest=softest,
     )
     return replace(push, grip_matrix=matrix)
 

@@ -218,6 +218,9 @@ RIG: Final = {
     "beam_shape.friction_sigma": Column(
         f"{_SIGMA} of the coefficient of friction of objects", "", _WIRE
     ),
+    "beam_shape.rigid_objects": Column(
+        "whether objects do not yield, and the motor only pushes on", "", "they may (absent)"
+    ),
     "beam_shape.clamp_softness_sigma": Column(
         f"{_SIGMA} of the clamp's rotation over its moment, in units of L / EI", "", _WIRE
     ),

@@ -85,5 +85,7 @@ class ToleranceSpec(Part):
     aspect_ratio_pct: Annotated[float, Field(ge=0, le=50)] = 0.0
     friction: Annotated[float, Field(ge=0, le=2)] = 0.0
     clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
+    # Stated: no object yields, and the motor does not turn back while it pushes.
+    rigid_objects: bool = False
     # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.
     true_rig: Literal["nominal", "drawn"] = "nominal"

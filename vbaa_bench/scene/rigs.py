@@ -91,6 +91,7 @@ def nominal_rig(scene: Scene) -> Rig:
             section=tolerances.aspect_ratio_pct * PERCENT,
             friction=tolerances.friction,
             clamp_shift=tolerances.grip_mm / beam.length_mm,
+            rigid_objects=tolerances.rigid_objects,
         ),
         gravity=_stated_gravity(scene),
         clamp_offset=ClampOffset(

@@ -5,6 +5,7 @@ import pytest
 
 from solver.beam_models.rod import GRIP, S_C, WIDTHS, Q
 from solver.fitting.problem import problem_of
+from solver.fitting.rigid_object import with_friction_sign
 from solver.fitting.rod_joint import _covariance, _System, _system, fit_jointly
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.instrument.arrays import Floats
@@ -40,8 +41,13 @@ def problems(friction: float) -> tuple[list[RodProblem], Floats]:
     return frames, np.array(starts)
 
 
-def test_the_gradient_by_the_mean_friction_is_that_of_the_objective() -> None:
+@pytest.mark.parametrize("directions", [(1, 1, 1, 1, 1, 1), (-1, 1, 0, 1, -1, 1)])
+def test_the_gradient_by_the_mean_friction_is_that_of_the_objective(
+    directions: tuple[int, ...],
+) -> None:
     frames, starts = problems(0.1)
+    if 0 in directions:
+        frames = [with_friction_sign(*one) for one in zip(frames, directions, strict=True)]
     first = frames[0]
     own = np.array([Q, S_C, GRIP])
     shared = np.array([i for i in first.free if i not in own])

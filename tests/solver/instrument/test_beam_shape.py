@@ -21,11 +21,19 @@ LEARNED = BeamShape(
     rigidity_sigma=0.01,
     friction_sigma=0.2,
 )
+RIGID = stated_shape(0.02, 0.0, 0.01, 0.2, rigid_objects=True)
 
 
 @pytest.mark.parametrize(
     "shape",
-    [UNIFORM, stated_shape(0.02, 0.0, 0.01, 0.2), stated_shape(0.0, 0.0, 0.0, 0.0, 0.002), LEARNED],
+    [
+        UNIFORM,
+        stated_shape(0.02, 0.0, 0.01, 0.2),
+        stated_shape(0.0, 0.0, 0.0, 0.0, 0.002),
+        LEARNED,
+        RIGID,
+        replace(LEARNED, rigid_objects=True),
+    ],
 )
 def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
@@ -33,6 +41,7 @@ def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
     again = read_rig(path)
     assert rig_to_json(again) == path.read_text()
     assert again.shape.uniform is shape.uniform
+    assert again.shape.rigid_objects is shape.rigid_objects
     assert again.shape.covariance == pytest.approx(shape.covariance, rel=1e-11)
     assert again.shape.rigidity_sigma == pytest.approx(shape.rigidity_sigma, rel=1e-11)
 
@@ -45,6 +54,7 @@ def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
         ("covariance", np.eye(8)[::-1].tolist(), "without negative eigenvalues"),
         ("bow", [1e-3], "a list of none or 3 numbers"),
         ("friction_sigma", -1, "a number from 0 to 10"),
+        ("rigid_objects", 1, "true or false"),
     ],
 )
 def test_mistakes_name_file_key_and_what_is_allowed(

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from solver.fitting.push_frames import bent_frames
+from solver.fitting.push_joint import Push
 from solver.fitting.push_rod import RodBeam
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape, stated_shape
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement, View
-from solver.methods.push_fit import push_fit, push_fit_friction
+from solver.methods.push_fit import _sliding, push_fit, push_fit_friction
 from tests.simulated import BEAM
-from tests.solver.methods.pushes import measured_push, still
+from tests.solver.methods.pushes import ONSET, measured_push, still
 
 CONE = BeamShape(
     widths=np.array([-0.1, 0.05]),
@@ -88,6 +89,20 @@ def test_its_sigmas_are_honest(friction: float) -> None:
     # Mean of 12 squares; the prior of friction is the same in all.
     assert (np.mean(squares, axis=0) < 3).all()
     assert np.max(squares) < 16
+
+
+@pytest.mark.parametrize(("rigid", "first"), [(True, -1.0), (False, 0.0)])
+def test_at_first_a_rigid_object_certainly_drags_the_beam_back(rigid: bool, first: float) -> None:
+    """Up to 0.5 degrees this beam turns on its thickness; on a soft object it does not."""
+    measurement, _ = measured_push(still(0.12, 0.0), angles_deg=(0.3, 4.0, 8.0))
+    shape = stated_shape(0.0, 0.0, 0.0, 0.3, rigid_objects=rigid)
+    bent = bent_frames(of(measurement, shape))
+    assert bent is not None
+    rig = replace(measurement.rig, shape=shape)
+    push = Push(bent.frames, rig, bent.beam, np.zeros((3, 0)))
+    start = np.array([*bent.q, *bent.base, 0.12, ONSET, 0.0, 0.0])
+    directed = _sliding(push, bent, start, compliance_sigma=1.0)
+    assert list(directed.grip_matrix[:, 0]) == [first, 1.0, 1.0]
 
 
 def test_a_clamp_that_gives_adds_to_the_pushing_angle() -> None:

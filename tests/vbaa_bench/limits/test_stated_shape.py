@@ -11,6 +11,7 @@ from vbaa_bench.limits.frame_limits import FrameLimits
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.push_limits import PushLimits
 from vbaa_bench.limits.push_model import push_gradients
+from vbaa_bench.limits.stated_shape import friction_sigma
 from vbaa_bench.render.variant import activate
 
 X_C, FORCE = 0, 2
@@ -104,6 +105,15 @@ def test_learning_from_many_pushes_leaves_the_limit_of_a_known_beam() -> None:
     assert planar(frame)[X_C] > limits[0] > limits[1]
     nothing = replace(frame, learned=Information((), np.zeros((0, 0))))
     np.testing.assert_allclose(dict(nothing.by_set())["learned"], planar(frame))
+
+
+def test_of_rigid_objects_the_direction_of_friction_is_known() -> None:
+    """A coefficient is the half of the normal distribution of a ratio with either sign."""
+    either, rigid = (stated(friction=0.2, rigid_objects=known) for known in (False, True))
+    assert friction_sigma(either.rig.scene) == 0.2
+    ratios = np.abs(np.random.default_rng(1).normal(0.0, 0.2, 100_000))
+    assert friction_sigma(rigid.rig.scene) == pytest.approx(ratios.std(), rel=0.01)
+    assert planar(rigid)[X_C] < planar(either)[X_C]
 
 
 def test_frames_without_stated_shape_have_no_parameters_of_it() -> None:

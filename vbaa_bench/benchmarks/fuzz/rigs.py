@@ -29,6 +29,7 @@ _OPTIONAL: Any = {
         "taper_sigma": 0.02,
         "section_sigma": 0.02,
         "friction_sigma": 0.2,
+        "rigid_objects": True,
         "clamp_softness": 0.001,
         "clamp_softness_sigma": 0.001,
         "rigidity_sigma": 0.01,

@@ -1,0 +1,94 @@
+"""Determine the direction of friction at a rigid object from the bend of one frame.
+
+An object that does not yield stays at its distance from the motor's axis. So while the motor pushes
+on, without friction, the contact's place s_c on the beam changes by
+
+    ds_c/dq = -(d|P|/dq) / (d|P|/ds_c),
+
+with the load q and the point P of the beam's surface at the contact, seen from the motor's axis.
+At first the beam turns on its thickness: |P| grows, and the beam slides towards the object. Once it
+bends more than it turns, |P| shrinks, and it slides back. For a uniform, straight beam in linear
+theory d|P|/dq falls in proportion to the pushing angle, and is 0 at 2.5 radii over the contact
+distance; taper, bow, the clamp and its offset are in P.
+
+The contact is held for a while when the direction changes, as `sliding` describes.
+"""
+
+import math
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import GRIP, S_C, STEPS, WIDTHS, Q, contact_of, curve_of
+from solver.beam_models.rod_stretch import width_at
+from solver.fitting.rod_problem import P, RodProblem
+from solver.fitting.sliding import CERTAIN, HELD
+from solver.instrument.arrays import Floats
+
+# Mean and standard deviation of a coefficient of friction, over the sigma of a ratio that may have
+# either sign. Derived: those of the half of a normal distribution.
+MEAN: Final = math.sqrt(2 / math.pi)
+SPREAD: Final = math.sqrt(1 - 2 / math.pi)
+# Load at first contact, over that of the frame. Chosen: there the beam is hardly bent.
+_FIRST: Final = 1e-3
+
+
+class _Growth(NamedTuple):
+    """Growth d|P|/dq of the contact's distance from the axis, at first contact and now.
+
+    `straight` is that at first contact of a straight beam whose clamp is on the axis.
+    """
+
+    first: float
+    now: float
+    straight: float
+
+
+def friction_sign_of(problem: RodProblem, p: Floats) -> int:
+    """Return the sign of the friction ratio at a rigid object, of a fit with parameters p (p,).
+
+    It is 1 where the object drags the beam towards its tip, -1 towards its clamp, and 0 where the
+    contact may be held.
+    """
+    growth = _growth(problem, p)
+    # Where bow and offset cancel the thickness, errors of a part of it decide.
+    at_first = max(growth.first, growth.straight)
+    if growth.now < -HELD * math.sqrt(problem.radius / p[S_C]) * at_first:
+        return 1
+    return -1 if growth.now > (1 - CERTAIN) * at_first else 0
+
+
+def with_friction_sign(problem: P, sign: int) -> P:
+    """Return the problem with the prior of friction of this sign, 0 if it is not known."""
+    if not sign:
+        return replace(problem, friction_sign=0)
+    mean, information = problem.mean.copy(), problem.information.copy()
+    mean[GRIP] = sign * MEAN / math.sqrt(information[GRIP, GRIP])
+    information[GRIP, GRIP] /= SPREAD**2
+    return replace(problem, mean=mean, information=information, friction_sign=sign)
+
+
+def _growth(problem: RodProblem, p: Floats) -> _Growth:
+    assert problem.axis is not None, "the rig states that objects are rigid"
+    shape = p[: problem.shape_size].copy()
+    shape[GRIP] = 0.0
+    widths = shape[WIDTHS : WIDTHS + problem.widths]
+    width, _ = width_at(float(shape[S_C]), widths, np.zeros(max(len(widths), 1)))
+    radius = problem.radius * width
+    found: list[float] = []
+    straight = 0.0
+    for load in (_FIRST * shape[Q], shape[Q]):
+        shape[Q] = load
+        values, gradients = contact_of(
+            curve_of(shape, problem.widths, problem.radius, STEPS), shape
+        )
+        (_, theta, x, y, *_), (_, turn, along, across, *_) = values, gradients[:, Q]
+        normal = np.array([math.sin(theta), -math.cos(theta)])
+        tangent = np.array([math.cos(theta), math.sin(theta)])
+        arm = np.array([x, y]) + radius * normal - problem.axis
+        moved = np.array([along, across]) + radius * turn * tangent
+        found.append(float(arm @ moved) / math.hypot(*arm))
+        straight = straight or radius * float(turn - across / x)
+    first, now = found
+    return _Growth(first, now, straight)

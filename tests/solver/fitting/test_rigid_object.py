@@ -1,0 +1,112 @@
+"""The direction of friction at a rigid object, against linear theory, and its prior."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.beam_models.rod import GRIP, S_C, Q
+from solver.fitting.problem import problem_of
+from solver.fitting.rigid_object import MEAN, SPREAD, _growth, friction_sign_of, with_friction_sign
+from solver.fitting.rod_problem import RodProblem, rod_problem_of
+from solver.instrument.arrays import Floats
+from solver.instrument.beam_shape import BeamShape, stated_shape
+from solver.instrument.clamp_offset import ClampOffset
+from solver.instrument.estimate import Estimate
+from solver.methods.exact_fit import exact_fit
+from tests.simulated import BEAM
+from tests.tapered import bent, measured
+
+SIGMA = 0.3
+STATED = stated_shape(0.0, 0.0, 0.0, SIGMA, rigid_objects=True)
+SLENDERNESS = BEAM.radius / BEAM.length
+
+
+def problem_with(shape: BeamShape) -> RodProblem:
+    taken = measured(bent(0.0, 0.5, 1.0), shape, np.random.default_rng(1))
+    return rod_problem_of(taken, problem_of(taken, with_tips=False))
+
+
+def parameters(problem: RodProblem, place: float, angle: float) -> Floats:
+    """A beam that an object at `place` [L] bends by a pushing angle [rad], in linear theory."""
+    p = problem.mean.copy()
+    p[[Q, S_C]] = 3 * angle / place**2, place
+    return p
+
+
+@pytest.mark.parametrize("place", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("part", [0.2, 0.9, 3.0])
+def test_the_distance_grows_as_in_linear_theory(place: float, part: float) -> None:
+    """In units of that at first contact, by one less the pushing angle over 2.5 r / x_0."""
+    problem = problem_with(STATED)
+    p = parameters(problem, place, part * 2.5 * SLENDERNESS / place)
+    growth = _growth(problem, p)
+    # By a load q the beam turns by q x_0^2 / 2, and is deflected by q x_0^3 / 3; the first load is
+    # a thousandth.
+    assert growth.first == pytest.approx(SLENDERNESS * place**2 / 6 * (1 - 1e-3 * part), rel=1e-3)
+    assert growth.now / growth.first == pytest.approx(1 - part, abs=2e-3 * (1 + part))
+
+
+@pytest.mark.parametrize(
+    ("part", "direction"), [(0.1, -1), (0.9, -1), (1.05, 0), (1.15, 0), (1.3, 1), (20.0, 1)]
+)
+def test_near_the_reversal_the_contact_may_be_held(part: float, direction: int) -> None:
+    place, problem = 0.6, problem_with(STATED)
+    p = parameters(problem, place, part * 2.5 * SLENDERNESS / place)
+    assert friction_sign_of(problem, p) == direction
+
+
+def test_the_prior_is_the_half_of_a_normal_distribution() -> None:
+    values = np.abs(np.random.default_rng(2).standard_normal(200_000))
+    assert pytest.approx(values.mean(), abs=5e-3) == MEAN
+    assert pytest.approx(values.std(), abs=5e-3) == SPREAD
+    problem = problem_with(STATED)
+    for direction in (-1, 1):
+        known = with_friction_sign(problem, direction)
+        assert known.friction_sign == direction
+        assert known.mean[GRIP] == pytest.approx(direction * MEAN * SIGMA)
+        assert known.information[GRIP, GRIP] == pytest.approx((SPREAD * SIGMA) ** -2)
+    held = with_friction_sign(problem, 0)
+    assert held.friction_sign == 0
+    assert (held.mean == problem.mean).all()
+    assert (held.information == problem.information).all()
+
+
+@pytest.mark.parametrize(
+    "shape", [replace(STATED, rigid_objects=False), stated_shape(0.1, 0, 0, 0, rigid_objects=True)]
+)
+def test_without_the_statement_or_friction_nothing_is_known(shape: BeamShape) -> None:
+    assert problem_with(shape).axis is None
+
+
+def answers(friction: float, sigma: float) -> list[Estimate]:
+    """A bend beyond the reversal: direction not stated, stated, and without friction in the rig."""
+    beam, stated = bent(0.0, 0.5, 1.2, friction), replace(STATED, friction_sigma=sigma)
+    shapes = (replace(stated, rigid_objects=False), stated, replace(stated, friction_sigma=1e-6))
+    return [exact_fit(measured(beam, shape, np.random.default_rng(5))) for shape in shapes]
+
+
+def test_at_a_rigid_object_one_image_is_more_accurate() -> None:
+    true = float(bent(0.0, 0.5, 1.2, 0.2).points[0, 0])
+    either, known, _ = answers(0.2, 0.3)
+    errors = [abs(one.values["x_c_m"] - true) for one in (either, known)]
+    assert errors[1] < errors[0] / 3
+    assert errors[1] < known.sigma("x_c_m")
+
+
+def test_its_sigma_is_that_of_the_coefficient() -> None:
+    # So small that the image itself hardly determines it.
+    either, known, smooth = (one.sigma("x_c_m") ** 2 for one in answers(0.01, 0.02))
+    assert (known - smooth) / (either - smooth) == pytest.approx(SPREAD**2, rel=0.1)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_axis_is_in_the_beams_frame(side: int) -> None:
+    taken = measured(bent(0.0, 0.5, 1.0), STATED, np.random.default_rng(1))
+    mirror = np.diag([1.0, side, side, 1.0])
+    rig = replace(taken.rig, clamp_offset=ClampOffset(np.array([1e-3, 2e-3])))
+    taken = replace(taken, rig=rig, antenna_from_beam=taken.antenna_from_beam @ mirror)
+    problem = rod_problem_of(taken, problem_of(taken, with_tips=False))
+    assert problem.axis is not None
+    expected = np.array([-1e-3, -side * 2e-3]) / BEAM.length
+    np.testing.assert_allclose(problem.axis, expected, atol=1e-15)
