@@ -26,10 +26,6 @@ from solver.fitting.rod_problem import P, RodProblem
 from solver.fitting.sliding import CERTAIN, HELD
 from solver.instrument.arrays import Floats
 
-# Mean and standard deviation of a coefficient of friction, over the sigma of a ratio that may have
-# either sign. Derived: those of the half of a normal distribution.
-MEAN: Final = math.sqrt(2 / math.pi)
-SPREAD: Final = math.sqrt(1 - 2 / math.pi)
 # Load at first contact, over that of the frame. Chosen: there the beam is hardly bent.
 _FIRST: Final = 1e-3
 
@@ -61,16 +57,16 @@ def friction_sign_of(problem: RodProblem, p: Floats) -> int:
 
 def with_friction_sign(problem: P, sign: int) -> P:
     """Return the problem with the prior of friction of this sign, 0 if it is not known."""
-    if not sign:
-        return replace(problem, friction_sign=0)
+    if problem.rigid is None or not sign:
+        return replace(problem, friction_sign=sign)
     mean, information = problem.mean.copy(), problem.information.copy()
-    mean[GRIP] = sign * MEAN / math.sqrt(information[GRIP, GRIP])
-    information[GRIP, GRIP] /= SPREAD**2
+    coefficient, sigma = problem.rigid.friction
+    mean[GRIP], information[GRIP, GRIP] = sign * coefficient, sigma**-2
     return replace(problem, mean=mean, information=information, friction_sign=sign)
 
 
 def _growth(problem: RodProblem, p: Floats) -> _Growth:
-    assert problem.axis is not None, "the rig states that objects are rigid"
+    assert problem.rigid is not None, "the rig states that objects are rigid"
     shape = p[: problem.shape_size].copy()
     shape[GRIP] = 0.0
     widths = shape[WIDTHS : WIDTHS + problem.widths]
@@ -86,7 +82,7 @@ def _growth(problem: RodProblem, p: Floats) -> _Growth:
         (_, theta, x, y, *_), (_, turn, along, across, *_) = values, gradients[:, Q]
         normal = np.array([math.sin(theta), -math.cos(theta)])
         tangent = np.array([math.cos(theta), math.sin(theta)])
-        arm = np.array([x, y]) + radius * normal - problem.axis
+        arm = np.array([x, y]) + radius * normal - problem.rigid.axis
         moved = np.array([along, across]) + radius * turn * tangent
         found.append(float(arm @ moved) / math.hypot(*arm))
         straight = straight or radius * float(turn - across / x)

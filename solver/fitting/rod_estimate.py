@@ -85,7 +85,7 @@ def fit_frame(problem: Problem, rod: RodProblem) -> RodFit | None:
     if fit is None:
         return None
     alone = rod
-    if rod.axis is not None:
+    if rod.rigid is not None:
         rod = with_friction_sign(rod, friction_sign_of(rod, fit.p))
     if reflection_matters(rod):
         rod = lit_by_object(rod, touch_of(rod, fit.p))

@@ -40,13 +40,16 @@ _ROUNDING: Final = 1e-12
 class JointFit:
     """Fit of n frames: `frames` (n, c) are their parameters, `covariance` (s, s) of the shared.
 
-    `shared` (s,) are the indices of the shared parameters that were fitted; `objective` is the sum
-    of squares of all points and priors.
+    `shared` (s,) are the indices of the shared parameters that were fitted; `grip` and `grip_sigma`
+    are the mean of the friction ratios, beyond that of their priors; `objective` is the sum of
+    squares of all points and priors.
     """
 
     frames: Floats
     shared: Floats
     covariance: Floats
+    grip: float
+    grip_sigma: float
     objective: float
     converged: bool
 
@@ -104,7 +107,16 @@ def fit_jointly(problems: Sequence[RodProblem], common: Floats, starts: Floats) 
             damping = max(damping * _FACTOR, _FIRST_DAMPING)
             if damping > _MAX_DAMPING:
                 break
-    return JointFit(at.parameters, shared, _covariance(at)[:-1, :-1], at.objective, converged)
+    covariance = _covariance(at)
+    return JointFit(
+        frames=at.parameters,
+        shared=shared,
+        covariance=covariance[:-1, :-1],
+        grip=at.grip,
+        grip_sigma=math.sqrt(covariance[-1, -1]),
+        objective=at.objective,
+        converged=converged,
+    )
 
 
 def _apart(problem: RodProblem, first: RodProblem) -> Floats:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from solver.fitting.residuals import LEAST_SIGMA, SIGMA_X, SIGMA_Y
 from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT, rod_residuals
 from solver.fitting.rod_step import straight_in_free_end
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import BOW, SKEW, BeamShape
+from solver.instrument.beam_shape import BOW, SKEW, BeamShape, Friction
 from solver.instrument.measurement import Measurement, RestBow
 
 # Sigma of the shift of a beam's apparent middle at the contact, in radii, by light that the object
@@ -30,6 +30,13 @@ ALIKE: Final = 0.5
 _CERTAIN: Final = 1e-8
 
 
+class RigidObjects(NamedTuple):
+    """Motor's axis (2,), over the length from where the beam begins to bend; objects' friction."""
+
+    axis: Floats
+    friction: Friction
+
+
 @dataclass(frozen=True)
 class RodProblem:
     """Points of one frame and the prior of its parameters, in units of the beam's length.
@@ -38,9 +45,9 @@ class RodProblem:
     `rod.curve_of`. The parameters are those of `rod_residuals`, and then the errors that all points
     share: `shared` (n, k) is the shift of each point, in sigmas, by one sigma of each. `mean` (p,)
     and `information` (p, p) are their prior; `free` (f,) are the indices of those that are fitted.
-    The last `own_errors` parameters are errors that only the points of this frame share. `axis`
-    (2,) is the motor's, if the rig states that objects are rigid, and `friction_sign` that of
-    the friction ratio against the rig's other frames: 0 if it is not known.
+    The last `own_errors` parameters are errors that only the points of this frame share. `rigid`
+    is known where the rig states that objects are, and `friction_sign` is that of the friction
+    ratio against the rig's other frames: 0 if it is not known.
     """
 
     points: Floats
@@ -53,7 +60,7 @@ class RodProblem:
     information: Floats
     free: Any
     own_errors: int = 0
-    axis: Floats | None = None
+    rigid: RigidObjects | None = None
     friction_sign: int = 1
 
     @property
@@ -129,18 +136,18 @@ def rod_problem_of(measurement: Measurement, problem: Problem) -> RodProblem:
         mean=mean,
         information=information,
         free=np.array([Q, S_C, *uncertain]),
-        axis=_axis(measurement),
+        rigid=_rigid_objects(measurement),
     )
 
 
-def _axis(measurement: Measurement) -> Floats | None:
-    """Return the motor's axis (2,) from where the beam begins to bend, where it has an effect."""
+def _rigid_objects(measurement: Measurement) -> RigidObjects | None:
+    """Return what the rig states of rigid objects; None without it, or without friction."""
     rig = measurement.rig
     if not (rig.shape.rigid_objects and rig.shape.friction_sigma):
         return None
     axes = measurement.antenna_from_beam[:2, :2]
     begin = axes.T @ rig.clamp_offset.position / rig.beam.length
-    return np.asarray(-begin - [rig.shape.clamp_shift, 0.0])
+    return RigidObjects(-begin - [rig.shape.clamp_shift, 0.0], rig.shape.friction)
 
 
 def _information(covariance: Floats) -> Floats:
@@ -163,7 +170,7 @@ def _prior(measurement: Measurement, shared: int, light: float) -> tuple[Floats,
     size = first + (0 if rest is None else BOW)
     mean = np.zeros(size + POSE + shared)
     covariance = np.zeros((len(mean), len(mean)))
-    covariance[GRIP, GRIP] = shape.friction_sigma**2
+    covariance[GRIP, GRIP] = shape.ratio_sigma**2
     mean[size + PSI] = measurement.handedness * (measurement.rig.known_psi or 0.0)
     own = np.arange(size + POSE, len(mean))
     covariance[own, own] = 1.0

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,13 @@ from solver.instrument.arrays import Floats, frozen_floats
 BOW: Final = 3
 # Parameters of the covariance: the clamp's and the section's, and then the widths and the bow.
 SOFTNESS, CLAMP_SHIFT, SKEW, FIRST_WIDTH = range(4)
+
+
+class Friction(NamedTuple):
+    """Coefficient of friction of unknown objects, and its sigma."""
+
+    coefficient: float
+    sigma: float
 
 
 @dataclass(frozen=True)
@@ -30,8 +37,10 @@ class BeamShape:
     axis over its first, less one, in an unknown direction, and `rigidity_sigma` the relative one of
     EI for this reason; `friction_sigma` is that of the coefficient of friction of an unknown
     object. `rigid_objects` is whether objects do not yield, and the motor does not turn back while
-    it pushes: the direction of friction then follows from the bend. Raises ValueError if array
-    shapes are inconsistent or a value is not finite or a sigma is negative.
+    it pushes: the direction of friction then follows from the bend. `friction_coefficient` is that
+    of the objects of the pushes from which it was learned, and `friction_sigma` then the difference
+    of others from it; 0 if it was not learned. Raises ValueError if array shapes are inconsistent
+    or a value is not finite or a sigma is negative.
     """
 
     widths: Floats = field(default_factory=lambda: np.zeros(0))
@@ -44,6 +53,7 @@ class BeamShape:
     rigidity_sigma: float = 0.0
     friction_sigma: float = 0.0
     rigid_objects: bool = False
+    friction_coefficient: float = 0.0
 
     def __post_init__(self) -> None:
         widths = frozen_floats("widths", self.widths, (None,))
@@ -58,16 +68,30 @@ class BeamShape:
         for name in ("softness", "clamp_shift", "skew"):
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{name} is {getattr(self, name)}, allowed is a finite number")
-        for name in ("section_sigma", "rigidity_sigma", "friction_sigma"):
+        for name in ("section_sigma", "rigidity_sigma", "friction_sigma", "friction_coefficient"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"{name} is {getattr(self, name)}, allowed is a number from 0")
 
     @property
     def uniform(self) -> bool:
         """Whether the beam is certainly uniform and frictionless, on a rigid clamp."""
-        certain = not self.covariance.any() and not (self.section_sigma or self.friction_sigma)
+        certain = not self.covariance.any() and not (self.section_sigma or self.ratio_sigma)
         of_clamp = self.softness or self.clamp_shift
         return certain and not (of_clamp or self.skew or self.widths.any() or len(self.bow))
+
+    @property
+    def ratio_sigma(self) -> float:
+        """Standard deviation of a friction ratio whose direction is not known."""
+        return math.hypot(self.friction_coefficient, self.friction_sigma)
+
+    @property
+    def friction(self) -> Friction:
+        """Coefficient of friction: as learned, or of a ratio that is normally distributed."""
+        if self.friction_coefficient:
+            return Friction(self.friction_coefficient, self.friction_sigma)
+        # Mean and standard deviation of the half of a normal distribution.
+        mean = math.sqrt(2 / math.pi)
+        return Friction(mean * self.friction_sigma, math.sqrt(1 - mean**2) * self.friction_sigma)
 
     def sigma(self, parameter: int) -> float:
         """Return the standard deviation of a parameter of the covariance."""

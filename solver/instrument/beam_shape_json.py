@@ -43,6 +43,8 @@ def beam_shape_keys(shape: BeamShape, length: float) -> dict[str, Any]:
         "rigidity_sigma": shape.rigidity_sigma,
         **({"rigid_objects": True} if shape.rigid_objects else {}),
     }
+    if shape.friction_coefficient:
+        keys["friction_coefficient"] = shape.friction_coefficient
     taper = shape.sigma(FIRST_WIDTH) if len(shape.widths) else 0.0
     softness, shift = shape.sigma(SOFTNESS), shape.sigma(CLAMP_SHIFT)
     stated = stated_shape(taper, softness, shape.section_sigma, shape.friction_sigma, shift)
@@ -67,6 +69,7 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
     """
     section = _sigma(key, "section_sigma", SECTION_SIGMA)
     friction = _sigma(key, "friction_sigma", FRICTION_SIGMA)
+    coefficient = _sigma(key, "friction_coefficient", 0.0)
     rigid = key.has("beam_shape.rigid_objects") and key.flag("beam_shape.rigid_objects")
     if not key.has("beam_shape.widths"):
         taper = _sigma(key, "taper_sigma", TAPER_SIGMA)
@@ -76,7 +79,8 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
             longest = MAX_SHIFT * length / MILLIMETRE
             shift = key.number("beam_shape.clamp_shift_sigma_mm", 0, longest) * MILLIMETRE / length
         stated = stated_shape(taper, softness, section, friction, shift, rigid)
-        return replace(stated, rigidity_sigma=_sigma(key, "rigidity_sigma", stated.rigidity_sigma))
+        rigidity = _sigma(key, "rigidity_sigma", stated.rigidity_sigma)
+        return replace(stated, rigidity_sigma=rigidity, friction_coefficient=coefficient)
     widths = key.numbers("beam_shape.widths", -MAX_WIDTH, MAX_WIDTH, MAX_WIDTHS)
     if len(widths) and (1 + _PLACES * legval(2 * _PLACES - 1, widths) <= 0).any():
         key.refuse("beam_shape.widths", "a width that is positive along the whole beam")
@@ -89,8 +93,9 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
     covariance = _covariance(key, FIRST_WIDTH + len(widths) + len(bow))
     rigidity = _sigma(key, "rigidity_sigma", 0.0)
     return BeamShape(
-        widths, softness, shift, skew, bow, covariance, section, rigidity, friction, rigid
-    )
+        widths, softness, shift, skew, bow, covariance, section, rigidity, friction, rigid,
+        coefficient,
+    )  # fmt: skip
 
 
 def _sigma(key: Keys, name: str, default: float) -> float:

@@ -83,4 +83,5 @@ def prior_of(candidate: Candidate, stated: BeamShape) -> BeamShape:
         rigidity_sigma=stated.rigidity_sigma,
         friction_sigma=stated.friction_sigma,
         rigid_objects=stated.rigid_objects,
+        friction_coefficient=stated.friction_coefficient,
     )

@@ -11,14 +11,15 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from solver.beam_models.rod import S_C, WIDTHS
 from solver.fitting.rod_joint import JointFit, fit_jointly
-from solver.fitting.rod_problem import RodProblem
+from solver.fitting.rod_problem import ALIKE, RodProblem
 from solver.fitting.rod_residuals import DX, PSI, SOFTNESS
 from solver.fitting.thresholds import LIMITS
 from solver.instrument.arrays import Floats
-from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape
+from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape, Friction
 from solver.instrument.beam_shape import SOFTNESS as SOFT
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
@@ -33,9 +34,9 @@ MIN_PUSHES: Final = 2
 _PARTS: Final = 5
 # Misfit of a candidate that has no shape near the frames. Chosen: far above any other.
 _UNFITTED: Final = 1e12
-# Standard errors within which a simpler beam is as good as the best one. Chosen: five pushes give
-# the error itself to a third.
-_ERRORS: Final = 2.0
+# Probability that a difference is within two standard errors, below which a simpler beam is as good
+# as the best one. Chosen.
+_WITHIN: Final = 0.9545
 
 
 @dataclass(frozen=True)
@@ -202,11 +203,21 @@ def _parts(pushes: Sequence[Sequence[BentFrame]]) -> Floats:
 
 
 def _simplest(trials: Sequence[Trial]) -> Candidate:
-    """Return the first candidate that is as good as the best, within the noise."""
+    """Return the first candidate that is as good as the best, within the noise.
+
+    A uniform beam on a rigid clamp, of which the rig states that it is certain, is left only where
+    it does not predict the pushes within the stated sigmas: errors that pushes share could prefer
+    another beam, by little.
+    """
+    first = trials[0]
+    if not first.candidate.size and first.pushes.max() <= 1:
+        return first.candidate
+    # The standard errors are those of a few pushes (Student 1908).
+    errors = float(stdtrit(len(trials[0].pushes) - 1, (1 + _WITHIN) / 2))
     return next(
         trial.candidate
         for trial in trials
-        if trial.excess <= max(_ERRORS * trial.excess_error, trial.noise)
+        if trial.excess <= max(errors * trial.excess_error, trial.noise)
     )
 
 
@@ -257,6 +268,7 @@ def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:
     sides = np.ones(len(indices))
     sides[[SKEW, *range(bow, len(indices))]] = side
     values, covariance = values * sides, covariance * np.outer(sides, sides)
+    friction = _friction(prior, fit, misfit)
     shape = BeamShape(
         widths=values[FIRST_WIDTH:bow],
         softness=float(values[0]),
@@ -266,7 +278,17 @@ def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:
         covariance=(covariance + covariance.T) / 2,
         section_sigma=prior.section_sigma,
         rigidity_sigma=prior.rigidity_sigma,
-        friction_sigma=prior.friction_sigma,
+        friction_sigma=friction.sigma if prior.rigid_objects else prior.friction_sigma,
         rigid_objects=prior.rigid_objects,
+        friction_coefficient=friction.coefficient if prior.rigid_objects else 0.0,
     )
     return _Learned(shape, misfit, fit.converged)
+
+
+def _friction(prior: BeamShape, fit: JointFit, misfit: float) -> Friction:
+    """Return the friction of other rigid objects, which are alike in part."""
+    coefficient, sigma = prior.friction
+    of_mean = fit.grip_sigma * math.sqrt(max(misfit, 1.0))
+    return Friction(
+        max(coefficient + fit.grip, 0.0), math.hypot(of_mean, math.sqrt(1 - ALIKE) * sigma)
+    )

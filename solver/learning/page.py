@@ -86,6 +86,11 @@ def summary(beam: LearnedBeam, rig: Rig, stated: Rig) -> str:
             f"angle from the plane of the force to that of the deflection: {skew:.2f} +- "
             f"{sigma:.2g} degrees"
         )
+    if beam.shape.friction_coefficient:
+        coefficient, sigma = beam.shape.friction
+        lines.append(
+            f"coefficient of friction of objects like these: {coefficient:.2f} +- {sigma:.2f}"
+        )
     if beam.offset is not None:
         lines.append(_offset(beam.offset))
     if beam.next_push is not None:

@@ -100,7 +100,7 @@ def with_shared_errors(
 def _problem(frame: BentFrame, shape: BeamShape) -> RodProblem:
     measurement = _with_shape(frame.measurement, shape)
     problem = rod_problem_of(measurement, problem_of(measurement, with_tips=False))
-    return problem if problem.axis is None else with_friction_sign(problem, frame.friction_sign)
+    return with_friction_sign(problem, frame.friction_sign)
 
 
 def _of_inliers(frame: BentFrame, problem: RodProblem) -> RodProblem:

@@ -66,7 +66,7 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     coefficient, which a single frame does not determine.
     """
     uniform = measurement.uniform
-    if friction and not (uniform or measurement.rig.shape.friction_sigma):
+    if friction and not (uniform or measurement.rig.shape.ratio_sigma):
         measurement = _with_friction(measurement)
     single = _rough(measurement) if friction and uniform else exact_fit(measurement)
     if not single.values:
@@ -93,7 +93,7 @@ def push_fit(measurement: Measurement, friction: bool = False) -> Estimate:
     start = _start(push, bent)
     if start is None or push.residuals(start) is None:
         return Estimate(Outcome.INVALID, "the frames' shapes do not fit one push")
-    friction_sigma = measurement.rig.shape.friction_sigma or (DRY if friction else 0.0)
+    friction_sigma = measurement.rig.shape.ratio_sigma or (DRY if friction else 0.0)
     if friction_sigma:
         push = _sliding(replace(push, friction_sigma=friction_sigma), bent, start, _START_SIGMA)
         start = np.append(start, np.zeros(push.grip_matrix.shape[1]))

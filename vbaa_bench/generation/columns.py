@@ -221,6 +221,9 @@ RIG: Final = {
     "beam_shape.rigid_objects": Column(
         "whether objects do not yield, and the motor only pushes on", "", "they may (absent)"
     ),
+    "beam_shape.friction_coefficient": Column(
+        "coefficient of friction of rigid objects", "", "it is not known (absent)"
+    ),
     "beam_shape.clamp_softness_sigma": Column(
         f"{_SIGMA} of the clamp's rotation over its moment, in units of L / EI", "", _WIRE
     ),

@@ -7,7 +7,7 @@ import pytest
 
 from solver.beam_models.rod import GRIP, S_C, Q
 from solver.fitting.problem import problem_of
-from solver.fitting.rigid_object import MEAN, SPREAD, _growth, friction_sign_of, with_friction_sign
+from solver.fitting.rigid_object import _growth, friction_sign_of, with_friction_sign
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import BeamShape, stated_shape
@@ -56,27 +56,36 @@ def test_near_the_reversal_the_contact_may_be_held(part: float, direction: int) 
     assert friction_sign_of(problem, p) == direction
 
 
-def test_the_prior_is_the_half_of_a_normal_distribution() -> None:
-    values = np.abs(np.random.default_rng(2).standard_normal(200_000))
-    assert pytest.approx(values.mean(), abs=5e-3) == MEAN
-    assert pytest.approx(values.std(), abs=5e-3) == SPREAD
+def test_the_prior_is_that_of_the_coefficient() -> None:
     problem = problem_with(STATED)
-    for direction in (-1, 1):
-        known = with_friction_sign(problem, direction)
-        assert known.friction_sign == direction
-        assert known.mean[GRIP] == pytest.approx(direction * MEAN * SIGMA)
-        assert known.information[GRIP, GRIP] == pytest.approx((SPREAD * SIGMA) ** -2)
+    coefficient, sigma = STATED.friction
+    for sign in (-1, 1):
+        known = with_friction_sign(problem, sign)
+        assert known.friction_sign == sign
+        assert known.mean[GRIP] == pytest.approx(sign * coefficient)
+        assert known.information[GRIP, GRIP] == pytest.approx(sigma**-2)
     held = with_friction_sign(problem, 0)
     assert held.friction_sign == 0
     assert (held.mean == problem.mean).all()
     assert (held.information == problem.information).all()
+    assert problem.information[GRIP, GRIP] == pytest.approx(SIGMA**-2)
+
+
+def test_without_a_direction_a_learned_coefficient_has_either_sign() -> None:
+    learned = replace(STATED, friction_coefficient=0.4)
+    problem = problem_with(learned)
+    assert problem.mean[GRIP] == 0
+    assert problem.information[GRIP, GRIP] == pytest.approx(1 / (0.4**2 + SIGMA**2))
+    known = with_friction_sign(problem, -1)
+    assert known.mean[GRIP] == -0.4
+    assert known.information[GRIP, GRIP] == pytest.approx(SIGMA**-2)
 
 
 @pytest.mark.parametrize(
     "shape", [replace(STATED, rigid_objects=False), stated_shape(0.1, 0, 0, 0, rigid_objects=True)]
 )
 def test_without_the_statement_or_friction_nothing_is_known(shape: BeamShape) -> None:
-    assert problem_with(shape).axis is None
+    assert problem_with(shape).rigid is None
 
 
 def answers(friction: float, sigma: float) -> list[Estimate]:
@@ -97,7 +106,7 @@ def test_at_a_rigid_object_one_image_is_more_accurate() -> None:
 def test_its_sigma_is_that_of_the_coefficient() -> None:
     # So small that the image itself hardly determines it.
     either, known, smooth = (one.sigma("x_c_m") ** 2 for one in answers(0.01, 0.02))
-    assert (known - smooth) / (either - smooth) == pytest.approx(SPREAD**2, rel=0.1)
+    assert (known - smooth) / (either - smooth) == pytest.approx(1 - 2 / np.pi, rel=0.1)
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -107,6 +116,6 @@ def test_the_axis_is_in_the_beams_frame(side: int) -> None:
     rig = replace(taken.rig, clamp_offset=ClampOffset(np.array([1e-3, 2e-3])))
     taken = replace(taken, rig=rig, antenna_from_beam=taken.antenna_from_beam @ mirror)
     problem = rod_problem_of(taken, problem_of(taken, with_tips=False))
-    assert problem.axis is not None
+    assert problem.rigid is not None
     expected = np.array([-1e-3, -side * 2e-3]) / BEAM.length
-    np.testing.assert_allclose(problem.axis, expected, atol=1e-15)
+    np.testing.assert_allclose(problem.rigid.axis, expected, atol=1e-15)

@@ -22,6 +22,7 @@ LEARNED = BeamShape(
     friction_sigma=0.2,
 )
 RIGID = stated_shape(0.02, 0.0, 0.01, 0.2, rigid_objects=True)
+ROUGH = replace(RIGID, friction_coefficient=0.3)
 
 
 @pytest.mark.parametrize(
@@ -32,7 +33,8 @@ RIGID = stated_shape(0.02, 0.0, 0.01, 0.2, rigid_objects=True)
         stated_shape(0.0, 0.0, 0.0, 0.0, 0.002),
         LEARNED,
         RIGID,
-        replace(LEARNED, rigid_objects=True),
+        ROUGH,
+        replace(LEARNED, rigid_objects=True, friction_coefficient=0.3),
     ],
 )
 def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
@@ -42,6 +44,7 @@ def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
     assert rig_to_json(again) == path.read_text()
     assert again.shape.uniform is shape.uniform
     assert again.shape.rigid_objects is shape.rigid_objects
+    assert again.shape.friction_coefficient == shape.friction_coefficient
     assert again.shape.covariance == pytest.approx(shape.covariance, rel=1e-11)
     assert again.shape.rigidity_sigma == pytest.approx(shape.rigidity_sigma, rel=1e-11)
 
@@ -97,6 +100,14 @@ def test_a_beam_of_which_nothing_is_stated_is_drawn_wire(tmp_path: Path) -> None
     path.write_text(json.dumps(document))
     shape = read_rig(path).shape
     assert (shape.rigidity_sigma, shape.friction_sigma, shape.section_sigma) == (0.0, 0.0, 0.02)
+
+
+def test_a_coefficient_is_the_half_of_the_normal_distribution_of_a_ratio() -> None:
+    ratios = np.abs(np.random.default_rng(2).normal(0.0, 0.2, 200_000))
+    coefficient, sigma = RIGID.friction
+    assert coefficient == pytest.approx(ratios.mean(), rel=5e-3)
+    assert sigma == pytest.approx(ratios.std(), rel=5e-3)
+    assert ROUGH.friction == (0.3, 0.2)
 
 
 def test_the_shape_is_checked() -> None:

@@ -4,8 +4,8 @@ import pytest
 from solver.instrument.beam_shape import SOFTNESS, BeamShape, stated_shape
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
-from solver.learning.candidates import candidates_of, prior_of
-from solver.learning.learn import learn_beam
+from solver.learning.candidates import Candidate, candidates_of, prior_of
+from solver.learning.learn import Trial, _simplest, learn_beam
 from solver.learning.page import page, summary, widths_of
 from solver.methods.exact_fit import exact_fit
 from tests.simulated import BEAM, rig
@@ -14,7 +14,9 @@ from tests.tapered import bent, measured
 PLACES = (0.35, 0.5, 0.62, 0.75, 0.88)
 
 
-def pushes(taper: float, shape: BeamShape, softness: float = 0.0) -> list[list[Measurement]]:
+def pushes(
+    taper: float, shape: BeamShape, softness: float = 0.0, friction: float = 0.0
+) -> list[list[Measurement]]:
     """Three frames at each place, of a clamp that turns by `softness` times its moment."""
     random = np.random.default_rng(11)
     frames = []
@@ -22,7 +24,7 @@ def pushes(taper: float, shape: BeamShape, softness: float = 0.0) -> list[list[M
         push = []
         for strength in (0.1, 0.2, 0.3):
             # A load that deflects a uniform beam by this share of its length.
-            beam = bent(taper, place, 3 * strength / place**2)
+            beam = bent(taper, place, 3 * strength / place**2, friction)
             moment = -beam.base_moment[2] * BEAM.length / BEAM.flexural_rigidity
             push.append(measured(beam, shape, random, tilt=softness * moment))
         frames.append(push)
@@ -61,6 +63,36 @@ def test_a_clamp_that_gives_is_learned() -> None:
     sigma = learned.shape.sigma(SOFTNESS)
     assert learned.shape.softness == pytest.approx(0.01, abs=4 * sigma)
     assert sigma < 1e-3
+
+
+def test_of_rigid_objects_friction_is_learned() -> None:
+    stated = stated_shape(0.0, 0.0, 0.0, 0.3, rigid_objects=True)
+    learned = learn_beam(pushes(0.0, stated, friction=0.5))
+    coefficient, sigma = learned.shape.friction
+    assert abs(coefficient - 0.5) < 0.5 * sigma < 0.1
+    assert sigma < stated.friction.sigma
+    assert f"objects like these: {coefficient:.2f} +- {sigma:.2f}" in summary(learned, rig(), rig())
+    beam, random = bent(0.0, 0.7, 0.6, 0.5), np.random.default_rng(4)
+    before, after = (exact_fit(measured(beam, shape, random)) for shape in (stated, learned.shape))
+    errors = [abs(one.values["x_c_m"] - beam.points[0, 0]) for one in (before, after)]
+    assert errors[1] < errors[0]
+    assert after.sigma("x_c_m") < before.sigma("x_c_m")
+
+
+def test_friction_of_objects_that_may_yield_is_not_learned() -> None:
+    stated = stated_shape(0.0, 0.0, 0.0, 0.3)
+    learned = learn_beam(pushes(0.0, stated, friction=0.3)).shape
+    assert (learned.friction_coefficient, learned.friction_sigma) == (0.0, 0.3)
+
+
+@pytest.mark.parametrize(("misfit", "widths"), [(0.9, 0), (1.1, 1)])
+def test_a_beam_that_is_stated_as_certain_is_left_only_where_it_misfits(
+    misfit: float, widths: int
+) -> None:
+    pushes = np.full(5, misfit)
+    certain = Trial(Candidate(0, False), pushes, 0.01, 1e-4, 1e-3)
+    cone = Trial(Candidate(1, False), pushes - 0.01, 0.0, 0.0, 1e-3)
+    assert _simplest([certain, cone]).widths == widths
 
 
 def test_too_few_pushes_are_refused() -> None:

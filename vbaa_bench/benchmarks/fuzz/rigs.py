@@ -30,6 +30,7 @@ _OPTIONAL: Any = {
         "section_sigma": 0.02,
         "friction_sigma": 0.2,
         "rigid_objects": True,
+        "friction_coefficient": 0.3,
         "clamp_softness": 0.001,
         "clamp_softness_sigma": 0.001,
         "rigidity_sigma": 0.01,
