@@ -10,7 +10,7 @@ from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, rig_file
 from solver.instrument.rig import read_rig
 from solver.lab.outline import csv_text, read_estimates, summary
-from solver.lab.writing import prepare_output_path, write
+from solver.lab.writing import write
 from solver.outline.contacts import contacts_of
 from solver.outline.fit import fit_outline
 
@@ -28,7 +28,6 @@ def outline(
     out: Annotated[Path, typer.Option(help="CSV to write")] = Path("outline.csv"),
 ) -> None:
     """Estimate the outline of an object that was touched from many poses of the antenna."""
-    prepare_output_path(out)
     if readings is None:
         observations = open_observations(rig)
         frames, nominal = observations.frames, observations.rig

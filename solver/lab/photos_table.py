@@ -33,6 +33,15 @@ _SHARED: Final = {
     "bow_m": ("bow_mm", "bow_sigma_mm", MILLIMETRE),
     "focal_length_px": ("focal_length_px", "focal_length_sigma_px", 1.0),
 }
+# Names and units of the shared values in text.
+_LABELS: Final = {
+    "flexural_rigidity_n_m2": ("EI at the clamp", " N mm^2"),
+    "length_m": ("free length", " mm"),
+    "bow_m": ("bow of the tip at rest", " mm"),
+    "focal_length_px": ("focal length", " px"),
+    "k1": ("lens distortion k1", ""),
+    "clamp_softness": ("softness of the clamp", ""),
+}
 _SHARES: Final = {"s_c_m": "s_c_view_share_pct", "force_n": "force_view_share_pct"}
 COLUMNS: Final = (
     "file",
@@ -75,8 +84,12 @@ def shared_row(answer: PhotosAnswer) -> dict[str, float]:
     """Return what all photographs share, by column."""
     cells: dict[str, float] = {}
     for name, value in answer.shared.items():
-        cells.update(_cells(value, *_SHARED.get(name, (name, f"{name}_sigma", 1.0))))
+        cells.update(_cells(value, *_shared_names(name)))
     return cells
+
+
+def _shared_names(name: str) -> tuple[str, str, float]:
+    return _SHARED.get(name, (name, f"{name}_sigma", 1.0))
 
 
 def _cells(value: Value, name: str, sigma_name: str, unit: float) -> dict[str, float]:
@@ -111,15 +124,10 @@ def summary(answer: PhotosAnswer) -> str:
             if row[name] is not None
         ]
         lines.append(f"{row['file']}: {row['outcome']}: {', '.join(values) or row['message']}")
-    cells = shared_row(answer)
-    if cells:
+    if answer.shared:
         lines.append("Of all photographs:")
-    for name, sigma, _ in _SHARED.values():
-        if name in cells:
-            lines.append(f"    {name} {cells[name]:.6g} +- {cells[sigma]:.2g}")
-    lines += [
-        f"    {name} {cells[name]:.4g} +- {cells[f'{name}_sigma']:.2g}"
-        for name in cells
-        if f"{name}_sigma" in cells
-    ]
+    for name, value in answer.shared.items():
+        label, unit = _LABELS.get(name, (name.replace("width_", "width coefficient "), ""))
+        of_value, of_sigma = _cells(value, *_shared_names(name)).values()
+        lines.append(f"    {label}: {of_value:.6g} +- {of_sigma:.2g}{unit}")
     return "\n".join([*lines, *(f"- {note}" for note in answer.notes)])

@@ -86,6 +86,9 @@ def test_photographs_give_a_table_a_page_and_json(
     assert "data:image/jpeg;base64," in text
     assert 'class="fit"' in text
     assert "http" not in text
+    for label in ("EI at the clamp", "free length", "bow of the tip at rest", "focal length"):
+        assert f"    {label}: " in text
+    assert "_" not in text[text.index("<pre>") : text.index("</pre>")].replace("_c ", " ")
 
 
 def test_mistakes_are_named(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
