@@ -1,14 +1,9 @@
-"""The reference kernel, and its column in the predictions of a method."""
-
-from pathlib import Path
+"""The reference kernel. See test_score for its column in the predictions of a method."""
 
 import numpy as np
-import polars as pl
 import pytest
 
-from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.scoring import reference_kernel
-from vbaa_bench.scoring.child import solve
 
 
 def test_the_kernel_does_a_fixed_amount_of_work() -> None:
@@ -23,10 +18,3 @@ def test_the_kernel_does_a_fixed_amount_of_work() -> None:
     solved = sum(1.0 for n in range(0, 60, 10))
     total = sum(r.sum() + (r > r.mean()).sum() for r in roots) + solved
     assert reference_kernel._small_calls(small, matrix) == pytest.approx(total)
-
-
-def test_every_frame_has_a_reference_time(dataset: Path, tmp_path: Path) -> None:
-    solve(Layout(dataset), "exact_fit", tmp_path / "exact_fit.csv", 1)
-    times = pl.read_csv(tmp_path / "exact_fit.csv")["processor_ms", "reference_ms"]
-    assert times.height == 4
-    assert (times.to_numpy() > 0).all()

@@ -38,6 +38,12 @@ def exact_fit_table(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     return path
 
 
+def test_every_frame_has_a_reference_time(exact_fit_table: Path) -> None:
+    times = pl.read_csv(exact_fit_table)["processor_ms", "reference_ms"]
+    assert times.height == 4
+    assert (times.to_numpy() > 0).all()
+
+
 def test_a_file_of_ones_own_is_scored_beside_the_methods(
     results: Results, exact_fit_table: Path
 ) -> None:
