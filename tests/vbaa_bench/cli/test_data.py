@@ -71,8 +71,10 @@ def test_a_plan_counts_the_scene_and_states_a_range(noisy_scene: Path) -> None:
 
 def test_a_plan_of_a_collection_counts_all_rigs(tmp_path: Path) -> None:
     path = tmp_path / "rigs.yaml"
-    # Each probed rig is generated as a whole: one push of two frames.
+    # Each probed rig is generated as a whole: one push of two frames, in small images.
     text = NOISY_SCENE.replace("views: 6", "views: 3").replace("[100, 200]", "[150]")
+    text = text.replace("width_px: 512", "focal_length_px: 350\n  width_px: 256")
+    text = text.replace("height_px: 176", "height_px: 88")
     path.write_text(text + "rigs: 40\nbackground: {reflectance: {uniform: [0, 0.2]}}\n")
     done = CliRunner().invoke(cli.app, ["plan", str(path), "--workers", "1", "--json"])
     assert done.exit_code == 0, done.output
