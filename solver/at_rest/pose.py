@@ -4,6 +4,7 @@ Errors of the camera's calibration, of light from one side and of the mounting a
 contact and after it; the rest images show them, and they are subtracted.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,8 +29,12 @@ MAX_GRID_ERROR_PX = 0.5
 # Fewest points of a fit of the bow. Chosen: ten for each coefficient.
 MIN_BOW_POINTS = 50
 # Bow [px] that a straight beam's image may have. Measured: on a hundred rigs drawn at random it was
-# 0.001 to 0.05 px, with this root mean square.
+# 0.001 to 0.05 px, with this root mean square. A lens without distortion has none.
 SMALL_BOW_PX = 0.02
+# Smallest one [px]. Chosen: far below what images determine.
+_LEAST_BOW_PX = 1e-5
+# Root mean square of t^2 about a line, for t from 0 to 1.
+_PARABOLA = 1 / math.sqrt(180)
 
 
 @dataclass(frozen=True)
@@ -159,7 +164,7 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
         )
     x, y = points[:, 0] - rig.base_position[0], points[:, 1]
     bowed = least_squares(_curve(x, rig.beam.length), y, mean)
-    rest = _course_at_rest(x, y, mean, bowed, rig.beam.length)
+    rest = _course_at_rest(x, y, mean, bowed, rig)
     if rest.bow_undecided:
         return rest
     beside = y - rest.y_at_clamp - rest.slope * x - rest.bow_at(x)[0]
@@ -167,8 +172,9 @@ def learn_rest(lines: Sequence[Centreline], calibration: Calibration, rig: Rig) 
     return replace(rest, pattern=pattern, noise_covariance=bowed.noise_covariance)
 
 
-def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, length: float) -> Rest:
+def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, rig: Rig) -> Rest:
     """Choose a line, or a bow where there is one, by what each leaves of the points (n,) [m]."""
+    length = rig.beam.length
     line = np.column_stack([np.ones_like(x), x])
     curve = _curve(x, length)
     straight = least_squares(line, y, mean)
@@ -179,7 +185,7 @@ def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, leng
     gain = straight.chi2 - bowed.chi2
     if len(x) > MIN_BOW_POINTS:
         if gain <= LIMITS.bow_chi2 * bowed.scatter:
-            return _hardly_bowed(bowed, straight, gain, mean.pixel, length)
+            return _hardly_bowed(bowed, straight, gain, _small_bow(rig, mean.pixel), length)
         bend = float(np.abs(curve @ (c - s)).max())
         if gain > LIMITS.bow_chi2 * bowed.repeated or bend > MAX_GRID_ERROR_PX * mean.pixel:
             return Rest(float(c[0]), float(c[1]), c[2:], bowed.covariance, length)
@@ -189,20 +195,28 @@ def _course_at_rest(x: Floats, y: Floats, mean: MeanLine, bowed: LinearFit, leng
     return Rest(float(s[0]), float(s[1]), s[2:], covariance, length)
 
 
+def _small_bow(rig: Rig, pixel: float) -> float:
+    """Return the root mean square [m], about a line, of a bow that is within the noise."""
+    of_image = SMALL_BOW_PX * pixel
+    stated = rig.shape.bow_sigma * rig.beam.length * _PARABOLA
+    of_lens = of_image if rig.distortion_coefficients else _LEAST_BOW_PX * pixel
+    return min(of_image, math.hypot(stated, of_lens))
+
+
 def _hardly_bowed(
-    bowed: LinearFit, straight: LinearFit, gain: float, pixel: float, length: float
+    bowed: LinearFit, straight: LinearFit, gain: float, small: float, length: float
 ) -> Rest:
     """Return the beam whose bow is within the noise, with the bow that it may have.
 
     Errors of the calibration as small as the noise would still move the contact of a beam that is
-    hardly bent. The bow's prior is normal, with a root mean square of SMALL_BOW_PX about a line;
-    it is subtracted where Akaike's criterion (1974) asks for its three coefficients, whether errors
+    hardly bent. The bow's prior is normal, with a root mean square of `small` [m] about a line; it
+    is subtracted where Akaike's criterion (1974) asks for its three coefficients, whether errors
     are like noise or follow the pixel grid.
     """
     curve = _curve(np.linspace(0.0, length, 50), length)
     line_through = np.linalg.pinv(curve[:, :2]) @ curve
     relative = curve - curve[:, :2] @ line_through
-    prior = 3 * relative.T @ relative / len(relative) / (SMALL_BOW_PX * pixel) ** 2
+    prior = 3 * relative.T @ relative / len(relative) / small**2
     # (1 + C P)^-1 C is the posterior's covariance also for a P that leaves the line free.
     shrink = np.linalg.solve(np.eye(5) + bowed.covariance @ prior, np.eye(5))
     covariance = shrink @ bowed.covariance

@@ -26,8 +26,8 @@ class BeamShape:
     """Width along the beam, its clamp, a section out of round, friction; with their sigmas.
 
     `widths` (m,) are coefficients of the width over that at the clamp, 1 + s (c_0 + c_1 P_1(2 s -
-    1) + ...), s the arc length over the beam's length; the flexural rigidity is proportional to
-    its fourth power. `softness` is the clamp's rotation over its moment, in units of L / EI.
+    1) + ...), s the arc length over the beam's length; the flexural rigidity is proportional to its
+    fourth power. `softness` is the clamp's rotation over its moment, in units of L / EI.
     `clamp_shift` is the place where the beam begins to bend, beyond the rig's clamp position and
     towards the tip, over the length: s is measured from there. `skew` [rad] is the angle from the
     plane of the force to that of the deflection, of a section that is not round, as psi in Sigma_a.
@@ -39,8 +39,9 @@ class BeamShape:
     object. `rigid_objects` is whether objects do not yield, and the motor does not turn back while
     it pushes: the direction of friction then follows from the bend. `friction_coefficient` is that
     of the objects of the pushes from which it was learned, and `friction_sigma` then the difference
-    of others from it; 0 if it was not learned. Raises ValueError if array shapes are inconsistent
-    or a value is not finite or a sigma is negative.
+    of others from it; 0 if it was not learned. `bow_sigma` is that of the tip's distance from the
+    clamp's tangent at rest, over the length; infinite if only the rest images show it. Raises
+    ValueError if array shapes are inconsistent or a value is not finite or a sigma is negative.
     """
 
     widths: Floats = field(default_factory=lambda: np.zeros(0))
@@ -54,6 +55,7 @@ class BeamShape:
     friction_sigma: float = 0.0
     rigid_objects: bool = False
     friction_coefficient: float = 0.0
+    bow_sigma: float = math.inf
 
     def __post_init__(self) -> None:
         widths = frozen_floats("widths", self.widths, (None,))
@@ -71,6 +73,8 @@ class BeamShape:
         for name in ("section_sigma", "rigidity_sigma", "friction_sigma", "friction_coefficient"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"{name} is {getattr(self, name)}, allowed is a number from 0")
+        if not self.bow_sigma >= 0:
+            raise ValueError(f"bow_sigma is {self.bow_sigma}, allowed is a number from 0")
 
     @property
     def uniform(self) -> bool:
@@ -123,6 +127,7 @@ def stated_shape(
     friction: float,
     clamp_shift: float = 0.0,
     rigid_objects: bool = False,
+    bow_sigma: float = math.inf,
 ) -> BeamShape:
     """Return a beam that was not learned: a uniform one, with the stated sigmas.
 
@@ -139,4 +144,5 @@ def stated_shape(
         rigidity_sigma=section * math.sqrt(1.5),
         friction_sigma=friction,
         rigid_objects=rigid_objects,
+        bow_sigma=bow_sigma,
     )

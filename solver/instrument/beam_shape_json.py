@@ -1,5 +1,6 @@
 """The section `beam_shape` of rig.json: how the beam differs from a uniform one."""
 
+import math
 from dataclasses import replace
 from typing import Any, Final
 
@@ -43,6 +44,8 @@ def beam_shape_keys(shape: BeamShape, length: float) -> dict[str, Any]:
         "rigidity_sigma": shape.rigidity_sigma,
         **({"rigid_objects": True} if shape.rigid_objects else {}),
     }
+    if shape.bow_sigma < math.inf:
+        keys["bow_sigma_mm"] = shape.bow_sigma * length / MILLIMETRE
     if shape.friction_coefficient:
         keys["friction_coefficient"] = shape.friction_coefficient
     taper = shape.sigma(FIRST_WIDTH) if len(shape.widths) else 0.0
@@ -70,6 +73,10 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
     section = _sigma(key, "section_sigma", SECTION_SIGMA)
     friction = _sigma(key, "friction_sigma", FRICTION_SIGMA)
     coefficient = _sigma(key, "friction_coefficient", 0.0)
+    bow_sigma = math.inf
+    if key.has("beam_shape.bow_sigma_mm"):
+        longest = length / MILLIMETRE
+        bow_sigma = key.number("beam_shape.bow_sigma_mm", 0, longest) / longest
     rigid = key.has("beam_shape.rigid_objects") and key.flag("beam_shape.rigid_objects")
     if not key.has("beam_shape.widths"):
         taper = _sigma(key, "taper_sigma", TAPER_SIGMA)
@@ -78,7 +85,7 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
         if key.has("beam_shape.clamp_shift_sigma_mm"):
             longest = MAX_SHIFT * length / MILLIMETRE
             shift = key.number("beam_shape.clamp_shift_sigma_mm", 0, longest) * MILLIMETRE / length
-        stated = stated_shape(taper, softness, section, friction, shift, rigid)
+        stated = stated_shape(taper, softness, section, friction, shift, rigid, bow_sigma)
         rigidity = _sigma(key, "rigidity_sigma", stated.rigidity_sigma)
         return replace(stated, rigidity_sigma=rigidity, friction_coefficient=coefficient)
     widths = key.numbers("beam_shape.widths", -MAX_WIDTH, MAX_WIDTH, MAX_WIDTHS)
@@ -93,9 +100,19 @@ def read_beam_shape(key: Keys, length: float) -> BeamShape:
     covariance = _covariance(key, FIRST_WIDTH + len(widths) + len(bow))
     rigidity = _sigma(key, "rigidity_sigma", 0.0)
     return BeamShape(
-        widths, softness, shift, skew, bow, covariance, section, rigidity, friction, rigid,
-        coefficient,
-    )  # fmt: skip
+        widths=widths,
+        softness=softness,
+        clamp_shift=shift,
+        skew=skew,
+        bow=bow,
+        covariance=covariance,
+        section_sigma=section,
+        rigidity_sigma=rigidity,
+        friction_sigma=friction,
+        rigid_objects=rigid,
+        friction_coefficient=coefficient,
+        bow_sigma=bow_sigma,
+    )
 
 
 def _sigma(key: Keys, name: str, default: float) -> float:

@@ -84,4 +84,5 @@ def prior_of(candidate: Candidate, stated: BeamShape) -> BeamShape:
         friction_sigma=stated.friction_sigma,
         rigid_objects=stated.rigid_objects,
         friction_coefficient=stated.friction_coefficient,
+        bow_sigma=stated.bow_sigma,
     )

@@ -280,6 +280,7 @@ def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:
         rigidity_sigma=prior.rigidity_sigma,
         friction_sigma=friction.sigma if prior.rigid_objects else prior.friction_sigma,
         rigid_objects=prior.rigid_objects,
+        bow_sigma=prior.bow_sigma,
         friction_coefficient=friction.coefficient if prior.rigid_objects else 0.0,
     )
     return _Learned(shape, misfit, fit.converged)

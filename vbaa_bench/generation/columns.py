@@ -218,6 +218,11 @@ RIG: Final = {
     "beam_shape.friction_sigma": Column(
         f"{_SIGMA} of the coefficient of friction of objects", "", _WIRE
     ),
+    "beam_shape.bow_sigma_mm": Column(
+        f"{_SIGMA} of the tip's distance from the clamp's tangent at rest",
+        "",
+        "only the rest images show it (absent)",
+    ),
     "beam_shape.rigid_objects": Column(
         "whether objects do not yield, and the motor only pushes on", "", "they may (absent)"
     ),

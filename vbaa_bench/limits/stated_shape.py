@@ -9,7 +9,7 @@ import math
 from typing import Final
 
 from solver.instrument.beam_shape import SKEW
-from solver.instrument.units import PERCENT
+from solver.instrument.units import MILLIMETRE, PERCENT
 from vbaa_bench.limits.image_shape import SHAPE
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.scene.rigs import nominal_rig
@@ -44,8 +44,10 @@ def friction_sigma(scene: Scene) -> float:
 
 def _sigmas(scene: Scene) -> dict[str, float]:
     stated, tolerances = nominal_rig(scene).shape, scene.tolerances
-    tip, _, rigidity, skew, softness = SHAPE
+    tip, bow, rigidity, skew, softness = SHAPE
     return {
+        # The curvature [1/m] that deflects the tip by as much.
+        bow: 2 * (tolerances.bow_mm or 0.0) * MILLIMETRE / (scene.beam.length_mm * MILLIMETRE) ** 2,
         tip: tolerances.tip_ratio_pct * PERCENT,
         rigidity: stated.rigidity_sigma,
         skew: stated.sigma(SKEW),

@@ -85,6 +85,9 @@ class ToleranceSpec(Part):
     aspect_ratio_pct: Annotated[float, Field(ge=0, le=50)] = 0.0
     friction: Annotated[float, Field(ge=0, le=2)] = 0.0
     clamp_softness: Annotated[float, Field(ge=0, le=1)] = 0.0
+    # Stated sigma of the tip's distance from the clamp's tangent at rest; by default the rest
+    # images alone determine it.
+    bow_mm: Tolerance | None = None
     # Stated: no object yields, and the motor does not turn back while it pushes.
     rigid_objects: bool = False
     # true_rig: nominal puts the truth on the nominal values; drawn displaces it by these sigmas.

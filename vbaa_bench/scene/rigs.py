@@ -92,6 +92,7 @@ def nominal_rig(scene: Scene) -> Rig:
             friction=tolerances.friction,
             clamp_shift=tolerances.grip_mm / beam.length_mm,
             rigid_objects=tolerances.rigid_objects,
+            bow_sigma=math.inf if tolerances.bow_mm is None else tolerances.bow_mm / beam.length_mm,
         ),
         gravity=_stated_gravity(scene),
         clamp_offset=ClampOffset(

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -6,6 +7,7 @@ import pytest
 from solver.at_rest.pose import SMALL_BOW_PX, disagreements, learn_rest
 from solver.calibrate import Calibration
 from solver.centreline import Centreline, down_columns
+from solver.instrument.beam_shape import UNIFORM
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import camera_looking_at
@@ -183,21 +185,35 @@ def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance
     assert sigma(0.1) < 2 * independent
 
 
-def test_a_bow_within_the_noise_is_within_its_sigma() -> None:
+@pytest.mark.parametrize(("stated", "least"), [(math.inf, 20), (2e-3 * PIXEL / BEAM.length, 0)])
+def test_a_bow_within_the_noise_is_within_its_sigma(stated: float, least: int) -> None:
     """Whether it is subtracted or not; its size is drawn as it is expected."""
+    straight = replace(rig(), shape=replace(UNIFORM, bow_sigma=stated))
     random, errors = np.random.default_rng(11), []
     place = np.linspace(0, BEAM.length, 50)
     shape = (place / BEAM.length) ** 2
     about_line = shape - np.polynomial.Polynomial.fit(place, shape, 1)(place)
-    size = SMALL_BOW_PX * PIXEL / np.sqrt(np.mean(about_line**2))
+    size = min(SMALL_BOW_PX * PIXEL / np.sqrt(np.mean(about_line**2)), stated * BEAM.length)
     subtracted = 0
     for _ in range(150):
         amplitude = size * random.standard_normal()
         bow = amplitude * (X / BEAM.length) ** 2
-        rest = learn_rest(lines(0.02 * X + bow, random), Calibration(CAMERA, 0.02), rig())
+        rest = learn_rest(lines(0.02 * X + bow, random), Calibration(CAMERA, 0.02), straight)
         found, sigma = rest.bow_at(place)
         found = found - np.polynomial.Polynomial.fit(place, found, 1)(place)
         errors.append(np.mean((found - amplitude * about_line) ** 2) / np.mean(sigma**2))
         subtracted += bool(rest.bow.any())
-    assert 20 < subtracted < 150
+    assert least <= subtracted < 150
     assert 0.6 < np.sqrt(np.mean(errors)) < 1.3
+
+
+def test_what_the_rig_states_of_the_bow_holds_but_for_distortion() -> None:
+    random = np.random.default_rng(4)
+    shown = lines(0.02 * X, random)
+    straight = replace(rig(), shape=replace(UNIFORM, bow_sigma=0.0))
+    unknown, certain, distorted = (
+        learn_rest(shown, Calibration(CAMERA, 0.02), one).bow_size
+        for one in (rig(), straight, replace(straight, distortion_coefficients=5))
+    )
+    assert certain < 0.05 * unknown
+    assert distorted == pytest.approx(unknown)

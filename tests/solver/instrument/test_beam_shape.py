@@ -22,7 +22,7 @@ LEARNED = BeamShape(
     friction_sigma=0.2,
 )
 RIGID = stated_shape(0.02, 0.0, 0.01, 0.2, rigid_objects=True)
-ROUGH = replace(RIGID, friction_coefficient=0.3)
+ROUGH = replace(RIGID, friction_coefficient=0.3, bow_sigma=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ ROUGH = replace(RIGID, friction_coefficient=0.3)
         LEARNED,
         RIGID,
         ROUGH,
-        replace(LEARNED, rigid_objects=True, friction_coefficient=0.3),
+        replace(LEARNED, rigid_objects=True, friction_coefficient=0.3, bow_sigma=1e-4),
     ],
 )
 def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
@@ -45,6 +45,7 @@ def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
     assert again.shape.uniform is shape.uniform
     assert again.shape.rigid_objects is shape.rigid_objects
     assert again.shape.friction_coefficient == shape.friction_coefficient
+    assert again.shape.bow_sigma == pytest.approx(shape.bow_sigma)
     assert again.shape.covariance == pytest.approx(shape.covariance, rel=1e-11)
     assert again.shape.rigidity_sigma == pytest.approx(shape.rigidity_sigma, rel=1e-11)
 
@@ -58,6 +59,7 @@ def test_round_trip(shape: BeamShape, tmp_path: Path) -> None:
         ("bow", [1e-3], "a list of none or 3 numbers"),
         ("friction_sigma", -1, "a number from 0 to 10"),
         ("rigid_objects", 1, "true or false"),
+        ("bow_sigma_mm", 300, "a number from 0 to 240"),
     ],
 )
 def test_mistakes_name_file_key_and_what_is_allowed(
@@ -115,5 +117,7 @@ def test_the_shape_is_checked() -> None:
         BeamShape(bow=np.zeros(2), covariance=np.zeros((5, 5)))
     with pytest.raises(ValueError, match="friction_sigma is -1"):
         BeamShape(friction_sigma=-1.0)
+    with pytest.raises(ValueError, match="bow_sigma is nan"):
+        BeamShape(bow_sigma=float("nan"))
     with pytest.raises(ValueError, match="covariance"):
         BeamShape(widths=np.zeros(1))

@@ -59,6 +59,7 @@ def test_a_soft_clamp_turns_with_the_push_and_against_the_pushing_angle() -> Non
     ("key", "little", "much"),
     [
         ("tip_ratio_pct", 1e-4, 3.0),
+        ("bow_mm", 1e-6, 0.5),
         ("friction", 1e-6, 0.2),
         ("clamp_softness", 1e-7, 0.02),
         ("aspect_ratio_pct", 1e-4, 3.0),

@@ -127,7 +127,10 @@ def test_every_key_of_a_rig_is_described(dataset: Path) -> None:
     for board in (Charuco(11, 6, 0.02, "4x4_50"), LineNetwork(11, 6, 0.02, 0.001)):
         found |= keys(json.loads(rig_to_json(dataclasses.replace(full, board=board))))
     learned = BeamShape(softness=1e-3, covariance=np.eye(3), friction_coefficient=0.3)
-    for shape in (stated_shape(0.02, 0.01, 0.02, 0.2, 0.001, rigid_objects=True), learned):
+    for shape in (
+        stated_shape(0.02, 0.01, 0.02, 0.2, 0.001, rigid_objects=True, bow_sigma=1e-4),
+        learned,
+    ):
         found |= keys(json.loads(rig_to_json(dataclasses.replace(full, shape=shape))))
     assert found == set(RIG)
 

@@ -30,6 +30,7 @@ _OPTIONAL: Any = {
         "section_sigma": 0.02,
         "friction_sigma": 0.2,
         "rigid_objects": True,
+        "bow_sigma_mm": 0.1,
         "friction_coefficient": 0.3,
         "clamp_softness": 0.001,
         "clamp_softness_sigma": 0.001,
