@@ -24,19 +24,22 @@ class Candidate(NamedTuple):
     """A beam with `widths` terms of its width, on a clamp that gives if `soft`.
 
     If `shifted` it begins to bend at another place than the rig's clamp. The two are almost alike:
-    the first millimetre of a beam turns it as a clamp does that gives.
+    the first millimetre of a beam turns it as a clamp does that gives. If `stated`, width and clamp
+    have the sigmas that the rig states, which others may exceed.
     """
 
     widths: int
     soft: bool
     shifted: bool = False
+    stated: bool = False
 
     @property
     def name(self) -> str:
         """Words for a table."""
         width = ("uniform", "cone", "width of degree 2", "width of degree 3")[self.widths]
         soft = ", clamp that gives" if self.soft else ""
-        return width + soft + (", clamp elsewhere" if self.shifted else "")
+        shifted = ", clamp elsewhere" if self.shifted else ""
+        return width + soft + shifted + (", as far as the rig states" if self.stated else "")
 
     @property
     def size(self) -> int:
@@ -52,7 +55,8 @@ def candidates_of(stated: BeamShape) -> list[Candidate]:
     """Return the candidates, those with fewest parameters first.
 
     A taper, or a clamp that gives or is elsewhere, which the rig states as possible is in all of
-    them. Of equally simple ones, a clamp that gives comes before one that is elsewhere.
+    them, and in the first one no larger than stated. Of equally simple ones, a clamp that gives
+    comes before one that is elsewhere.
     """
     soft, shifted = bool(stated.sigma(SOFTNESS)), bool(stated.sigma(CLAMP_SHIFT))
     clamps = [(soft, shifted), (True, shifted), (soft, True)]
@@ -61,6 +65,10 @@ def candidates_of(stated: BeamShape) -> list[Candidate]:
         for widths in range(min(len(stated.widths), _MAX_WIDTHS), _MAX_WIDTHS + 1)
         for clamp in dict.fromkeys(clamps)
     ]
+    first, *_ = candidates
+    learned = stated.widths.any() or stated.softness
+    if first.size and not learned:
+        candidates.insert(0, first._replace(stated=True))
     return sorted(candidates, key=lambda candidate: candidate.size)
 
 
@@ -70,9 +78,11 @@ def prior_of(candidate: Candidate, stated: BeamShape) -> BeamShape:
     Terms of the width are smaller the faster they change along the beam. Where the clamp both gives
     and is elsewhere, only what the rig states of each distinguishes them.
     """
-    taper = max(stated.sigma(FIRST_WIDTH) if len(stated.widths) else 0.0, WIDEST)
+    taper = stated.sigma(FIRST_WIDTH) if len(stated.widths) else 0.0
+    if not candidate.stated:
+        taper = max(taper, WIDEST)
     widths = [taper / (k + 1) ** 2 for k in range(candidate.widths)]
-    softness = (stated.sigma(SOFTNESS) if candidate.shifted else 0.0) or SOFTEST
+    softness = (stated.sigma(SOFTNESS) if candidate.shifted or candidate.stated else 0.0) or SOFTEST
     shift = stated.sigma(CLAMP_SHIFT) or FARTHEST
     sigmas = [softness * candidate.soft, shift * candidate.shifted]
     skew = skew_sigma(stated.section_sigma)

@@ -34,6 +34,8 @@ MIN_PUSHES: Final = 2
 _PARTS: Final = 5
 # Misfit of a candidate that has no shape near the frames. Chosen: far above any other.
 _UNFITTED: Final = 1e12
+# Sigmas beyond which a taper or softness is not that which the rig states.
+_CONTRADICTION: Final = 3.0
 # Probability that a difference is within two standard errors, below which a simpler beam is as good
 # as the best one. Chosen.
 _WITHIN: Final = 0.9545
@@ -104,14 +106,11 @@ def learn_beam(
         )
     stated = _rig(pushes).shape
     trials = _compare(frames, stated)
-    chosen = _simplest(trials)
-    every = [frame for push in frames for frame in push]
-    prior = prior_of(chosen, stated)
-    first = _fit(every, prior)
-    if first is not None:
-        # Only now: what the chosen beam does not explain, neighbouring points share.
-        every = with_shared_errors(every, prior, first.fit.frames)
-    learned = _learn(every, prior)
+    chosen, bent = _simplest(trials), [frame for push in frames for frame in push]
+    learned, every = _learn_last(bent, prior_of(chosen, stated))
+    if chosen.stated and (learned is None or _exceeds(learned.shape, stated)):
+        chosen = chosen._replace(stated=False)
+        learned, every = _learn_last(bent, prior_of(chosen, stated))
     if learned is None or not learned.converged:
         raise InputError("no beam fits the pushes: are they of one beam, with one contact each?")
     correlation = float(np.mean([frame.correlation for frame in every]))
@@ -240,6 +239,29 @@ def _fit(frames: Sequence[BentFrame], shape: BeamShape) -> _Fitted | None:
         return None
     count = sum(len(problem.shared) for problem in problems)
     return _Fitted(fit, fit.objective / count, problems)
+
+
+class _Last(NamedTuple):
+    """What was learned with the chosen candidate, and the frames with errors that they share."""
+
+    learned: _Learned | None
+    frames: list[BentFrame]
+
+
+def _learn_last(frames: list[BentFrame], prior: BeamShape) -> _Last:
+    """Learn the chosen beam; what it does not explain, neighbouring points share."""
+    first = _fit(frames, prior)
+    if first is not None:
+        frames = with_shared_errors(frames, prior, first.fit.frames)
+    return _Last(_learn(frames, prior), frames)
+
+
+def _exceeds(shape: BeamShape, stated: BeamShape) -> bool:
+    """Test whether a learned taper or softness contradicts what the rig states of it."""
+    taper = abs(shape.widths[0]) if len(shape.widths) else 0.0
+    of_taper = stated.sigma(FIRST_WIDTH) if len(stated.widths) else math.inf
+    of_clamp = stated.sigma(SOFT) or math.inf
+    return max(taper / of_taper, abs(shape.softness) / of_clamp) > _CONTRADICTION
 
 
 def _learn(frames: Sequence[BentFrame], prior: BeamShape) -> _Learned | None:

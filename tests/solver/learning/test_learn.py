@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.instrument.beam_shape import SOFTNESS, BeamShape, stated_shape
+from solver.instrument.beam_shape import FIRST_WIDTH, SOFTNESS, BeamShape, stated_shape
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.learning.candidates import Candidate, candidates_of, prior_of
@@ -34,6 +34,7 @@ def pushes(
 def test_a_cone_is_learned_from_unknown_contacts() -> None:
     learned = learn_beam(pushes(-0.1, stated_shape(0.03, 0.0, 0.0, 0.0)))
     assert learned.chosen.widths >= 1
+    assert not learned.chosen.stated  # it is thinner than the rig allows
     width, sigma = widths_of(learned.shape)
     assert sigma[-1] < 0.01
     assert abs(width[-1] - 0.9) < 4 * sigma[-1]
@@ -50,6 +51,28 @@ def test_a_beam_that_was_learned_is_estimated_more_accurately() -> None:
     assert after.sigma("x_c_m") < 0.6 * before.sigma("x_c_m")
     for estimate in (before, after):
         assert abs(estimate.values["x_c_m"] - beam.points[0, 0]) < 3.5 * estimate.sigma("x_c_m")
+
+
+def test_what_the_pushes_do_not_determine_keeps_its_prior() -> None:
+    stated = stated_shape(0.002, 0.0, 0.0, 0.0)
+    few = [push[:1] for push in pushes(0.0, stated)[:2]]
+    learned = learn_beam(few)
+    assert learned.chosen.stated
+    assert "as far as the rig states" in summary(learned, rig(), rig())
+    assert 0.001 < learned.shape.sigma(FIRST_WIDTH) < 0.002
+
+
+@pytest.mark.parametrize("clamp", [0.0, 0.003])
+@pytest.mark.parametrize("taper", [0.0, 0.02])
+def test_the_first_candidate_is_within_what_the_rig_states(clamp: float, taper: float) -> None:
+    stated = stated_shape(taper, clamp, 0.0, 0.0)
+    first = candidates_of(stated)[0]
+    assert first.stated == bool(taper or clamp)
+    prior = prior_of(first, stated)
+    assert prior.sigma(SOFTNESS) == clamp
+    widths = [prior.sigma(FIRST_WIDTH + i) for i in range(len(prior.widths))]
+    assert widths == [taper] * len(stated.widths)
+    assert sum(candidate.stated for candidate in candidates_of(stated)) == first.stated
 
 
 def test_a_uniform_beam_on_a_rigid_clamp_needs_nothing_more() -> None:
