@@ -4,7 +4,7 @@ import fcntl
 import gc
 import os
 import shutil
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -93,19 +93,6 @@ def pytest_runtestloop() -> None:
     """Leave modules and tests out of garbage collections, each of which would search them all."""
     gc.freeze()
     gc.enable()
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Free the scenes of a test before the next test.
-
-    Dr.Jit compiles the materials of all scenes in memory, and their numbers, into its kernels. Each
-    test begins at the same numbers, so that its kernels are on the disk, whatever ran before it.
-    """
-    result = yield
-    if "variant" in getattr(item, "fixturenames", ()):
-        gc.collect()  # a world and its renderer refer to each other
-    return result
 
 
 @pytest.fixture(scope="session")

@@ -25,7 +25,7 @@ from vbaa_bench.mechanics.surfaces import upright
 LENGTH, RADIUS, DISTANCE = 0.24, 6e-3, 0.13
 THICK = Beam(LENGTH, 2 * RADIUS, circular_rigidity(4e6, 2 * RADIUS))
 STATED = stated_shape(taper=0.0, softness=0.0, section=0.0, friction=0.4, rigid_objects=True)
-ANGLES_DEG = np.arange(0.5, 16.0, 0.5)
+ANGLES_DEG = np.arange(0.5, 16.0, 1.0)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ that radius, with the origin at the beam's middle.
 """
 
 import gc
+import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
@@ -177,9 +178,12 @@ class World:
         if not self._has_moved or self.camera.telecentric:
             return partial(function, self)
         if function not in self._frozen:
-            # The first argument holds the arrays on which the function depends as well.
+            # The first argument holds the arrays on which the function depends as well. The world
+            # owns the function: were it owned by it, too, it would stay in memory, and its
+            # materials in the kernels of other worlds, until garbage is collected.
+            world = weakref.proxy(self)
             self._frozen[function] = _without_garbage_collection(
-                dr.freeze(lambda _, *arrays: function(self, *arrays), limit=_RECORDINGS)
+                dr.freeze(lambda _, *arrays: function(world, *arrays), limit=_RECORDINGS)
             )
         return partial(self._frozen[function], self._state)
 

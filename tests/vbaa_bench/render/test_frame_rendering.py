@@ -1,5 +1,7 @@
 """Rendering of frames: layers equal the truth, radiance depends on its seed alone."""
 
+import gc
+import weakref
 from pathlib import Path
 
 import cv2
@@ -180,3 +182,19 @@ def test_a_frame_without_a_static_layer_equals_one_with_it(
 def test_a_mesh_of_another_size_is_refused(world: World) -> None:
     with pytest.raises(ValueError, match="vertices"):
         world.move({"object": np.zeros((3, 3))})
+
+
+def test_a_world_that_has_moved_is_freed_without_garbage_collection(
+    assembler: SceneAssembler, poses: list[Pose]
+) -> None:
+    """Its materials would be in the kernels of the next world."""
+    gc.disable()
+    try:
+        moved = assembler.pushed_world(poses[0])
+        assembler.repose(moved, poses[1])
+        every_pixel(moved)
+        reference = weakref.ref(moved)
+        del moved
+        assert reference() is None
+    finally:
+        gc.enable()
