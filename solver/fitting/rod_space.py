@@ -9,6 +9,7 @@ from solver.fitting.fit import FrameFit
 from solver.fitting.minimise import CONVERGED
 from solver.fitting.neighbours import neighbours_of, with_neighbours
 from solver.fitting.problem import Problem
+from solver.fitting.rigid_object import friction_sign_of, with_friction_sign
 from solver.fitting.rod_estimate import refitted
 from solver.fitting.rod_fit import fit_rod, least_squares
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
@@ -35,7 +36,8 @@ def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> Sp
 
     The parameters are those of `rod`, psi among them; a fit's `kept` (n,) is in the order of the
     measurement's points. Starts without a beam near the points are left out. Errors that
-    neighbouring points share are those beside the best fit.
+    neighbouring points share, and the direction of friction at a rigid object, are those of the
+    best fit.
     """
     space = spatial(rod, problem)
     tried = (uniform_start(problem, rod, float(psi)) for psi in inclinations)
@@ -43,13 +45,22 @@ def fits_in_space(problem: Problem, rod: RodProblem, inclinations: Floats) -> Sp
     fits = [fit for start in starts if (fit := fit_rod(space, start))]
     gain = 0.0
     if fits:
-        best = min(fits, key=lambda fit: (fit.status != CONVERGED, fit.chi2))
+        best = _best(fits)
+        if rod.rigid is not None:
+            rod = with_friction_sign(rod, friction_sign_of(rod, best.p))
+            space = spatial(rod, problem)
+            fits = [refitted(space, fit) for fit in fits]
+            best = _best(fits)
         neighbours = neighbours_of(space, best.p, best.kept)
         if neighbours is not None:
             rod = with_neighbours(rod, neighbours)
             space = spatial(rod, problem)
             fits, gain = [refitted(space, fit) for fit in fits], neighbours.gain
     return SpaceFits(rod, [_in_order(problem, fit) for fit in fits], gain)
+
+
+def _best(fits: list[FrameFit]) -> FrameFit:
+    return min(fits, key=lambda fit: (fit.status != CONVERGED, fit.chi2))
 
 
 def rod_in_plane(psi: float, measurement: Measurement, problem: Problem) -> RodProblem:

@@ -14,6 +14,7 @@ from solver.instrument.beam_shape import BeamShape, stated_shape
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.estimate import Estimate
 from solver.methods.exact_fit import exact_fit
+from solver.methods.exact_fit_3d import exact_fit_3d
 from tests.simulated import BEAM
 from tests.tapered import bent, measured
 
@@ -119,3 +120,13 @@ def test_the_axis_is_in_the_beams_frame(side: int) -> None:
     assert problem.rigid is not None
     expected = np.array([-1e-3, -side * 2e-3]) / BEAM.length
     np.testing.assert_allclose(problem.rigid.axis, expected, atol=1e-15)
+
+
+def test_in_a_plane_of_unknown_inclination_the_direction_is_known_as_well() -> None:
+    beam = bent(0.0, 0.5, 1.2, 0.2)
+    either, known = (
+        exact_fit_3d(measured(beam, shape, np.random.default_rng(5)))
+        for shape in (replace(STATED, rigid_objects=False), STATED)
+    )
+    assert known.sigma("x_c_m") < 0.95 * either.sigma("x_c_m")
+    assert abs(known.values["x_c_m"] - float(beam.points[0, 0])) < 3 * known.sigma("x_c_m")
