@@ -21,7 +21,8 @@ from solver.instrument.hashes import MEND, listed, read_hashes
 from solver.instrument.image_frame import ImageFrame, push_order
 from solver.instrument.images import png_head, read_grey
 from solver.instrument.metadata import read_frames
-from solver.instrument.rig import Rig, read_rig
+from solver.instrument.rig import Rig
+from solver.instrument.rig_json import read_rig
 
 # Chosen: enough frames to detect a tree of mixed depths, and opening stays fast.
 CHECKED_FRAMES: Final = 8

@@ -14,7 +14,7 @@ from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import open_rig, rig_file
-from solver.instrument.rig import read_rig
+from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
 from solver.lab.console import console, setting_up, table, with_progress
 from solver.lab.controls import controls_of

@@ -13,7 +13,7 @@ from solver.centreline.extractors import EXTRACTORS, find_extractor
 from solver.instrument.errors import InputError, quoted
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import open_observations
-from solver.instrument.rig import rig_to_json
+from solver.instrument.rig_json import rig_to_json
 from solver.instrument.units import GRAM, MILLIMETRE
 from solver.lab.console import console, setting_up
 from solver.lab.writing import prepare_output_path, write

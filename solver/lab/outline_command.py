@@ -8,7 +8,7 @@ from rich.console import Console
 
 from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, rig_file
-from solver.instrument.rig import read_rig
+from solver.instrument.rig_json import read_rig
 from solver.lab.outline import csv_text, read_estimates, summary
 from solver.lab.writing import write
 from solver.outline.contacts import contacts_of

@@ -10,7 +10,7 @@ import numpy as np
 from solver.instrument.errors import InputError
 from solver.instrument.files import write_bytes
 from solver.instrument.hashes import digest
-from solver.instrument.rig import rig_to_json
+from solver.instrument.rig_json import rig_to_json
 from vbaa_bench.dataset.aside import clear_aside
 from vbaa_bench.dataset.identity import check_identity, dataset_identity, write_identity
 from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, take_inventory

@@ -7,7 +7,7 @@ import pytest
 
 from solver.instrument.beam_shape import UNIFORM, BeamShape, stated_shape
 from solver.instrument.errors import InputError
-from solver.instrument.rig import read_rig, rig_to_json
+from solver.instrument.rig_json import read_rig, rig_to_json
 from tests.simulated import rig
 
 LEARNED = BeamShape(

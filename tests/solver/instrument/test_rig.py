@@ -13,7 +13,8 @@ import pytest
 from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.errors import InputError
 from solver.instrument.gravity import Gravity
-from solver.instrument.rig import ANY_LIGHT, TIP_SIGMA_RADII, Sensors, read_rig, rig_to_json
+from solver.instrument.rig import ANY_LIGHT, Sensors
+from solver.instrument.rig_json import TIP_SIGMA_RADII, read_rig, rig_to_json
 from tests.simulated import rig
 
 

@@ -9,7 +9,8 @@ import pytest
 from solver.antenna import Antenna
 from solver.at_rest.landmarks import Pixels
 from solver.instrument.observation import Observations
-from solver.instrument.rig import Rig, read_rig, rig_to_json
+from solver.instrument.rig import Rig
+from solver.instrument.rig_json import read_rig, rig_to_json
 from solver.instrument.transforms import rigid
 from solver.lab.findings import findings
 from solver.set_up import set_up

@@ -9,7 +9,7 @@ from solver.antenna import Antenna
 from solver.instrument.errors import InputError
 from solver.instrument.image_frame import ImageFrame
 from solver.instrument.observation import Observations, open_observations
-from solver.instrument.rig import read_rig
+from solver.instrument.rig_json import read_rig
 from solver.learning.frames import frames_to_learn, learn_from_frames, with_learned
 from solver.learning.page import widths_of
 from vbaa_bench.scoring.applicable import applicable

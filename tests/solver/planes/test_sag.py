@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.camera import Camera
-from solver.instrument.rig import read_rig, rig_to_json
+from solver.instrument.rig_json import read_rig, rig_to_json
 from solver.instrument.transforms import camera_looking_at
 from solver.planes.plane_c import on_plane
 from solver.planes.sag import correct_for_sag, scale_error

@@ -16,7 +16,8 @@ from solver.instrument.board import Charuco, Chessboard
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
-from solver.instrument.rig import Rig, Tolerances, rig_to_json
+from solver.instrument.rig import Rig, Tolerances
+from solver.instrument.rig_json import rig_to_json
 from solver.instrument.transforms import apply, camera_looking_at, invert, rigid
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.stress import command, geometry, gray, rig_results, stated, video

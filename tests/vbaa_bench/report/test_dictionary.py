@@ -13,7 +13,8 @@ from solver.instrument.board import Charuco, LineNetwork
 from solver.instrument.clamp_offset import ClampOffset
 from solver.instrument.gravity import Gravity
 from solver.instrument.observation import open_observations
-from solver.instrument.rig import Sensors, rig_to_json
+from solver.instrument.rig import Sensors
+from solver.instrument.rig_json import rig_to_json
 from solver.lab.table import COLUMNS
 from tests.conftest import SMALL_SCENE
 from vbaa_bench.assembly.experiment import Experiment

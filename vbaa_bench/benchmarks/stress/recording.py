@@ -12,7 +12,8 @@ from solver.instrument.camera import Camera
 from solver.instrument.files import write_text
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import open_observations
-from solver.instrument.rig import Rig, rig_to_json
+from solver.instrument.rig import Rig
+from solver.instrument.rig_json import rig_to_json
 
 Images = tuple[Grey, ...]
 
