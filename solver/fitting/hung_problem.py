@@ -135,5 +135,5 @@ def hung_problem_of(measurement: Measurement, problem: Problem, gravity: Gravity
     information[GRIP, GRIP] = sigma**-2 if sigma else 0.0
     free = sorted({*rod.free} - {GRIP} | ({GRIP} if sigma else set()))
     values = {field.name: getattr(rod, field.name) for field in fields(rod)}
-    values |= {"radius": 0.0, "information": information, "free": np.array(free)}
+    values |= {"radius": 0.0, "information": information, "free": np.array(free), "rigid": None}
     return HungProblem(**values, direction=direction_of_load(measurement, gravity))
