@@ -143,6 +143,11 @@ def _trials(
     """Yield the errors of the tested frames before and after learning; None for no answer."""
     observations = open_observations(layout.observations)
     rows = _rows(layout)
+    if known.weight is not None and known.weight.measurement.rig.beam != observations.rig.beam:
+        raise InputError(
+            f"{layout.root}: the beam of its rig.json is not that of the dataset of weights, "
+            "needed is a weight on the same beam"
+        )
     try:
         antenna = set_up(observations)
     except DamageError:

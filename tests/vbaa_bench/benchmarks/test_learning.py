@@ -76,3 +76,22 @@ def test_a_rig_whose_images_show_no_beam_answers_no_frame(
 def test_a_dataset_without_pushes_to_test_on_is_refused(dataset: Path) -> None:
     with pytest.raises(InputError, match="no beam can be learned from 100 pushes"):
         measure([dataset], pushes=100, draws=1, seed=3)
+
+
+def test_weights_on_another_beam_are_refused(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[Path] = []
+
+    def opened(root: Path) -> Observations:
+        """The weights are opened first; the beam of the second dataset is longer."""
+        observations, rig = open_observations(root), open_observations(root).rig
+        calls.append(root)
+        if len(calls) == 1:
+            return observations
+        longer = replace(rig, beam=replace(rig.beam, length=0.3))
+        return replace(observations, rig=longer)
+
+    monkeypatch.setattr(module, "open_observations", opened)
+    with pytest.raises(InputError, match="needed is a weight on the same beam"):
+        measure([dataset], pushes=2, draws=1, seed=3, force_sigma_pct=0.1, weights=dataset)
