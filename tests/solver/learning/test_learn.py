@@ -5,7 +5,8 @@ from solver.instrument.beam_shape import FIRST_WIDTH, SOFTNESS, BeamShape, state
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
 from solver.learning.candidates import Candidate, candidates_of, prior_of
-from solver.learning.learn import Trial, _simplest, learn_beam
+from solver.learning.comparison import Trial, simplest
+from solver.learning.learn import learn_beam
 from solver.learning.page import page, summary, widths_of
 from solver.methods.exact_fit import exact_fit
 from tests.simulated import BEAM, rig
@@ -115,7 +116,7 @@ def test_a_beam_that_is_stated_as_certain_is_left_only_where_it_misfits(
     pushes = np.full(5, misfit)
     certain = Trial(Candidate(0, False), pushes, 0.01, 1e-4, 1e-3)
     cone = Trial(Candidate(1, False), pushes - 0.01, 0.0, 0.0, 1e-3)
-    assert _simplest([certain, cone]).widths == widths
+    assert simplest([certain, cone]).widths == widths
 
 
 def test_too_few_pushes_are_refused() -> None:

@@ -1,0 +1,125 @@
+"""Learn the shape of a beam, with a given prior, from bent frames of pushes."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from solver.beam_models.rod import WIDTHS
+from solver.fitting.rod_joint import JointFit, fit_jointly
+from solver.fitting.rod_problem import ALIKE, RodProblem
+from solver.fitting.rod_residuals import DX, PSI, SOFTNESS
+from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamShape, Friction
+from solver.instrument.beam_shape import SOFTNESS as SOFT
+from solver.learning.pushes import BentFrame, problems_of, with_shared_errors
+
+# Sigmas beyond which a taper or softness is not that which the rig states.
+_CONTRADICTION: Final = 3.0
+
+
+@dataclass(frozen=True)
+class LearnedShape:
+    """Shape with its covariance, mean square of the residuals [sigma], and whether it converged."""
+
+    shape: BeamShape
+    misfit: float
+    converged: bool
+
+
+class Fitted(NamedTuple):
+    """Joint fit of frames, the mean square of their residuals [sigma], and their problems."""
+
+    fit: JointFit
+    misfit: float
+    problems: list[RodProblem]
+
+
+def fit_frames(frames: Sequence[BentFrame], shape: BeamShape) -> Fitted | None:
+    """Fit frames with this beam; None if it has no shape near them."""
+    problems = problems_of(frames, shape)
+    common = problems[0].mean[: problems[0].common].copy()
+    if len(shape.widths) and not shape.widths.any():  # a prior
+        common[WIDTHS] = np.median([frame.taper for frame in frames])
+    fit = fit_jointly(problems, common, np.array([frame.starts for frame in frames]))
+    if fit is None:
+        return None
+    count = sum(len(problem.shared) for problem in problems)
+    return Fitted(fit, fit.objective / count, problems)
+
+
+class LastShape(NamedTuple):
+    """What was learned with the chosen candidate, and the frames with errors that they share."""
+
+    learned: LearnedShape | None
+    frames: list[BentFrame]
+
+
+def learn_last(frames: list[BentFrame], prior: BeamShape) -> LastShape:
+    """Learn the chosen beam; what it does not explain, neighbouring points share."""
+    first = fit_frames(frames, prior)
+    if first is not None:
+        frames = with_shared_errors(frames, prior, first.fit.frames)
+    return LastShape(learn_shape(frames, prior), frames)
+
+
+def exceeds(shape: BeamShape, stated: BeamShape) -> bool:
+    """Test whether a learned taper or softness contradicts what the rig states of it."""
+    taper = abs(shape.widths[0]) if len(shape.widths) else 0.0
+    of_taper = stated.sigma(FIRST_WIDTH) if len(stated.widths) else math.inf
+    of_clamp = stated.sigma(SOFT) or math.inf
+    return max(taper / of_taper, abs(shape.softness) / of_clamp) > _CONTRADICTION
+
+
+def learn_shape(frames: Sequence[BentFrame], prior: BeamShape) -> LearnedShape | None:
+    """Learn a beam from frames; residuals larger than stated widen its covariance."""
+    result = fit_frames(frames, prior)
+    if result is None:
+        return None
+    fit, misfit, problems = result
+    size = problems[0].shape_size
+    indices = [size + SOFTNESS, size + DX, size + PSI, *range(WIDTHS, size)]
+    values, side = fit.frames[0, indices], frames[0].measurement.handedness
+    values[SKEW] -= side * (frames[0].measurement.rig.known_psi or 0.0)
+    rest, length = frames[0].measurement.rest_bow, frames[0].measurement.rig.beam.length
+    if rest is not None:
+        values[FIRST_WIDTH + len(prior.widths) :] -= rest.by_weight / length
+    covariance = np.zeros((len(indices), len(indices)))
+    column = {int(parameter): i for i, parameter in enumerate(fit.shared)}
+    # The clamp's position has errors of its own, which are not learned.
+    held = [] if prior.covariance[CLAMP_SHIFT, CLAMP_SHIFT] else [CLAMP_SHIFT]
+    values[held] = 0.0
+    fitted = [i for i, p in enumerate(indices) if p in column and i not in held]
+    rows = [column[indices[i]] for i in fitted]
+    covariance[np.ix_(fitted, fitted)] = fit.covariance[np.ix_(rows, rows)] * max(misfit, 1.0)
+    # Skew and bow are odd functions of the side to which the rig deflects.
+    bow = FIRST_WIDTH + len(prior.widths)
+    sides = np.ones(len(indices))
+    sides[[SKEW, *range(bow, len(indices))]] = side
+    values, covariance = values * sides, covariance * np.outer(sides, sides)
+    friction = _friction(prior, fit, misfit)
+    shape = BeamShape(
+        widths=values[FIRST_WIDTH:bow],
+        softness=float(values[0]),
+        clamp_shift=float(values[CLAMP_SHIFT]),
+        skew=float(values[SKEW]),
+        bow=values[bow:],
+        covariance=(covariance + covariance.T) / 2,
+        section_sigma=prior.section_sigma,
+        rigidity_sigma=prior.rigidity_sigma,
+        friction_sigma=friction.sigma if prior.rigid_objects else prior.friction_sigma,
+        rigid_objects=prior.rigid_objects,
+        bow_sigma=prior.bow_sigma,
+        friction_coefficient=friction.coefficient if prior.rigid_objects else 0.0,
+    )
+    return LearnedShape(shape, misfit, fit.converged)
+
+
+def _friction(prior: BeamShape, fit: JointFit, misfit: float) -> Friction:
+    """Return the friction of other rigid objects, which are alike in part."""
+    coefficient, sigma = prior.friction
+    of_mean = fit.grip_sigma * math.sqrt(max(misfit, 1.0))
+    return Friction(
+        max(coefficient + fit.grip, 0.0), math.hypot(of_mean, math.sqrt(1 - ALIKE) * sigma)
+    )
