@@ -21,7 +21,7 @@ from solver.learning.clamp_offset import LearnedOffset, ObjectRadius, learn_clam
 from solver.learning.comparison import Trial, compare, simplest
 from solver.learning.next_push import NextForce, NextPush, next_force, next_push
 from solver.learning.pushes import BentFrame, bent_frame, problems_of
-from solver.learning.shape import exceeds, learn_last
+from solver.learning.shape import exceeds, learn_chosen
 
 # Fewest pushes: one to learn from and one to predict. Chosen.
 MIN_PUSHES: Final = 2
@@ -72,10 +72,10 @@ def learn_beam(
     stated = _rig(pushes).shape
     trials = compare(frames, stated)
     chosen, bent = simplest(trials), [frame for push in frames for frame in push]
-    learned, every = learn_last(bent, prior_of(chosen, stated))
+    learned, every = learn_chosen(bent, prior_of(chosen, stated))
     if chosen.stated and (learned is None or exceeds(learned.shape, stated)):
         chosen = chosen._replace(stated=False)
-        learned, every = learn_last(bent, prior_of(chosen, stated))
+        learned, every = learn_chosen(bent, prior_of(chosen, stated))
     if learned is None or not learned.converged:
         raise InputError("no beam fits the pushes: are they of one beam, with one contact each?")
     correlation = float(np.mean([frame.correlation for frame in every]))

@@ -15,7 +15,7 @@ from solver.instrument.beam_shape import CLAMP_SHIFT, FIRST_WIDTH, SKEW, BeamSha
 from solver.instrument.beam_shape import SOFTNESS as SOFT
 from solver.learning.pushes import BentFrame, problems_of, with_shared_errors
 
-# Sigmas beyond which a taper or softness is not that which the rig states.
+# Sigmas of a taper or softness beyond which it contradicts the rig's statement. Chosen.
 _CONTRADICTION: Final = 3.0
 
 
@@ -49,19 +49,19 @@ def fit_frames(frames: Sequence[BentFrame], shape: BeamShape) -> Fitted | None:
     return Fitted(fit, fit.objective / count, problems)
 
 
-class LastShape(NamedTuple):
+class ChosenShape(NamedTuple):
     """What was learned with the chosen candidate, and the frames with errors that they share."""
 
     learned: LearnedShape | None
     frames: list[BentFrame]
 
 
-def learn_last(frames: list[BentFrame], prior: BeamShape) -> LastShape:
+def learn_chosen(frames: list[BentFrame], prior: BeamShape) -> ChosenShape:
     """Learn the chosen beam; what it does not explain, neighbouring points share."""
     first = fit_frames(frames, prior)
     if first is not None:
         frames = with_shared_errors(frames, prior, first.fit.frames)
-    return LastShape(learn_shape(frames, prior), frames)
+    return ChosenShape(learn_shape(frames, prior), frames)
 
 
 def exceeds(shape: BeamShape, stated: BeamShape) -> bool:
@@ -98,7 +98,9 @@ def learn_shape(frames: Sequence[BentFrame], prior: BeamShape) -> LearnedShape |
     sides = np.ones(len(indices))
     sides[[SKEW, *range(bow, len(indices))]] = side
     values, covariance = values * sides, covariance * np.outer(sides, sides)
-    friction = _friction(prior, fit, misfit)
+    friction = Friction(prior.friction_coefficient, prior.friction_sigma)
+    if problems[0].rigid is not None:
+        friction = _of_other_objects(problems[0].rigid.friction, fit, misfit)
     shape = BeamShape(
         widths=values[FIRST_WIDTH:bow],
         softness=float(values[0]),
@@ -108,17 +110,17 @@ def learn_shape(frames: Sequence[BentFrame], prior: BeamShape) -> LearnedShape |
         covariance=(covariance + covariance.T) / 2,
         section_sigma=prior.section_sigma,
         rigidity_sigma=prior.rigidity_sigma,
-        friction_sigma=friction.sigma if prior.rigid_objects else prior.friction_sigma,
+        friction_sigma=friction.sigma,
         rigid_objects=prior.rigid_objects,
         bow_sigma=prior.bow_sigma,
-        friction_coefficient=friction.coefficient if prior.rigid_objects else 0.0,
+        friction_coefficient=friction.coefficient,
     )
     return LearnedShape(shape, misfit, fit.converged)
 
 
-def _friction(prior: BeamShape, fit: JointFit, misfit: float) -> Friction:
+def _of_other_objects(stated: Friction, fit: JointFit, misfit: float) -> Friction:
     """Return the friction of other rigid objects, which are alike in part."""
-    coefficient, sigma = prior.friction
+    coefficient, sigma = stated
     of_mean = fit.grip_sigma * math.sqrt(max(misfit, 1.0))
     return Friction(
         max(coefficient + fit.grip, 0.0), math.hypot(of_mean, math.sqrt(1 - ALIKE) * sigma)

@@ -5,18 +5,12 @@ clamp. A beam that differs from it, although the scene states no tolerance, is u
 does not differ is not suspected of it.
 """
 
-import math
-from typing import Final
-
 from solver.instrument.beam_shape import SKEW
 from solver.instrument.units import MILLIMETRE, PERCENT
 from vbaa_bench.limits.image_shape import SHAPE
 from vbaa_bench.limits.named_information import Information
 from vbaa_bench.scene.rigs import nominal_rig
 from vbaa_bench.scene.schema import Scene
-
-# Standard deviation of the half of a normal distribution, over that of the whole.
-_HALF_NORMAL: Final = math.sqrt(1 - 2 / math.pi)
 
 
 def uncertain_shape(scene: Scene) -> tuple[str, ...]:
@@ -39,7 +33,7 @@ def friction_sigma(scene: Scene) -> float:
     Where the rig states that its objects are rigid, the direction of friction is known.
     """
     shape = nominal_rig(scene).shape
-    return shape.friction_sigma * (_HALF_NORMAL if shape.rigid_objects else 1.0)
+    return shape.friction.sigma if shape.rigid_objects else shape.friction_sigma
 
 
 def _sigmas(scene: Scene) -> dict[str, float]:

@@ -109,6 +109,12 @@ def test_friction_of_objects_that_may_yield_is_not_learned() -> None:
     assert (learned.friction_coefficient, learned.friction_sigma) == (0.0, 0.3)
 
 
+def test_objects_that_are_stated_as_smooth_stay_so() -> None:
+    stated = stated_shape(0.0, 0.0, 0.0, 0.0, rigid_objects=True)
+    learned = learn_beam(pushes(0.0, stated)).shape
+    assert (learned.friction_coefficient, learned.friction_sigma) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize(("misfit", "widths"), [(0.9, 0), (1.1, 1)])
 def test_a_beam_that_is_stated_as_certain_is_left_only_where_it_misfits(
     misfit: float, widths: int
