@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 import drjit
+import numpy as np
 import pytest
 from hypothesis import settings
 
@@ -16,6 +17,7 @@ from solver.antenna import Antenna
 from solver.instrument.observation import Observations, open_observations
 from solver.set_up import set_up
 from tests import COLLECTING
+from tests.draws import generator
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
@@ -93,6 +95,12 @@ def pytest_runtestloop() -> None:
     """Leave modules and tests out of garbage collections, each of which would search them all."""
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture
+def random(request: pytest.FixtureRequest) -> np.random.Generator:
+    """Return the generator of the numbers that this test draws (tests/draws.py)."""
+    return generator(request.node.nodeid)
 
 
 @pytest.fixture(scope="session")
