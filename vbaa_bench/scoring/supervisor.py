@@ -4,8 +4,9 @@ The arguments of the process are FOLDER CENTRELINE REPEATS MEMORY_GB FRAME_S.
 
 Each line on standard input is a JSON list of a method, a folder of observations, which is set up
 once for consecutive methods, and the indices of the frames to solve, or null for all. For each
-frame, one line of JSON is printed on standard output, the message `row` of a worker; or one line
-`refused`. A line `end` follows. When standard input ends, the parent process has ended or needs no
+frame, one line of JSON is printed on standard output, the message `row` of a worker; or one line,
+`refused` for a rig that cannot be set up, `unusable` for a method that cannot be found. A line
+`end` follows. When standard input ends, the parent process has ended or needs no
 more: the workers are killed and FOLDER is removed.
 """
 
@@ -28,6 +29,7 @@ from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
 from solver.lab.table import row
+from solver.methods.by_name import find_method
 from vbaa_bench.scoring.worker import Task, opened, work
 
 # Time limit for the start of a worker, compilation included [s]. Chosen: a first compilation of
@@ -139,7 +141,7 @@ def supervise(
         with workers.one(task, indices, replayed, warm) as worker:
             try:
                 message = worker.receive(MAX_START_S)
-                if "refused" in message:
+                if "refused" in message or "unusable" in message:
                     yield message
                     return
                 while remaining:
@@ -195,6 +197,13 @@ def main() -> None:
         task = Task(
             observations, method, centreline, int(repeats), float(memory_gb), float(frame_s)
         )
+        try:
+            if ":" not in method:
+                find_method(method)  # a misspelled name is found before the rig is set up
+        except InputError as error:
+            print(json.dumps({"unusable": str(error)}), flush=True)
+            print(json.dumps({"end": path}), flush=True)
+            continue
         try:
             opened_observations, _ = opened(observations, centreline)
             for message in supervise(task, opened_observations, workers, chosen):

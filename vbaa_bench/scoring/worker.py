@@ -85,7 +85,7 @@ def work(
     serve as previous frames of their push. Messages: `ready`; for each other frame `begin`, and
     `row` with its `index`, the `traceback` if the method raised an error, the `faults` of its
     estimate, the `information` set that the method declares, and the `peak_mb` of memory;
-    `refused` for a method that cannot be found.
+    `unusable` for a method that cannot be found, `refused` where the beam cannot be learned.
     """
     if hasattr(os, "setsid"):
         os.setsid()  # processes started by the method are killed with this group
@@ -103,12 +103,16 @@ def work(
         information = "" if task.method in METHODS else getattr(function, "information", "")
         if information:
             check_information(information, f"method '{task.method}'")
-        method = _MethodWrapper(function, task.memory_gb)
-        if task.method in LEARNING:
-            antenna = learned(task.observations, task.centreline)
     except InputError as error:
-        send(refused=str(error))
+        send(unusable=str(error))
         return
+    method = _MethodWrapper(function, task.memory_gb)
+    if task.method in LEARNING:
+        try:
+            antenna = learned(task.observations, task.centreline)
+        except InputError as error:
+            send(refused=str(error))
+            return
     if warm:
         warm_up(antenna, method, next(observations.read_rest_images()))
     time_reference_ms()  # compile it, or load its compiled code
