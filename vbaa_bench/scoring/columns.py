@@ -2,7 +2,6 @@
 
 from typing import Final
 
-from solver.instrument.estimate import Assumption
 from solver.instrument.quantities import QUANTITIES
 from vbaa_bench.dataset.column import FREE, SIGMA_A, SIGMA_D, SIGMA_O, Column
 from vbaa_bench.generation.columns import JOINED, TRUTH
@@ -78,7 +77,7 @@ PREDICTIONS: Final = {
     "outcome": Column("outcome of the estimate, see solver/README.md"),
     "message": Column("the reason for the outcome, as a sentence"),
     "assumption": Column(
-        f"assumption that the image contradicts: {', '.join(Assumption)}",
+        "assumption that the image contradicts, one of those in the description of the format",
         "",
         "the outcome names none",
     ),
@@ -196,10 +195,7 @@ SCORES: Final = {
     "failed": Column("whether required values are missing or the outcome is wrong"),
     "crashed": Column("whether the method crashed or has no prediction"),
     "refused": Column("whether the outcome states no values, although something is touched"),
-    "rightly_refused": Column(
-        "whether this refusal is right; one that names an assumption is right if the truth "
-        "violates it by more than three of the sigmas that the rig states"
-    ),
+    "rightly_refused": Column("whether this refusal, and the assumption that it names, is right"),
     "consistent": Column("whether x_c is within three stated sigmas, or a refusal is right"),
     "rig": Column("number of the rig; absent for a single dataset"),
     f"{PREFIX}*": Column(
