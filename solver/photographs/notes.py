@@ -22,8 +22,8 @@ _CONFLICT: Final = 5.0
 
 # On real photographs with known loads, no force was right so far.
 TESTED: Final = (
-    "These sigmas were tested in rendered photographs only: compare a force with a known one, such as "
-    "a weighed mass, before you trust the others."
+    "These sigmas were tested in rendered photographs only: compare a force with a known one, such "
+    "as a weighed mass, before you trust the others."
 )
 
 
