@@ -12,7 +12,7 @@ from solver.fitting.problem import Problem
 from solver.fitting.rival_taper import other_taper, with_other_friction
 from solver.fitting.rod_fit import least_squares
 from solver.fitting.rod_problem import RodProblem, only
-from solver.fitting.rod_residuals import DX, DY, PSI, SOFTNESS, TILT
+from solver.fitting.rod_residuals import DX, DY, POSE, PSI, SOFTNESS, TILT
 from solver.instrument.arrays import Floats
 from solver.instrument.estimate import Assumption
 from solver.instrument.measurement import Measurement
@@ -66,16 +66,15 @@ def contradiction(
     other = other_taper(measurement, problem, fit.kept, rod_problem, p)
     if least.objective - other.objective < gain:
         return None
+    assumption = Assumption.TAPER
+    if rod.of_grip is Assumption.FRICTION:
+        friction = with_other_friction(measurement, problem, fit.kept, rod_problem, p)
+        assumption = _taper_or_friction(other.objective, friction)
     return Contradiction(
         f"the beam is not that of rig.json: with a tip {other.tip:.2f} times as wide as at the "
         "clamp it fits better; state beam_shape.taper_sigma, or friction_sigma of rough objects, "
         "or learn the beam",
-        Assumption.TAPER
-        if rod.of_grip is not Assumption.FRICTION
-        else _taper_or_friction(
-            other.objective,
-            with_other_friction(measurement, problem, fit.kept, rod_problem, p),
-        ),
+        assumption,
     )
 
 
@@ -86,36 +85,35 @@ def _taper_or_friction(with_taper: float, with_friction: float) -> Assumption:
     return Assumption.TAPER if with_taper < with_friction else Assumption.FRICTION
 
 
-def _assumptions(rod: RodProblem) -> dict[Assumption, list[int]]:
-    """Return the parameters of a problem that belong to each statement of the rig."""
+def _assumptions(rod: RodProblem) -> dict[Assumption | None, list[int]]:
+    """Return the parameters of a problem that belong to each statement of the rig.
+
+    Those of None, errors that all points share, belong to no statement.
+    """
     size, bow = rod.shape_size, WIDTHS + rod.widths
+    pose = [size + entry for entry in (DX, DY, TILT, SOFTNESS)]
     return {
         rod.of_grip: [GRIP],
         Assumption.TAPER: list(range(WIDTHS, bow)),
         Assumption.BOW: list(range(bow, size)),
         Assumption.PLANE: [size + PSI],
-        Assumption.CLAMP: [size + entry for entry in (DX, DY, TILT, SOFTNESS)],
+        Assumption.CLAMP: pose,
+        None: list(range(size + POSE, len(rod.mean))),
     }
 
 
 def _most_contradicted(
-    groups: dict[Assumption, list[int]], stated: Floats, away: Floats, information: Floats
+    groups: dict[Assumption | None, list[int]], stated: Floats, away: Floats, information: Floats
 ) -> Assumption | None:
     """Return the statement without which the deviation `away` (s,) would be the least.
 
-    `stated` (s,) are the indices of the parameters, `information` (s, s) is that of their prior. It
-    is None if errors of the points, which no statement describes, deviate more than any.
+    `stated` (s,) are the indices of the parameters, `information` (s, s) is that of their prior.
     """
     gradient = information @ away
-    named = {index for indices in groups.values() for index in indices}
-    candidates: dict[Assumption | None, list[int]] = {
-        **groups,
-        None: [int(index) for index in stated if index not in named],
-    }
 
     def decrease(indices: list[int]) -> float:
         rows = np.flatnonzero(np.isin(stated, indices))
         block = information[np.ix_(rows, rows)]
         return float(gradient[rows] @ np.linalg.pinv(block, hermitian=True) @ gradient[rows])
 
-    return max(candidates, key=lambda name: decrease(candidates[name]))
+    return max(groups, key=lambda name: decrease(groups[name]))

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Iterator
+from itertools import starmap
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -78,48 +79,52 @@ def rms(errors: pl.Series) -> float:
     return float(np.sqrt(np.mean(errors.drop_nulls().to_numpy() ** 2)))
 
 
+def figures(cell: str, *values: float) -> Iterator[Figure]:
+    """Figures of a cell, in order, with their values."""
+    return starmap(Figure, zip(numbers(cell), values, strict=True))
+
+
 def of_fig8(row: list[str]) -> Iterator[Figure]:
     """Median, RMSE at three deflections, RMSE over limit, force and time on the paper's rig."""
     path = RESULTS / "fig8_rigid" / "summary.json"
     method = named(row[0])
     values = json.loads(path.read_text(encoding="utf-8"))["methods"][method]
     rows = frames("fig8_rigid", method)
-    yield Figure(*numbers(row[1]), values["x_c_median_abs_pct_L"])
-    for text, push in zip(numbers(row[2]), ("5 %", "10 %", "20 %"), strict=True):
-        yield Figure(text, rms(rows.filter(push=push)["x_c_error_pct_L"]))
-    yield Figure(*numbers(row[3]), values["x_c_rmse_over_limit"])
-    yield Figure(*numbers(row[4]), values["force_rmse_pct"])
-    yield Figure(*numbers(row[5]), values["ms_per_frame_median"])
+    by_push = [rms(rows.filter(push=push)["x_c_error_pct_L"]) for push in ("5 %", "10 %", "20 %")]
+    yield from figures(row[1], values["x_c_median_abs_pct_L"])
+    yield from figures(row[2], *by_push)
+    yield from figures(row[3], values["x_c_rmse_over_limit"])
+    yield from figures(row[4], values["force_rmse_pct"])
+    yield from figures(row[5], values["ms_per_frame_median"])
 
 
 def of_experiment(row: list[str]) -> Iterator[Figure]:
     """RMSE of x_c and further figures of the paper's other experiments."""
     method = named(row[1])
-    x_c, others = numbers(row[2]), numbers(row[3])
     if row[0].startswith("Fig. 13"):
         hidden = frames("fig13_occlusion", method).filter(
             pl.col("hidden_place") != "tip", availability_asked=0.35
         )
-        yield Figure(*x_c, rms(hidden["x_c_error_pct_L"]))
-        yield from map(Figure, others, (hidden["x_c_error_pct_L"].count(), hidden.height))
-    elif row[0].startswith(("Fig. 9", "Fig. 6")):
-        scene = "fig9_knife_edge" if row[0].startswith("Fig. 9") else "fig6_unknown_psi"
-        values = scores(scene, method)
-        yield Figure(*x_c, values["x_c_rmse_pct_L"])
-        yield from map(Figure, others, (values["psi_rmse_deg"], values["force_rmse_pct"]))
+        yield from figures(row[2], rms(hidden["x_c_error_pct_L"]))
+        yield from figures(row[3], hidden["x_c_error_pct_L"].count(), hidden.height)
     elif row[0].startswith("Fig. 11"):
         pushes = frames("fig11_stiffness", method)
         ends = pushes.filter(pl.col("trial") % STEPS == STEPS - 1)
         # The compliance of classes of springs is in no committed file.
-        yield Figure(x_c[0], rms(ends["x_c_error_pct_L"]))
+        yield from figures(row[2], rms(ends["x_c_error_pct_L"]))
+    elif row[0].startswith(("Fig. 9", "Fig. 6")):
+        scene = "fig9_knife_edge" if row[0].startswith("Fig. 9") else "fig6_unknown_psi"
+        values = scores(scene, method)
+        yield from figures(row[2], values["x_c_rmse_pct_L"])
+        yield from figures(row[3], values["psi_rmse_deg"], values["force_rmse_pct"])
     elif row[0].startswith("Section III-A"):
         values = scores("camera_fixed", method)
-        yield Figure(*x_c, values["x_c_rmse_pct_L"])
-        yield Figure(*others, 1e3 * values["motor_angle_rmse_deg"])
+        yield from figures(row[2], values["x_c_rmse_pct_L"])
+        yield from figures(row[3], 1e3 * values["motor_angle_rmse_deg"])
     elif row[0].startswith("Fig. 14"):
         values = scores("fig14_micro", method)
-        yield Figure(*x_c, values["x_c_rmse_pct_L"])
-        yield Figure(*others, values["force_rmse_pct"])
+        yield from figures(row[2], values["x_c_rmse_pct_L"])
+        yield from figures(row[3], values["force_rmse_pct"])
 
 
 def of_hard_scene(row: list[str]) -> Iterator[Figure]:
@@ -172,9 +177,9 @@ def test_figures_of_the_readme_are_those_of_the_results(head: str) -> None:
     (table,) = (one for one in README if one.head == head)
     wrong = []
     for row in table.rows:
-        figures = list(SOURCES[head](row))
-        assert figures or row[0].startswith(EXPERIMENTS_WITHOUT_SOURCE), row[0]
-        wrong += [(row[:2], *figure) for figure in figures if not agrees(figure)]
+        listed = list(SOURCES[head](row))
+        assert listed or row[0].startswith(EXPERIMENTS_WITHOUT_SOURCE), row[0]
+        wrong += [(row[:2], *figure) for figure in listed if not agrees(figure)]
     assert wrong == []
 
 
