@@ -19,5 +19,5 @@ def generator(name: str) -> np.random.Generator:
 
 
 def scene_seed(seed: int) -> int:
-    """Return the seed of a test's scene: the stated one, and another one for each seed of the run."""
+    """Return the seed of a test's scene: the stated one, shifted by the seed of the run."""
     return seed + 10_000 * SEED
