@@ -13,11 +13,14 @@ import numpy as np
 SEED: Final = int(os.environ.get("VBAA_TEST_SEED", "0"))
 
 
-def generator(name: str) -> np.random.Generator:
-    """Return the random generator that belongs to a name, another one for each seed of the run."""
-    return np.random.default_rng([SEED, zlib.crc32(name.encode())])
+def generator(name: str, *numbers: int) -> np.random.Generator:
+    """Return the random generator of a name and numbers, another one for each seed of the run.
+
+    Equal names and numbers give equal random numbers. A module's own name avoids those of others.
+    """
+    return np.random.default_rng([SEED, zlib.crc32(name.encode()), *numbers])
 
 
 def scene_seed(seed: int) -> int:
-    """Return the seed of a test's scene: the stated one, and another one for each seed of the run."""
+    """Return a scene's seed: the stated one in run 0, another one for each seed of the run."""
     return seed + 10_000 * SEED

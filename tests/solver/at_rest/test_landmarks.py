@@ -11,6 +11,7 @@ from solver.at_rest.landmarks import Landmarks, Shift, learn_landmarks
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import Sensor
+from tests.draws import generator
 
 HEIGHT, WIDTH = 100, 140
 SENSOR = Sensor()
@@ -21,7 +22,7 @@ def scene(du: float = 0.0, dv: float = 0.0, texture: float = 0.06) -> Floats:
     """Light (height, width) of a hub and waves on the ground, shifted by (du, dv) [px]."""
     v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
     u, v = u - du, v - dv
-    random = np.random.default_rng(8)
+    random = generator(__name__, 8)
     ground = np.full(u.shape, 0.4)
     for _ in range(12):
         angle, waves, phase = (
@@ -35,7 +36,7 @@ def scene(du: float = 0.0, dv: float = 0.0, texture: float = 0.06) -> Floats:
 
 
 def image(light: Floats, seed: int) -> Grey:
-    return SENSOR(light, np.random.default_rng(seed))
+    return SENSOR(light, generator(__name__, seed))
 
 
 def compressed(picture: Grey, quality: int) -> Grey:

@@ -5,6 +5,7 @@ from solver.calibrate.uncertainty import calibration_uncertainty
 from solver.instrument.board import Chessboard
 from solver.planes.plane_c import on_plane
 from tests.drawn import drawn
+from tests.draws import generator
 from tests.solver.calibrate.rigs import board_pose, camera, rig
 
 BOARD = Chessboard(12, 9, 0.013)
@@ -22,7 +23,7 @@ def test_what_a_calibration_leaves_open_along_the_beam_is_what_it_errs_by() -> N
                 BOARD,
                 true,
                 board_pose(view),
-                np.random.default_rng([trial, view]),
+                generator(__name__, trial, view),
                 samples=21,
                 generator=13,
                 noise=0.01,

@@ -62,8 +62,10 @@ def test_a_normal_force_is_another_one() -> None:
 
 
 @pytest.mark.parametrize(("taper_sigma", "softness_sigma"), [(0.0, 0.0), (0.01, 0.01)])
-def test_errors_are_as_large_as_the_sigmas(taper_sigma: float, softness_sigma: float) -> None:
-    random, pulls = np.random.default_rng(7), []
+def test_errors_are_as_large_as_the_sigmas(
+    taper_sigma: float, softness_sigma: float, random: np.random.Generator
+) -> None:
+    pulls = []
     gravity_sigma = math.radians(0.2)
     shape = stated_shape(taper_sigma, softness_sigma, section=0.0, friction=0.0)
     for _ in range(60):

@@ -61,12 +61,14 @@ def test_a_mirrored_rig_mirrors_the_answer() -> None:
 
 
 @pytest.mark.parametrize("base_sigma", [0.0, 2e-8])
-def test_its_covariance_is_that_of_its_sources(base_sigma: float) -> None:
+def test_its_covariance_is_that_of_its_sources(
+    base_sigma: float, random: np.random.Generator
+) -> None:
     # Noise so small that the pairs' mean is linear in it.
     noise, psi = 1e-7, 0.7
     points, moment = linear(0.15, 1.9, psi)
     sensor = 0.01 * abs(moment)
-    random, found, stated = np.random.default_rng(0), [], []
+    found, stated = [], []
     names = ["x_c_m", "force_n", "psi_rad", "contact_antenna_z_m", "force_y_n", "force_z_n"]
     for _ in range(40):
         dx, dy, tilt = base_sigma * random.standard_normal(3) * [1, 1, 10]

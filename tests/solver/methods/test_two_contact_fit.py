@@ -15,6 +15,7 @@ from solver.instrument.measurement import Measurement
 from solver.methods.exact_fit import exact_fit
 from solver.methods.two_contact_fit import two_contact_fit
 from tests import tapered
+from tests.draws import generator
 from tests.simulated import BEAM, columns, measurement, pushed_points
 from tests.vbaa_bench.mechanics.benches import obstacle
 from vbaa_bench.mechanics.pushing import Motor, Step, push
@@ -35,7 +36,7 @@ def between_pegs(gap: float, angle: float, tip: float = 1.0) -> State:
 
 def noisy(state: State, seed: int, shape: BeamShape = UNIFORM) -> Measurement:
     points = columns(state.centreline)
-    noise = SIGMA * np.random.default_rng(seed).standard_normal(len(points))
+    noise = SIGMA * generator(__name__, seed).standard_normal(len(points))
     taken = measurement(points + np.outer(noise, [0, 1]), SIGMA, base_sigma=1e-5)
     return replace(taken, rig=replace(taken.rig, shape=shape))
 
@@ -89,8 +90,10 @@ def test_both_contacts_of_a_beam_of_unknown_taper_are_within_their_sigmas() -> N
 
 
 @pytest.mark.parametrize("shape", [UNIFORM, stated_shape(0.02, 0.002, 0.02, 0.2)])
-def test_a_beam_of_another_taper_than_stated_has_no_second_contact(shape: BeamShape) -> None:
-    taken = tapered.measured(tapered.bent(0.3, 0.7, 0.3), shape, np.random.default_rng(0))
+def test_a_beam_of_another_taper_than_stated_has_no_second_contact(
+    shape: BeamShape, random: np.random.Generator
+) -> None:
+    taken = tapered.measured(tapered.bent(0.3, 0.7, 0.3), shape, random)
     estimate = two_contact_fit(taken)
     assert estimate.outcome is Outcome.NOT_IDENTIFIABLE
     assert estimate.message.startswith("one contact on a beam with a tip of 1.30")
@@ -109,9 +112,9 @@ def test_values_of_both_contacts_are_correlated() -> None:
     assert estimate.second_s_c_mm == pytest.approx(1e3 * SECOND, abs=1.0)
 
 
-def test_one_contact_is_that_of_exact_fit() -> None:
+def test_one_contact_is_that_of_exact_fit(random: np.random.Generator) -> None:
     points, _, _ = pushed_points(0.12, 0.1)
-    noise = SIGMA * np.random.default_rng(1).standard_normal(len(points))
+    noise = SIGMA * random.standard_normal(len(points))
     single = measurement(points + np.outer(noise, [0, 1]), SIGMA, base_sigma=1e-5)
     one, other = exact_fit(single), two_contact_fit(single)
     assert one.values == other.values
@@ -138,7 +141,7 @@ def test_a_shape_of_three_forces_is_refused() -> None:
     assert estimate == exact_fit(bent)
 
 
-def test_friction_is_not_taken_for_a_second_contact() -> None:
+def test_friction_is_not_taken_for_a_second_contact(random: np.random.Generator) -> None:
     def height(x: float) -> float:
         def error(y: float) -> float:
             return float(misfit(np.array([x]), np.array([y]), 40.0, 0.12, -0.3)[0][0])
@@ -147,7 +150,7 @@ def test_friction_is_not_taken_for_a_second_contact() -> None:
 
     places = np.arange(3e-3, 0.22, 1e-3)
     points = np.column_stack([places, [height(x) for x in places]])
-    noise = SIGMA / 2 * np.random.default_rng(2).standard_normal(len(points))
+    noise = SIGMA / 2 * random.standard_normal(len(points))
     rubbed = measurement(points + np.outer(noise, [0, 1]), SIGMA / 2, base_sigma=1e-5)
     single, estimate = exact_fit(rubbed), two_contact_fit(rubbed)
     assert single.chi2 is not None

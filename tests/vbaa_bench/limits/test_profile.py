@@ -48,9 +48,10 @@ def test_the_step_is_fine_enough(half_width: float, monkeypatch: pytest.MonkeyPa
     np.testing.assert_allclose(coarse.diagonal(), fine.diagonal(), rtol=1e-3)
 
 
-def test_the_most_likely_shift_of_noisy_exposures_reaches_the_limit() -> None:
+def test_the_most_likely_shift_of_noisy_exposures_reaches_the_limit(
+    random: np.random.Generator,
+) -> None:
     """Redraw the sensor's whole noise 2,000 times; 40 columns with the beam at other heights."""
-    random = np.random.default_rng(16)
     sensor = Sensor(exposure=7000.0, full_well=10_000, read_noise=10)
     surface = SurfaceProfile(DISC, 0.1, 0.8, ACROSS_ROWS)
     smooth = gray_profile(surface)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import generator
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.displacement import displacements
@@ -163,12 +164,12 @@ def test_saturated_pixels_have_no_information() -> None:
         largest = sensor.largest_radiance
         variance = PixelNoise(sensor).variance(largest * np.array([0.5, 0.99, 1.01]))
         assert np.isinf(variance).tolist() == [False, False, True]
-        full = sensor.expose(np.full((1, 1), 2 * largest), np.random.default_rng(1))
+        full = sensor.expose(np.full((1, 1), 2 * largest), generator(__name__, 1))
         assert sensor.radiance(full).item() == pytest.approx(largest, rel=1e-6)
 
 
-def test_an_unknown_fixed_pattern_is_noise() -> None:
-    sensor, random = Sensor(100.0, 1e6, 10, bits=16), np.random.default_rng(2)
+def test_an_unknown_fixed_pattern_is_noise(random: np.random.Generator) -> None:
+    sensor = Sensor(100.0, 1e6, 10, bits=16)
     noise, level = PixelNoise(sensor, response=0.02, offset=30.0), np.full((300, 300), 40.0)
     electrons = 100 * level * (1 + 0.02 * random.standard_normal(level.shape))
     electrons += 30 * random.standard_normal(level.shape)

@@ -21,9 +21,9 @@ LENGTH = 0.024
 PIXELS = np.argwhere(np.ones((CAMERA.height, CAMERA.width)))[:, ::-1]
 
 
-def test_dust_covers_the_stated_share() -> None:
+def test_dust_covers_the_stated_share(random: np.random.Generator) -> None:
     grime = Grime(0.2, 4e-3, 0.06, 0.1e-3, 0.9, 0.4)
-    texture = grime_texture(grime, 0.3, 0.1, 2.5e-3, np.random.default_rng(1))
+    texture = grime_texture(grime, 0.3, 0.1, 2.5e-3, random)
     dusty = texture.image == 0.9
     assert texture.gloss is not None
     # The field has the share in its whole period, of which one half is kept.

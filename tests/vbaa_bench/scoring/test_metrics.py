@@ -85,16 +85,17 @@ def test_errors_of_vectors_are_lengths() -> None:
     assert row["contact_world_vector_error_mm"] is None
 
 
-def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it() -> None:
-    rng = np.random.default_rng(8)
+def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it(
+    random: np.random.Generator,
+) -> None:
     places = {"x": 120.0, "y": 8.0, "z": 0.0}
     answers: list[dict[str, Any] | None] = []
     for _ in range(2000):
         answer = {"x_c_mm": 120.0}
         for axis, at in places.items():
-            answer[f"contact_antenna_{axis}_mm"] = at + rng.normal(0, 0.2)
+            answer[f"contact_antenna_{axis}_mm"] = at + random.normal(0, 0.2)
             answer[f"contact_antenna_{axis}_sigma_mm"] = 0.05 if axis == "y" else 0.2
-        answer |= {"force_y_n": 0.098 + rng.normal(0, 1e-3), "force_y_sigma_n": 1e-3}
+        answer |= {"force_y_n": 0.098 + random.normal(0, 1e-3), "force_y_sigma_n": 1e-3}
         answers.append(answer)
     found = summarise_method(scored([{}] * len(answers), answers))
     stated = found["calibration"]
@@ -134,8 +135,8 @@ def test_a_ratio_without_its_error_or_sigma_is_not_counted(column: str) -> None:
     assert calibration(without, SCORED_QUANTITIES[0]) is None
 
 
-def test_stated_sigmas_are_held_against_errors() -> None:
-    errors = np.random.default_rng(5).normal(0, 0.3, 4000)
+def test_stated_sigmas_are_held_against_errors(random: np.random.Generator) -> None:
+    errors = random.normal(0, 0.3, 4000)
 
     def found(sigma: float) -> dict[str, float]:
         answers = [{"x_c_mm": 120 + error, "x_c_sigma_mm": sigma} for error in errors]
