@@ -5,7 +5,7 @@ export PYTHONDONTWRITEBYTECODE :=
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test types tests libraries lock clean
+.PHONY: demo test types tests seeds libraries lock clean
 
 demo: libraries
 	$(BIN)/vbaa-bench run scenes/quickstart.yaml
@@ -21,6 +21,12 @@ types:
 
 tests:
 	$(BIN)/pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+
+# By how many standard deviations assertions hold, over 20 seeds:  make seeds PART=1/8 TESTS=tests/solver
+PART ?= 1/1
+TESTS ?= tests
+seeds: libraries
+	$(BIN)/python -m tests.margins --part $(PART) $(TESTS)
 
 # uv comes from PyPI at a pinned hash; --target also works where Debian protects its own site-packages.
 .tools/bin/uv: requirements-uv.lock

@@ -1,7 +1,8 @@
 """Random numbers of the tests: all depend on one seed, which `make seeds` changes.
 
 A test that passes with one seed may have passed by luck. Whatever a test draws therefore comes from
-here: from the fixture `random`, or, where a scene is rendered, from `scene_seed`.
+here: from the fixture `random` or, where it is drawn elsewhere, `generator`; the seed of a scene or
+of another library's numbers from `scene_seed`.
 """
 
 import os

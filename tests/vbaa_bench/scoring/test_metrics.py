@@ -2,9 +2,9 @@
 
 import io
 import math
-import random
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.estimate import Outcome
+from tests.draws import scene_seed
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.metrics import checked_predictions, read_predictions, score_frames
@@ -157,7 +158,7 @@ def test_stated_sigmas_are_held_against_errors(random: np.random.Generator) -> N
 
 
 def test_mutated_predictions_are_scored_or_refused(tmp_path: Path) -> None:
-    chance, refusals = random.Random(12), list[str]()
+    chance, refusals = Random(scene_seed(12)), list[str]()
     odd = (
         '"',
         "\0",
