@@ -17,7 +17,7 @@ from solver.antenna import Antenna
 from solver.instrument.observation import Observations, open_observations
 from solver.set_up import set_up
 from tests import COLLECTING
-from tests.draws import SEED, generator
+from tests.draws import SEED, generator, seeded
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
@@ -53,7 +53,7 @@ ALL_LAYERS = """
 layers: [radiance, variance, beam_mask, coverage, arc_length, depth, normal, object_index,
   occlusion]
 """
-SMALL_SCENE = f"""
+SCENE_TEXT = f"""
 title: Four pushes for the tests
 seed: 11
 camera:
@@ -68,6 +68,7 @@ pushes:
   deflection_pct: [10, 20]
 frames_per_shard: 2
 {ALL_LAYERS}"""
+SMALL_SCENE = seeded(SCENE_TEXT)
 
 
 @pytest.hookimpl(tryfirst=True)  # before hypothesis, which reads its seed

@@ -6,6 +6,7 @@ of another library's numbers from `scene_seed`.
 """
 
 import os
+import re
 import zlib
 from typing import Final
 
@@ -20,6 +21,11 @@ def generator(name: str, *numbers: int) -> np.random.Generator:
     Equal names and numbers give equal random numbers. A module's own name avoids those of others.
     """
     return np.random.default_rng([SEED, zlib.crc32(name.encode()), *numbers])
+
+
+def seeded(text: str) -> str:
+    """Return the text of a scene, whose seed is that of `scene_seed`."""
+    return re.sub(r"(?m)^seed: (\d+)$", lambda seed: f"seed: {scene_seed(int(seed[1]))}", text)
 
 
 def scene_seed(seed: int) -> int:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_hidden_strip import bent
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE
 from vbaa_bench.geometry.objects import sheet
@@ -57,7 +58,9 @@ def beam_world(texture: Texture | None) -> World:
 
 def radiance(world: World) -> Floats:
     size = np.full(len(PIXELS), 64)
-    return trace(world, PIXELS, size, 1, "whole").radiance.reshape(CAMERA.height, CAMERA.width)
+    return trace(world, PIXELS, size, scene_seed(1), "whole").radiance.reshape(
+        CAMERA.height, CAMERA.width
+    )
 
 
 def test_a_texture_follows_the_arc_length(variant: str) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats, Mask
+from tests.draws import scene_seed
 from vbaa_bench.render.interpolated import Interpolated
 
 SHAPE, SPACING = (64, 80), 4
@@ -31,7 +32,7 @@ def rendered(
 ) -> tuple[Floats, Floats]:
     """Radiance and stated variance (n,) of the pixels in `where`."""
     rows, columns = np.nonzero(where)
-    chosen = np.flatnonzero(smooth.chosen(rows, columns, seed))
+    chosen = np.flatnonzero(smooth.chosen(rows, columns, scene_seed(seed)))
     radiance, variance = smooth.value.copy(), np.zeros(where.sum())
     seen = image[where][chosen] + NOISE * random.standard_normal(len(chosen))
     radiance[chosen], variance[chosen] = smooth.corrected(
@@ -64,7 +65,7 @@ def test_it_renders_few_pixels_where_it_is_smooth_and_all_at_edges(
     assert (probability[edge] == 1).all()
     assert np.median(probability) == 0.25
     rows, columns = np.nonzero(where)
-    share = smooth.chosen(rows, columns, 3)[smooth.probability == 0.25].mean()
+    share = smooth.chosen(rows, columns, scene_seed(3))[smooth.probability == 0.25].mean()
     assert share == pytest.approx(0.25, abs=0.01)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
-from tests.draws import generator
+from tests.draws import generator, scene_seed
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.textures import gradient_texture, random_texture
@@ -41,7 +41,7 @@ def under_even_light(paint: Paint, roughness: float) -> Floats:
             },
         },
     }
-    image = mi.render(load(described), spp=256, seed=mi.UInt32(1))
+    image = mi.render(load(described), spp=256, seed=mi.UInt32(scene_seed(1)))
     return np.asarray(image, dtype=float)[:, :, 0]
 
 
