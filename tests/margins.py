@@ -57,7 +57,7 @@ class Closest(NamedTuple):
     kind: Literal["signed", "plain"]
     low: float  # the limit is 1 for a signed one, of which this is the ratio to its limit
     high: float
-    count: int  # elements compared
+    compared: int  # numbers, in all comparisons
 
     @property
     def slack(self) -> float:
@@ -79,7 +79,7 @@ def margin(seeds: Sequence[Closest]) -> float | None:
     high = np.array([one.high for one in seeds], float)
     if len(seeds) < 2 or (np.ptp(low) == 0 and np.ptp(high) == 0):
         return None
-    if seeds[0].kind == "signed" and all(one.count == 1 for one in seeds):
+    if seeds[0].kind == "signed" and all(one.compared == 1 for one in seeds):
         return float((1.0 - abs(low.mean())) / low.std(ddof=1))
     if seeds[0].kind == "signed":
         low = np.abs(low)
@@ -112,9 +112,9 @@ class Recorder:
         slack = 1.0 - np.abs(low) if kind == "signed" else _slack(low, high)
         at = np.unravel_index(np.argmin(slack), slack.shape)
         new, old = Closest(kind, float(low[at]), float(high[at]), low.size), self.closest.get(where)
-        count = new.count + (0 if old is None else old.count)
+        compared = new.compared + (0 if old is None else old.compared)
         nearer = new if old is None or new.slack < old.slack else old
-        self.closest[where] = nearer._replace(count=count)
+        self.closest[where] = nearer._replace(compared=compared)
 
     def compare(
         self, where: str, operators: tuple[str, ...], absolute: tuple[bool, ...], *values: Any
@@ -127,7 +127,7 @@ class Recorder:
             left, right = values[k], values[k + 1]
             if operator == "==":
                 result = true[k] == true[k + 1]
-                self._add_approximate(name, left, right)
+                self._add_approximate(name, true[k], true[k + 1])
             else:
                 result = _OPERATORS[operator](true[k], true[k + 1])
                 ends = ((true[k], left, absolute[k]), (true[k + 1], right, absolute[k + 1]))
@@ -313,7 +313,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Record all modules that are imported from now on."""
     recorder = Recorder(config.getoption("--margins"), config.getoption("--part"))
     config.pluginmanager.register(recorder)
-    np.testing.assert_allclose = recorder.assert_allclose
+    vars(np.testing)["assert_allclose"] = recorder.assert_allclose
     sys.meta_path.insert(0, Finder(recorder))
 
 

@@ -60,13 +60,14 @@ def test_the_share_is_that_of_the_pattern_that_follows(
 ) -> None:
     found = []
     course = 8.0 * np.abs(S - 0.6) ** 3  # the third derivative jumps at a contact
-    for seed in range(200):
+    for seed in range(1000):
         own, other = dirt(S, 2 * seed, np.sqrt(share)), dirt(S, 2 * seed + 1, np.sqrt(1 - share))
         beside = course + own + dirt(S, 5000 + seed, np.sqrt(1 - share))
         noise = random.standard_normal(len(S))
         found.append(share_that_follows(S, own + other, beside + noise, np.ones(len(S))))
-    # The other pattern's chance likeness to the first is that of ten independent waves.
-    assert np.mean(found) == pytest.approx(share, abs=0.12)
+    # The other pattern's chance likeness to the first is that of ten independent waves: 0.3 to
+    # either side, of which the shares below 0 and above 1 are cut off. The median has no bias.
+    assert np.median(found) == pytest.approx(share, abs=0.1)
 
 
 def test_too_few_points_show_nothing() -> None:

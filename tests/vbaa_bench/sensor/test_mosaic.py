@@ -56,7 +56,7 @@ def test_each_channel_has_the_photon_transfer_curve_of_its_light() -> None:
     sensor = Sensor(1.0, 20_000, 8, bits=12, gain=4.0, black_level=64, mosaic=mosaic())
     levels = np.linspace(10, 12_000, 8)
     frames = [
-        sensor.photosites(np.full((400, 400), e), generator(__name__, i))
+        sensor.photosites(np.full((700, 700), e), generator(__name__, i))
         for i, e in enumerate(levels)
     ]
     for place, channel in enumerate("rggb"):

@@ -22,7 +22,7 @@ def test_noise_is_that_of_shots_and_reading() -> None:
 def test_the_photon_transfer_curve_gives_the_gain_back() -> None:
     sensor = Sensor(2.0, 20_000, 8, quantum_efficiency=0.5, bits=12, gain=4.0, black_level=64)
     levels = np.linspace(10, 12_000, 12)
-    frames = [sensor.expose(flat(e), generator(__name__, i)) for i, e in enumerate(levels)]
+    frames = [sensor.expose(flat(e, 800), generator(__name__, i)) for i, e in enumerate(levels)]
     means, variances = np.mean(frames, axis=(1, 2)), np.var(frames, axis=(1, 2))
     slope, _ = np.polyfit(means, variances, 1)
     assert slope == pytest.approx(1 / 4.0, rel=0.01)
@@ -39,7 +39,7 @@ def test_dark_current_is_a_signal_with_its_own_shots(random: np.random.Generator
 
 def test_gamma_is_undone_by_its_power(random: np.random.Generator) -> None:
     sensor = Sensor(1.0, 1e6, 0, bits=16, gamma=2.2, black_level=500)
-    electrons = np.linspace(1e4, 9e5, 160_000).reshape(400, 400)
+    electrons = np.linspace(1e4, 9e5, 360_000).reshape(600, 600)
     gray = sensor.expose(electrons, random) / 65_535
     back = (gray**2.2 * 65_535 - 500) * 1e6 / (65_535 - 500)
     error = (back - electrons) / sensor.noise_sigma(electrons)
@@ -78,10 +78,10 @@ def test_the_well_is_full_below_full_scale_or_above(random: np.random.Generator)
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
 def test_full_scale_is_that_of_the_bits(bits: int, random: np.random.Generator) -> None:
-    sensor = Sensor(1.0, 1e6, 0, bits=bits)
-    half, full = sensor.expose(np.array([[0.5e6, 2e6]]), random)[0]
+    sensor = Sensor(1.0, 1e8, 0, bits=bits)
+    part, full = sensor.expose(np.array([[0.498e8, 2e8]]), random)[0]
     assert full == 2**bits - 1
-    assert half / full == pytest.approx(0.5, abs=0.004)
+    assert part / full == pytest.approx(0.498, abs=0.004)
 
 
 def test_the_same_generator_gives_the_same_frame() -> None:
@@ -102,13 +102,13 @@ def test_a_noisy_render_and_the_sensor_make_the_stated_noise_together(
 ) -> None:
     sensor = Sensor(20.0, 20_000, 12, 0.5, dark_signal=4.0, bits=16, gain=0.3, black_level=500)
     sigma = np.sqrt(share * electrons) / 10  # radiance
-    rendered = electrons / 10 + sigma * random.standard_normal((700, 700))
+    rendered = electrons / 10 + sigma * random.standard_normal((1000, 1000))
     frame = sensor.expose(rendered, random, np.full(rendered.shape, sigma**2))
     seen = (0.3 * (frame - 500.0) - 4.0) / 10
     stated = sensor.noise_sigma(flat(electrons / 10, 1))[0, 0]
-    # A mean is sure to sigma / 700, a variance to 2^0.5 / 700; four times that is allowed.
-    assert seen.mean() == pytest.approx(electrons / 10, abs=4 * stated / 700)
-    assert seen.var() == pytest.approx(stated**2, rel=4 * np.sqrt(2) / 700)
+    # A mean is sure to sigma / 1000, a variance to 2^0.5 / 1000; 5.5 times that is allowed.
+    assert seen.mean() == pytest.approx(electrons / 10, abs=5.5 * stated / 1000)
+    assert seen.var() == pytest.approx(stated**2, rel=5.5 * np.sqrt(2) / 1000)
 
 
 def test_only_noisy_parts_of_a_render_get_less_noise(random: np.random.Generator) -> None:

@@ -34,11 +34,11 @@ def test_many_shots_have_a_poissons_quantiles(mean: float) -> None:
 def test_mean_variance_and_skewness_are_a_poissons(
     mean: float, random: np.random.Generator
 ) -> None:
-    counts = poisson(np.full((600, 1000), mean, np.float32), random)
+    counts = poisson(np.full((1000, 1000), mean, np.float32), random)
     apart = counts.astype(float) - mean
     n = counts.size
     assert (counts == np.rint(counts)).all()
     assert counts.min() >= 0
-    assert apart.mean() == pytest.approx(0, abs=4 * np.sqrt(mean / n))
-    assert apart.var() == pytest.approx(mean, abs=4 * np.sqrt((2 * mean**2 + mean) / n))
+    assert apart.mean() == pytest.approx(0, abs=5 * np.sqrt(mean / n))
+    assert apart.var() == pytest.approx(mean, abs=5 * np.sqrt((2 * mean**2 + mean) / n))
     assert np.mean(apart**3) == pytest.approx(mean, abs=4 * np.sqrt((15 * mean**3 + mean) / n) * 2)
