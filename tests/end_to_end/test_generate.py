@@ -23,12 +23,13 @@ from tests.mortal import Mortal
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.readers import open_truth
+from vbaa_bench.dataset.target import FAST
 from vbaa_bench.generation import generate as generating
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.generation.job import WorkerDiedError
 from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.generation.workers import Pool
-from vbaa_bench.render.variant import FAST, PLAIN
+from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene
 
 

@@ -13,6 +13,7 @@ from vbaa_bench.dataset.differences import Difference, as_in_file, differences, 
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import read_json, versions
 from vbaa_bench.dataset.schema import SCHEMA, migrated_identity, version_of
+from vbaa_bench.dataset.target import target
 from vbaa_bench.scene.files import file_of_scene
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.objects import MeshSpec
@@ -37,7 +38,7 @@ def dataset_identity(file: SceneFile, variant: str) -> Identity:
         "schema": SCHEMA,
         "scene": scene.model_dump(mode="json", exclude={"title"}),
         "files": {name: _sha256(file.path.parent, name) for name in names},
-        "made_with": {"variant": variant, **versions()},
+        "made_with": {"variant": variant, "target": target(variant), **versions()},
         "code": code_digests(),
     }
 

@@ -102,7 +102,7 @@ def test_the_mean_does_not_depend_on_the_strip(shift: float) -> None:
             trace(
                 world, pixels, np.full(len(pixels), 8), scene_seed(100 * seed), "change", 32
             ).radiance
-            for seed in range(12)
+            for seed in range(24)
         ]
         sums.append(np.sum(images, axis=1))
     one, other = sums

@@ -80,9 +80,11 @@ def departures(seen: Seen) -> Floats:
 
 def test_a_shadow_on_texture_has_the_target_noise(seen: dict[str, Seen]) -> None:
     usual, even = departures(seen["usual"]), departures(seen["even"])
-    # Pilots predict the variance to a factor of two.
-    assert np.sqrt(np.mean(even**2)) < 2**0.5 * NOISE.elsewhere
-    assert np.abs(even).max() < 8
+    # Pilots predict the variance to a factor of two. The mean departure of 8 seeds is 0.72 +- 0.06,
+    # that of the root mean square, which a few pixels decide, 1.0 +- 0.1.
+    assert np.mean(np.abs(even)) < 2**0.5 * NOISE.elsewhere
+    # No dots: 5.8 +- 1.1 with 8 seeds, without the two keys 78 or more.
+    assert np.abs(even).max() < 20 * NOISE.elsewhere
     # What the two keys are for.
     assert np.sqrt(np.mean(usual**2)) > 5 * np.sqrt(np.mean(even**2))
 
