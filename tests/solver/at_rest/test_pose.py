@@ -46,12 +46,12 @@ def lines(
 
 def test_a_straight_beam_is_a_line_with_honest_covariance(random: np.random.Generator) -> None:
     errors = []
-    for _ in range(100):
+    for _ in range(350):
         rest = learn_rest(lines(2e-5 + 1e-3 * X, random), Calibration(CAMERA, 0.02), rig())
         assert not rest.bow.any()
         error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
         errors.append(error @ np.linalg.solve(rest.line_covariance, error))
-    assert 1.4 < np.mean(errors) < 2.7  # chi^2 of two degrees of freedom: 2 +- 0.2
+    assert 1.4 < np.mean(errors) < 2.7  # chi^2 of two degrees of freedom: 2 +- 0.11
 
 
 def test_a_bow_is_found_and_told_apart_from_the_clamp(random: np.random.Generator) -> None:
@@ -110,8 +110,9 @@ def test_errors_that_repeat_from_image_to_image_count_in_the_covariance(
         off = rest.y_at_clamp + (rest.slope - slope) * place + rest.bow_at(place)[0]
         error = np.polynomial.polynomial.polyfit(place, off, 1)
         chi2.append(error @ np.linalg.solve(rest.line_covariance, error))
-    # chi^2 of two degrees of freedom; for independent errors alone it is 15.
-    assert 0.5 < np.mean(chi2) < 4.0
+    # chi^2 of two degrees of freedom; for independent errors alone it is 15. It is 0.6: the shared
+    # error is stated for the worst phase.
+    assert 0.25 < np.mean(chi2) < 4.0
 
 
 @pytest.mark.parametrize("together", [False, True])
@@ -197,7 +198,7 @@ def test_a_bow_within_the_noise_is_within_its_sigma(
     about_line = shape - np.polynomial.Polynomial.fit(place, shape, 1)(place)
     size = min(SMALL_BOW_PX * PIXEL / np.sqrt(np.mean(about_line**2)), stated * BEAM.length)
     subtracted = 0
-    for _ in range(150):
+    for _ in range(400):
         amplitude = size * random.standard_normal()
         bow = amplitude * (X / BEAM.length) ** 2
         rest = learn_rest(lines(0.02 * X + bow, random), Calibration(CAMERA, 0.02), straight)
@@ -205,7 +206,7 @@ def test_a_bow_within_the_noise_is_within_its_sigma(
         found = found - np.polynomial.Polynomial.fit(place, found, 1)(place)
         errors.append(np.mean((found - amplitude * about_line) ** 2) / np.mean(sigma**2))
         subtracted += bool(rest.bow.any())
-    assert least <= subtracted < 150
+    assert least <= subtracted < 400
     assert 0.6 < np.sqrt(np.mean(errors)) < 1.3
 
 

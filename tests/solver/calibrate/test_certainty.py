@@ -17,7 +17,7 @@ def test_what_a_calibration_leaves_open_along_the_beam_is_what_it_errs_by() -> N
     x = nominal.beam.length * np.linspace(0.05, 0.95, 10)
     places = np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
     line = np.linalg.pinv(np.column_stack([np.ones_like(x), x]))
-    for trial in range(4):
+    for trial in range(12):
         views = [
             drawn(
                 BOARD,
@@ -33,5 +33,6 @@ def test_what_a_calibration_leaves_open_along_the_beam_is_what_it_errs_by() -> N
         found = calibrate(views, nominal)
         seen, _ = on_plane(found.camera, true.project(places), np.zeros((len(x), 2)))
         errors.append(line @ (seen[:, 0] - x) / calibration_uncertainty(found, nominal)[:2])
-    # Eight numbers, whose mean square is 1 +- 0.5; errors of the pixel grid are in it too.
+    # 24 numbers, whose mean square is above 3 once in a million runs; errors of the pixel grid are
+    # in it too.
     assert 0.1 < np.mean(np.square(errors)) < 3.0

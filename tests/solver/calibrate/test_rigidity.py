@@ -70,11 +70,11 @@ def seen(
 
 def test_ei_is_found_within_its_sigma_whatever_the_rig_says(random: np.random.Generator) -> None:
     errors = []
-    for trial in range(4):
+    for trial in range(16):
         true = EI * (0.9, 1.07)[trial % 2]
         at = AT + WEIGHT.at_sigma * random.standard_normal()
         level = WEIGHT.level_sigma * random.standard_normal()
-        side = (1, -1)[trial // 2]
+        side = (1, -1)[trial // 2 % 2]
         shapes = (
             hung_beam(side * load, side * STEEL / true, at, side * level, LENGTH)
             for load in (0.0, WEIGHT.force / true)
@@ -85,7 +85,7 @@ def test_ei_is_found_within_its_sigma_whatever_the_rig_says(random: np.random.Ge
         assert found.misfit == pytest.approx(1.0, abs=0.15)
         assert abs(found.sag) == pytest.approx(4.0e-3 * EI / true, rel=0.05)
         errors.append((found.value - true) / found.sigma)
-    # Two seeds in a thousand lie outside either bound.
+    # Bounds of chi^2 of 16 degrees of freedom, crossed once in 100 million runs.
     assert 0.2 < np.sqrt(np.mean(np.square(errors))) < 2.1
 
 
@@ -110,7 +110,7 @@ def bent(at: float, random: np.random.Generator) -> tuple[Measurement, ...]:
     return at_rest, loaded
 
 
-@pytest.mark.parametrize(("off", "towards"), [(0.01, "tip"), (-0.02, "clamp")])
+@pytest.mark.parametrize(("off", "towards"), [(0.01, "tip"), (-0.01, "clamp")])
 def test_a_weight_that_hangs_elsewhere_is_refused(
     off: float, towards: str, random: np.random.Generator
 ) -> None:

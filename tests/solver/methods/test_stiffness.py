@@ -149,14 +149,14 @@ def test_its_covariance_is_honest(ratio: float, random: np.random.Generator) -> 
     names = ("compliance_m_per_n", "onset_angle_rad")
     true = np.array([OWN / ratio, ONSET])
     squares, distances = [], []
-    for _ in range(60):
+    for _ in range(300):
         answer = stiffness(linear_push(OWN / ratio, random))
         error = np.array([answer.values[name] for name in names]) - true
         rows = [list(answer.values).index(name) for name in names]
         assert answer.covariance is not None
         squares.append(error @ np.linalg.solve(answer.covariance[np.ix_(rows, rows)], error))
         distances.append((answer.values["x_c_m"] - DISTANCE) / answer.sigma("x_c_m"))
-    # chi^2 of two degrees of freedom, 60 trials: 2 +- 0.26.
+    # chi^2 of two degrees of freedom, 300 trials: 2 +- 0.12.
     assert 1.3 < np.mean(squares) < 2.8
     assert 0.75 < np.sqrt(np.mean(np.square(distances))) < 1.25
 
