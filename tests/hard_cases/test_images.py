@@ -22,6 +22,7 @@ from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker
+from tests.draws import generator
 from tests.hard_cases.beams import is_sound
 
 
@@ -39,7 +40,7 @@ def antenna(antenna: Antenna) -> Antenna:
 def images(dataset: Path) -> dict[str, Grey]:
     observations = open_observations(dataset / "observations")
     pushed = observations.frames[0].image()
-    noise = np.random.default_rng(0).normal(60, 20, pushed.shape).clip(0, 255).astype(np.uint8)
+    noise = generator(__name__, 0).normal(60, 20, pushed.shape).clip(0, 255).astype(np.uint8)
     stub = pushed.copy()
     stub[:, 60:] = np.median(pushed)
     return {
@@ -175,10 +176,10 @@ def test_how_an_image_lies_in_memory_does_not_matter(dataset: Path, antenna: Ant
 
 
 def test_half_the_light_or_a_few_dead_pixels_do_little_harm(
-    dataset: Path, antenna: Antenna
+    dataset: Path, antenna: Antenna, random: np.random.Generator
 ) -> None:
     frame = open_observations(dataset / "observations").frames[1]
-    image, random = frame.image(), np.random.default_rng(0)
+    image = frame.image()
     dead = random.random(image.shape) < 0.05
     spots = np.where(dead, 255 * (random.random(image.shape) < 0.5), image).astype(np.uint8)
     for method in ("exact_fit", "exact_fit_3d", "push_fit"):

@@ -19,6 +19,7 @@ from solver.shading import SHADING, SHADING_SIGMA
 from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
+from tests.draws import generator
 from tests.laboratory import GUIDE, antenna, antenna_with
 
 SENSOR = Sensor()
@@ -26,7 +27,7 @@ TILT = 3e-3
 
 
 def image(light: Floats, seed: int) -> Grey:
-    return SENSOR(light, np.random.default_rng(seed))
+    return SENSOR(light, generator(__name__, seed))
 
 
 @pytest.mark.parametrize("kind", TIPS)
@@ -67,7 +68,9 @@ def test_where_nothing_is_seen_there_is_no_bow_to_take_off() -> None:
 
 @pytest.mark.parametrize("theta", [-0.5, 0.2, 0.5])
 @pytest.mark.parametrize("hidden", [0.0, 0.2, 0.4])
-def test_a_bow_is_taken_off_although_the_base_is_hidden(hidden: float, theta: float) -> None:
+def test_a_bow_is_taken_off_although_the_base_is_hidden(
+    hidden: float, theta: float, random: np.random.Generator
+) -> None:
     """A straight beam bends to `bent`; a bowed one lies off it by the bow, along the normal."""
     lab = bowed(np.array([2e-3, 0.0, 0.0]))
     straight = bent(theta, 0.7)
@@ -78,7 +81,7 @@ def test_a_bow_is_taken_off_although_the_base_is_hidden(hidden: float, theta: fl
     shown = GUIDE.pixels(straight + (2e-3 * s**2)[:, None] * normal)
     columns = np.arange(np.ceil(shown[0, 0] + hidden * 280), shown[-1, 0])
     rows = np.interp(columns, shown[:, 0], shown[:, 1])
-    rows += 0.01 * np.random.default_rng(1).standard_normal(len(rows))
+    rows += 0.01 * random.standard_normal(len(rows))
     line = down_columns(np.column_stack([columns, rows]), np.full(len(rows), 0.01))
     off = distances(to_measurement(lab, line).points, straight[::8])
     assert np.abs(off).max() < 0.05e-3
@@ -165,7 +168,7 @@ def scene(du: float, theta: float) -> Floats:
     """Light of a beam before a hub and stones on the ground, all shifted by du [px]."""
     seen_by = replace(GUIDE, camera=replace(GUIDE.camera, cx=GUIDE.camera.cx + du))
     v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
-    random = np.random.default_rng(3)
+    random = generator(__name__, 3)
     ground = np.full(u.shape, 0.05)
     for _ in range(40):
         x, y = random.uniform(10, WIDTH - 10), random.choice([12, 24, 104, 116])

@@ -12,6 +12,7 @@ import pytest
 
 import vbaa_bench as vb
 from solver.instrument.images import read_grey
+from tests.draws import scene_seed
 from vbaa_bench.api import frame as frame_module
 from vbaa_bench.api import results as results_module
 from vbaa_bench.api import scene as scene_module
@@ -93,7 +94,7 @@ def test_a_scene_in_python_is_checked_as_a_file_is() -> None:
 def test_a_scene_in_python_is_that_of_the_file(small_scene: Path) -> None:
     scene = vb.Scene(
         title="Four pushes for the tests",
-        seed=11,
+        seed=scene_seed(11),
         camera={
             "width_px": 512,
             "height_px": 176,

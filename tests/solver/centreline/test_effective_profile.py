@@ -13,6 +13,7 @@ from solver.centreline.profile import Section, profile
 from solver.centreline.stations import stations
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import HEIGHT, WIDTH, Sensor, bent, guide
+from tests.draws import generator
 
 TILT = 0.02
 RADIUS_PX = 0.8
@@ -44,7 +45,7 @@ def drawn(theta: float) -> tuple[Floats, Floats]:
 
 def images(theta: float, first: int, n: int) -> tuple[list[Grey], Floats]:
     light, pixels = drawn(theta)
-    return [SENSOR(light, np.random.default_rng(first + k)) for k in range(n)], pixels
+    return [SENSOR(light, generator(__name__, first + k)) for k in range(n)], pixels
 
 
 @cache
@@ -104,7 +105,7 @@ def test_a_section_is_sampled_as_it_is() -> None:
     half = table.value.shape[2] // 2
     offset = (np.arange(HEIGHT)[:, None] - centre) * 64 + half
     light += 0.5 * np.interp(offset, np.arange(2 * half + 1), table.value[0, 0])
-    rest = [SENSOR(light, np.random.default_rng(k)) for k in range(4)]
+    rest = [SENSOR(light, generator(__name__, k)) for k in range(4)]
     path = np.column_stack([columns, centre]).astype(np.float64)
     read = read_columns(rest, stations(path, light.shape), 6, Noise(1.0, 0.03), 255)
     effective = effective_profile(read, 4.0, 1)

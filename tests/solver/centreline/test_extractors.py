@@ -7,10 +7,11 @@ from solver.centreline.extractors import EXTRACTORS, learn_area_weighted
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from tests.beam_images import Look, Sensor, bent, distances, drawn, guide
+from tests.draws import generator
 
 
 def at_rest(look: Look, roll: float = 0.0) -> list[Grey]:
-    light, random = drawn(guide(roll), bent(0.0), look), np.random.default_rng(1)
+    light, random = drawn(guide(roll), bent(0.0), look), generator(__name__, 1)
     return [Sensor()(light, random) for _ in range(2)]
 
 

@@ -1,11 +1,11 @@
 """The door of an observations tree: tables and images that are odd, damaged or malicious."""
 
 import os
-import random
 import shutil
 import struct
 import zlib
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from solver.instrument.image_frame import ImageFrame
 from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, open_rig
+from tests.draws import scene_seed
 from vbaa_bench.dataset.exr_channels import channels
 from vbaa_bench.geometry.mesh_file import read_mesh
 
@@ -43,7 +44,7 @@ def read(table: Path, text: str) -> list[ImageFrame]:
 
 
 def test_mutated_tables_are_read_or_refused(table: Path) -> None:
-    chance = random.Random(12)
+    chance = Random(scene_seed(12))
     refusals: list[str] = []
     for _ in range(500):
         cells = [COLUMNS.split(","), CELLS.split(",")]

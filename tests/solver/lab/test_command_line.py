@@ -25,6 +25,7 @@ from solver.instrument.images import png_bytes, read_grey
 from solver.instrument.observation import Observations, open_observations
 from solver.set_up import set_up
 from tests.command_line import CommandLine
+from tests.draws import generator
 
 
 class CalibratesOnce:
@@ -389,7 +390,7 @@ def under_weight(
     profile[:, beside] = 0.0
     row = at_rest[:, 200].argmax()
     bright = (at_rest[row - 3 : row + 4, 200] - ground).sum() / width
-    noise = 0.7 * np.random.default_rng(2).standard_normal(profile.shape)
+    noise = 0.7 * generator(__name__, 2).standard_normal(profile.shape)
     return np.asarray((ground + bright * profile + noise).round().clip(0, 255), np.uint8)
 
 

@@ -50,13 +50,13 @@ def test_a_second_root_is_told() -> None:
         assert answer.sigma("psi_rad") > 0
 
 
-def test_under_noise_it_errs_as_much_as_it_says() -> None:
-    random, pulls, errors, places = np.random.default_rng(0), [], [], []
+def test_under_noise_it_errs_as_much_as_it_says(random: np.random.Generator) -> None:
+    pulls, errors, places = [], [], []
     answers = 0
     for psi in np.radians([0, 20, 40]):
         for x_c in (0.11, 0.17):
             clean, _ = linear(x_c, psi)
-            for _ in range(6):
+            for _ in range(40):
                 noise = np.column_stack([np.zeros(len(clean)), random.normal(0, SIGMA, len(clean))])
                 answer = three_point(inclined(clean + noise, SIGMA))
                 if not answer.values:
@@ -65,7 +65,7 @@ def test_under_noise_it_errs_as_much_as_it_says() -> None:
                 errors.append(answer.values["psi_rad"] - psi)
                 pulls.append(errors[-1] / answer.sigma("psi_rad"))
                 places.append(answer.values["x_c_m"] - x_c)
-    assert answers >= 34
+    assert answers >= 222  # of 240
     # Perspective tells psi to some twenty degrees (the note beside the paper: 16 to 21).
     assert 5 < np.degrees(np.sqrt(np.mean(np.square(errors)))) < 35
     assert np.mean(np.abs(pulls) < 2) > 0.7

@@ -19,6 +19,7 @@ from solver.instrument.observation import Observations
 from solver.instrument.transforms import rigid
 from solver.methods import METHODS
 from tests.command_line import CommandLine
+from tests.draws import generator
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.budget.errors import Errors, NamedMethod, errors_of
 from vbaa_bench.benchmarks.budget.shares import (
@@ -37,8 +38,8 @@ from vbaa_bench.report.budget import REMAINDER, TOTAL, read_budget
 CAUSES = list(Cause)
 
 
-def test_causes_add_up_to_the_total() -> None:
-    errors = np.random.default_rng(1).normal(size=(len(CAUSES), 50))
+def test_causes_add_up_to_the_total(random: np.random.Generator) -> None:
+    errors = random.normal(size=(len(CAUSES), 50))
     assert errors_by_cause(errors).sum(axis=0) == pytest.approx(errors[0])
     shares = shares_of(Errors(errors, errors[:2], errors[0]), CAUSES, np.arange(50) // 5)
     assert shares[TOTAL].bias == pytest.approx(
@@ -49,9 +50,10 @@ def test_causes_add_up_to_the_total() -> None:
     assert all(share.low <= share.rmse <= share.high for share in shares.values())
 
 
-def test_noise_and_systematic_error_of_the_points_are_separated() -> None:
+def test_noise_and_systematic_error_of_the_points_are_separated(
+    random: np.random.Generator,
+) -> None:
     """Noise of 2 and an offset of 1 per frame, before stages without error."""
-    random = np.random.default_rng(2)
     by_stage = np.zeros((len(CAUSES), 4000))
     by_stage[0] = 1 + 2 * random.standard_normal(4000)
     by_noise = 2 * random.standard_normal((4, 4000))
@@ -76,13 +78,13 @@ def test_points_move_onto_a_circle_along_their_directions() -> None:
     assert np.isnan(beyond).all()
 
 
-def test_simulated_noise_has_the_stated_sigmas() -> None:
+def test_simulated_noise_has_the_stated_sigmas(random: np.random.Generator) -> None:
     line = Centreline(
         np.zeros((20_000, 2)),
         np.tile([0.6, 0.8], (20_000, 1)),
         np.linspace(0.01, 0.05, 20_000),
     )
-    shift = noisy(line, np.random.default_rng(3)).points
+    shift = noisy(line, random).points
     assert shift @ [0.8, -0.6] == pytest.approx(0)
     assert np.std(shift @ [0.6, 0.8] / line.sigma) == pytest.approx(1, rel=0.02)
 
@@ -101,7 +103,7 @@ class Perfect:
         frames = list(self.observations)
         name = NamedMethod(method, METHODS[method])
         stages = stages_of(antenna, self.world)
-        errors = errors_of(frames, self.rows, stages, self.world, name, 0, np.random.default_rng(0))
+        errors = errors_of(frames, self.rows, stages, self.world, name, 0, generator(__name__, 0))
         assert np.isfinite(errors.by_stage).all()
         groups = np.arange(len(frames))
         return {name: share.rmse for name, share in shares_of(errors, CAUSES, groups).items()}

@@ -8,11 +8,12 @@ import pytest
 from solver.calibrate.calibration import Calibration
 from solver.instrument.board import LineNetwork
 from solver.instrument.camera import Camera
+from tests.draws import seeded
 from vbaa_bench.benchmarks.check_camera import Check, check_camera, record
 from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.rigs import nominal_rig
 
-SCENE = """
+SCENE = seeded("""
 title: A camera to be found
 seed: 3
 camera: {{width_px: 480, height_px: 300, focal_length_px: 640, distortion: {distortion}}}
@@ -20,7 +21,7 @@ optics: {{point_spread_px: 0.5}}
 calibration: {{{calibration}}}
 render: {{noise_elsewhere: {noise}}}
 pushes: {{contact_distance_mm: [100], deflection_pct: [10]}}
-"""
+""")
 # Distortion, calibration target, and the noise target, of which board views have twice: more noise
 # than in a dataset, and fewer views, so that a target takes a few seconds. Errors are up to 0.8 of
 # their limits.

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import SMALL_SCENE
+from tests.conftest import SCENE_TEXT
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.fork import fork_of_collection, fork_of_dataset
 from vbaa_bench.dataset.identity import (
@@ -20,7 +20,7 @@ VARIANT = "llvm_ad_mono"
 
 
 def scene(folder: Path, **changes: tuple[str, str]) -> SceneFile:
-    text = SMALL_SCENE
+    text = SCENE_TEXT
     for old, new in changes.values():
         assert old in text
         text = text.replace(old, new)

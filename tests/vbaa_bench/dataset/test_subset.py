@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from solver.instrument.errors import DamageError, InputError
 from solver.instrument.hashes import HASHES
 from solver.instrument.observation import open_observations
+from tests.draws import scene_seed
 from tests.sealing import reseal
 from vbaa_bench import cli
 from vbaa_bench.api.verification import verify
@@ -184,7 +185,7 @@ def test_facts_are_those_of_the_files(source: Layout, tmp_path: Path) -> None:
     assert (facts.failed_frames, len(facts.failures)) == (9, 5)
     assert facts.splits == {"train": 2, "test": 2}
     assert facts.image == "512 x 176 px, 8 bits"
-    assert (facts.seed, facts.title) == (11, "Four pushes for the tests")
+    assert (facts.seed, facts.title) == (scene_seed(11), "Four pushes for the tests")
     assert facts.derived == ["limits"]
     assert facts.solved == facts.scored == []
     done = CliRunner().invoke(cli.app, ["info", str(source.root)])

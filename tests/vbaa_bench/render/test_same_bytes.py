@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import generator, scene_seed
 from vbaa_bench.dataset.target import FAST, NATIVE, target
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
@@ -57,13 +58,15 @@ def test_a_pixel_does_not_depend_on_the_others(
     world = renderer.pushed_world(renderer.pose(spec))
     rows, columns = np.mgrid[60:100, 120:180].reshape(2, -1)
     pixels, size = np.column_stack([columns, rows]), random.integers(4, 32, len(rows))
-    everywhere = trace(world, pixels, size, 7, quantity)
+    everywhere = trace(world, pixels, size, scene_seed(7), quantity)
     some = random.permutation(len(rows))[: len(rows) // 3]
-    alone = trace(world, pixels[some], size[some], 7, quantity)
+    alone = trace(world, pixels[some], size[some], scene_seed(7), quantity)
     assert everywhere.radiance.any()
     assert (alone.radiance == everywhere.radiance[some]).all()
     assert (alone.variance == everywhere.variance[some]).all()
-    assert (trace(world, pixels, size, 8, quantity).radiance != everywhere.radiance).any()
+    assert (
+        trace(world, pixels, size, scene_seed(8), quantity).radiance != everywhere.radiance
+    ).any()
 
 
 def test_neighbours_and_seeds_have_independent_numbers(small_scene: Path, variant: str) -> None:
@@ -73,7 +76,7 @@ def test_neighbours_and_seeds_have_independent_numbers(small_scene: Path, varian
     world = renderer.pushed_world(renderer.pose(spec))
     rows, columns = np.mgrid[100:116, 20:84].reshape(2, -1)
     pixels, size = np.column_stack([columns, rows]), np.full(len(rows), 4)
-    images = [trace(world, pixels, size, seed, "still").radiance for seed in range(64)]
+    images = [trace(world, pixels, size, scene_seed(seed), "still").radiance for seed in range(64)]
     z = np.reshape(images, (64, 16, 64))
     z = (z - z.mean(axis=0)) / z.std(axis=0)
     # Under independence, the mean of n products has the standard deviation n^-1/2.
@@ -104,7 +107,7 @@ def test_the_width_of_vectors_changes_few_pixels(
 
 def exposed(sensor: Sensor, bits: int, rendered: RenderedRadiance) -> Floats:
     """Expose with another number of bits and the noise of one seed."""
-    noise = np.random.default_rng(1)  # the same for both widths
+    noise = generator(__name__, 1)  # the same for both widths
     gray = replace(sensor, bits=bits, gain=None).expose(rendered.radiance, noise, rendered.variance)
     return gray.astype(float)
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.draws import generator
 from vbaa_bench.generation.frame_renderer import FrameRenderer, metered_frames
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.sample_table import Sampled, SampleTable, kinds
@@ -17,7 +18,7 @@ SCENES = Path(__file__).parents[3] / "scenes"
 
 def sampled(table: SampleTable, count: int, seed: int) -> Sampled:
     """Pixels whose variance is known: a tenth of what is predicted, falling more slowly."""
-    random = np.random.default_rng(seed)
+    random = generator(__name__, seed)
     kind = kinds(np.ones(count, np.bool_), np.ones(count, np.bool_), False)
     predicted = np.full(count, 64.0)
     size = table.corrected(kind, predicted)
