@@ -6,11 +6,11 @@ variant is therefore tried in a child process first.
 
 import json
 import subprocess
-import sys
 from dataclasses import dataclass
 from typing import Final
 
 from solver.instrument.errors import InputError
+from solver.instrument.safe_path import PYTHON
 
 FAST: Final = "llvm_ad_mono"
 CUDA: Final = "cuda_ad_mono"
@@ -69,7 +69,7 @@ def probe(variant: str) -> Probe:
 
 
 def _rendered(variant: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", _PROBE, variant]
+    command = [*PYTHON, "-c", _PROBE, variant]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 

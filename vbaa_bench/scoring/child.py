@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import threading
 from collections import Counter
@@ -17,6 +16,7 @@ from typing import IO, Any, Final, NamedTuple
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
+from solver.instrument.safe_path import PYTHON
 from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path
 from solver.methods import METHODS
@@ -259,8 +259,7 @@ def _supervisor(
 
     When its standard input ends, also because this process has ended, it ends with the method.
     """
-    # -P: nothing is imported from the folder where it starts.
-    command = [sys.executable, "-P", "-c", _SUPERVISOR, *task]
+    command = [*PYTHON, "-c", _SUPERVISOR, *task]
     readable, writable = os.pipe()
     listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
     listener.start()
