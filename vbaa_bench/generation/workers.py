@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from solver.instrument.safe_path import safe_path
+from vbaa_bench.generation.cpu_quota import quota_cores
 from vbaa_bench.generation.job import Ended, Job, WorkerDiedError
 from vbaa_bench.generation.worker_process import serve
 
@@ -29,12 +30,14 @@ GRACE_S: Final = 5.0
 
 
 def cores() -> int:
-    """Count the processor cores that this process may use."""
+    """Count the processor cores that this process may use, by its affinity and its quota."""
     if hasattr(os, "process_cpu_count"):  # from Python 3.13
-        return os.process_cpu_count() or 1
-    if hasattr(os, "sched_getaffinity"):  # not on Windows and macOS
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        count = os.process_cpu_count() or 1
+    elif hasattr(os, "sched_getaffinity"):  # not on Windows and macOS
+        count = len(os.sched_getaffinity(0))
+    else:
+        count = os.cpu_count() or 1
+    return min(count, quota_cores() or count)
 
 
 @dataclass(eq=False)
