@@ -2,7 +2,15 @@
 
 import hashlib
 import os
+import time
 from pathlib import Path
+from typing import Final
+
+# A rename that Windows refuses is tried again for this time, at this interval [s]. Chosen: scanners
+# hold a new file for a fraction of a second.
+_MAX_REFUSED_S: Final = 2.0
+_RETRY_S: Final = 0.02
+_IS_WINDOWS: Final = os.name == "nt"
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -13,9 +21,25 @@ def write_bytes(path: Path, data: bytes) -> None:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
-        temporary.replace(path)
+        move_into_place(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def move_into_place(source: Path, target: Path) -> None:
+    """Rename a file or folder to `target`, which it replaces. Raises OSError.
+
+    Windows refuses this while another process, often a virus scanner, has either of them open.
+    """
+    end = time.monotonic() + _MAX_REFUSED_S
+    while True:
+        try:
+            source.replace(target)
+            return
+        except PermissionError:
+            if not _IS_WINDOWS or time.monotonic() > end:
+                raise
+        time.sleep(_RETRY_S)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -25,7 +49,7 @@ def write_text(path: Path, text: str) -> None:
 
 def sync_folder(folder: Path) -> None:
     """Wait until the names in a folder are on the disk. Raises OSError."""
-    if os.name == "nt":  # Windows cannot open folders, and journals renames itself
+    if _IS_WINDOWS:  # it cannot open folders, and journals renames itself
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:

@@ -13,6 +13,12 @@ from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import read_bytes
 
+if not hasattr(cv2, "IMWRITE_PNG_FILTER"):
+    raise InputError(
+        f"OpenCV {cv2.__version__} is too old, 4.12 or newer is needed: "
+        "pip install --upgrade opencv-contrib-python-headless"
+    )
+
 # Sensor noise cannot be predicted from its neighbours: neither a search for repeats nor a row
 # filter reduces the size. For 8 bits these settings take two thirds of the time of OpenCV's
 # default, and four fifths of the bytes.

@@ -11,11 +11,11 @@ import typer
 from rich.console import Console
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
-from solver.instrument.errors import InputError
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import open_rig, rig_file
 from solver.instrument.rig_json import read_rig
 from solver.lab.check import calibration_report
+from solver.lab.command_end import run_command
 from solver.lab.console import console, setting_up, table, with_progress
 from solver.lab.controls import controls_of
 from solver.lab.input_options import (
@@ -189,7 +189,7 @@ for command in (rigidity, learn, outline, photos):
 def main() -> None:
     """Run `solve`, unless the first word names another command.
 
-    An input error prints one sentence and exits with status 2.
+    The process exits as `run_command` does.
     """
     # Errors of images are reported by InputError, not by OpenCV's log.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -199,8 +199,4 @@ def main() -> None:
     ]
     if arguments and arguments[0] not in (*commands, "--help"):
         arguments = ["solve", *arguments]
-    try:
-        app(arguments)
-    except InputError as error:
-        console.print(f"error: {error}", markup=False)
-        sys.exit(2)
+    run_command(lambda: app(arguments))

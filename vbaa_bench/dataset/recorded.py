@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from solver.instrument.errors import DamageError, InputError
-from solver.instrument.files import sync_folder, write_bytes
+from solver.instrument.files import move_into_place, sync_folder, write_bytes
 from solver.instrument.hashes import HASHES, MEND, digest, hashes_bytes, read_hashes
 from vbaa_bench.dataset.lock import locked
 
@@ -37,7 +37,7 @@ def write_recorded(folder: Path, files: Mapping[str, bytes], removed: Collection
             # The hashes come first: files of two runs are never mixed without a message.
             write_bytes(folder / HASHES, hashes_bytes(kept | digests))
             for name, path in aside.items():
-                path.replace(folder / name)
+                move_into_place(path, folder / name)
             for name in removed:
                 (folder / name).unlink(missing_ok=True)
             sync_folder(folder)

@@ -12,6 +12,7 @@ from typing import ClassVar, Final
 
 import polars as pl
 
+from solver.instrument.files import move_into_place
 from vbaa_bench.exports.columns import SHARD
 from vbaa_bench.exports.croissant import document_errors, write_exported
 from vbaa_bench.exports.format import Exported, Format
@@ -82,7 +83,7 @@ image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
             for number in range(count):
                 path = folder / "data" / f"{split}-{number:05d}.parquet"
                 if path.exists():
-                    path.rename(path.with_stem(f"{path.stem}-of-{count:05d}"))
+                    move_into_place(path, path.with_stem(f"{path.stem}-of-{count:05d}"))
         write_exported(folder, source)
 
     def read_back(self, folder: Path, source: Source) -> Iterator[Exported]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from solver.instrument.errors import InputError
+from solver.instrument.safe_path import PYTHON
 from vbaa_bench.dataset.target import FAST, NATIVE, Target, reference_target
 
 CUDA: Final = "cuda_ad_mono"
@@ -72,7 +73,7 @@ def probe(variant: str) -> Probe:
 
 
 def _rendered(variant: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", _PROBE, _mitsuba_name(variant)]
+    command = [*PYTHON, "-c", _PROBE, _mitsuba_name(variant)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 

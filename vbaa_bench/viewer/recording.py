@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from solver.instrument.errors import InputError
+from solver.instrument.files import move_into_place
 from solver.instrument.hashes import digest
 from vbaa_bench.report import palette
 from vbaa_bench.viewer.blueprint import blueprint
@@ -49,7 +50,7 @@ def write_recording(
             progress(done + 1)
         stream.flush()
         stream.disconnect()
-        aside.replace(out)
+        move_into_place(aside, out)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
     finally:
