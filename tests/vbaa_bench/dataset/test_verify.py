@@ -191,7 +191,7 @@ def test_a_collection_is_compared_with_its_tables(dataset: Path, tmp_path: Path)
     layout = CollectionLayout(tmp_path / "rigs")
     for number in (0, 1, 3):
         shutil.copytree(dataset, layout.rig(number).root)
-    layout.write_scene({"title": "Rigs", "rigs": 4})
+    layout.write_scene({"title": "Rigs", "rigs": 4}, {})
     reasons = {0: None, 1: "too stiff", 2: None}
     layout.write_rows({n: {"rig": str(n), "reason": reason} for n, reason in reasons.items()})
     assert named(layout.root) == {
