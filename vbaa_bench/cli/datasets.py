@@ -19,6 +19,10 @@ def verify(
         Path | None,
         typer.Option(help="scene file, for --repair", show_default="the dataset's own record"),
     ] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(help="digest that the dataset must have, which generate has printed"),
+    ] = None,
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
@@ -52,6 +56,7 @@ def verify(
             METHODS,
             repair=repair,
             scene=file,
+            against=against,
             workers=workers,
             on_shard=on_shard,
             on_fault=on_fault,

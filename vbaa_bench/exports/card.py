@@ -38,6 +38,8 @@ _PAGE: Final = """\
   `calibration/` (views of a board, view 0 in the calibration plane), `rest/` (the beam before
   contact), and `truth_manifest.json` (the true rig and camera, which a method must not use).
 {layout}
+- The digest of the dataset from which this was exported is `{digest}`;
+  `vbaa-bench verify DATASET --against` it compares a copy of that dataset.
 - Images are gray, with {bits} bits per pixel. The split of a frame is that of its push or rig.
 
 ## Columns
@@ -75,6 +77,7 @@ def card(source: Source, chosen: Format) -> str:
         counts=f"{source.frames} frames of {rigs}: {counts}.",
         loading=chosen.loading.replace("{split}", next(iter(source.splits))),
         layout=chosen.layout,
+        digest=source.digest,
         bits=" or ".join(map(str, depths)),
         readings=_table(["push_id", "step", *schema.readings]),
         labels=_table(schema.labels),

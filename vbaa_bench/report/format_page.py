@@ -14,6 +14,7 @@ from vbaa_bench.dataset import (
     exr,
     exr_channels,
     layout,
+    overall_digest,
     parquet,
     recorded,
     scene_files,
@@ -41,6 +42,7 @@ _SECTIONS: Final = (
     Section("Subsets", subset),
     Section("Hashes", hashes),
     Section("Hashes of results", recorded),
+    Section("Digest", overall_digest),
     Section("Version of the format", schema),
 )
 _HEAD: Final = """# Format of datasets
