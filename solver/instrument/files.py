@@ -2,15 +2,16 @@
 
 import errno
 import hashlib
+import io
 import os
 import stat
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Final
 
 NOT_REGULAR: Final = "it is not a regular file"
 
 
-def open_regular(path: Path) -> BinaryIO:
+def open_regular(path: Path) -> io.BufferedReader:
     """Open a regular file for reading. Raises OSError, also for a pipe or a device.
 
     Reading those may never end, and opening a pipe waits for its writer.

@@ -7,7 +7,7 @@ import typer
 
 from vbaa_bench.cli.interrupt import importing
 from vbaa_bench.cli.options import METHODS, AsJson, DatasetPath, Workers
-from vbaa_bench.report.console import console, print_result, progress_bars
+from vbaa_bench.report.console import console, print_line, print_result, progress_bars
 
 
 def verify(
@@ -44,7 +44,7 @@ def verify(
 
         def on_fault(sentence: str) -> None:
             if not as_json:
-                bars.console.print(sentence, markup=False, soft_wrap=True)
+                print_line(sentence)
 
         rendering = bars.add_task("rendering", total=None, visible=False)
 

@@ -109,13 +109,15 @@ def _refusal(layout: Layout, recorded: Identity, here: Identity) -> str:
     changed = {part: _changes(part, recorded, here) for part in ("scene", "files", "made_with")}
     modules = [change.key or "an older one" for change in _changes("code", recorded, here)]
     code = [f"{len(modules)} modules of the code"] if modules else []
-    if changed["files"] and not changed["scene"]:
+    if changed["files"]:
         names = listing([change.key for change in changed["files"]])
-        return (
-            f"{layout.root}: was made with other files than those beside the scene ({names}); put "
-            f"back the files with which it was made, of which {layout.files} has copies, or "
+        remedy = (
+            f"put back the files with which it was made, of which {layout.files} has copies, or "
             f"{remedy}"
         )
+        if not changed["scene"]:
+            files = f"other files than those beside the scene ({names})"
+            return f"{layout.root}: was made with {files}; {remedy}"
     if changed["scene"]:
         grid = (here["scene"]["sampling"] or {}).get("method") == "grid"
         if grid and any(change.key == "sampling.count" for change in changed["scene"]):

@@ -85,12 +85,11 @@ def read_file(folder: Path, name: str, kind: Kind) -> FileContent:
 def file_digests(file: SceneFile) -> dict[str, str]:
     """Compute the sha256 of all files that a scene names or may draw, by their names in a dataset.
 
-    Raises SceneFileError, with the scene's key.
+    They are sorted: a scene that is read from a record has its keys in another order. Raises
+    SceneFileError, with the scene's key.
     """
-    return {
-        name_in_dataset(named.name): digest(_content(file, named).data)
-        for named in file.named_files
-    }
+    named = {name_in_dataset(one.name): one for one in file.named_files}
+    return {name: digest(_content(file, one).data) for name, one in sorted(named.items())}
 
 
 def copy_files(file: SceneFile, digests: Mapping[str, str], folder: Path) -> SceneFile:

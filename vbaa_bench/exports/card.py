@@ -1,5 +1,6 @@
 """The card of an export: README.md, with what the data are, their columns and their licence."""
 
+import re
 from collections.abc import Iterable
 from typing import Final
 
@@ -8,6 +9,8 @@ from vbaa_bench.exports.columns import description
 from vbaa_bench.exports.format import Format
 from vbaa_bench.exports.source import Source
 
+# Characters of a text that Markdown or HTML would take for markup.
+_MARKED: Final = re.compile(r"[\\`*_\[\]<>#|&]")
 DATA_LICENCE: Final = "CC-BY-4.0"
 DATA_LICENCE_URL: Final = "https://creativecommons.org/licenses/by/4.0/"
 PAPER: Final = (
@@ -72,7 +75,7 @@ def card(source: Source, chosen: Format) -> str:
     schema = source.schema
     return _PAGE.format(
         front=chosen.front_matter(source),
-        title=source.title,
+        title=_MARKED.sub(r"\\\g<0>", source.title),
         summary=SUMMARY,
         counts=f"{source.frames} frames of {rigs}: {counts}.",
         loading=chosen.loading.replace("{split}", next(iter(source.splits))),
@@ -92,5 +95,6 @@ def _table(names: Iterable[str]) -> str:
     for name in names:
         column = description(name)
         cells = (f"`{name}`", unit(name), column.frame, column.meaning, column.null)
-        lines.append(f"| {' | '.join(cells)} |")
+        texts = (" ".join(cell.split()).replace("|", "\\|") for cell in cells)
+        lines.append(f"| {' | '.join(texts)} |")
     return "\n".join(lines)

@@ -14,7 +14,7 @@ from typing import Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted
+from solver.instrument.errors import InputError, printable, quoted
 from solver.instrument.hashes import HASHES, digest, read_bytes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.layout import Layout
@@ -59,8 +59,8 @@ class Source:
 
     @property
     def title(self) -> str:
-        """Title of the scene."""
-        return str(next(iter(self.rigs.values())).stated("title"))
+        """Title of the scene, on one line."""
+        return " ".join(printable(str(next(iter(self.rigs.values())).stated("title"))).split())
 
     def rows(self, frames: pl.DataFrame) -> pl.DataFrame:
         """Read all columns of some rows of the index, in their order. Raises InputError."""

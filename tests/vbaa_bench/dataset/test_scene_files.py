@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from solver.instrument.errors import InputError
 from tests.conftest import SMALL_SCENE
+from vbaa_bench.api.verification import verify
 from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.identity import (
@@ -22,8 +23,9 @@ from vbaa_bench.dataset.identity import (
     write_identity,
 )
 from vbaa_bench.dataset.layout import Layout
+from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.scene_files import copy_files, file_digests, read_file
-from vbaa_bench.generation.collection import RigResult, generate_collection
+from vbaa_bench.generation.collection import RigGenerator, RigResult, generate_collection
 from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.generation.pushes import Pushes, PushSolver
 from vbaa_bench.scene.files import KEYS, MAX_BYTES, NAMES_FILE, SceneFileError, named_files
@@ -249,29 +251,81 @@ def test_names_that_a_dataset_cannot_have_are_refused(tmp_path: Path, name: str)
         read_file(tmp_path, name, "image")
 
 
-def test_a_collection_refuses_an_edited_file_before_it_writes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def drawn_rigs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SceneFile:
+    """Two rigs with one of two meshes each, which are not rendered."""
     write_files(tmp_path)
     path = tmp_path / "scene.yaml"
-    text = SMALL_SCENE.replace("seed: 11", "seed: 11\nrigs: 2").replace(
-        "views: 6", "views: 6}\nbeam: {length_mm: {uniform: [239, 241]}"
-    )
-    path.write_text(text + "object: {kind: mesh, file: {choice: [a.stl, meshes/b.stl]}}\n")
-    file, root = load_scene(path), tmp_path / "rigs"
-    monkeypatch.setattr(
-        "vbaa_bench.generation.collection._generate", lambda *_: [RigResult(0, {"rig": "0"}, "")]
-    )
-    generate_collection(file, root, "scalar_rgb", 0, quiet)
+    text = SMALL_SCENE.replace("seed: 11", "seed: 11\nrigs: 2")
+    text += "object: {kind: mesh, file: {choice: [a.stl, meshes/b.stl]}}\n"
+    path.write_text(text, encoding="utf-8")
+    results = [RigResult(0, {"rig": "0", "reason": "too stiff"}, "too stiff")]
+    monkeypatch.setattr("vbaa_bench.generation.collection._generate", lambda *_: results)
+    return load_scene(path)
+
+
+def test_a_collection_refuses_an_edited_file_before_it_writes(
+    drawn_rigs: SceneFile, tmp_path: Path
+) -> None:
+    root = tmp_path / "rigs"
+    generate_collection(drawn_rigs, root, "scalar_rgb", 0, quiet)
     layout = CollectionLayout(root)
     assert set(layout.read_files()) == {"a.stl", "meshes/b.stl"}
-    assert (layout.files / "meshes" / "b.stl").is_file()
     whole = {one: one.read_bytes() for one in root.rglob("*") if one.is_file()}
-    generate_collection(file, root, "scalar_rgb", 0, quiet)
+    assert layout.files / "meshes" / "b.stl" in whole
+    generate_collection(drawn_rigs, root, "scalar_rgb", 0, quiet)
     write_files(tmp_path, 11.0)
     with pytest.raises(InputError, match=r"other files than those beside the scene \(a\.stl, mes"):
-        generate_collection(file, root, "scalar_rgb", 0, quiet)
+        generate_collection(drawn_rigs, root, "scalar_rgb", 0, quiet)
     (tmp_path / "a.stl").unlink()
     with pytest.raises(InputError, match=r"a\.stl: cannot be read"):
-        generate_collection(file, root, "scalar_rgb", 0, quiet)
+        generate_collection(drawn_rigs, root, "scalar_rgb", 0, quiet)
     assert {one: one.read_bytes() for one in root.rglob("*") if one.is_file()} == whole
+
+
+def test_files_of_a_collection_are_verified_and_merged(
+    drawn_rigs: SceneFile, tmp_path: Path
+) -> None:
+    parts = [tmp_path / "one", tmp_path / "two"]
+    for part in parts:
+        generate_collection(drawn_rigs, part, "scalar_rgb", 0, quiet)
+        assert verify(part).faults == []
+    merge(parts, tmp_path / "merged")
+    assert verify(tmp_path / "merged").faults == []
+    copy = CollectionLayout(tmp_path / "merged").files / "meshes" / "b.stl"
+    write_files(copy.parent.parent, 11.0)
+    (copy.parent / "c.stl").touch()
+    found = {fault.path.name for fault in verify(tmp_path / "merged").faults}
+    assert found == {"a.stl", "b.stl", "c.stl", "a.png", "b.png"}
+    with pytest.raises(SceneFileError, match="is not the file with which the dataset was made"):
+        read_file(copy.parent.parent, "meshes/b.stl", "mesh")
+    write_files(tmp_path, 11.0)
+    other = tmp_path / "other"
+    generate_collection(load_scene(drawn_rigs.path), other, "scalar_rgb", 0, quiet)
+    with pytest.raises(InputError, match="is no part of the collection"):
+        merge([parts[0], other], tmp_path / "both")
+
+
+def test_an_error_of_a_file_or_of_another_dataset_is_no_property_of_a_rig(
+    drawn_rigs: SceneFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for error in (SceneFileError("a.stl: cannot be read"), OtherDatasetError("another")):
+
+        def refused(*_: object, error: InputError = error, **__: object) -> None:
+            raise error
+
+        monkeypatch.setattr("vbaa_bench.generation.collection.generate", refused)
+        generator = RigGenerator(drawn_rigs, "scalar_rgb", 1)
+        with pytest.raises(type(error)):
+            generator.rig(quiet, 0, tmp_path / "rig", {})
+
+
+def test_the_reason_of_an_impossible_rig_does_not_depend_on_the_folder(
+    drawn_rigs: SceneFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise InputError(f"object: {tmp_path}/a.stl: is 4 m across")
+
+    monkeypatch.setattr("vbaa_bench.generation.collection.generate", refused)
+    result = RigGenerator(drawn_rigs, "scalar_rgb", 1).rig(quiet, 0, tmp_path / "rig", {})
+    assert result.reason == "object: a.stl: is 4 m across"
