@@ -114,10 +114,10 @@ class CollectionLayout:
                 f"{self.root}: holds the collection of another scene ({listing(changed)}); choose "
                 "another folder with --out, start beside it with --fork, or delete this one"
             )
-        if changed := [one.key for one in differences(self.read_files(), dict(files))]:
+        if edited := [one.key for one in differences(self.read_files(), dict(files))]:
             raise OtherDatasetError(
                 f"{self.root}: was made with other files than those beside the scene "
-                f"({listing(changed)}); put back the files with which it was made, of which "
+                f"({listing(edited)}); put back the files with which it was made, of which "
                 f"{self.files} has copies, choose another folder with --out, start beside it with "
                 "--fork, or delete this one"
             )

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from solver.instrument.errors import InputError
+from solver.instrument.errors import DamageError, InputError
 from solver.instrument.files import write_bytes
-from solver.instrument.hashes import digest, read_bytes, read_hashes
+from solver.instrument.hashes import MEND, digest, read_bytes, read_hashes
 from vbaa_bench.dataset.collection import CollectionLayout, is_collection
 from vbaa_bench.dataset.copied import seal_copy
 from vbaa_bench.dataset.differences import listing
@@ -131,7 +131,10 @@ def _merge_collections(parts: Sequence[CollectionLayout], out: CollectionLayout)
                 raise InputError(f"{part.root}: overlaps another part, both have rig {number}")
             _copy([layout], out.rig(number))
     out.write_rows(rows)
-    for name in files:
+    for name, recorded in files.items():
+        data = read_bytes(parts[0].files / name)
+        if digest(data) != recorded:
+            raise DamageError(f"{parts[0].files / name}: is not what was generated; {MEND}")
         (out.files / name).parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(out.files / name, read_bytes(parts[0].files / name))
+        write_bytes(out.files / name, data)
     out.write_scene(scene, files)

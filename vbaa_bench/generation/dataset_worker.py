@@ -6,7 +6,7 @@ from pathlib import Path, PurePath
 from typing import Final, NamedTuple
 
 from solver.instrument.errors import InputError
-from solver.instrument.files import write_bytes
+from solver.instrument.files import sha256, write_bytes
 from solver.instrument.hashes import digest
 from solver.instrument.images import png_bytes
 from vbaa_bench.dataset.aside import aside
@@ -152,12 +152,16 @@ class DatasetWorker:
         return f"{name}{text}"[:_REASON]
 
 
-def dataset_worker(root: Path, variant: str, threads: int) -> DatasetWorker:
+def dataset_worker(root: Path, identity: str, variant: str, threads: int) -> DatasetWorker:
     """Build the worker of a dataset from its identity.json, so that jobs need not carry the scene.
 
-    The files that the scene names are those of which the dataset has copies. Raises InputError.
+    `identity` is the sha256 of that file: a worker of a cluster outlives a dataset, and must not
+    render it into another one in the same folder. The files that the scene names are those of which
+    the dataset has copies. Raises InputError.
     """
     layout = Layout(root)
     values = read_json(layout.identity)["scene"]
+    if sha256(layout.identity) != identity:
+        raise InputError(f"{layout.identity}: has changed while the command ran; repeat it")
     file = recorded_scene({"title": root.name, **values}, layout.files)
     return DatasetWorker(file, layout, variant, threads)

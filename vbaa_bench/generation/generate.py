@@ -182,7 +182,8 @@ def _complete(
         table = SampleTable(np.array(facts["sample_table"]))
         metering = Metering(float(facts["exposure_per_radiance"]), table)
     else:
-        built = layout.root.resolve(), machine.variant, machine.threads_each
+        identity = hashes["truth"][layout.identity.name]
+        built = layout.root.resolve(), identity, machine.variant, machine.threads_each
         with machine.pool(dataset_worker, built, remark) as pool:
             missing = MissingFiles(layout, contents, shards, inventory, deaths)
             metering = missing.generate(pool, progress)

@@ -3,7 +3,7 @@
 import json
 import os
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import cv2
 import numpy as np
@@ -25,11 +25,13 @@ from vbaa_bench.dataset.identity import (
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.merge import merge
 from vbaa_bench.dataset.scene_files import copy_files, file_digests, read_file
+from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation.collection import RigGenerator, RigResult, generate_collection
+from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
 from vbaa_bench.generation.plan import check_scene
 from vbaa_bench.generation.pushes import Pushes, PushSolver
 from vbaa_bench.scene.files import KEYS, MAX_BYTES, NAMES_FILE, SceneFileError, named_files
-from vbaa_bench.scene.frames import Frames
+from vbaa_bench.scene.frames import FrameName, Frames
 from vbaa_bench.scene.load import SceneFile, load_scene, recorded_scene
 from vbaa_bench.scene.random_keys import parse
 from vbaa_bench.scene.rigs import true_rig
@@ -329,3 +331,23 @@ def test_the_reason_of_an_impossible_rig_does_not_depend_on_the_folder(
     monkeypatch.setattr("vbaa_bench.generation.collection.generate", refused)
     result = RigGenerator(drawn_rigs, "scalar_rgb", 1).rig(quiet, 0, tmp_path / "rig", {})
     assert result.reason == "object: a.stl: is 4 m across"
+
+
+def test_a_frame_whose_file_cannot_be_read_is_no_frame_that_failed(
+    layout: Layout, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def frame(*_: object) -> None:
+        raise SceneFileError("a.stl: cannot be read")
+
+    monkeypatch.setattr(DatasetWorker, "frame", frame)
+    worker = DatasetWorker.__new__(DatasetWorker)
+    layout.observations.mkdir()
+    with shard_writer(layout, 0) as writer:
+        with pytest.raises(SceneFileError):
+            worker._add(writer, FrameName("frame", 0), cast(Any, None), {})
+        assert writer.failed == 0
+
+
+def test_a_worker_renders_into_no_other_dataset(layout: Layout) -> None:
+    with pytest.raises(InputError, match=r"identity\.json: has changed while the command ran"):
+        dataset_worker(layout.root, "0" * 64, "scalar_rgb", 1)
