@@ -1,16 +1,48 @@
-"""Atomic writing of files: write to a temporary file, fsync, rename."""
+"""Reading of regular files, and atomic writing: write to a temporary file, fsync, rename."""
 
+import errno
 import hashlib
+import io
 import os
+import stat
 import time
 from pathlib import Path
 from typing import Final
 
+NOT_REGULAR: Final = "it is not a regular file"
 # A rename that Windows refuses is tried again for this time, at this interval [s]. Chosen: scanners
 # hold a new file for a fraction of a second.
 _MAX_REFUSED_S: Final = 2.0
 _RETRY_S: Final = 0.02
 _IS_WINDOWS: Final = os.name == "nt"
+
+
+def open_regular(path: Path) -> io.BufferedReader:
+    """Open a regular file for reading. Raises OSError, also for a pipe or a device.
+
+    Reading those may never end, and opening a pipe waits for its writer.
+    """
+    # Neither flag exists on every system: Windows has no O_NONBLOCK, and only Windows O_BINARY.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(path, flags)
+    mode = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(descriptor, "rb")
+    os.close(descriptor)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    raise OSError(errno.EINVAL, NOT_REGULAR, str(path))
+
+
+def read_regular(path: Path) -> bytes:
+    """Read a regular file. Raises OSError."""
+    with open_regular(path) as stream:
+        return stream.read()
+
+
+def holds(path: Path, data: bytes) -> bool:
+    """Test whether a regular file has this content. Raises OSError."""
+    return path.is_file() and read_regular(path) == data
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -59,6 +91,6 @@ def sync_folder(folder: Path) -> None:
 
 
 def sha256(path: Path) -> str:
-    """Compute the sha256 of a file, in hexadecimal. Raises OSError."""
-    with path.open("rb") as stream:
+    """Compute the sha256 of a regular file, in hexadecimal. Raises OSError."""
+    with open_regular(path) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -51,7 +51,7 @@ def check_camera(
     """
     scene, views = file.scene, file.scene.calibration.views
     rig, nominal = true_rig(scene), nominal_rig(scene)
-    renderer = FrameRenderer(scene, rig, file.path.parent.resolve(), variant, threads=0)
+    renderer = FrameRenderer(scene, rig, file.folder.resolve(), variant, threads=0)
     exposure = renderer.measure_exposure()
     images = []
     for view in range(views):

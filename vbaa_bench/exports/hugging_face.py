@@ -6,6 +6,7 @@ OUT/
   croissant.json, croissant_task.json   metadata, see croissant.py
 """
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import ClassVar, Final
@@ -25,7 +26,7 @@ from vbaa_bench.exports.source import Source
 _FILE_BYTES: Final = 128_000_000
 _FRONT: Final = """\
 ---
-pretty_name: "{title}"
+pretty_name: {title}
 license: cc-by-4.0
 task_categories:
 - other
@@ -103,8 +104,8 @@ image, x_c_mm = frames[0]["image"], frames[0]["x_c_mm"]
     def front_matter(self, source: Source) -> str:
         """State licence, size and the files of every split, in YAML."""
         files = "\n".join(
-            f"  - split: {split}\n    path: data/{split}-*.parquet" for split in source.splits
+            f'  - split: "{split}"\n    path: "data/{split}-*.parquet"' for split in source.splits
         )
-        title = source.title.replace("\\", " ").replace('"', "'")
+        title = json.dumps(source.title, ensure_ascii=False)  # which is YAML, too
         size = next((name for name, most in _SIZES.items() if source.frames < most), "10M<n<100M")
         return _FRONT.format(title=title, size=size, files=files)

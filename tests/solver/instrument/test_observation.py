@@ -18,7 +18,7 @@ from solver.instrument.metadata import read_frames
 from solver.instrument.observation import open_observations, open_rig
 from tests.draws import scene_seed
 from vbaa_bench.dataset.exr_channels import channels
-from vbaa_bench.geometry.mesh_file import read_mesh
+from vbaa_bench.dataset.scene_files import read_file
 
 COLUMNS = (
     "file_name,frame_id,motor_angle_deg,push_id,step,removed_from_mm,removed_to_mm,"
@@ -88,11 +88,11 @@ def test_what_excel_writes_is_read(table: Path) -> None:
 def test_pipes_are_no_files(tmp_path: Path) -> None:
     for name in ("metadata.csv", "mesh.stl", "sky.exr"):
         os.mkfifo(tmp_path / name)
-    with pytest.raises(InputError, match="it is no file"):
+    with pytest.raises(InputError, match="it is not a regular file"):
         list(read_frames(tmp_path / "metadata.csv"))
-    with pytest.raises(InputError, match="it is no file"):
-        read_mesh(tmp_path / "mesh.stl", 1e-3)
-    with pytest.raises(InputError, match="it is no file"):
+    with pytest.raises(InputError, match="it is not a regular file"):
+        read_file(tmp_path, "mesh.stl", "mesh")
+    with pytest.raises(InputError, match="it is not a regular file"):
         channels(tmp_path / "sky.exr")
 
 

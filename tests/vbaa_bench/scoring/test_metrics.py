@@ -333,3 +333,14 @@ def test_a_knocked_camera_may_be_refused() -> None:
         manifest = {**true.manifest, "scene": {**scene, "camera": camera}}
         found = right_refusals(replace(true, manifest=manifest))["may_say"][0]
         assert set(found) == allowed
+
+
+def test_texts_of_a_table_are_short_and_fit_for_a_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "mine.csv"
+    head = "frame_id,x_c_mm,outcome,message\n"
+    path.write_text(f"{head}f0,,invalid,=1+1\nf1,,invalid,\x1b[2Jx\nf2,,invalid,right\n")
+    messages = read_predictions(path)["message"].to_list()
+    assert messages == ["'=1+1", "\\x1b[2Jx", "right"]
+    path.write_text(f"{head}f0,,invalid,{'x' * 10_001}\n")
+    with pytest.raises(InputError, match="message has a cell of 10,001 bytes, allowed are 10,000"):
+        read_predictions(path)
