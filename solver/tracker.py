@@ -11,7 +11,7 @@ from solver.at_rest.image_shift import image_shift
 from solver.centreline import Centreline
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.image_frame import NO_READINGS, Readings
 from solver.instrument.images import to_grey
 from solver.instrument.measurement import Measurement
@@ -150,13 +150,15 @@ def reject_moved_camera(antenna: Antenna, image: Grey) -> Estimate | None:
         Outcome.CAMERA_MOVED,
         f"the image has shifted by {shift.du:.2f} px along its rows and {shift.dv:.2f} px down "
         "since the rest images: record new ones",
+        assumption=Assumption.CAMERA_AT_REST,
     )
 
 
 def run_method(method: Method, measurement: Measurement, remark: str = "") -> Estimate:
     """Run a method on a measurement; any error or other result gives the outcome "crashed".
 
-    A `remark` on the image is added to the message.
+    A `remark` on the light of the image is added to the message; a misfit that contradicts nothing
+    else contradicts the light.
     """
     try:
         result: object = method(measurement)
@@ -166,4 +168,8 @@ def run_method(method: Method, measurement: Measurement, remark: str = "") -> Es
         return Estimate(Outcome.CRASHED, f"returned {type(result).__name__}, not an Estimate")
     if not remark:
         return result
-    return replace(result, message="; ".join(filter(None, (result.message, remark))))
+    assumption = result.assumption
+    if result.outcome is Outcome.INVALID and assumption is None:
+        assumption = Assumption.LIGHT
+    message = "; ".join(filter(None, (result.message, remark)))
+    return replace(result, message=message, assumption=assumption)

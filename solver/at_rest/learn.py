@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.at_rest.landmarks import Landmarks, learn_landmarks
+from solver.at_rest.motion import moved
 from solver.at_rest.pose import Rest, disagreements, learn_rest
 from solver.at_rest.thresholds import LIMITS
 from solver.calibrate import Calibration
@@ -69,8 +70,8 @@ def learn_at_rest(
 ) -> AtRest:
     """Learn the beam at rest from gray images (height, width) of it.
 
-    `learn` makes the extractor. Raises InputError where the images show no beam, or show it in
-    different places.
+    `learn` makes the extractor. Raises InputError where the images show no beam, show it in
+    different places, or with too little contrast to find its place.
     """
     distinct = _distinct(images)
     extract, lines = _learn_extractor(distinct, guide, learn)
@@ -84,7 +85,7 @@ def learn_at_rest(
         used, outliers = distinct, ()
     largest = float(deviations.max(initial=0.0))
     if largest > LIMITS.max_disagreement_px:
-        raise _motion_error(largest)
+        raise _placing_error(largest, used, lines, guide)
     noise = estimate_noise(used)
     rest = learn_rest(lines, calibration, rig)
     _check_direction(rest, extract, used[0], lines[0], rig)
@@ -172,17 +173,28 @@ def _learn_extractor(
         # Where the camera moved between the images, each of them may show the beam well.
         if len(images) > 1:
             single = learn(images[:1], guide)
-            largest = float(disagreements([single(image) for image in images]).max(initial=0.0))
+            lines = [single(image) for image in images]
+            largest = float(disagreements(lines).max(initial=0.0))
             if largest > LIMITS.max_disagreement_px:
-                raise _motion_error(largest) from None
+                raise _placing_error(largest, images, lines, guide) from None
         raise
     return extract, [extract(image) for image in images]
 
 
-def _motion_error(largest: float) -> InputError:
+def _placing_error(
+    largest: float, images: Sequence[Grey], lines: Sequence[Centreline], guide: Guide
+) -> InputError:
+    """Explain why images (height, width) show the beam `largest` [px] apart, at their `lines`."""
+    if moved(images, lines, guide.radius_px):
+        return InputError(
+            f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
+            "camera or the beam moved, or image stabilisation is on; take them again with both at "
+            "rest"
+        )
     return InputError(
-        f"the rest images show the beam in different places, up to {largest:.2f} px apart: the "
-        "camera or the beam moved, or image stabilisation is on; take them again with both at rest"
+        f"the contrast of the beam is too low: its places in the rest images are up to "
+        f"{largest:.2f} px apart, although nothing in them moved; use a plain ground that is "
+        "darker or brighter than the beam, more light, or a sharper focus"
     )
 
 

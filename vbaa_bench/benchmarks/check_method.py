@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 
 from solver.instrument.arrays import Floats
+from solver.instrument.errors import InputError
 from solver.instrument.estimate import Outcome
 from solver.instrument.files import write_text
 from solver.instrument.observation import Observations, open_observations
@@ -110,7 +111,8 @@ def built_in_dataset(folder: Path, variant: str, workers: int) -> Path:
 def check_method(method: str, root: Path, memory_gb: float) -> list[Finding]:
     """Run a method twice on FRAMES frames of a dataset; list what is right and wrong.
 
-    Raises InputError if the method cannot be found, and for a damaged dataset.
+    Raises InputError if the method cannot be found, if the rig cannot be set up, and for a damaged
+    dataset.
     """
     layout = Layout(root)
     observations = open_observations(layout.observations)
@@ -121,6 +123,8 @@ def check_method(method: str, root: Path, memory_gb: float) -> list[Finding]:
         runs = [
             solve(layout, method, path, 1, memory_gb=memory_gb, frames=chosen) for path in paths
         ]
+        if runs[0].refusal:
+            raise InputError(runs[0].refusal)
         first, second = (read_predictions(path) for path in paths)
     return compare(truth, runs[0], first, second)
 

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from solver.instrument import MAX_PIXELS, hashes, observation
+from solver.instrument.estimate import Assumption
 from vbaa_bench.dataset import (
     collection,
     derived,
@@ -65,6 +66,8 @@ def page() -> str:
         parts.append(f"## {section.heading}\n\n{_text(section.module)}\n")
         if section.module is schema:
             parts.append(_versions())
+        if section.module is results:
+            parts.append(_assumptions())
     return "\n".join([*parts, _layers(), _bounds()])
 
 
@@ -81,6 +84,11 @@ def _versions() -> str:
     lines = ["| from version | to version | what changed |", "|---:|---:|---|"]
     lines += [f"| {k} | {k + 1} | {step.changes} |" for k, step in enumerate(schema.STEPS, start=1)]
     return "\n".join([f"The current version is {schema.SCHEMA}.", "", *lines, ""])
+
+
+def _assumptions() -> str:
+    lines = ["| `assumption` | what the image contradicts |", "|---|---|"]
+    return "\n".join([*lines, *(f"| `{name}` | {name.sentence} |" for name in Assumption), ""])
 
 
 def _layers() -> str:

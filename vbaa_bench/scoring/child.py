@@ -62,7 +62,7 @@ main()
 class MethodRun:
     """Result of running a method: its table, number of frames, of crashed ones, first traceback.
 
-    `refusal` says why no frame could be solved, if the rig cannot be used. `faults` counts the
+    `refusal` says why no frame could be solved, if the rig cannot be set up. `faults` counts the
     frames with each fault of `estimate_faults`; `peak_mb` is the largest memory of the method's
     process [MB], None if it is unknown.
     """
@@ -77,16 +77,12 @@ class MethodRun:
 
 
 class Job(NamedTuple):
-    """A method, the dataset that it is run on, the path of its table, and the frames, or all.
-
-    With `keep`, an earlier table is kept if the rig is refused.
-    """
+    """A method, the dataset that it is run on, the path of its table, and the frames, or all."""
 
     method: str
     layout: Layout
     out: Path
     frames: Sequence[int] | None = None
-    keep: bool = False
 
 
 class _Pipes(NamedTuple):
@@ -117,18 +113,15 @@ def solve(
     terminated the process, all remaining frames are crashed too. The method, and each process that
     it starts, may allocate `memory_gb`; 0 means no limit. `hear` is called with each line that the
     method prints, up to MAX_OUTPUT characters. `centreline` is the name of the extraction method
-    of the centreline.
+    of the centreline. Where the rig cannot be set up, for example because that centreline detects
+    no beam in the rest images, every frame has the outcome "invalid" with the reason.
 
-    Raises InputError if the method or the centreline is unknown, if that centreline detects no beam
-    in the rest images, if the observations are not what was generated, or if `out` or a temporary
-    folder cannot be written. An earlier table at `out` is then kept.
+    Raises InputError if the method is unknown, if the observations are not what was generated, or
+    if `out` or a temporary folder cannot be written. An earlier table at `out` is then kept.
     """
     limits = (repeats, memory_gb, frame_s)
     prepare_output_path(out)
-    job = Job(method, layout, out, frames, keep=True)
-    (run,) = solve_each([job], centreline, limits, hear)
-    if run.refusal:
-        raise InputError(run.refusal)
+    (run,) = solve_each([Job(method, layout, out, frames)], centreline, limits, hear)
     return run
 
 
@@ -143,7 +136,7 @@ def solve_each(
     One process runs them all, one after another, and sets up a dataset once for consecutive jobs.
     A method of the user's own needs a process of its own. `limits` are the repeats, the memory [GB]
     and the time for a frame [s]. The table of a dataset that is refused holds the reason in every
-    row.
+    row. Raises InputError as `solve` does.
     """
     remaining = list(jobs)
     while remaining:
@@ -180,8 +173,10 @@ def _solve(
 ) -> tuple[MethodRun, bool]:
     """Do one job on a copy of its observations.
 
-    Return the run, and whether the process can do another.
+    Return the run, and whether the process can do another. Raises InputError if the method cannot
+    be found.
     """
+    original = str(job.layout.observations)
     observations = open_observations(job.layout.observations)
     solved: dict[int, Row] = {}
     traceback, refusal, information, alive = "", "", "", False
@@ -194,8 +189,9 @@ def _solve(
         if "end" in report:
             alive = True
             break
+        if "unusable" in report:
+            raise InputError(restored_paths(report["unusable"]))
         if "refused" in report:
-            original = str(job.layout.observations)
             refusal = restored_paths(report["refused"].replace(str(copy), original))
             continue
         solved[report["index"]] = report["row"]
@@ -205,7 +201,9 @@ def _solve(
         peaks += [report["peak_mb"]] if report.get("peak_mb") else []
     lost = Estimate(Outcome.CRASHED, "the process that runs the method died")
     if refusal:
-        lost = Estimate(Outcome.INVALID, refusal)
+        # Without the folder: tables and reports are copied to other places.
+        reason = refusal.removeprefix(f"{original}: ").replace(f"{original}{os.sep}", "")
+        lost = Estimate(Outcome.INVALID, reason)
     chosen = range(len(observations.frames)) if job.frames is None else job.frames
     rows = [
         solved.get(index) or row(observations.frames[index].frame_id, lost, None)
@@ -217,8 +215,7 @@ def _solve(
         [entry | declared for entry in rows],
         (*COLUMNS, PROCESSOR_COLUMN, REFERENCE_COLUMN, *declared),
     )
-    if not (refusal and job.keep):
-        write_results(job.out.parent, {job.out.name: text.encode()})
+    write_results(job.out.parent, {job.out.name: text.encode()})
     crashed = sum(entry["outcome"] == str(Outcome.CRASHED) for entry in rows)
     peak = max(peaks, default=None)
     return MethodRun(job.out, len(rows), crashed, traceback, refusal, faults, peak), alive

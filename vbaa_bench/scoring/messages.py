@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final
 
-from solver.instrument.estimate import Outcome
+from solver.instrument.estimate import Assumption, Outcome
 from solver.lab.table import COLUMNS
 from vbaa_bench.scoring.information import SETS
 
@@ -24,7 +24,7 @@ MAX_TRACEBACK: Final = 8000
 # Longest line [bytes]. Chosen: twice all texts, of which JSON writes a character in 12 bytes.
 _MAX_LINE: Final = 1 << 18
 # The columns of a row that are texts; all others are numbers.
-TEXTS: Final = ("frame_id", "outcome", "message")
+TEXTS: Final = ("frame_id", "outcome", "message", "assumption")
 # Interval at which a silent worker is looked at [s]. Chosen: what it allocates in between is less
 # than 1 GB.
 TICK_S: Final = 0.1
@@ -146,6 +146,7 @@ def checked_row(message: Message, index: int, frame_id: str) -> Message:
         not all(is_number_or_none(row[name]) for name in COLUMNS if name not in TEXTS)
         or not is_number_or_none(message.get("peak_mb"))
         or not is_text(message.get("traceback"), 2 * MAX_TRACEBACK)
+        or row["assumption"] not in [None, *Assumption]
         or message.get("information") not in ["", *SETS]
         or not isinstance(faults, list)
         or not all(is_text(fault, MAX_MESSAGE) for fault in faults)

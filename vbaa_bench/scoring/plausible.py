@@ -13,7 +13,7 @@ from solver.instrument.errors import truncated
 from solver.lab.table import COLUMNS
 from vbaa_bench.scoring.scored_quantities import NUMBERS
 
-_KNOWN: Final = ("frame_id", "outcome", "message", "information", *NUMBERS)
+_KNOWN: Final = ("frame_id", "outcome", "message", "assumption", "information", *NUMBERS)
 # Threshold of the ratio of median estimate to median truth, or its inverse, for a warning: the
 # geometric mean of 1 and the factor of the nearest wrong unit, 10 for centimetres, 57.3 for
 # radians, 1000 for mN.

@@ -5,8 +5,9 @@ The arguments of the process are FOLDER CENTRELINE REPEATS MEMORY_GB FRAME_S.
 Each line on standard input is a JSON list of a method, a folder of observations, which is set up
 once for consecutive methods, and the indices of the frames to solve, or null for all. For each
 frame, one line of JSON is printed on standard output, the message `row` of a worker with its times;
-or one line `refused`. A line `end` follows. When standard input ends, the parent process has ended
-or needs no more: the workers are killed and FOLDER is removed.
+or one line, `refused` for a rig that cannot be set up, `unusable` for a method that cannot be
+found. A line `end` follows. When standard input ends, the parent process has ended or needs no
+more: the workers are killed and FOLDER is removed.
 
 No code of a user runs in this process, whose clocks measure the methods.
 """
@@ -34,6 +35,7 @@ from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import Observations
 from solver.lab.table import row
 from solver.methods import METHODS
+from solver.methods.by_name import find_method
 from vbaa_bench.scoring.messages import (
     MAX_TRACEBACK,
     TICK_S,
@@ -104,18 +106,21 @@ class _Worker:
         self._added = _Times(0.0, None)
         self._checked_memory = 0.0
 
-    def load(self) -> str:
-        """Wait until the method is imported. Return why it is refused, or nothing."""
+    def load(self) -> Message:
+        """Wait until the method is imported.
+
+        Return a message with the reason why it is `unusable` or its rig `refused`; else empty.
+        """
         with _lost_after(MAX_START_S, self._process) as deadline:
             self._added = self._added_by_measuring(deadline)
             self._messages.receive(deadline, "importing")
         with _lost_after(self._first_limit_s, self._process) as deadline:
-            message = self._messages.receive(deadline, "imported", "refused")
+            message = self._messages.receive(deadline, "imported", "unusable", "refused")
             if message["kind"] == "imported":
-                return ""
+                return {}
             if not is_text(message.get("reason"), 2 * MAX_TRACEBACK):
                 raise MessageError("without a reason")
-            return str(message["reason"])
+            return {message["kind"]: message["reason"]}
 
     def warm_up(self) -> None:
         """Wait for the end of the warm-up."""
@@ -278,7 +283,7 @@ def supervise(
         with workers.one(task, indices, replayed, warm) as worker:
             try:
                 if refusal := worker.load():
-                    yield {"refused": refusal}
+                    yield refusal
                     return
                 if warm:
                     worker.warm_up()
@@ -332,6 +337,13 @@ def main() -> None:
         observations = Path(path)
         limits = int(repeats), float(memory_gb), float(frame_s)
         task = Task(observations, method, Path(folder, SOURCES), centreline, *limits)
+        try:
+            if ":" not in method:
+                find_method(method)  # a misspelled name is found before the rig is set up
+        except InputError as error:
+            print(json.dumps({"unusable": str(error)}), flush=True)
+            print(json.dumps({"end": path}), flush=True)
+            continue
         try:
             opened_observations, _ = opened(observations, centreline)
             for message in supervise(task, opened_observations, workers, chosen):

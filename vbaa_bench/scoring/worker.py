@@ -18,7 +18,7 @@ import numpy as np
 from solver.antenna import Antenna
 from solver.centreline.extractors import EXTRACTORS
 from solver.instrument.errors import InputError
-from solver.instrument.estimate import Estimate, Outcome
+from solver.instrument.estimate import Assumption, Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.observation import Observations, open_observations
 from solver.lab.live import solve_shots, warm_up
@@ -95,9 +95,9 @@ def work(
     serve as previous frames of their push. Messages, by `kind`: `importing` before any code of the
     method runs, `imported`, and `ready` after a warm-up; for each other frame `begin`, and `row`
     with its `index`, the `traceback` if the method raised an error, the `faults` of its estimate,
-    the `information` set that the method declares, and the `peak_mb` of memory; `refused` for a
-    method that cannot be found; `start` and `stop` around what the supervisor measures, to which
-    it replies.
+    the `information` set that the method declares, and the `peak_mb` of memory; `unusable` for a
+    method that cannot be found, `refused` where the beam cannot be learned; `start` and `stop`
+    around what the supervisor measures, to which it replies.
     """
     end_with_parent()
     if hasattr(os, "setsid"):
@@ -120,12 +120,16 @@ def work(
         information = "" if task.method in METHODS else getattr(function, "information", "")
         if information:
             check_information(information, f"method '{task.method}'")
-        method = _MethodWrapper(function, task.memory_gb)
-        if task.method in LEARNING:
-            antenna = learned(task.observations, task.centreline)
     except InputError as error:
-        supervisor.send("refused", reason=_shortened(_utf8(str(error)), MAX_TRACEBACK))
+        supervisor.send("unusable", reason=_reason(error))
         return
+    method = _MethodWrapper(function, task.memory_gb)
+    if task.method in LEARNING:
+        try:
+            antenna = learned(task.observations, task.centreline)
+        except InputError as error:
+            supervisor.send("refused", reason=_reason(error))
+            return
     supervisor.send("imported")
     if warm:
         warm_up(antenna, method, next(observations.read_rest_images()))
@@ -164,6 +168,10 @@ def work(
                 information=information,
                 peak_mb=_peak_mb(),
             )
+
+
+def _reason(error: InputError) -> str:
+    return _shortened(_utf8(str(error)), MAX_TRACEBACK)
 
 
 def _empty_method() -> tuple[float, float]:
@@ -220,7 +228,9 @@ def _sendable(row: Row) -> Row:
     """
     converted: Row = {}
     for name, value in row.items():
-        if name in TEXTS:
+        if name == "assumption":
+            converted[name] = value if value in list(Assumption) else None
+        elif name in TEXTS:
             converted[name] = _shortened(_utf8(str(value)), MAX_MESSAGE)
         else:
             number = value.item() if isinstance(value, np.generic) else value
