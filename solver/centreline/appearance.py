@@ -61,21 +61,33 @@ class Appearance:
     ground_at_rest: Ground | None = None
     is_sampled: bool = False
 
-    @cached_property
+    @property
     def shading(self) -> float:
-        """Weight of the beam's own shading in its fitted place.
+        """Weight of the beam's own shading in the middle of its contrast with the ground."""
+        return shading_weight(self._amplitude, self.section.radius, self.ground)
 
-        It is the beam's mean gray value over its contrast with the ground: 1 before a black ground,
-        more before a gray one, and negative for a beam that is darker than its ground; times the
-        response of a profile fit.
-        """
-        amplitude = float(np.median(self.amplitude))
-        contrast = amplitude / (2 * self.section.radius)
+    @cached_property
+    def fit_response(self) -> float:
+        """Shift of a profile fit by the beam's shading, over that of the contrast's middle."""
         beside = self.noise.dark + self.noise.per_gray * self.ground
-        on_beam = self.noise.per_gray * max(amplitude, 0.0)
+        on_beam = self.noise.per_gray * max(self._amplitude, 0.0)
         weights = np.array([beside, on_beam])
-        response = tilt_response(self.profile, self.section, weights, self.half)
-        return response * (contrast + self.ground) / contrast
+        return tilt_response(self.profile, self.section, weights, self.half)
+
+    @property
+    def _amplitude(self) -> float:
+        return float(np.median(self.amplitude))
+
+
+def shading_weight(amplitude: float, radius: float, ground: float) -> float:
+    """Compute the weight of the beam's own shading in the middle of its contrast with the ground.
+
+    It is the beam's mean gray value over its contrast: 1 before a black ground, more before a gray
+    one, and negative for a beam that is darker than its ground. `amplitude` [gray px] is the
+    contrast's integral across the beam, `radius` [px] that of the beam, `ground` its gray value.
+    """
+    contrast = amplitude / (2 * radius)
+    return (contrast + ground) / contrast
 
 
 def learn_appearance(images: Sequence[Grey], guide: Guide) -> tuple[Appearance, Guide]:
