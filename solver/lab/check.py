@@ -130,7 +130,7 @@ def calibration_report(antenna: Antenna) -> CalibrationReport:
     """Collect the report on an antenna."""
     calibration, rest, noise = antenna.calibration, antenna.rest, antenna.at_rest.noise
     camera, detector = calibration.camera, antenna.extract.detector
-    appearance = None if detector is None else detector.appearance
+    look = None if detector is None else detector.appearance
     sigmas: list[float | None] = [None] * 3
     if calibration.covariance is not None:
         sigmas = [float(sigma) for sigma in np.sqrt(np.diag(calibration.covariance)[:3])]
@@ -159,10 +159,10 @@ def calibration_report(antenna: Antenna) -> CalibrationReport:
         bow_share=bow_size / rest.length,
         noise_dark=noise.dark,
         noise_per_gray=noise.per_gray,
-        beam=appearance and ("bright" if appearance.polarity > 0 else "dark"),
-        width_px=appearance and 2 * appearance.section.radius,
-        spread_px=appearance and appearance.section.spread,
-        roughness_px=appearance and appearance.sigma_px,
+        beam=None if look is None else "bright" if look.polarity > 0 else "dark",
+        width_px=None if look is None else 2 * look.section.radius,
+        spread_px=None if look is None else look.section.spread,
+        roughness_px=None if look is None else look.sigma_px,
         findings=findings(antenna),
     )
 
