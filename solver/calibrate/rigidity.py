@@ -352,8 +352,9 @@ def hung_beam(
     if widths:
         width += Polynomial([0.0, 1.0]) * Legendre(widths, [0, 1]).convert(kind=Polynomial)
     # In the order of `np.polyval`, which takes less time.
-    width_terms, volume_terms = width.coef[::-1], length * (width**2).integ().coef[::-1]
-    volume = np.polyval(volume_terms, 1.0)
+    width_terms: Floats = np.asarray(width.coef[::-1], np.float64)
+    volume_terms: Floats = length * np.asarray((width**2).integ().coef[::-1], np.float64)
+    volume = float(np.polyval(volume_terms, 1.0))
 
     def derivatives(t: Floats, state: Floats) -> Floats:
         theta, moment = state[0:2], state[2:4]

@@ -43,10 +43,10 @@ class Appearance:
     [gray px] is given along `length` [px] of the path; `misfit` is the typical chi^2 per degree of
     freedom of a profile fit, at least 1; `sigma_px` is the part of a centre's error that does not
     come from the sensor's noise; `ground` is the background's median gray value. `half` pixels on
-    either side are fitted. `radius` [px] is that which the rig states of a round beam: the section's
-    follows the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is
-    None for a ground without structure. A profile that `is_sampled` is that of the images, not that
-    of the section.
+    either side are fitted. `radius` [px] is that of the rig for a round beam: the section's follows
+    the profile, in which shading and edges of a dark beam are alike. `ground_at_rest` is None for a
+    ground without structure. A profile that `is_sampled` is that of the images, not that of the
+    section.
     """
 
     polarity: int
@@ -161,8 +161,8 @@ def _nominal(rest: RestColumns) -> Section:
 def _look(rest: RestColumns, sampled: Profile | None, radius: float | None) -> Appearance:
     """Estimate the section that gives the smoothest centres and the smallest residuals.
 
-    Where the section leaves more than noise, the `sampled` profile may take its place. `radius` [px]
-    is the rig's, None for a flat strip.
+    Where the section leaves more than noise, the `sampled` profile may take its place. `radius`
+    [px] is the rig's, None for a flat strip.
     """
     shape = _described(rest)
     if sampled is not None and (shape is None or shape.misfit > LIMITS.max_section_misfit):

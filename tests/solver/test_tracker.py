@@ -259,12 +259,12 @@ def test_update_has_an_outcome_for_every_argument() -> None:
         {"base_force_n": [0.0, math.nan, 1.0]},
         {"base_moment_n_mm": [0.0, 1.0, -math.inf]},
     ):
-        estimate = tracker.update(image, **reading)  # type: ignore[arg-type]  # by name
+        estimate = tracker.update(image, **reading)
         assert estimate.outcome is Outcome.INVALID
         assert "allowed are finite numbers" in estimate.message
     for strange in ({"motor_angle_deg": "3.2"}, {"base_force_n": [1.0, 2.0]}):
-        assert tracker.update(image, **strange).outcome is Outcome.CRASHED  # type: ignore[arg-type]
-    assert tracker.update([[1, 2], [3]]).outcome is Outcome.CRASHED  # type: ignore[arg-type]
+        assert tracker.update(image, **strange).outcome is Outcome.CRASHED
+    assert tracker.update([[1, 2], [3]]).outcome is Outcome.CRASHED
 
 
 def test_readings_of_a_force_sensor_reach_the_method() -> None:

@@ -430,7 +430,9 @@ def test_the_learned_method_learns_from_the_images_that_it_is_given(
 
 def test_a_contact_is_no_hung_weight(command: CommandLine, root: Path, images: list[Path]) -> None:
     words = ["--weight-g", "4", "--at-mm", "190"]
-    assert "sigma" in command.refused("rigidity", images[0], "--rig", root, *words)
+    refused = command.refused("rigidity", images[0], "--rig", root, *words)
+    assert "sigma from the fitted beam" in refused
+    assert "only the weight may bend the beam" in refused
 
 
 def test_a_hung_weight_gives_ei(
