@@ -1,5 +1,7 @@
-"""Exceptions for unusable input, and short texts for their messages."""
+"""Exceptions for unusable input, and short texts for messages about errors."""
 
+import traceback
+from pathlib import Path
 from typing import Final
 
 # Chosen: two lines of a terminal are enough to identify a value.
@@ -57,3 +59,10 @@ def truncated(text: str) -> str:
     """Put a text on one line, and truncate a long text."""
     line = " ".join(text[: 2 * LONGEST_SHOWN].split())
     return line if len(text) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]}..."
+
+
+def described(error: BaseException) -> str:
+    """Describe an error in a program in one line: kind, message, and where it was raised."""
+    text = f"{type(error).__name__}: {error}"
+    places = traceback.extract_tb(error.__traceback__)
+    return f"{text} ({Path(places[-1].filename).name}:{places[-1].lineno})" if places else text

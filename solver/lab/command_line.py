@@ -22,6 +22,8 @@ from solver.lab.input_options import (
     ChannelOption,
     ControlOption,
     ExposureOption,
+    OtherRigOption,
+    ReadingsOption,
     RigOption,
     SizeOption,
     checked_channel,
@@ -51,18 +53,14 @@ def solve(
         list[str],
         typer.Argument(help="observations folder; or images, a video, a camera, with --rig"),
     ],
-    rig: Annotated[
-        Path | None, typer.Option(help="rig.json, with calibration/ and rest/ images beside it")
-    ] = None,
+    rig: OtherRigOption = None,
     method: Annotated[
         str, typer.Option(help=f"{', '.join(METHODS)}, or package.module:function")
     ] = "exact_fit",
     centreline: Annotated[
         str, typer.Option(help=f"centreline extractor: {', '.join(EXTRACTORS)}")
     ] = "profile_fit",
-    readings: Annotated[
-        Path | None, typer.Option(help="table like metadata.csv, in the folder of the images")
-    ] = None,
+    readings: ReadingsOption = None,
     out: Annotated[
         Path | None,
         typer.Option(help="CSV to write", show_default="estimates_<method>.csv, none for a camera"),
@@ -86,6 +84,11 @@ def solve(
     function, learn_extractor = find_method(method), find_extractor(centreline)
     controls = controls_of(size, exposure, control or ())
     observations, source = open_inputs(sources, rig, readings, channel, controls)
+    if method in LEARNING and not observations.frames:
+        raise InputError(
+            f"method '{method}' learns the beam from images, and a camera or video has none: use "
+            "the command learn, and then exact_fit with the rig that it has written"
+        )
     target = out or (
         None if source.live or stream else Path(f"estimates_{method.replace(':', '.')}.csv")
     )

@@ -214,7 +214,7 @@ class _MethodWrapper:
             self.traceback = _shortened("".join(lines), MAX_TRACEBACK)
             if isinstance(error, MemoryError) and self._memory_gb:
                 limit = f"the method needs more than {self._memory_gb:g} GB, the limit of --memory"
-                raise MemoryError(limit) from error
+                return Estimate(Outcome.CRASHED, f"MemoryError: {limit}")
             raise
         finally:
             if os.getpid() != self._process:  # a process forked by the method that returned

@@ -133,11 +133,23 @@ def true_lines(
     return lines
 
 
+@dataclass(frozen=True)
+class Computed:
+    """An extractor that is a function of the image."""
+
+    line_of: Callable[[Grey], Centreline]
+    shading: float = 1.0
+    detector: None = None
+
+    def __call__(self, image: Grey) -> Centreline:
+        return self.line_of(image)
+
+
 def with_lines(antenna: Antenna, lines: dict[bytes, Centreline]) -> Antenna:
     def extract(image: Grey) -> Centreline:
         return lines[image.tobytes()]
 
-    return replace(antenna, at_rest=replace(antenna.at_rest, extract=extract))
+    return replace(antenna, at_rest=replace(antenna.at_rest, extract=Computed(extract)))
 
 
 def shifted(antenna: Antenna, shift: Callable[[Floats], Floats]) -> Antenna:
@@ -148,7 +160,7 @@ def shifted(antenna: Antenna, shift: Callable[[Floats], Floats]) -> Antenna:
         off = shift(line.points[:, 0])[:, None] * line.directions
         return replace(line, points=line.points + off)
 
-    return replace(antenna, at_rest=replace(antenna.at_rest, extract=extract))
+    return replace(antenna, at_rest=replace(antenna.at_rest, extract=Computed(extract)))
 
 
 def alone(shares: dict[str, float], cause: Cause, within: float = 1e-5) -> None:
