@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
+from solver.instrument.errors import InputError
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import open_rig, rig_file
 from solver.instrument.rig_json import read_rig
