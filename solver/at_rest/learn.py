@@ -15,10 +15,10 @@ from solver.at_rest.motion import moved
 from solver.at_rest.pose import Rest, disagreements, learn_rest
 from solver.at_rest.thresholds import LIMITS
 from solver.calibrate import Calibration
-from solver.centreline import Centreline, Extractor
-from solver.centreline.extractor import BeamExtractor
+from solver.centreline import Centreline
+from solver.centreline.extractor import Extractor
 from solver.centreline.guide import Guide
-from solver.centreline.noise import estimate_noise
+from solver.centreline.noise import Noise, estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.rig import Rig
@@ -40,29 +40,24 @@ BEYOND_TIP = 1.08
 class AtRest:
     """Results learned from the rest images.
 
-    `copies` counts the images that repeat another one, `rejected` holds the indices, among the
-    distinct images, of those that disagree with the others, `disagreement_px` is the largest
-    difference among the images that were used. `tip` (2,) [px] is the image of the free end and
-    `tip_covariance` (2, 2) [px^2] its covariance; None where it is not detected. Then `length_seen`
-    [m] is the distance from the clamp to an end farther away, None where there is none either.
+    `noise` is that of the gray values, `copies` counts the images that repeat another one,
+    `rejected` holds the indices, among the distinct images, of those that disagree with the others,
+    `disagreement_px` is the largest difference among the images that were used. `tip` (2,) [px] is
+    the image of the free end and `tip_covariance` (2, 2) [px^2] its covariance; None where it is
+    not detected. Then `length_seen` [m] is the distance from the clamp to an end farther away, None
+    where there is none either.
     """
 
     extract: Extractor
     rest: Rest
     landmarks: Landmarks
+    noise: Noise
     tip: Floats | None
     tip_covariance: Floats | None
     copies: int
     rejected: tuple[int, ...]
     disagreement_px: float
     length_seen: float | None = None
-
-    @property
-    def shading(self) -> float:
-        """Weight of the beam's own shading in its contrast, as in `Appearance`."""
-        if isinstance(self.extract, BeamExtractor):
-            return self.extract.appearance.shading
-        return 1.0
 
 
 def learn_at_rest(
@@ -95,16 +90,19 @@ def learn_at_rest(
     tip, tip_covariance = _mean_tip(lines)
     copies = len(images) - len(distinct)
     seen = _length_seen(extract, used[0]) if tip is None else None
-    return AtRest(extract, rest, landmarks, tip, tip_covariance, copies, outliers, largest, seen)
+    return AtRest(
+        extract, rest, landmarks, noise, tip, tip_covariance, copies, outliers, largest, seen
+    )
 
 
 def _length_seen(extract: Extractor, image: Grey) -> float | None:
     """Look for the free end [m] of a beam that is longer than the rig states."""
-    if not isinstance(extract, BeamExtractor):
+    detector = extract.detector
+    if detector is None:
         return None
     for factor in _LONGER:
-        longer = replace(extract.guide, length=factor * extract.guide.length)
-        tip = replace(extract, guide=longer)(image).tip
+        longer = replace(detector.guide, length=factor * detector.guide.length)
+        tip = replace(detector, guide=longer)(image).tip
         if tip is not None:
             return float(longer.places(tip[None])[0, 0])
     return None
@@ -130,9 +128,10 @@ def _check_direction(
             f"the beam at rest is at {angle / DEGREE:.1f} degrees to the rig's x axis, allowed "
             f"are {LIMITS.max_misalignment / DEGREE:.0f}: correct the third number of {key}"
         )
-    if line.tip is None and isinstance(extract, BeamExtractor):
-        turned = extract.guide.turned_about()
-        end = replace(extract, guide=turned)(image)
+    detector = extract.detector
+    if line.tip is None and detector is not None:
+        turned = detector.guide.turned_about()
+        end = replace(detector, guide=turned)(image)
         if end.tip is None or end.tip_covariance is None:
             return
         # A clamp's edge may look like a tip: the tip is at the beam's length, within three sigmas.

@@ -15,8 +15,10 @@ from vbaa_bench.dataset import (
     exr,
     exr_channels,
     layout,
+    overall_digest,
     parquet,
     recorded,
+    scene_files,
     schema,
     subset,
 )
@@ -34,12 +36,14 @@ class Section(NamedTuple):
 _SECTIONS: Final = (
     Section("Observations", observation),
     Section("Truth", layout),
+    Section("Files of a scene", scene_files),
     Section("Derived tables", derived),
     Section("Predictions, scores and report", results),
     Section("Collections", collection),
     Section("Subsets", subset),
     Section("Hashes", hashes),
     Section("Hashes of results", recorded),
+    Section("Digest", overall_digest),
     Section("Version of the format", schema),
 )
 _HEAD: Final = """# Format of datasets
@@ -103,6 +107,7 @@ def _bounds() -> str:
         "values (pixels times channels) of an OpenEXR image": exr_channels.MAX_VALUES,
         "values (rows times columns) of a table of one shard or of predictions": parquet.MAX_VALUES,
         "values of a table of scores or limits": parquet.MAX_SCORED_VALUES,
+        **{f"bytes of a file that a scene names, {k}": v for k, v in files.MAX_BYTES.items()},
     }
     lines = ["| bound | value |", "|---|---:|", *(f"| {k} | {v:,} |" for k, v in bounds.items())]
     rule = " ".join((files.file_of_scene.__doc__ or "").split("\n\n")[1].split())

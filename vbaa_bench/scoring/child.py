@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import threading
 from collections import Counter
@@ -17,6 +16,7 @@ from typing import IO, Any, Final, NamedTuple
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.observation import open_observations
+from solver.instrument.safe_path import PYTHON
 from solver.lab.table import COLUMNS, Row, csv_text, row
 from solver.lab.writing import prepare_output_path
 from solver.methods import METHODS
@@ -25,7 +25,7 @@ from vbaa_bench.dataset.readers import check_complete, copy_observations
 from vbaa_bench.dataset.recorded import write_results
 from vbaa_bench.scoring.layout import USUAL_CENTRELINE
 from vbaa_bench.scoring.reference_kernel import PROCESSOR_COLUMN, REFERENCE_COLUMN
-from vbaa_bench.scoring.user_modules import copy_sources
+from vbaa_bench.scoring.user_modules import SOURCES, copy_sources
 
 # Time limit for one frame, repeats included [s]; a method that exceeds it has crashed.
 MAX_FRAME_S: Final = 60.0
@@ -34,8 +34,18 @@ MAX_FRAME_S: Final = 60.0
 MEMORY_GB: Final = 8.0
 # Limit of the printed output that is passed on [characters]. Chosen: a few hundred lines.
 MAX_OUTPUT: Final = 20_000
-# The folder, beside the observations, to which a user's own sources are copied.
-_SOURCES: Final = "method"
+# Variables by which a library chooses its kernels for a processor, and so the last digits of its
+# results, or where it keeps compiled code. A method must compute as the user's own processes do.
+_KERNEL_CHOICES: Final = (
+    *("OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE", "BLIS_ARCH_TYPE"),
+    *("MKL_CBWR", "MKL_DEBUG_CPU_TYPE", "MKL_ENABLE_INSTRUCTIONS"),
+    *("NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES"),
+    *("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_ENABLE_AVX", "NUMBA_OPT"),
+    *("NUMBA_CACHE_DIR", "NUMBA_DISABLE_INTEL_SVML", "NUMBA_LOOP_VECTORIZE"),
+    *("NUMBA_SLP_VECTORIZE", "OPENCV_CPU_DISABLE", "OPENCV_IPP"),
+    # PyTorch's, and those of the C library's functions.
+    *("ATEN_CPU_CAPABILITY", "ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA", "GLIBC_TUNABLES"),
+)
 # Time limit for the supervisor to end after the request [s].
 _MAX_END_S: Final = 10.0
 # Time limit for reading the last of the printed output [s].
@@ -134,7 +144,7 @@ def solve_each(
 
             def restored_paths(text: str, folder: Path = folder) -> str:
                 """Replace paths of copies by the user's own paths."""
-                sources = f"{folder / _SOURCES}{os.sep}"
+                sources = f"{folder / SOURCES}{os.sep}"
                 return text.replace(sources, "").replace(f"{folder}{os.sep}", "")
 
             task = (str(folder), centreline, *map(str, limits))
@@ -246,8 +256,7 @@ def _supervisor(
 
     When its standard input ends, also because this process has ended, it ends with the method.
     """
-    # -P: nothing is imported from the folder where it starts.
-    command = [sys.executable, "-P", "-c", _SUPERVISOR, *task]
+    command = [*PYTHON, "-c", _SUPERVISOR, *task]
     readable, writable = os.pipe()
     listener = threading.Thread(target=_listen, args=(readable, hear), daemon=True)
     listener.start()
@@ -297,7 +306,7 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     This prevents a method from reading the truth by accident; it does not stop one that searches
     the disk. Raises InputError.
     """
-    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT")
+    inherited = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "SYSTEMROOT", *_KERNEL_CHOICES)
     environment = {name: os.environ[name] for name in inherited if name in os.environ}
     # One thread: times are those of one core on every machine.
     environment |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -305,10 +314,8 @@ def _environment(method: str, folder: Path) -> dict[str, str]:
     environment["PYTHONUNBUFFERED"] = "1"  # output printed before a crash is not lost
     module, colon, _ = method.partition(":")
     if colon and method not in METHODS:
-        target = folder / _SOURCES
         try:
-            copy_sources(module, target)
+            copy_sources(module, folder / SOURCES)
         except OSError as error:
             raise InputError(f"method '{method}' cannot be copied ({error})") from error
-        environment["PYTHONPATH"] = str(target)
     return environment

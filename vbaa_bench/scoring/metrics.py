@@ -3,10 +3,11 @@
 import codecs
 import io
 from pathlib import Path
+from typing import Final
 
 import polars as pl
 
-from solver.instrument.errors import InputError, quoted, truncated
+from solver.instrument.errors import InputError, cell_text, quoted, truncated
 from solver.instrument.estimate import Assumption, Outcome
 from solver.instrument.hashes import read_bytes
 from vbaa_bench.dataset.parquet import read_parquet
@@ -30,6 +31,12 @@ from vbaa_bench.scoring.strata import strata
 _TEXTS = ("outcome", "message", "assumption", "information")
 _QUANTITIES = (*SCORED_QUANTITIES, *COMPONENTS)
 _MAX_MAGNITUDE = 1e12
+# Largest predictions file. Chosen: a million frames of 40 columns in full precision have 1 GB.
+MAX_FILE_BYTES: Final = 1 << 31
+# Longest text in a cell [bytes]. Chosen: ten times the longest message that `solve` writes.
+MAX_TEXT: Final = 10_000
+# Characters that a message must not have in a table: see cell_text.
+_UNFIT: Final = r"[\p{C}]|^\s*[=+\-@]"
 _FAILED = [str(outcome) for outcome in Outcome if not outcome.has_values]
 
 
@@ -47,7 +54,7 @@ def read_file(path: Path) -> bytes:
     try:
         if not exists(path):  # a pipe or a device may never end
             raise InputError(f"{path}: is not a CSV or Parquet table (there is no such file)")
-        return read_bytes(path)
+        return read_bytes(path, MAX_FILE_BYTES)
     except OSError as error:
         raise InputError(f"{path}: is not a CSV or Parquet table ({error.strerror})") from error
 
@@ -93,6 +100,15 @@ def checked_predictions(table: pl.DataFrame, source: str) -> pl.DataFrame:
         raise InputError(
             f"{source}: a column does not hold numbers ({truncated(reason)})"
         ) from error
+    for name in ("frame_id", *(one for one in known if one in _TEXTS)):
+        longest = int(table[name].str.len_bytes().max() or 0)  # type: ignore[arg-type]  # a number
+        if longest > MAX_TEXT:
+            raise InputError(
+                f"{source}: {name} has a cell of {longest:,} bytes, allowed are {MAX_TEXT:,}"
+            )
+    if "message" in known and table["message"].str.contains(_UNFIT).any():
+        message = pl.col("message").map_elements(cell_text, return_dtype=pl.String)
+        table = table.with_columns(message)
     missing: list[pl.Expr] = [
         pl.lit(None, pl.String if n in _TEXTS else pl.Float64).alias(n)
         for n in (*NUMBERS, *_TEXTS)

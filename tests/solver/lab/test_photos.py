@@ -13,6 +13,7 @@ import pytest
 from solver.__main__ import main
 from solver.lab.photos_table import COLUMNS
 from tests.command_line import CommandLine
+from tests.draws import generator
 from tests.photo_sets import Force, TrueBeam, TrueCamera, bent
 from tests.photographed import Look, photograph_of
 
@@ -24,7 +25,7 @@ LOADS = [None, Force("weight", 0.45, 0.36), Force("weight", 0.35, 0.3)]
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Three drawn photographs of a beam of 6 px with four marks, and photos.json."""
-    rng = np.random.default_rng(7)
+    rng = generator(__name__, 7)
     photos: list[dict[str, Any]] = []
     for i, load in enumerate(LOADS):
         camera = TrueCamera(

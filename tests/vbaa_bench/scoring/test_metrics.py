@@ -2,9 +2,9 @@
 
 import io
 import math
-import random
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
 from solver.instrument.estimate import Outcome
+from tests.draws import scene_seed
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.table_schema import LARGEST
 from vbaa_bench.scoring.metrics import checked_predictions, read_predictions, score_frames
@@ -85,16 +86,17 @@ def test_errors_of_vectors_are_lengths() -> None:
     assert row["contact_world_vector_error_mm"] is None
 
 
-def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it() -> None:
-    rng = np.random.default_rng(8)
+def test_a_wrong_sigma_of_a_vector_shows_in_the_component_that_has_it(
+    random: np.random.Generator,
+) -> None:
     places = {"x": 120.0, "y": 8.0, "z": 0.0}
     answers: list[dict[str, Any] | None] = []
     for _ in range(2000):
         answer = {"x_c_mm": 120.0}
         for axis, at in places.items():
-            answer[f"contact_antenna_{axis}_mm"] = at + rng.normal(0, 0.2)
+            answer[f"contact_antenna_{axis}_mm"] = at + random.normal(0, 0.2)
             answer[f"contact_antenna_{axis}_sigma_mm"] = 0.05 if axis == "y" else 0.2
-        answer |= {"force_y_n": 0.098 + rng.normal(0, 1e-3), "force_y_sigma_n": 1e-3}
+        answer |= {"force_y_n": 0.098 + random.normal(0, 1e-3), "force_y_sigma_n": 1e-3}
         answers.append(answer)
     found = summarise_method(scored([{}] * len(answers), answers))
     stated = found["calibration"]
@@ -134,8 +136,8 @@ def test_a_ratio_without_its_error_or_sigma_is_not_counted(column: str) -> None:
     assert calibration(without, SCORED_QUANTITIES[0]) is None
 
 
-def test_stated_sigmas_are_held_against_errors() -> None:
-    errors = np.random.default_rng(5).normal(0, 0.3, 4000)
+def test_stated_sigmas_are_held_against_errors(random: np.random.Generator) -> None:
+    errors = random.normal(0, 0.3, 4000)
 
     def found(sigma: float) -> dict[str, float]:
         answers = [{"x_c_mm": 120 + error, "x_c_sigma_mm": sigma} for error in errors]
@@ -156,7 +158,7 @@ def test_stated_sigmas_are_held_against_errors() -> None:
 
 
 def test_mutated_predictions_are_scored_or_refused(tmp_path: Path) -> None:
-    chance, refusals = random.Random(12), list[str]()
+    chance, refusals = Random(scene_seed(12)), list[str]()
     odd = (
         '"',
         "\0",
@@ -387,3 +389,14 @@ def test_a_knocked_camera_may_be_refused() -> None:
         manifest = {**true.manifest, "scene": {**scene, "camera": camera}}
         found = right_refusals(replace(true, manifest=manifest))["may_say"][0]
         assert set(found) == allowed
+
+
+def test_texts_of_a_table_are_short_and_fit_for_a_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "mine.csv"
+    head = "frame_id,x_c_mm,outcome,message\n"
+    path.write_text(f"{head}f0,,invalid,=1+1\nf1,,invalid,\x1b[2Jx\nf2,,invalid,right\n")
+    messages = read_predictions(path)["message"].to_list()
+    assert messages == ["'=1+1", "\\x1b[2Jx", "right"]
+    path.write_text(f"{head}f0,,invalid,{'x' * 10_001}\n")
+    with pytest.raises(InputError, match="message has a cell of 10,001 bytes, allowed are 10,000"):
+        read_predictions(path)
