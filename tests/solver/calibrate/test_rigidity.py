@@ -80,6 +80,15 @@ def test_a_tapered_beam_on_a_clamp_that_gives_hangs_as_the_rod_in_space(
         assert np.abs(bent(hung(rod, force)[:, 1]) - hung(rod, force)[:, 2]).max() < 1e-7 * LENGTH
 
 
+@pytest.mark.parametrize("taper", [-0.02, 0.02])
+def test_a_slight_taper_shifts_the_deflection_under_the_weight(taper: float) -> None:
+    """By the taper times s_w / L: -4 c int (a - s)^2 s / L ds / int (a - s)^2 ds, from 0 to a."""
+    shapes = (hung_beam(1.0, 0.0, AT, 0.0, LENGTH, widths) for widths in ((taper,), ()))
+    cone, uniform = (float(shape(AT)) for shape in shapes if shape is not None)
+    share = taper * AT / LENGTH
+    assert cone / uniform == pytest.approx(1 - share + share**2, abs=5e-5)
+
+
 def hung(rod: Rod, force: float, at: float = AT, level: float = 0.0) -> Floats:
     """The world's centreline (n, 4) under a weight, of a clamp that points down by `level`."""
     if not force:
