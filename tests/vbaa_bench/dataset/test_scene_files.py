@@ -24,7 +24,7 @@ from vbaa_bench.dataset.identity import (
 )
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.merge import merge
-from vbaa_bench.dataset.scene_files import copy_files, file_digests, read_file
+from vbaa_bench.dataset.scene_files import check_copies, copy_files, file_digests, read_file
 from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation.collection import RigGenerator, RigResult, generate_collection
 from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
@@ -351,3 +351,11 @@ def test_a_frame_whose_file_cannot_be_read_is_no_frame_that_failed(
 def test_a_worker_renders_into_no_other_dataset(layout: Layout) -> None:
     with pytest.raises(InputError, match=r"identity\.json: has changed while the command ran"):
         dataset_worker(layout.root, "0" * 64, "scalar_rgb", 1)
+
+
+def test_copies_are_compared_when_a_dataset_is_completed(file: SceneFile, layout: Layout) -> None:
+    recorded = file_digests(file)
+    check_copies(recorded, layout.files)
+    write_files(layout.files, 11.0)
+    with pytest.raises(SceneFileError, match=r"a\.stl: is not what was generated; it has changed"):
+        check_copies(recorded, layout.files)
