@@ -12,7 +12,9 @@ import trimesh
 from pydantic import BaseModel
 
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import HASHES, hashes_bytes
 from tests.conftest import SMALL_SCENE
+from tests.sealing import reseal
 from vbaa_bench.api.verification import verify
 from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.dataset.collection import CollectionLayout
@@ -359,3 +361,21 @@ def test_copies_are_compared_when_a_dataset_is_completed(file: SceneFile, layout
     write_files(layout.files, 11.0)
     with pytest.raises(SceneFileError, match=r"a\.stl: is not what was generated; it has changed"):
         check_copies(recorded, layout.files)
+
+
+def test_a_folder_of_a_scene_may_have_the_name_of_that_of_the_copies(tmp_path: Path) -> None:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    write_files(folder)
+    (tmp_path / HASHES).write_bytes(hashes_bytes({"other.csv": "0"}))
+    assert read_file(folder, "a.stl", "mesh").path == folder / "a.stl"
+
+
+def test_copies_are_known_from_the_hashes_where_the_identity_is_damaged(layout: Layout) -> None:
+    layout.shard(layout.observations, 0).mkdir(parents=True)
+    reseal(layout)
+    layout.identity.write_text("{}", encoding="utf-8")
+    read_file(layout.files, "meshes/b.stl", "mesh")
+    write_files(layout.files, 11.0)
+    with pytest.raises(SceneFileError, match="is not the file with which the dataset was made"):
+        read_file(layout.files, "meshes/b.stl", "mesh")
