@@ -17,7 +17,7 @@ from vbaa_bench.dataset.inventory import Contents, open_for_growth, surplus, tak
 from vbaa_bench.dataset.layout import FILES, Layout
 from vbaa_bench.dataset.lock import locked
 from vbaa_bench.dataset.manifest import read_json, seal
-from vbaa_bench.dataset.scene_files import copy_files
+from vbaa_bench.dataset.scene_files import check_copies, copy_files
 from vbaa_bench.generation.cluster import ClusterPool
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.dataset_facts import dataset_facts
@@ -190,6 +190,7 @@ def _complete(
     failed = sum(inventory.failed.values())
     facts = dataset_facts(scene, rig, metering, machine.variant)
     facts |= {"frames": sum(map(len, shards.values())) - failed, "failed_frames": failed}
+    check_copies(digests, layout.files)
     seal(layout, facts, hashes)
 
 
