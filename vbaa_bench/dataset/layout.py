@@ -4,6 +4,7 @@ DATASET/
   observations/   see solver/instrument/observation.py
   truth/
     identity.json                    scene, variant, versions, code; written first
+    metering.json                    exposure, sample table, and their frames; written once, second
     shard_00000/truth.parquet        one row per frame
     shard_00000/<frame_id>.exr       radiance and truth layers
     shard_00000/failures.json        why frames of the shard are missing; only if some are
@@ -68,6 +69,11 @@ class Layout:
     def manifest(self) -> Path:
         """The file with the truth of the whole dataset."""
         return self.truth / "manifest.json"
+
+    @property
+    def metering(self) -> Path:
+        """The file with what was measured before the first image."""
+        return self.truth / "metering.json"
 
     @property
     def lock(self) -> Path:

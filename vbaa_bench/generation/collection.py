@@ -1,6 +1,6 @@
 """Generation of a collection: many random rigs of one scene, each a dataset in one folder."""
 
-import gc
+import shutil
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,8 +15,9 @@ from vbaa_bench.dataset.manifest import read_json
 from vbaa_bench.generation.cluster_address import ClusterAddress
 from vbaa_bench.generation.deaths import Deaths
 from vbaa_bench.generation.generate import Machine, generate
-from vbaa_bench.generation.job import Job
+from vbaa_bench.generation.job import ImageError, Job
 from vbaa_bench.generation.plan import accepted_rig
+from vbaa_bench.render.world import release_kernels
 from vbaa_bench.scene.frames import Frames
 from vbaa_bench.scene.load import SceneFile
 from vbaa_bench.scene.schema import Scene
@@ -45,9 +46,10 @@ def generate_collection(
 ) -> list[RigResult]:
     """Generate the rigs of a collection at `root`, or finish them; return one result per rig.
 
-    `numbers` are those of the rigs to make, by default all. A rig that is impossible is recorded
-    with the reason. Workers of a `cluster` take the place of processes of this machine. Raises
-    InputError for a folder that holds another collection or other files, or cannot be written.
+    `numbers` are those of the rigs to make, by default all. A rig that is impossible, or has an
+    image that cannot be rendered, is recorded with the reason. Workers of a `cluster` take the
+    place of processes of this machine. Raises InputError for a folder that holds another collection
+    or other files, or cannot be written.
     """
     layout = CollectionLayout(root)
     numbers = range(file.rigs or 1) if numbers is None else numbers
@@ -89,8 +91,15 @@ def _generate(
             else:
                 number, root, _ = ended.job.arguments
                 of_rig = deaths.setdefault(number, Deaths())
-                of_rig.record(Layout(root), None, ended.death)
-                jobs.append(Job("rig", (number, root, of_rig.given_up)))
+                try:
+                    of_rig.record(Layout(root), None, ended.death)
+                except ImageError as error:
+                    _remove_unfinished(Layout(root))
+                    scene = accepted_rig(file, number).scene
+                    row = rig_row(file, number, scene, str(error), None)
+                    results.append(RigResult(number, row, str(error)))
+                else:
+                    jobs.append(Job("rig", (number, root, of_rig.given_up)))
     progress(total, total)
     return sorted(results)
 
@@ -128,11 +137,20 @@ class RigGenerator:
             scene = rig.scene
             generate(rig, root, self.variant, 0, progress, threads=self.threads, given_up=given_up)
             failed = read_json(Layout(root).manifest)["failed_frames"]
+        except ImageError as error:
+            reason = str(error)
+            _remove_unfinished(Layout(root))
         except InputError as error:
             reason = str(error)
         finally:
-            gc.collect()  # a world and its renderer refer to each other
+            release_kernels()
         return RigResult(number, rig_row(self.file, number, scene, reason, failed), reason)
+
+
+def _remove_unfinished(layout: Layout) -> None:
+    """Remove the folder of a rig that cannot be finished, unless it was complete before."""
+    if not layout.hashes.is_file():
+        shutil.rmtree(layout.root, ignore_errors=True)
 
 
 def _write_table(layout: CollectionLayout, results: Sequence[RigResult]) -> None:
