@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -130,6 +131,28 @@ def test_an_image_at_which_processes_die_costs_its_rig_alone(
     assert {number: row["reason"] for number, row in rows.items()} == {0: None, 1: reason, 2: None}
     assert float(rows[1]["beam.length_mm"] or 0) == pytest.approx(240, abs=1)
     assert not CollectionLayout(root).rig(1).root.exists()
+
+
+def test_an_image_that_cannot_be_rendered_costs_its_rig(
+    file: SceneFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dark(*_: object) -> None:
+        raise ArithmeticError("3 of 9 pixels have no radiance")
+
+    class Dark(DatasetWorker):
+        def __post_init__(self) -> None:
+            self.renderer: Any = SimpleNamespace(rest_image=dark, board_image=dark)
+
+    def generated(_file: SceneFile, root: Path, *_: object, **__: object) -> None:
+        (root / "truth").mkdir(parents=True)
+        Dark(file, Layout(root), "", 1).image(lambda: None, "rest/rest_00.png", 1.0)
+
+    monkeypatch.setattr(collections, "generate", generated)
+    rigs = collections.RigGenerator(file, "", 1)
+    result = rigs.rig(lambda: None, 4, tmp_path / "rig_00004", {})
+    reason = "rest/rest_00.png cannot be rendered: ArithmeticError: 3 of 9 pixels have no radiance"
+    assert (result.reason, result.row["reason"]) == (reason, reason)
+    assert not (tmp_path / "rig_00004").exists()
 
 
 def test_processes_that_die_for_other_reasons_end_the_command(tmp_path: Path) -> None:
