@@ -8,8 +8,9 @@ import pytest
 
 from solver.at_rest.learn import learn_at_rest
 from solver.at_rest.motion import moved
-from solver.centreline import Centreline, Extractor, down_columns
+from solver.centreline import Centreline, down_columns
 from solver.instrument.arrays import Floats, Grey
+from solver.instrument.centreline import Extractor
 from solver.instrument.errors import InputError
 from tests.beam_images import HEIGHT, METRES_PER_PIXEL, WIDTH, Look, Sensor, bent, drawn
 from tests.laboratory import CALIBRATION, GUIDE, rig
