@@ -2,10 +2,12 @@
 
 import importlib.metadata
 import sys
+import warnings
 from typing import Annotated
 
 import typer
 
+from solver.instrument.errors import InputError
 from solver.lab.command_end import run_command
 from vbaa_bench.cli import checks, data, datasets, measure, regression, results
 from vbaa_bench.cli.endurance import endurance_app
@@ -87,8 +89,17 @@ def main() -> None:
 
 
 def _run() -> None:
+    # Polars warns, and the process is then killed by an illegal instruction.
+    warnings.filterwarnings("error", "Missing required CPU features", RuntimeWarning)
     try:
         app()
+    except RuntimeWarning as error:
+        if "CPU features" not in str(error):
+            raise
+        raise InputError(
+            "polars needs instructions that this processor lacks, such as AVX2: "
+            "pip install 'polars[rtcompat]'"
+        ) from error
     except WorkerDiedError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)

@@ -30,6 +30,8 @@ from vbaa_bench.scene.files import (
 )
 from vbaa_bench.scene.load import SceneFile
 
+# What to do about a damaged copy.
+_MEND: Final = "run the command that made it again, or verify with --repair and --scene"
 # Documents that record the sha256 of the copies beside them, by their key `files`.
 _DOCUMENTS: Final = ("identity.json", "collection.json")
 
@@ -55,7 +57,7 @@ def file_version(folder: Path, name: str) -> FileVersion:
     try:
         return FileVersion(path, _written(path), sha256)
     except OSError as error:
-        raise SceneFileError(f"{path}: cannot be read ({error.strerror})") from error
+        raise _unreadable(path, error, sha256) from error
 
 
 def read_version(version: FileVersion, kind: Kind) -> FileContent:
@@ -66,15 +68,17 @@ def read_version(version: FileVersion, kind: Kind) -> FileContent:
             size = os.fstat(stream.fileno()).st_size
             data = stream.read() if size <= largest else b""
     except OSError as error:
-        raise SceneFileError(f"{path}: cannot be read ({error.strerror})") from error
+        raise _unreadable(path, error, version.sha256) from error
     if size > largest:
         raise SceneFileError(f"{path}: has {size // 10**6} MB, allowed are {largest // 10**6} MB")
     if version.sha256 not in (None, digest(data)):
-        raise SceneFileError(
-            f"{path}: is not the file with which the dataset was made; run the command that made "
-            "it again, or verify with --repair and --scene"
-        )
+        raise SceneFileError(f"{path}: is not the file with which the dataset was made; {_MEND}")
     return FileContent(path, data)
+
+
+def _unreadable(path: Path, error: OSError, sha256: str | None) -> SceneFileError:
+    remedy = "" if sha256 is None else f"; {_MEND}"
+    return SceneFileError(f"{path}: cannot be read ({error.strerror}){remedy}")
 
 
 def read_file(folder: Path, name: str, kind: Kind) -> FileContent:
@@ -110,6 +114,14 @@ def copy_files(file: SceneFile, digests: Mapping[str, str], folder: Path) -> Sce
     return file.with_files_in(folder)
 
 
+def check_copies(digests: Mapping[str, str], folder: Path) -> None:
+    """Compare all copies with their sha256, at the end of a generation. Raises SceneFileError."""
+    for name, recorded in digests.items():
+        fault = file_fault(folder / name, recorded)
+        if fault is not None:
+            raise SceneFileError(f"{fault}; it has changed while the command ran, repeat it")
+
+
 def _content(file: SceneFile, named: NamedFile) -> FileContent:
     try:
         return read_file(file.folder, named.name, named.kind)
@@ -135,7 +147,10 @@ def _recorded(folder: Path) -> Mapping[str, str] | None:
 def _read(document: Path, _version: tuple[int, ...]) -> Mapping[str, str]:
     if document.name == HASHES:
         table, prefix = read_hashes(document.parent) or {}, f"{FILES}/"
-        return {n.removeprefix(prefix): one for n, one in table.items() if n.startswith(prefix)}
+        files = {n.removeprefix(prefix): one for n, one in table.items() if n.startswith(prefix)}
+        if not files:
+            raise InputError(f"{document}: lists no copies")
+        return files
     files = read_json(document).get(FILES)
     if not isinstance(files, dict) or not all(isinstance(one, str) for one in files.values()):
         raise InputError(f"{document}: the key {FILES} is not an object of sha256 by names")

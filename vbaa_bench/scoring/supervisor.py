@@ -145,12 +145,11 @@ class _Worker:
             unread = not frame and message["row"]["outcome"] == Outcome.INVALID
             if times or len(reference) != 1 or not (unread or len(frame) == self._task.repeats):
                 raise MessageError("out of turn")
-        seconds = [time.seconds for time in frame] or [self._added.seconds]
+        seconds = [run.seconds for run in frame] or [self._added.seconds]
         message["row"] |= {
             "image_ms": 1e3 * max(statistics.median(seconds) - self._added.seconds, 0.0),
-            # Other programs only lengthen it: the shortest is the least disturbed.
-            PROCESSOR_COLUMN: min(map(self._processor_ms, frame), default=None),
-            REFERENCE_COLUMN: self._processor_ms(reference[0]),
+            PROCESSOR_COLUMN: self._least_processor_ms(frame),
+            REFERENCE_COLUMN: self._least_processor_ms(reference),
         }
         return message
 
@@ -194,10 +193,15 @@ class _Worker:
         processor = statistics.median(processor_added) if processor_added else None
         return _Times(statistics.median(added), processor)
 
-    def _processor_ms(self, times: _Times) -> float | None:
-        if times.processor_seconds is None or self._added.processor_seconds is None:
+    def _least_processor_ms(self, runs: Sequence[_Times]) -> float | None:
+        """Return the least processor time of several runs; None if it is not known.
+
+        Other programs only lengthen it: the shortest is the least disturbed.
+        """
+        known = [run.processor_seconds for run in runs if run.processor_seconds is not None]
+        if not known or self._added.processor_seconds is None:
             return None
-        return 1e3 * max(times.processor_seconds - self._added.processor_seconds, 0.0) or None
+        return 1e3 * max(min(known) - self._added.processor_seconds, 0.0) or None
 
     def _has_ended(self) -> bool:
         self._check_memory()

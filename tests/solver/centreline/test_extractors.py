@@ -47,6 +47,11 @@ LOOKS = {
 }
 
 
+# Relative errors of the shift. That of a centroid is exact, but for noise of a hundredth; a fit's
+# depends on the form of the profile, and the paper's on its threshold.
+WITHIN = {"profile_fit": 0.2, "background_subtracted": 0.08, PAPER: 0.25}
+
+
 @cache
 def tilted_light(tangent: float, name: str) -> Floats:
     """Light of a matt beam, lit from a tangent to its side: sqrt(1 - x^2) + x tangent across it."""
@@ -76,5 +81,4 @@ def test_the_shading_moves_each_centreline_as_it_states(
     moved = (sides[1] - sides[0]) / 2
     expected = extract.shading * SHADING * 0.5 * LOOKS[look].radius_px
     assert abs(expected) > 0.04
-    # The threshold of the paper's centreline changes the shift by up to a fifth.
-    assert moved / expected == pytest.approx(1.0, abs=0.25 if name == PAPER else 0.12)
+    assert moved / expected == pytest.approx(1.0, abs=WITHIN[name])

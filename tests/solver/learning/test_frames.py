@@ -137,7 +137,8 @@ def test_learn_takes_images_with_readings_or_a_laboratorys_folder(
         pushes = {f.path.name: (f.push_id, f.readings.motor_angle) for f in frames}
         assert pushes.keys() == expected.keys()
         for name, (push, angle) in expected.items():
-            assert pushes[name] == (push, pytest.approx(angle, abs=1e-12))
+            assert pushes[name][0] == push
+            assert pushes[name][1] == pytest.approx(angle, abs=1e-12)
     assert {f.path.name: f.push_id for f in given[2]} == dict.fromkeys(expected, "")
     (tmp_path / "film.avi").write_bytes(b"")
     empty = SimpleNamespace(get=lambda _property: 25.0)

@@ -1,12 +1,11 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from solver.instrument.beam_shape import FIRST_WIDTH, SOFTNESS, BeamShape, stated_shape
 from solver.instrument.errors import InputError
 from solver.instrument.measurement import Measurement
-from solver.learning.candidates import candidates_of, prior_of
+from solver.learning.candidates import Candidate, candidates_of, prior_of
+from solver.learning.comparison import Trial, simplest
 from solver.learning.learn import learn_beam
 from solver.learning.page import page, summary, widths_of
 from solver.methods.exact_fit import exact_fit
@@ -14,6 +13,7 @@ from tests.draws import generator
 from tests.simulated import BEAM, rig
 from tests.tapered import bent, measured
 
+SOFT = Candidate(0, True)
 PLACES = (0.35, 0.5, 0.62, 0.75, 0.88)
 
 
@@ -117,22 +117,20 @@ def test_objects_that_are_stated_as_smooth_stay_so() -> None:
     assert (learned.friction_coefficient, learned.friction_sigma) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("factor", "widths"), [(1.0, 1), (3.0, 0)])
-def test_a_beam_that_is_stated_as_certain_is_left_only_where_it_misfits(
-    factor: float, widths: int
+@pytest.mark.parametrize(
+    ("certain", "worst", "kept"),
+    [(Candidate(0, False), 0.9, True), (Candidate(0, False), 1.5, False), (SOFT, 0.9, False)],
+)
+def test_only_a_certain_beam_is_kept_against_a_better_one_and_only_within_the_sigmas(
+    certain: Candidate, worst: float, kept: bool, random: np.random.Generator
 ) -> None:
-    """A taper that shows clearly is still within points' sigmas that are stated as larger."""
-    wide = [
-        [
-            replace(frame, view=replace(frame.view, sigma_vectors=factor * frame.sigma_vectors))
-            for frame in push
-        ]
-        for push in pushes(0.02, BeamShape())
+    """The cone is better by a hundred errors of the difference: pushes that share errors do so."""
+    misfits = np.append(random.uniform(0.2, 0.8, 4), worst)
+    trials = [
+        Trial(certain, misfits, excess=0.01, excess_error=1e-4, noise=1e-3),
+        Trial(Candidate(2, False), misfits - 0.01, excess=0.0, excess_error=0.0, noise=1e-3),
     ]
-    learned = learn_beam(wide)
-    best = min(learned.trials, key=lambda trial: trial.misfit).candidate
-    assert best.size > 0
-    assert min(learned.chosen.size, 1) == widths
+    assert (simplest(trials) == certain) == kept
 
 
 def test_too_few_pushes_are_refused() -> None:

@@ -12,7 +12,9 @@ import trimesh
 from pydantic import BaseModel
 
 from solver.instrument.errors import InputError
+from solver.instrument.hashes import HASHES, hashes_bytes
 from tests.conftest import SMALL_SCENE
+from tests.sealing import reseal
 from vbaa_bench.api.verification import verify
 from vbaa_bench.assembly.bodies import Body
 from vbaa_bench.dataset.collection import CollectionLayout
@@ -24,7 +26,7 @@ from vbaa_bench.dataset.identity import (
 )
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.merge import merge
-from vbaa_bench.dataset.scene_files import copy_files, file_digests, read_file
+from vbaa_bench.dataset.scene_files import check_copies, copy_files, file_digests, read_file
 from vbaa_bench.dataset.writer import shard_writer
 from vbaa_bench.generation.collection import RigGenerator, RigResult, generate_collection
 from vbaa_bench.generation.dataset_worker import DatasetWorker, dataset_worker
@@ -351,3 +353,29 @@ def test_a_frame_whose_file_cannot_be_read_is_no_frame_that_failed(
 def test_a_worker_renders_into_no_other_dataset(layout: Layout) -> None:
     with pytest.raises(InputError, match=r"identity\.json: has changed while the command ran"):
         dataset_worker(layout.root, "0" * 64, "scalar_rgb", 1)
+
+
+def test_copies_are_compared_when_a_dataset_is_completed(file: SceneFile, layout: Layout) -> None:
+    recorded = file_digests(file)
+    check_copies(recorded, layout.files)
+    write_files(layout.files, 11.0)
+    with pytest.raises(SceneFileError, match=r"a\.stl: is not what was generated; it has changed"):
+        check_copies(recorded, layout.files)
+
+
+def test_a_folder_of_a_scene_may_have_the_name_of_that_of_the_copies(tmp_path: Path) -> None:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    write_files(folder)
+    (tmp_path / HASHES).write_bytes(hashes_bytes({"other.csv": "0"}))
+    assert read_file(folder, "a.stl", "mesh").path == folder / "a.stl"
+
+
+def test_copies_are_known_from_the_hashes_where_the_identity_is_damaged(layout: Layout) -> None:
+    layout.shard(layout.observations, 0).mkdir(parents=True)
+    reseal(layout)
+    layout.identity.write_text("{}", encoding="utf-8")
+    read_file(layout.files, "meshes/b.stl", "mesh")
+    write_files(layout.files, 11.0)
+    with pytest.raises(SceneFileError, match="is not the file with which the dataset was made"):
+        read_file(layout.files, "meshes/b.stl", "mesh")

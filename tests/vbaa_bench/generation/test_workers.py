@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,24 @@ def test_a_command_in_the_background_of_a_script_is_interrupted_too(
     finally:
         signal.signal(signal.SIGINT, before)
     assert ended.value.code == 130
+
+
+def test_a_processor_that_polars_cannot_use_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def imports_polars() -> None:
+        warnings.warn(
+            "Missing required CPU features.\n\nThe following", RuntimeWarning, stacklevel=1
+        )
+
+    monkeypatch.setattr(command, "app", imports_polars)
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        "error: polars needs instructions that this processor lacks, such as AVX2: "
+        "pip install 'polars[rtcompat]'\n"
+    )
 
 
 PARENT = """

@@ -104,7 +104,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
     heard: list[str] = []
     out = root / "predictions" / "own.csv"
     solved = solve(
-        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=2.0, hear=heard.append
+        Layout(root), "failing:in_turn", out, 1, memory_gb=2.5, frame_s=5.0, hear=heard.append
     )
     with out.open(encoding="utf-8") as stream:
         messages = [one["message"] for one in csv.DictReader(stream)]
@@ -112,7 +112,7 @@ def test_each_failure_costs_its_own_frame_and_nothing_is_left(
         Outcome.CONTACT.sentence,
         "the method's process died: exit status 7",
         "MemoryError: the method needs more than 2.5 GB, the limit of --memory",
-        "timed out: no answer within 2 s",
+        "timed out: no answer within 5 s",
     ]
     assert (solved.frames, solved.crashed) == (4, 3)
     assert 'File "failing.py", line 21, in in_turn' in solved.traceback
