@@ -17,7 +17,7 @@ from solver.antenna import Antenna
 from solver.instrument.observation import Observations, open_observations
 from solver.set_up import set_up
 from tests import COLLECTING
-from tests.draws import generator
+from tests.draws import SEED, generator, seeded
 from vbaa_bench.generation.generate import generate
 from vbaa_bench.render.variant import choose
 from vbaa_bench.scene.load import load_scene
@@ -43,15 +43,17 @@ _LONGEST: Final = (
     "solver/centreline/test_beam.py",
 )
 
-# The same examples on every machine, and no deadline on a loaded one.
-settings.register_profile("fixed", derandomize=True, deadline=None, max_examples=60)
+# The same examples on every machine, others for another seed, and no deadline on a loaded machine.
+settings.register_profile(
+    "fixed", derandomize=SEED == 0, database=None, deadline=None, max_examples=60
+)
 settings.load_profile("fixed")
 
 ALL_LAYERS = """
 layers: [radiance, variance, beam_mask, coverage, arc_length, depth, normal, object_index,
   occlusion]
 """
-SMALL_SCENE = f"""
+SCENE_TEXT = f"""
 title: Four pushes for the tests
 seed: 11
 camera:
@@ -66,10 +68,13 @@ pushes:
   deflection_pct: [10, 20]
 frames_per_shard: 2
 {ALL_LAYERS}"""
+SMALL_SCENE = seeded(SCENE_TEXT)
 
 
-def pytest_configure() -> None:
-    """Set what costs time beside other worker processes, which use all cores already."""
+@pytest.hookimpl(tryfirst=True)  # before hypothesis, which reads its seed
+def pytest_configure(config: pytest.Config) -> None:
+    """Set the seed of hypothesis, and what costs time beside other worker processes."""
+    config.option.hypothesis_seed = str(SEED)  # does not matter to the profile of seed 0
     # What a test writes need not survive a power failure: it waits for no disk.
     os.fsync = lambda fd: None  # noqa: ARG005  # the name is part of its type
     if "PYTEST_XDIST_WORKER" in os.environ:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from vbaa_bench.render.tracing import SETS, trace
 from vbaa_bench.render.world import World
 
@@ -12,4 +13,4 @@ def even_picture(world: World, samples: int, seed: int) -> Floats:
     rows, columns = np.mgrid[0 : world.camera.height, 0 : world.camera.width]
     pixels = np.column_stack([columns.ravel(), rows.ravel()])
     size = np.full(len(pixels), samples // SETS)
-    return trace(world, pixels, size, seed, "whole").radiance.reshape(rows.shape)
+    return trace(world, pixels, size, scene_seed(seed), "whole").radiance.reshape(rows.shape)

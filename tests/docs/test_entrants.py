@@ -62,20 +62,20 @@ ENTRANTS = [_entrant("spline_curvature"), _entrant("consistent_sections")]
 @pytest.mark.parametrize("deflection", [0.1, 0.2])
 @pytest.mark.parametrize("entrant", ENTRANTS)
 def test_contact_and_force_of_a_pushed_beam(
-    entrant: ModuleType, contact: float, deflection: float
+    entrant: ModuleType, contact: float, deflection: float, random: np.random.Generator
 ) -> None:
     points, x_c, force = pushed_points(contact, deflection)
-    points[:, 1] += np.random.default_rng(1).normal(0, SIGMA, len(points))
+    points[:, 1] += random.normal(0, SIGMA, len(points))
     estimate = entrant.estimate(measurement(points, SIGMA))
     assert estimate.x_c_mm == pytest.approx(1e3 * x_c, abs=0.01 * 240)
     assert estimate.force_n == pytest.approx(force, rel=0.05)
 
 
 @pytest.mark.parametrize("entrant", ENTRANTS)
-def test_a_straight_beam_has_no_contact(entrant: ModuleType) -> None:
+def test_a_straight_beam_has_no_contact(entrant: ModuleType, random: np.random.Generator) -> None:
     rest = np.column_stack([np.zeros(500), np.linspace(0, 0.24, 500), np.zeros((500, 2))])
     points = columns(rest)
-    points[:, 1] += np.random.default_rng(2).normal(0, SIGMA, len(points))
+    points[:, 1] += random.normal(0, SIGMA, len(points))
     assert entrant.estimate(measurement(points, SIGMA)).outcome is Outcome.NO_CONTACT
     few = measurement(points[:10], SIGMA)
     assert entrant.estimate(few).outcome is Outcome.NOT_IDENTIFIABLE

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES
+from tests.draws import seeded
 from tests.end_to_end.test_generate import digests, quiet
 from vbaa_bench import cli
 from vbaa_bench.api.data import generate_rigs
@@ -21,7 +22,7 @@ from vbaa_bench.generation.generate import Part, generate
 from vbaa_bench.generation.same_process import SameProcess
 from vbaa_bench.scene.load import load_scene
 
-SCENE = """\
+SCENE = seeded("""\
 title: Small random rigs
 seed: 3
 rigs: {rigs}
@@ -48,7 +49,7 @@ pushes:
   deflection_pct: [{{uniform: [3, 9]}}]
   repeats: {repeats}
 frames_per_shard: 2
-"""
+""")
 
 
 def scene(folder: Path, rigs: int, repeats: int = 3) -> Path:

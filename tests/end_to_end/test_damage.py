@@ -1,6 +1,5 @@
 """A dataset that is damaged, half-sealed, held by another process, or of other code."""
 
-import random
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ from solver.instrument.files import sha256
 from solver.instrument.hashes import HASHES, read_hashes
 from solver.instrument.observation import open_observations
 from tests.conftest import SMALL_SCENE
+from tests.draws import generator, scene_seed
 from tests.end_to_end.test_generate import digests, quiet
 from tests.restoring import Restorer
 from tests.sealing import reseal
@@ -37,7 +37,7 @@ from vbaa_bench.scoring.score import score
 
 def flip(path: Path) -> None:
     data = bytearray(path.read_bytes())
-    data[random.Random(path.name).randrange(len(data))] ^= 4
+    data[generator(path.name).integers(len(data))] ^= 4
     path.write_bytes(data)
 
 
@@ -302,7 +302,9 @@ def test_what_cannot_be_made_is_refused_before_the_mechanics(
         SMALL_SCENE.replace("pushes:", "pushes:\n  repeats: 500000"),
     )
     assert not (tmp_path / "new").exists()
-    check_refused(copied.root, r"\(seed 11 -> 12\)", SMALL_SCENE.replace("11", "12"))
+    seed = scene_seed(11)
+    other = SMALL_SCENE.replace(f"seed: {seed}", "seed: 12")
+    check_refused(copied.root, rf"\(seed {seed} -> 12\)", other)
     with locked(copied.lock):
         check_refused(copied.root, "is being written by process")
     monkeypatch.setattr(identity, "code_digests", lambda: {"vbaa_bench.generation.truth_row": "0"})

@@ -13,7 +13,8 @@ from solver.instrument.observation import open_observations
 from solver.methods import METHODS
 from solver.set_up import set_up
 from solver.tracker import PushTracker
-from tests.conftest import SMALL_SCENE
+from tests.conftest import SCENE_TEXT
+from tests.draws import seeded
 from vbaa_bench.benchmarks.contact_sheet import contact_sheet
 from vbaa_bench.dataset.exr import read_exr
 from vbaa_bench.dataset.layout import Layout
@@ -37,13 +38,13 @@ NOISY = COARSE.replace("1,", "4,").replace("0.5", "4")
 
 
 def made(tmp_path: Path, variant: str, *changes: tuple[str, str], render: str = COARSE) -> Layout:
-    """Generate a changed SMALL_SCENE in this process: four views of the board, coarse renders."""
-    text = SMALL_SCENE.replace("views: 6", "views: 4") + render
+    """Generate a changed scene in this process: four views of the board, coarse renders."""
+    text = SCENE_TEXT.replace("views: 6", "views: 4") + render
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
     path = tmp_path / "scene.yaml"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(seeded(text), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(generating, "Pool", SameProcess)
         return generate(load_scene(path), tmp_path / "data", variant, 0, quiet)

@@ -13,6 +13,7 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.gravity import Gravity
 from solver.instrument.measurement import Measurement, View
 from solver.instrument.rig import Rig, Sensors
+from tests.draws import generator
 from tests.inclined import on_plane_c
 from tests.simulated import BEAM, columns, rig
 from vbaa_bench.mechanics.planar import push
@@ -73,7 +74,7 @@ def pushed_beam(
     The last frame is pushed by `angle_deg`, or to `deflection` where that is given; `earlier` are
     the pushing angles [deg] of the frames before it. Without `seed` nothing errs.
     """
-    random = None if seed is None else np.random.default_rng(seed)
+    random = None if seed is None else generator(__name__, seed)
     frames: tuple[Measurement, ...] = ()
     pushes = [*((angle, None) for angle in earlier), (angle_deg, deflection)]
     cosine, sine = np.cos(psi), np.sin(psi)

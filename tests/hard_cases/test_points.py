@@ -9,6 +9,7 @@ from solver.instrument.estimate import Estimate
 from solver.instrument.measurement import Measurement
 from solver.methods import METHODS
 from solver.tracker import run_method
+from tests.draws import generator
 from tests.hard_cases.beams import (
     REFERENCES,
     TURNED,
@@ -49,9 +50,10 @@ def test_every_method_answers_one_of_the_references() -> None:
 
 @pytest.mark.parametrize("reference", REFERENCES)
 @pytest.mark.parametrize("name", NAMES)
-def test_the_last_bit_of_the_points_does_not_matter(name: str, reference: str) -> None:
+def test_the_last_bit_of_the_points_does_not_matter(
+    name: str, reference: str, random: np.random.Generator
+) -> None:
     measurement = REFERENCES[reference]
-    random = np.random.default_rng(7)
     for _ in range(3):
         towards = np.where(random.random(measurement.points.shape) < 0.5, -np.inf, np.inf)
         nudged = with_points(measurement, np.nextafter(measurement.points, towards))
@@ -77,7 +79,7 @@ def test_points_of_single_precision_do(name: str, reference: str) -> None:
 @given(seed=st.integers(0, 2**31))
 def test_the_order_of_the_points_does_not_matter(name: str, reference: str, seed: int) -> None:
     measurement = REFERENCES[reference]
-    shuffled = np.random.default_rng(seed).permutation(measurement.points)
+    shuffled = generator(__name__, seed).permutation(measurement.points)
     assert change(name, reference, with_points(measurement, shuffled)) < 1e-9
 
 

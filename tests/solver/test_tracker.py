@@ -14,11 +14,13 @@ from solver.instrument.arrays import Floats, Grey
 from solver.instrument.estimate import Estimate, Outcome
 from solver.instrument.measurement import Measurement
 from solver.instrument.transforms import invert
+from solver.methods import Method
 from solver.methods.exact_fit import exact_fit
 from solver.shading import SHADING, SHADING_SIGMA
 from solver.to_measurement import to_measurement
 from solver.tracker import PushTracker, extract_centreline
 from tests.beam_images import HEIGHT, LENGTH, TIPS, WIDTH, Look, Sensor, bent, distances, drawn
+from tests.draws import generator
 from tests.laboratory import GUIDE, antenna, antenna_with
 
 SENSOR = Sensor()
@@ -26,7 +28,7 @@ TILT = 3e-3
 
 
 def image(light: Floats, seed: int) -> Grey:
-    return SENSOR(light, np.random.default_rng(seed))
+    return SENSOR(light, generator(__name__, seed))
 
 
 @pytest.mark.parametrize("kind", TIPS)
@@ -67,7 +69,9 @@ def test_where_nothing_is_seen_there_is_no_bow_to_take_off() -> None:
 
 @pytest.mark.parametrize("theta", [-0.5, 0.2, 0.5])
 @pytest.mark.parametrize("hidden", [0.0, 0.2, 0.4])
-def test_a_bow_is_taken_off_although_the_base_is_hidden(hidden: float, theta: float) -> None:
+def test_a_bow_is_taken_off_although_the_base_is_hidden(
+    hidden: float, theta: float, random: np.random.Generator
+) -> None:
     """A straight beam bends to `bent`; a bowed one lies off it by the bow, along the normal."""
     lab = bowed(np.array([2e-3, 0.0, 0.0]))
     straight = bent(theta, 0.7)
@@ -78,7 +82,7 @@ def test_a_bow_is_taken_off_although_the_base_is_hidden(hidden: float, theta: fl
     shown = GUIDE.pixels(straight + (2e-3 * s**2)[:, None] * normal)
     columns = np.arange(np.ceil(shown[0, 0] + hidden * 280), shown[-1, 0])
     rows = np.interp(columns, shown[:, 0], shown[:, 1])
-    rows += 0.01 * np.random.default_rng(1).standard_normal(len(rows))
+    rows += 0.01 * random.standard_normal(len(rows))
     line = down_columns(np.column_stack([columns, rows]), np.full(len(rows), 0.01))
     off = distances(to_measurement(lab, line).points, straight[::8])
     assert np.abs(off).max() < 0.05e-3
@@ -165,7 +169,7 @@ def scene(du: float, theta: float) -> Floats:
     """Light of a beam before a hub and stones on the ground, all shifted by du [px]."""
     seen_by = replace(GUIDE, camera=replace(GUIDE.camera, cx=GUIDE.camera.cx + du))
     v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
-    random = np.random.default_rng(3)
+    random = generator(__name__, 3)
     ground = np.full(u.shape, 0.05)
     for _ in range(40):
         x, y = random.uniform(10, WIDTH - 10), random.choice([12, 24, 104, 116])
@@ -204,3 +208,79 @@ def test_a_shift_that_the_rig_allows_is_measured_and_removed() -> None:
     # The beam is inclined against the image's rows, along which the camera was knocked.
     assert np.median(np.abs(distances(removed, place))) < 0.02 * lab.pixel
     assert np.median(np.abs(distances(contained, place))) > 0.05 * lab.pixel
+
+
+class Failing:
+    """An extractor that fails, as a defect in it would."""
+
+    shading = 1.0
+    detector = None
+
+    def __call__(self, _image: Grey) -> Centreline:
+        raise ValueError("operands could not be broadcast together")
+
+
+def singular(_measurement: Measurement) -> Estimate:
+    """A method that NumPy refuses: its LinAlgError is a ValueError."""
+    np.linalg.inv(np.zeros((2, 2)))
+    return Estimate(Outcome.NO_CONTACT, "")
+
+
+def ended(_measurement: Measurement) -> Estimate:
+    raise SystemExit(3)
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [(singular, "LinAlgError: Singular matrix (_linalg.py:"), (ended, "SystemExit: 3 (test_track")],
+)
+def test_an_error_in_a_method_is_a_crash_with_its_traceback(method: Method, message: str) -> None:
+    solution = PushTracker(bowed(np.zeros(3)), method).solve(np.zeros((HEIGHT, WIDTH), np.uint8))
+    assert solution.estimate.outcome is Outcome.CRASHED
+    assert message in solution.estimate.message
+    assert f"in {method.__name__}\n" in solution.traceback
+
+
+def test_an_error_in_the_extraction_is_a_crash_and_an_unusable_image_is_none() -> None:
+    lab = bowed(np.zeros(3))
+    image = np.zeros((HEIGHT, WIDTH), np.uint8)
+    tracker = PushTracker(replace(lab, at_rest=replace(lab.at_rest, extract=Failing())), untouched)
+    crashed, small = tracker.solve(image), tracker.solve(image[1:])
+    assert crashed.estimate.outcome is Outcome.CRASHED
+    assert "could not be broadcast together (test_tracker.py:" in crashed.estimate.message
+    assert "raise ValueError" in crashed.traceback
+    assert (small.estimate.outcome, small.traceback) == (Outcome.INVALID, "")
+
+
+def test_update_has_an_outcome_for_every_argument() -> None:
+    tracker = PushTracker(bowed(np.zeros(3)), untouched)
+    image = np.zeros((HEIGHT, WIDTH), np.uint8)
+    assert tracker.update(image, motor_angle_deg=1.0).outcome is Outcome.NO_CONTACT
+    for reading in (
+        {"motor_angle_deg": math.nan},
+        {"moment_y_n_mm": math.inf},
+        {"base_force_n": [0.0, math.nan, 1.0]},
+        {"base_moment_n_mm": [0.0, 1.0, -math.inf]},
+    ):
+        estimate = tracker.update(image, **reading)
+        assert estimate.outcome is Outcome.INVALID
+        assert "allowed are finite numbers" in estimate.message
+    for strange in ({"motor_angle_deg": "3.2"}, {"base_force_n": [1.0, 2.0]}):
+        assert tracker.update(image, **strange).outcome is Outcome.CRASHED
+    assert tracker.update([[1, 2], [3]]).outcome is Outcome.CRASHED
+
+
+def test_readings_of_a_force_sensor_reach_the_method() -> None:
+    given: list[Measurement] = []
+
+    def keeps(measurement: Measurement) -> Estimate:
+        given.append(measurement)
+        return Estimate(Outcome.NO_CONTACT, "")
+
+    PushTracker(bowed(np.zeros(3)), keeps).update(
+        np.zeros((HEIGHT, WIDTH), np.uint8),
+        base_force_n=np.array([1.0, 2.0, 3.0]),
+        base_moment_n_mm=(4.0, 5.0, 6.0),
+    )
+    assert given[0].base_force == (1.0, 2.0, 3.0)
+    assert given[0].base_moment == pytest.approx((4e-3, 5e-3, 6e-3))

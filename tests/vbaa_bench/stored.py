@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-import numpy as np
-
+from tests.draws import generator
 from tests.truth_rows import complete_row
 from vbaa_bench.dataset.layout import Layout
 from vbaa_bench.dataset.manifest import seal
@@ -34,14 +33,14 @@ def store(
     root: Path, frames: int = 12, bits: int = 8, splits: tuple[str, ...] = (), per_shard: int = 5
 ) -> Path:
     """Write a dataset whose frame i has the split i modulo their number; the first is free."""
-    layout, generator = Layout(root), np.random.default_rng(3)
+    layout, random = Layout(root), generator(__name__, 3)
     whole: dict[str, dict[str, str]] = {"observations": {}, "truth": {}}
     for tree in layout.trees:
         tree.mkdir(parents=True)
     for number in range(-(-frames // per_shard)):
         with shard_writer(layout, number) as writer:
             for i in range(number * per_shard, min((number + 1) * per_shard, frames)):
-                image = quantise(generator.random((8, 12)), bits)
+                image = quantise(random.random((8, 12)), bits)
                 readings = {"motor_angle_deg": "" if i == 1 else -0.5 * i, "push_id": f"p{i // 2}"}
                 split = {"split": splits[i % len(splits)]} if splits else {}
                 contact = {

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vbaa_bench.dataset.manifest import versions
-from vbaa_bench.render.variant import ADVICE, CUDA, FAST, PLAIN, VARIANTS, Probe, probe
+from vbaa_bench.dataset.target import FAST
+from vbaa_bench.render.variant import ADVICE, CUDA, PLAIN, VARIANTS, Probe, probe
 
 PACKAGES: Final = ("libatomic1", "libllvm19")
 INSTALL: Final = ("apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES)

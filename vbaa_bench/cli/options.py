@@ -122,7 +122,11 @@ Workers = Annotated[
     typer.Option(min=1, max=256, help="number of processes", show_default="one per core"),
 ]
 Variant = Annotated[
-    str | None, typer.Option(help="Mitsuba variant", show_default="llvm_ad_mono, else scalar_rgb")
+    str | None,
+    typer.Option(
+        help="Mitsuba variant; llvm_native is for this very processor, with other last digits",
+        show_default="llvm_ad_mono, else scalar_rgb",
+    ),
 ]
 Method = Annotated[
     list[str] | None,

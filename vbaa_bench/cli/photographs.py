@@ -35,7 +35,7 @@ def check_photographs(
     if out:
         prepare_output_path(out / "README.md")
     folder = work / f"seed_{seed}"
-    activate(choose(variant).replace("_mono", "_rgb"), 0)
+    activate(choose(variant), 0, colour=True)
     with progress_bars() as bars:
         total = sum(len(draw_rig(seed, number).photos) for number in range(rigs))
         taking = bars.add_task("photographs", total=total)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from solver.instrument.files import read_regular
 from vbaa_bench.dataset.layout import Layout
 
 _CURRENT: Final = "current"
@@ -61,6 +62,6 @@ def clear_aside(layout: Layout, job: str | None = None) -> Counter[Rendering]:
     renderings = Counter[Rendering]()
     for folder in layout.all_aside(job):
         with contextlib.suppress(OSError, ValueError):  # it died before its first image
-            renderings[Rendering(*json.loads((folder / _CURRENT).read_bytes()))] += 1
+            renderings[Rendering(*json.loads(read_regular(folder / _CURRENT)))] += 1
         shutil.rmtree(folder, ignore_errors=True)
     return renderings

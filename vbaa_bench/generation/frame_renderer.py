@@ -14,8 +14,8 @@ from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.motion import averaged_poses, exposure_poses, pose_weights
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
+from vbaa_bench.dataset.target import processor
 from vbaa_bench.generation.look import Look, look_of, rest_dirt, rest_look
-from vbaa_bench.generation.processor import processor
 from vbaa_bench.generation.pushes import PushSolver
 from vbaa_bench.generation.readings import readings
 from vbaa_bench.generation.truth_row import truth_row

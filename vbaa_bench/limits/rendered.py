@@ -15,6 +15,7 @@ from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from vbaa_bench.assembly.motion import exposure_poses
 from vbaa_bench.assembly.pose import Pose
+from vbaa_bench.dataset.target import FAST
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.frame_information import APPEARANCE
 from vbaa_bench.limits.image_shape import PARAMETERS
@@ -22,7 +23,7 @@ from vbaa_bench.limits.named_information import Information
 from vbaa_bench.limits.of_frame import imaged_beam, is_removed
 from vbaa_bench.limits.pixel_noise import PixelNoise
 from vbaa_bench.limits.rendered_beam import SAMPLES, STEP_PX, beam_change, near_beam
-from vbaa_bench.render.variant import FAST, is_scalar
+from vbaa_bench.render.variant import is_scalar
 from vbaa_bench.scene.frames import FrameSpec
 from vbaa_bench.scene.random_streams import render_seed
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from solver.instrument.arrays import Floats
 from vbaa_bench.render import lattice
-from vbaa_bench.render.loading import load
 from vbaa_bench.render.shading import bounced, shaded, shadow
 from vbaa_bench.render.strata import Strata, place
 from vbaa_bench.render.variant import is_scalar
@@ -58,14 +57,15 @@ def trace(
     """Estimate the mean radiance over the area of each of `pixels` (n, 2), integer (column, row).
 
     `set_size` (n,) is the number of samples per set; each pixel gets `sets` sets. A pixel's value
-    depends on `seed`, on its place in the list and on its own number of samples. On a scalar
-    variant whole images are rendered, with the largest number of samples.
+    depends on `seed`, on its place in the image and on its own number of samples, not on the other
+    pixels of the list. On a scalar variant whole images are rendered, with the largest number of
+    samples.
     """
     if is_scalar():
         return _films(world, pixels, int(set_size.max(initial=1)), seed, asked)
     batch = LARGEST_WAVEFRONT // sets
     parts = [
-        _wavefront(world, pixels[i : i + batch], set_size[i : i + batch], seed + i, asked, sets)
+        _wavefront(world, pixels[i : i + batch], set_size[i : i + batch], seed, asked, sets)
         for i in range(0, len(pixels), batch)
     ]
     value, coverage = np.concatenate(parts, axis=2) if parts else np.empty((2, sets, 0))
@@ -92,37 +92,49 @@ def _wavefront(
     world: World, pixels: np.ndarray, set_size: np.ndarray, seed: int, quantity: Quantity, sets: int
 ) -> np.ndarray:
     """Estimate radiance and coverage (2, sets, n) of each set."""
-    lanes = len(pixels) * sets
-    sampler = load({"type": "independent"})
-    sampler.seed(seed % 2**32, lanes)
-    pixel = dr.arange(mi.UInt32, lanes) // sets
-    column, row = (
-        dr.gather(mi.Float, mi.Float(axis.astype(np.float32)), pixel) for axis in pixels.T
-    )
+    lane = dr.arange(mi.UInt32, len(pixels) * sets)
+    pixel = lane // sets
+    column, row = (dr.gather(mi.Int32, mi.Int32(axis.astype(np.int32)), pixel) for axis in pixels.T)
     count = dr.gather(mi.UInt32, mi.UInt32(set_size.astype(np.uint32)), pixel)
-    value, coverage = world.replayed(_ESTIMATES[quantity])(column, row, sampler, count)
+    random = _random(seed, column, row, lane - sets * pixel)
+    estimate = world.replayed(_ESTIMATES[quantity])
+    value, coverage = estimate(mi.Float(column), mi.Float(row), random, count)
     dr.eval(value, coverage)
     # NumPy sums long rows faster than short ones.
     return np.array([np.asarray(one).reshape(-1, sets).T for one in (value, coverage)], np.float64)
 
 
+def _random(seed: int, column: Any, row: Any, number: Any) -> Any:
+    """Seed a generator of random numbers for every lane by the pixel and the number of its set.
+
+    Its numbers do not depend on the other pixels: where another processor rounds differently, and
+    one pixel more or less is sampled, the others keep their values.
+    """
+    # Two rounds of a cipher (TEA): different pixels have different states.
+    first, second = mi.sample_tea_32(mi.UInt32(column), mi.UInt32(row))
+    # Opaque: a literal would be compiled into the kernel, anew for each seed.
+    opaque_seed = dr.opaque(mi.UInt32, seed % 2**32)
+    state, stream = mi.sample_tea_32(first + opaque_seed, second + number)
+    return mi.PCG32(1, mi.UInt64(state), mi.UInt64(stream))
+
+
 def _whole(
-    world: World, column: Any, row: Any, sampler: Any, count: Any, *, beam_only: bool = False
+    world: World, column: Any, row: Any, random: Any, count: Any, *, beam_only: bool = False
 ) -> tuple[Any, Any]:
     """Estimate the radiance of the complete scene; also the fraction that the beam covers."""
     edges = world.silhouette or world.printed
     strata = None if edges is None else edges.strata(column, row, count)
-    return _mean(world, world.scene, column, row, sampler, count, strata, beam_only)
+    return _mean(world, world.scene, column, row, random, count, strata, beam_only)
 
 
-def _beam(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
+def _beam(world: World, column: Any, row: Any, random: Any, count: Any) -> tuple[Any, Any]:
     """Estimate the beam's part of the radiance of the complete scene."""
-    return _whole(world, column, row, sampler, count, beam_only=True)
+    return _whole(world, column, row, random, count, beam_only=True)
 
 
-def _still(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
+def _still(world: World, column: Any, row: Any, random: Any, count: Any) -> tuple[Any, Any]:
     """Estimate the radiance of the still scene alone."""
-    return _mean(world, world.still, column, row, sampler, count, None, False)
+    return _mean(world, world.still, column, row, random, count, None, False)
 
 
 @dr.syntax
@@ -131,7 +143,7 @@ def _mean(
     scene: Any,
     column: Any,
     row: Any,
-    sampler: Any,
+    random: Any,
     count: Any,
     strata: Strata | None,
     beam_only: bool,
@@ -140,7 +152,7 @@ def _mean(
 
     If `beam_only`, samples that meet other surfaces have the radiance 0.
     """
-    shifts = _shifts(world, scene, sampler)
+    shifts = _shifts(world, scene, random)
     value, coverage, number = mi.Float(0), mi.Float(0), mi.UInt32(0)
     while number < count:
         u = lattice.point(shifts, number, count)
@@ -152,11 +164,12 @@ def _mean(
     return value / mi.Float(count), coverage / mi.Float(count)
 
 
-def _shifts(world: World, scene: Any, sampler: Any) -> list[Any]:
+def _shifts(world: World, scene: Any, random: Any) -> list[Any]:
     """Draw random pairs for the ray, and for each bounce one for each emitter and _BOUNCE more."""
     lights = len(scene.emitters())
     count = world.optics.dimensions + lights + (world.bounces - 1) * (_BOUNCE + lights)
-    return [sampler.next_2d() for _ in range(count)]
+    random = mi.PCG32(random)  # a frozen function must not change its arguments
+    return [mi.Point2f(random.next_float32(), random.next_float32()) for _ in range(count)]
 
 
 def _sample(world: World, scene: Any, column: Any, row: Any, u: list[Any]) -> tuple[Any, Any]:
@@ -182,12 +195,12 @@ def _reflected(world: World, scene: Any, si: Any, u: list[Any], active: Any) -> 
     return radiance
 
 
-def _change(world: World, column: Any, row: Any, sampler: Any, count: Any) -> tuple[Any, Any]:
+def _change(world: World, column: Any, row: Any, random: Any, count: Any) -> tuple[Any, Any]:
     """Estimate a pixel's radiance minus the still scene's; also 1 where the beam is met, else 0.
 
     Shadows are smooth: a set samples few places in a pixel, but `count` points of each lamp.
     """
-    shifts = _shifts(world, world.scene, sampler)
+    shifts = _shifts(world, world.scene, random)
     if world.shadow_places == 1:
         return _change_at(world, column, row, shifts, count)
     return _mean_change(world, column, row, shifts, count)

@@ -24,8 +24,8 @@ def test_prior_and_measurement_are_weighted_by_their_variances() -> None:
         assert covariance[axis, axis] == pytest.approx(1 / (1 / 0.04 + 1 / error))
 
 
-def test_drawn_shifts_are_as_far_off_as_stated() -> None:
-    random, prior = np.random.default_rng(4), 0.3
+def test_drawn_shifts_are_as_far_off_as_stated(random: np.random.Generator) -> None:
+    prior = 0.3
     error = np.array([[0.02, 0.012], [0.012, 0.03]])
     noise = error + np.eye(2) * LIMITS.steadiness_px**2
     squares = []

@@ -11,6 +11,7 @@ from solver.at_rest.landmarks import Landmarks, Shift, learn_landmarks
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import Sensor
+from tests.draws import generator
 
 HEIGHT, WIDTH = 100, 140
 SENSOR = Sensor()
@@ -21,7 +22,7 @@ def scene(du: float = 0.0, dv: float = 0.0, texture: float = 0.06) -> Floats:
     """Light (height, width) of a hub and waves on the ground, shifted by (du, dv) [px]."""
     v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float64)
     u, v = u - du, v - dv
-    random = np.random.default_rng(8)
+    random = generator(__name__, 8)
     ground = np.full(u.shape, 0.4)
     for _ in range(12):
         angle, waves, phase = (
@@ -35,7 +36,7 @@ def scene(du: float = 0.0, dv: float = 0.0, texture: float = 0.06) -> Floats:
 
 
 def image(light: Floats, seed: int) -> Grey:
-    return SENSOR(light, np.random.default_rng(seed))
+    return SENSOR(light, generator(__name__, seed))
 
 
 def compressed(picture: Grey, quality: int) -> Grey:
@@ -98,7 +99,7 @@ def test_edges_sharper_than_a_pixel_show_a_shift(du: float, dv: float) -> None:
 def test_the_covariance_is_honest_and_noise_is_no_motion() -> None:
     """Over the noise of the rest images and of the image alike."""
     light, still, errors, exceeding = scene(), scene(0.3, -0.2), [], 0
-    for seed in range(0, 1500, 5):
+    for seed in range(0, 2500, 5):
         rests = [image(light, seed + n) for n in range(2)]
         marks = learn_landmarks(rests, BEAM, 8.0, estimate_noise(rests))
         unmoved, moved = (marks.shift_of(image(one, seed + 3)) for one in (light, still))
@@ -106,11 +107,12 @@ def test_the_covariance_is_honest_and_noise_is_no_motion() -> None:
         assert moved is not None
         errors.append((chi2(unmoved, 0.0, 0.0), chi2(moved, 0.3, -0.2)))
         exceeding += unmoved.exceeds(0.0)
-    # chi^2 of two degrees of freedom: 2 +- 0.12. Between pixels the interpolation adds some
+    # chi^2 of two degrees of freedom: 2 +- 0.09; the noise of two
+    # rest images is estimated, and rather too large. Between pixels the interpolation adds some
     # thousandths of a pixel.
     of_unmoved, of_moved = np.mean(errors, axis=0)
-    assert 1.4 < of_unmoved < 2.6
-    assert 1.4 < of_moved < 4.0
+    assert 1.2 < of_unmoved < 2.6
+    assert 1.2 < of_moved < 4.0
     assert exceeding < 0.02 * len(errors)
 
 

@@ -8,6 +8,7 @@ import pytest
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from tests.beam_images import LENGTH, Sensor, bent, drawn
+from tests.draws import generator
 from tests.laboratory import GUIDE, at_rest
 
 TILT = 3e-3
@@ -16,7 +17,7 @@ SENSOR = Sensor()
 
 def image(light: Floats, seed: int, dv: int = 0) -> Grey:
     """Everything in view is moved down by whole pixels."""
-    return SENSOR(np.roll(light, dv, axis=0), np.random.default_rng(seed))
+    return SENSOR(np.roll(light, dv, axis=0), generator(__name__, seed))
 
 
 @cache

@@ -13,6 +13,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.transforms import invert
 from solver.to_measurement import to_measurement
 from tests.beam_images import bent, distances
+from tests.draws import generator
 from tests.laboratory import CALIBRATION, GUIDE, antenna_with, rig
 
 SIGMA_PX, IMAGES = 0.01, 4
@@ -21,7 +22,7 @@ S = np.linspace(0.0, 1.0, 400)
 
 def dirt(s: Floats, seed: int, size: float = 1.0) -> Floats:
     """A pattern (n,) along the beam, of root mean square `size`: waves of 1/4 to 1/12 of it."""
-    random = np.random.default_rng(seed)
+    random = generator(__name__, seed)
     waves = [
         random.standard_normal() * np.sin(2 * np.pi * (k * s + random.uniform()))
         for k in (4.2, 6.1, 7.7, 9.4, 12.0)
@@ -40,8 +41,7 @@ def test_a_wave_is_found_as_the_average_leaves_it() -> None:
     assert_allclose(found[inner], expected[inner], atol=2e-3)
 
 
-def test_noise_is_no_pattern() -> None:
-    random = np.random.default_rng(1)
+def test_noise_is_no_pattern(random: np.random.Generator) -> None:
     found = [
         pattern_of(S, random.standard_normal(len(S)) / 2, np.ones(len(S)), 0.25) for _ in range(300)
     ]
@@ -55,16 +55,19 @@ def test_a_pattern_that_the_noise_of_an_image_would_hide_is_none() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_the_share_is_that_of_the_pattern_that_follows(share: float) -> None:
-    random, found = np.random.default_rng(2), []
+def test_the_share_is_that_of_the_pattern_that_follows(
+    share: float, random: np.random.Generator
+) -> None:
+    found = []
     course = 8.0 * np.abs(S - 0.6) ** 3  # the third derivative jumps at a contact
-    for seed in range(200):
+    for seed in range(1000):
         own, other = dirt(S, 2 * seed, np.sqrt(share)), dirt(S, 2 * seed + 1, np.sqrt(1 - share))
         beside = course + own + dirt(S, 5000 + seed, np.sqrt(1 - share))
         noise = random.standard_normal(len(S))
         found.append(share_that_follows(S, own + other, beside + noise, np.ones(len(S))))
-    # The other pattern's chance likeness to the first is that of ten independent waves.
-    assert np.mean(found) == pytest.approx(share, abs=0.12)
+    # The other pattern's chance likeness to the first is that of ten independent waves: 0.3 to
+    # either side, of which the shares below 0 and above 1 are cut off. The median has no bias.
+    assert np.median(found) == pytest.approx(share, abs=0.1)
 
 
 def test_too_few_points_show_nothing() -> None:
@@ -90,8 +93,10 @@ def learned(pattern: Floats, random: np.random.Generator) -> Rest:
 
 
 @pytest.mark.parametrize("follows", [True, False])
-def test_dirt_is_taken_off_and_counts_no_longer_as_an_error_of_the_bow(follows: bool) -> None:
-    random, shape = np.random.default_rng(3), bent(0.4, 0.6, tilt=0.04)[::10]
+def test_dirt_is_taken_off_and_counts_no_longer_as_an_error_of_the_bow(
+    follows: bool, random: np.random.Generator
+) -> None:
+    shape = bent(0.4, 0.6, tilt=0.04)[::10]
     arc = np.linspace(0.0, 1.0, len(shape))
     off, sigma = [], []
     for seed in range(30):

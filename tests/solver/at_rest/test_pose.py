@@ -11,6 +11,7 @@ from solver.instrument.beam_shape import UNIFORM
 from solver.instrument.camera import Camera
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import camera_looking_at
+from tests.draws import generator
 from tests.simulated import BEAM, rig
 from tests.solver.planes.test_sag import CAMERA
 
@@ -43,18 +44,17 @@ def lines(
     ]
 
 
-def test_a_straight_beam_is_a_line_with_honest_covariance() -> None:
-    random, errors = np.random.default_rng(0), []
-    for _ in range(100):
+def test_a_straight_beam_is_a_line_with_honest_covariance(random: np.random.Generator) -> None:
+    errors = []
+    for _ in range(350):
         rest = learn_rest(lines(2e-5 + 1e-3 * X, random), Calibration(CAMERA, 0.02), rig())
         assert not rest.bow.any()
         error = np.array([rest.y_at_clamp - 2e-5, rest.slope - 1e-3])
         errors.append(error @ np.linalg.solve(rest.line_covariance, error))
-    assert 1.4 < np.mean(errors) < 2.7  # chi^2 of two degrees of freedom: 2 +- 0.2
+    assert 1.4 < np.mean(errors) < 2.7  # chi^2 of two degrees of freedom: 2 +- 0.11
 
 
-def test_a_bow_is_found_and_told_apart_from_the_clamp() -> None:
-    random = np.random.default_rng(1)
+def test_a_bow_is_found_and_told_apart_from_the_clamp(random: np.random.Generator) -> None:
     bow = 3e-4 * (X / BEAM.length) ** 2
     rest = learn_rest(lines(1e-3 * X + bow, random), Calibration(CAMERA, 0.02), rig())
     assert rest.bow.any()
@@ -72,8 +72,7 @@ def test_too_few_columns_are_a_sentence() -> None:
         learn_rest(few, Calibration(CAMERA, 0.02), rig())
 
 
-def test_an_image_in_which_the_beam_bends_is_named() -> None:
-    random = np.random.default_rng(2)
+def test_an_image_in_which_the_beam_bends_is_named(random: np.random.Generator) -> None:
     four = lines(1e-3 * X, random)
     touched = four[2].points.copy()
     touched[:, 1] += 0.5 * np.linspace(0, 1, len(touched)) ** 2
@@ -83,18 +82,19 @@ def test_an_image_in_which_the_beam_bends_is_named() -> None:
     assert not off[[0, 1, 3]].any()
 
 
-def test_noise_alone_is_no_disagreement() -> None:
-    random = np.random.default_rng(3)
+def test_noise_alone_is_no_disagreement(random: np.random.Generator) -> None:
     for _ in range(200):
         assert not disagreements(lines(1e-3 * X, random)).any()
 
 
-def test_errors_that_repeat_from_image_to_image_count_in_the_covariance() -> None:
+def test_errors_that_repeat_from_image_to_image_count_in_the_covariance(
+    random: np.random.Generator,
+) -> None:
     """They follow the pixel rows: a beam that crosses R rows shows R + 1 of them, at any number.
 
     What they have in common the line cannot show.
     """
-    random, chi2 = np.random.default_rng(4), []
+    chi2 = []
     place = np.linspace(0, BEAM.length, 50)
     for _ in range(150):
         slope = random.uniform(4e-3, 9e-3)
@@ -110,20 +110,21 @@ def test_errors_that_repeat_from_image_to_image_count_in_the_covariance() -> Non
         off = rest.y_at_clamp + (rest.slope - slope) * place + rest.bow_at(place)[0]
         error = np.polynomial.polynomial.polyfit(place, off, 1)
         chi2.append(error @ np.linalg.solve(rest.line_covariance, error))
-    # chi^2 of two degrees of freedom; for independent errors alone it is 15.
-    assert 0.5 < np.mean(chi2) < 4.0
+    # chi^2 of two degrees of freedom; for independent errors alone it is 15. It is 0.6: the shared
+    # error is stated for the worst phase.
+    assert 0.25 < np.mean(chi2) < 4.0
 
 
 @pytest.mark.parametrize("together", [False, True])
 def test_a_bow_is_found_beside_an_object(together: bool) -> None:
     """The object moves a third of the points, each by itself or all to one side."""
-    random = np.random.default_rng(5)
+    random = generator(__name__, 5)
     bow = 3e-4 * (X / BEAM.length) ** 2
     disturbed = []
     for line in lines(1e-3 * X + bow, random):
         points = line.points.copy()
         third = len(points) // 3
-        each = np.random.default_rng(6).normal(0, 0.12, third)
+        each = generator(__name__, 6).normal(0, 0.12, third)
         points[third : 2 * third, 1] += 0.08 if together else each
         disturbed.append(down_columns(points, line.sigma))
     rest = learn_rest(disturbed, Calibration(CAMERA, 0.02), rig())
@@ -141,8 +142,9 @@ def drawn_to_rows(line: Centreline, share: float) -> Centreline:
 
 
 @pytest.mark.parametrize("slope", [1.5e-3, 2e-3, 3e-3])
-def test_a_bow_that_the_pixel_rows_may_imitate_is_left_open(slope: float) -> None:
-    random = np.random.default_rng(7)
+def test_a_bow_that_the_pixel_rows_may_imitate_is_left_open(
+    slope: float, random: np.random.Generator
+) -> None:
     shown = [drawn_to_rows(one, 0.9) for one in lines(slope * X, random, camera=LEVEL)]
     rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
     assert rest.bow_undecided
@@ -156,8 +158,7 @@ def test_a_bow_that_the_pixel_rows_may_imitate_is_left_open(slope: float) -> Non
     assert 0.5 * imitated < np.sqrt(3) * sigma.max() < 2 * imitated
 
 
-def test_a_bow_of_more_than_half_a_pixel_is_none_of_the_rows() -> None:
-    random = np.random.default_rng(8)
+def test_a_bow_of_more_than_half_a_pixel_is_none_of_the_rows(random: np.random.Generator) -> None:
     bow = 4.8 * PIXEL * (X / BEAM.length) ** 2
     shown = [drawn_to_rows(one, 0.9) for one in lines(2e-3 * X + bow, random, camera=LEVEL)]
     rest = learn_rest(shown, Calibration(LEVEL, 0.02), rig())
@@ -168,7 +169,7 @@ def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance
     """As those of a demosaiced image of a beam that crosses many rows do."""
 
     def sigma(alternating: float) -> float:
-        random = np.random.default_rng(9)
+        random = generator(__name__, 9)
         shown = []
         for line in lines(0.05 * X, random, camera=LEVEL):
             points = line.points.copy()
@@ -180,22 +181,24 @@ def test_errors_that_alternate_from_column_to_column_hardly_widen_the_covariance
         return float(np.sqrt(rest.line_covariance[1, 1]))
 
     # As many independent errors of that size would do at most.
-    columns = len(lines(0.05 * X, np.random.default_rng(9), camera=LEVEL)[0].points)
+    columns = len(lines(0.05 * X, generator(__name__, 9), camera=LEVEL)[0].points)
     independent = 0.1 * PIXEL / BEAM.length * np.sqrt(12 / columns)
     assert sigma(0.1) < 2 * independent
 
 
 @pytest.mark.parametrize(("stated", "least"), [(math.inf, 20), (2e-3 * PIXEL / BEAM.length, 0)])
-def test_a_bow_within_the_noise_is_within_its_sigma(stated: float, least: int) -> None:
+def test_a_bow_within_the_noise_is_within_its_sigma(
+    stated: float, least: int, random: np.random.Generator
+) -> None:
     """Whether it is subtracted or not; its size is drawn as it is expected."""
     straight = replace(rig(), shape=replace(UNIFORM, bow_sigma=stated))
-    random, errors = np.random.default_rng(11), []
+    errors = []
     place = np.linspace(0, BEAM.length, 50)
     shape = (place / BEAM.length) ** 2
     about_line = shape - np.polynomial.Polynomial.fit(place, shape, 1)(place)
     size = min(SMALL_BOW_PX * PIXEL / np.sqrt(np.mean(about_line**2)), stated * BEAM.length)
     subtracted = 0
-    for _ in range(150):
+    for _ in range(400):
         amplitude = size * random.standard_normal()
         bow = amplitude * (X / BEAM.length) ** 2
         rest = learn_rest(lines(0.02 * X + bow, random), Calibration(CAMERA, 0.02), straight)
@@ -203,12 +206,13 @@ def test_a_bow_within_the_noise_is_within_its_sigma(stated: float, least: int) -
         found = found - np.polynomial.Polynomial.fit(place, found, 1)(place)
         errors.append(np.mean((found - amplitude * about_line) ** 2) / np.mean(sigma**2))
         subtracted += bool(rest.bow.any())
-    assert least <= subtracted < 150
+    assert least <= subtracted < 400
     assert 0.6 < np.sqrt(np.mean(errors)) < 1.3
 
 
-def test_what_the_rig_states_of_the_bow_holds_but_for_distortion() -> None:
-    random = np.random.default_rng(4)
+def test_what_the_rig_states_of_the_bow_holds_but_for_distortion(
+    random: np.random.Generator,
+) -> None:
     shown = lines(0.02 * X, random)
     straight = replace(rig(), shape=replace(UNIFORM, bow_sigma=0.0))
     unknown, certain, distorted = (

@@ -12,6 +12,7 @@ from solver.instrument.board import Board, Charuco, Chessboard, LineNetwork
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply, camera_looking_at, rigid
 from tests.drawn import drawn, tilted
+from tests.draws import generator
 
 SQUARE = 0.014
 BOARDS: dict[str, Board] = {
@@ -34,7 +35,7 @@ def camera(roll_deg: float = 1.0) -> Camera:
 def errors(name: str, seen_by: Camera, pose: Floats, seed: int = 0) -> Floats:
     """How far (n, 2) [px] the points of a view are found from where they are."""
     board = BOARDS[name]
-    view = drawn(board, seen_by, pose, np.random.default_rng(seed), samples=55, generator=34)
+    view = drawn(board, seen_by, pose, generator(__name__, seed), samples=55, generator=34)
     found = detect_board(view, board)
     assert found is not None
     assert len(found) > 0.5 * board.columns * board.rows
@@ -66,11 +67,13 @@ def test_the_pattern_shows_any_roll(name: str, roll_deg: float) -> None:
 
 
 @pytest.mark.parametrize(("roll_deg", "quarter_turns"), [(100.0, 1), (180.0, 2), (-75.0, 3)])
-def test_lines_need_the_nearest_quarter_turn(roll_deg: float, quarter_turns: int) -> None:
+def test_lines_need_the_nearest_quarter_turn(
+    roll_deg: float, quarter_turns: int, random: np.random.Generator
+) -> None:
     """The camera's roll turns the board the other way in the image."""
     board, seen_by = BOARDS["lines"], camera(roll_deg)
     pose = tilted(MIDDLE, 0, 0.02, 0.2)
-    view = drawn(board, seen_by, pose, np.random.default_rng(0), samples=55, generator=34)
+    view = drawn(board, seen_by, pose, random, samples=55, generator=34)
     expected = seen_by.project(apply(pose, board.corners()))
     errors = []
     for turns in (quarter_turns, quarter_turns + 2):
@@ -90,9 +93,9 @@ def test_a_part_of_the_board_is_enough(name: str, aside: tuple[float, float]) ->
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_sixteen_bits_are_all_used(name: str) -> None:
+def test_sixteen_bits_are_all_used(name: str, random: np.random.Generator) -> None:
     """A dim view of 12 bits in 16, without noise: in 8 bits its steps would be noise."""
-    board, random = BOARDS[name], np.random.default_rng(0)
+    board = BOARDS[name]
     seen_by = replace(camera(), distortion=())
     deep = drawn(board, seen_by, MIDDLE, random, noise=0, bits=16, samples=55, generator=34)
     full, dim = detect_board(deep, board), detect_board(deep // 16, board)
@@ -104,8 +107,10 @@ def test_sixteen_bits_are_all_used(name: str) -> None:
 
 @pytest.mark.parametrize("name", BOARDS)
 @pytest.mark.parametrize("what", ["nothing", "noise"])
-def test_where_there_is_no_board_none_is_seen(name: str, what: str) -> None:
+def test_where_there_is_no_board_none_is_seen(
+    name: str, what: str, random: np.random.Generator
+) -> None:
     blank = np.zeros((280, 320), np.uint8)
     if what == "noise":
-        blank = np.random.default_rng(0).integers(0, 255, blank.shape, dtype=np.uint8)
+        blank = random.integers(0, 255, blank.shape, dtype=np.uint8)
     assert detect_board(blank, BOARDS[name]) is None

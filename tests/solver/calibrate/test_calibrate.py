@@ -18,6 +18,7 @@ from solver.instrument.rig import Rig
 from solver.instrument.transforms import camera_looking_at, rigid
 from solver.planes.plane_c import on_plane
 from tests.drawn import drawn
+from tests.draws import generator
 from tests.solver.calibrate.rigs import (
     BARREL,
     BOARD_POSE,
@@ -51,7 +52,7 @@ def test_the_true_camera_is_found_within_its_stated_errors(name: str) -> None:
             board,
             true,
             board_pose(view),
-            np.random.default_rng(view),
+            generator(__name__, view),
             samples=34,
             generator=21,
         )
@@ -94,7 +95,7 @@ def micro_view(lean: float) -> Grey:
         told.board,
         microscope(lean),
         told.antenna_from_board,
-        np.random.default_rng(0),
+        generator(__name__, 0),
         samples=34,
         generator=21,
     )

@@ -3,6 +3,7 @@ import pytest
 
 from solver.centreline.area_weighted import area_weighted
 from solver.instrument.arrays import Floats, Grey
+from tests.draws import generator
 
 
 def line_image(rows: Floats, width: float, height: int = 64, noise: float = 0.0) -> Grey:
@@ -11,7 +12,7 @@ def line_image(rows: Floats, width: float, height: int = 64, noise: float = 0.0)
     low = np.maximum(rows - width / 2, v - 0.5)
     high = np.minimum(rows + width / 2, v + 0.5)
     cover = np.clip(high - low, 0, 1)
-    gray = 10 + 168 * cover + noise * np.random.default_rng(0).standard_normal(cover.shape)
+    gray = 10 + 168 * cover + noise * generator(__name__, 0).standard_normal(cover.shape)
     return np.asarray(np.clip(np.rint(gray), 0, 255), dtype=np.uint8)
 
 
@@ -54,6 +55,6 @@ def test_an_even_image_shows_no_beam(gray: int) -> None:
     assert len(area_weighted(np.full((40, 60), gray, np.uint8)).points) == 0
 
 
-def test_noise_shows_no_beam() -> None:
-    image = np.random.default_rng(4).normal(40, 5, (64, 96)).clip(0, 255).astype(np.uint8)
+def test_noise_shows_no_beam(random: np.random.Generator) -> None:
+    image = random.normal(40, 5, (64, 96)).clip(0, 255).astype(np.uint8)
     assert len(area_weighted(image).points) < 5

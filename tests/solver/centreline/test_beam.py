@@ -24,6 +24,7 @@ from tests.beam_images import (
     drawn,
     guide,
 )
+from tests.draws import generator
 
 # The beam lies a little askew, as any beam does.
 TILT = 3e-3
@@ -37,7 +38,7 @@ def rest_images(
     look: Look = BRIGHT, roll: float = 0.0, tilt: float = TILT, sensor: Sensor = SENSOR
 ) -> tuple[Grey, ...]:
     light = drawn(guide(roll), bent(0.0, tilt=tilt), look)
-    random = np.random.default_rng(1)
+    random = generator(__name__, 1)
     return tuple(sensor(light, random) for _ in range(2))
 
 
@@ -64,7 +65,7 @@ def pushed(
 
 
 def seen(light: Floats, beam: BeamExtractor, seed: int = 2) -> Centreline:
-    return beam(SENSOR(light, np.random.default_rng(seed)))
+    return beam(SENSOR(light, generator(__name__, seed)))
 
 
 def errors(line: Centreline, pixels: Floats) -> Floats:
@@ -160,13 +161,14 @@ def test_a_beam_that_gets_thinner_is_measured_as_far_as_a_uniform_one() -> None:
 
 
 @pytest.mark.parametrize("offset_px", [0.2, 0.3])
-def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(offset_px: float) -> None:
+def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(
+    offset_px: float, random: np.random.Generator
+) -> None:
     # It crosses a quarter of a row, which leaves its width, roundness and skew almost undetermined.
     thin = replace(BRIGHT, radius_px=0.78, spread_px=0.05, roundness=1.5)
     at_rest, pushed_shape = (
         bent(theta, tilt=1e-3, offset=offset_px * METRES_PER_PIXEL) for theta in (0.0, 0.25)
     )
-    random = np.random.default_rng(1)
     rest = drawn(guide(), at_rest, thin)
     beam = learn_beam([SENSOR(rest, random) for _ in range(4)], guide())
     line = seen(drawn(guide(), pushed_shape, thin), beam)
@@ -174,10 +176,10 @@ def test_a_thin_beam_at_rest_along_one_row_is_measured_as_far(offset_px: float) 
     assert distances(line.points, guide().pixels(pushed_shape)).std() < 0.01
 
 
-def test_sixteen_bits_say_what_eight_do() -> None:
+def test_sixteen_bits_say_what_eight_do(random: np.random.Generator) -> None:
     deep = Sensor(bits=16)
     light, pixels = pushed(0.25)
-    line = learned(sensor=deep)(deep(light, np.random.default_rng(2)))
+    line = learned(sensor=deep)(deep(light, random))
     assert distances(line.points, pixels).std() < 0.011
     shallow = seen(light, learned())
     # The same electrons, but for rounding.
@@ -272,13 +274,13 @@ def test_a_beam_that_leaves_the_image_is_measured_within_it() -> None:
 
 
 @pytest.mark.parametrize("kind", ["black", "white", "ground", "noise", "edge"])
-def test_an_image_without_the_beam_shows_none(kind: str) -> None:
+def test_an_image_without_the_beam_shows_none(kind: str, random: np.random.Generator) -> None:
     v = np.mgrid[:HEIGHT, :WIDTH][0]
     light = {
         "black": np.zeros((HEIGHT, WIDTH)),
         "white": np.full((HEIGHT, WIDTH), 2.0),
         "ground": np.full((HEIGHT, WIDTH), 0.05),
-        "noise": np.random.default_rng(3).uniform(0, 0.6, (HEIGHT, WIDTH)),
+        "noise": random.uniform(0, 0.6, (HEIGHT, WIDTH)),
         "edge": np.where(v > HEIGHT / 2, 0.8, 0.05),
     }[kind]
     line = seen(light, learned())
@@ -288,14 +290,14 @@ def test_an_image_without_the_beam_shows_none(kind: str) -> None:
 
 @pytest.mark.parametrize("light", [0.0, 0.05, 2.0])
 def test_rest_images_without_a_beam_are_refused(light: float) -> None:
-    images = [SENSOR(np.full((HEIGHT, WIDTH), light), np.random.default_rng(n)) for n in (1, 2)]
+    images = [SENSOR(np.full((HEIGHT, WIDTH), light), generator(__name__, n)) for n in (1, 2)]
     with pytest.raises(InputError, match="beam"):
         learn_beam(images, guide())
 
 
-def test_the_mirrored_image_has_the_mirrored_beam() -> None:
+def test_the_mirrored_image_has_the_mirrored_beam(random: np.random.Generator) -> None:
     light, _ = pushed(0.25)
-    image = SENSOR(light, np.random.default_rng(2))
+    image = SENSOR(light, random)
     line = learned()(image)
     rests = [np.ascontiguousarray(rest[::-1]) for rest in rest_images()]
     mirrored = learn_beam(rests, guide())(np.ascontiguousarray(image[::-1]))
@@ -306,9 +308,9 @@ def test_the_mirrored_image_has_the_mirrored_beam() -> None:
     assert np.abs(apart).max() < 0.01
 
 
-def test_gain_and_offset_of_the_gray_values_change_nothing() -> None:
+def test_gain_and_offset_of_the_gray_values_change_nothing(random: np.random.Generator) -> None:
     light, pixels = pushed(0.25)
-    image = SENSOR(light, np.random.default_rng(2))
+    image = SENSOR(light, random)
     line = learned()(image)
 
     def other(gray: Grey) -> Grey:
@@ -326,9 +328,11 @@ def test_gain_and_offset_of_the_gray_values_change_nothing() -> None:
 
 
 @pytest.mark.parametrize(("look", "roll"), [(BRIGHT, 0.0), (DARK, 0.0), (BRIGHT, UP)])
-def test_the_centroid_finds_the_same_beam_less_sharply(look: Look, roll: float) -> None:
+def test_the_centroid_finds_the_same_beam_less_sharply(
+    look: Look, roll: float, random: np.random.Generator
+) -> None:
     light, pixels = pushed(0.25, look, roll)
-    image = SENSOR(light, np.random.default_rng(2))
+    image = SENSOR(light, random)
     fitted = learned(look, roll)(image)
     line = CentroidExtractor(learned(look, roll))(image)
     assert len(line.points) == len(fitted.points)
@@ -339,10 +343,10 @@ def test_the_centroid_finds_the_same_beam_less_sharply(look: Look, roll: float) 
     assert abs(off.mean()) < 0.006 + 3 * off.std() / np.sqrt(len(off))
 
 
-def test_the_centroid_rejects_what_is_overexposed() -> None:
+def test_the_centroid_rejects_what_is_overexposed(random: np.random.Generator) -> None:
     look = Look(beam=1.6)
     light, pixels = pushed(0.25, look)
-    line = learn_centroid(rest_images(look), guide())(SENSOR(light, np.random.default_rng(2)))
+    line = learn_centroid(rest_images(look), guide())(SENSOR(light, random))
     over = np.unique(np.nonzero(light > 1.05)[1])
     assert len(over) > 50
     assert not np.isin(over, np.rint(line.points[:, 0])).any()
@@ -364,7 +368,7 @@ def test_points_of_a_compressed_image_have_honest_sigmas(quality: int) -> None:
     """
     light, pixels = pushed(0.25)
     beam = learn_beam([compressed(image, quality) for image in rest_images()], guide())
-    frames = [SENSOR(light, np.random.default_rng(n)) for n in range(2, 6)]
+    frames = [SENSOR(light, generator(__name__, n)) for n in range(2, 6)]
     lines = [beam(compressed(frame, quality)) for frame in frames]
     assert 0.5 < np.mean([errors(line, pixels).var() for line in lines]) < 2.0
     assert all(0 < line.common_sigma < 0.01 for line in lines)
@@ -373,14 +377,14 @@ def test_points_of_a_compressed_image_have_honest_sigmas(quality: int) -> None:
 def test_a_clean_beam_in_a_compressed_frame_has_honest_sigmas() -> None:
     """The rest images do not show what a compressed frame's points err by: the frame does."""
     light, pixels = pushed(0.25)
-    frames = [SENSOR(light, np.random.default_rng(n)) for n in range(2, 6)]
+    frames = [SENSOR(light, generator(__name__, n)) for n in range(2, 6)]
     lines = [learned()(compressed(frame, 50)) for frame in frames]
     chi2 = [np.mean(errors(line, pixels) ** 2) for line in lines]
     assert 0.5 < np.mean(chi2) < 2.0
 
 
-def test_white_noise_does_not_enlarge_its_own_sigma() -> None:
-    random, n = np.random.default_rng(3), 250
+def test_white_noise_does_not_enlarge_its_own_sigma(random: np.random.Generator) -> None:
+    n = 250
     length, even = np.arange(n, dtype=np.float64), np.ones(n)
     for scale, least, most in ((1.0, 1.0, 1.0), (2.0, 1.5, 2.5)):
         enlarged = []
@@ -397,8 +401,10 @@ def test_white_noise_does_not_enlarge_its_own_sigma() -> None:
         assert np.quantile(enlarged, 0.99) <= most
 
 
-def test_a_beam_bent_by_two_contacts_does_not_enlarge_its_sigma() -> None:
-    random, n = np.random.default_rng(4), 400
+def test_a_beam_bent_by_two_contacts_does_not_enlarge_its_sigma(
+    random: np.random.Generator,
+) -> None:
+    n = 400
     place = np.linspace(0.0, 1.0, n)
     # The third derivative has a step at each contact.
     bend = 600.0 * np.maximum(place - 0.3, 0.0) ** 3 - 1800.0 * np.maximum(place - 0.7, 0.0) ** 3

@@ -15,9 +15,10 @@ def line(rows: Floats, width: float) -> Floats:
 
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])
 @pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_a_deep_image_has_the_centreline_of_the_shallow_one(bits: int, noise: float) -> None:
+def test_a_deep_image_has_the_centreline_of_the_shallow_one(
+    bits: int, noise: float, random: np.random.Generator
+) -> None:
     rows = 20 + 0.07 * np.arange(200.0)
-    random = np.random.default_rng(0)
     share = np.clip(0.05 + 0.65 * line(rows, 1.6) + noise * random.standard_normal((64, 200)), 0, 1)
     deep = area_weighted(np.rint((2**bits - 1) * share).astype(np.uint16))
     shallow = area_weighted(np.rint(255 * share).astype(np.uint8))

@@ -9,6 +9,7 @@ from solver.centreline.extractor import BeamExtractor, learn_beam
 from solver.centreline.following import follow
 from solver.instrument.arrays import Floats
 from tests.beam_images import Look, Sensor, bent, distances, drawn, guide
+from tests.draws import generator
 
 SIZE = (320, 520)
 TILT = 3e-3
@@ -17,7 +18,7 @@ SENSOR = Sensor()
 
 @cache
 def learned(look: Look, roll: float) -> BeamExtractor:
-    random, seen_by = np.random.default_rng(0), guide(roll, *SIZE)
+    random, seen_by = generator(__name__, 0), guide(roll, *SIZE)
     light = drawn(seen_by, bent(0.0, tilt=TILT), look)
     return learn_beam([SENSOR(light, random) for _ in range(2)], seen_by)
 
@@ -33,11 +34,11 @@ def learned(look: Look, roll: float) -> BeamExtractor:
     ids=["up", "diagonal", "left", "dark"],
 )
 def test_a_far_bent_beam_is_measured_to_its_tip(
-    look: Look, roll: float, theta: float, s_c: float
+    look: Look, roll: float, theta: float, s_c: float, random: np.random.Generator
 ) -> None:
     seen_by, shape = guide(roll, *SIZE), bent(theta, s_c, TILT)
     light = drawn(seen_by, shape, look)
-    line = learned(look, roll)(SENSOR(light, np.random.default_rng(1)))
+    line = learned(look, roll)(SENSOR(light, random))
     pixels = seen_by.pixels(shape)
     margins = np.minimum(pixels, np.array(light.shape[::-1]) - 1 - pixels)
     inside = np.asarray(margins.min(axis=1) > 6)

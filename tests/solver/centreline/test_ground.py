@@ -12,6 +12,7 @@ from solver.centreline.ground import Ground, learn_ground
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import HEIGHT, WIDTH, Look, Sensor, bent, distances, drawn, guide
+from tests.draws import generator
 
 TILT = 0.012
 SENSOR = Sensor()
@@ -22,14 +23,14 @@ N_REST = 4
 
 def felt(seed: int, correlation: float = 2.0, contrast: float = 0.4, level: float = 0.12) -> Floats:
     """A ground (height, width) whose relative scatter is `contrast`."""
-    white = np.random.default_rng(seed).standard_normal((HEIGHT, WIDTH))
+    white = generator(__name__, seed).standard_normal((HEIGHT, WIDTH))
     smooth = cv2.GaussianBlur(white, (0, 0), correlation / 2)
     return np.asarray(level * np.maximum(1 + contrast * smooth / smooth.std(), 0.05))
 
 
 def rest_images(ground: Floats, look: Look = THIN) -> list[Grey]:
     light = drawn(guide(), bent(0.0, tilt=TILT), look, ground)
-    random = np.random.default_rng(5)
+    random = generator(__name__, 5)
     return [SENSOR(light, random) for _ in range(N_REST)]
 
 
@@ -50,7 +51,7 @@ def without_ground(beam: BeamExtractor) -> BeamExtractor:
 def pushed(ground: Floats, light: float = 1.0, seed: int = 7) -> tuple[Grey, Floats]:
     """An image of a pushed beam, and its pixels (n, 2)."""
     shape = bent(0.15, 0.6, TILT)
-    image = SENSOR(light * drawn(guide(), shape, THIN, ground), np.random.default_rng(seed))
+    image = SENSOR(light * drawn(guide(), shape, THIN, ground), generator(__name__, seed))
     return image, guide().pixels(shape)
 
 
@@ -126,7 +127,7 @@ def test_the_error_of_the_ground_under_the_beam_is_that_of_its_interpolation() -
     """Without a beam in the images, the ground under it is known, and the error with it."""
     ratios = []
     for seed in range(4):
-        ground, random = felt(seed), np.random.default_rng(seed)
+        ground, random = felt(seed), generator(__name__, seed)
         images = [SENSOR(ground, random) for _ in range(N_REST)]
         path = guide().pixels(bent(0.0, tilt=TILT))
         learned_ground = learn_ground(images, path, 1.5, estimate_noise(images), 5)
@@ -141,7 +142,7 @@ def test_the_error_of_the_ground_under_the_beam_is_that_of_its_interpolation() -
     assert 0.8 < np.mean(ratios) < 1.25
 
 
-def test_an_object_before_the_ground_costs_few_points() -> None:
+def test_an_object_before_the_ground_costs_few_points(random: np.random.Generator) -> None:
     """Where an object covers the ground about the beam, a straight line takes its place."""
     beam = learned()
     shape = bent(0.15, 0.6, TILT)
@@ -151,7 +152,7 @@ def test_an_object_before_the_ground_costs_few_points() -> None:
     middle = np.interp(u, pixels[:, 0], pixels[:, 1])
     v = np.arange(HEIGHT)[:, None]
     ground = np.where((u >= 180) & (u < 230) & (v > middle - 20), 0.15, ground)
-    image = SENSOR(drawn(guide(), shape, THIN, ground), np.random.default_rng(3))
+    image = SENSOR(drawn(guide(), shape, THIN, ground), random)
     line = beam(image)
     inside = (line.points[:, 0] > 183) & (line.points[:, 0] < 226)
     assert np.count_nonzero(inside) > 30

@@ -6,6 +6,7 @@ import pytest
 from solver.centreline.noise import estimate_noise
 from solver.instrument.arrays import Floats
 from tests.beam_images import Look, Sensor, bent, drawn, guide
+from tests.draws import generator
 
 SENSOR = Sensor()
 PER_GRAY = 255 / SENSOR.full_well
@@ -22,8 +23,9 @@ def wedge(edges: bool) -> Floats:
 
 
 @pytest.mark.parametrize("images", [2, 4])
-def test_several_images_give_the_photon_transfer_line(images: int) -> None:
-    random = np.random.default_rng(1)
+def test_several_images_give_the_photon_transfer_line(
+    images: int, random: np.random.Generator
+) -> None:
     noise = estimate_noise([SENSOR(wedge(edges=True), random) for _ in range(images)])
     assert noise.per_gray == pytest.approx(PER_GRAY, rel=0.05)
     assert noise.variance(128.0) == pytest.approx(DARK + PER_GRAY * 128, rel=0.03)
@@ -31,14 +33,13 @@ def test_several_images_give_the_photon_transfer_line(images: int) -> None:
 
 
 @pytest.mark.parametrize("edges", [False, True])
-def test_one_image_gives_it_too(edges: bool) -> None:
-    noise = estimate_noise([SENSOR(wedge(edges), np.random.default_rng(2))])
+def test_one_image_gives_it_too(edges: bool, random: np.random.Generator) -> None:
+    noise = estimate_noise([SENSOR(wedge(edges), random)])
     for gray in (20.0, 100.0, 200.0):
         assert noise.variance(gray) == pytest.approx(DARK + PER_GRAY * gray, rel=0.15)
 
 
-def test_a_deep_image_has_the_noise_of_its_own_unit() -> None:
-    random = np.random.default_rng(3)
+def test_a_deep_image_has_the_noise_of_its_own_unit(random: np.random.Generator) -> None:
     deep = Sensor(bits=16)
     noise = estimate_noise([deep(wedge(edges=False), random) for _ in range(3)])
     assert noise.per_gray == pytest.approx(65535 / deep.full_well, rel=0.05)
@@ -51,8 +52,7 @@ def test_an_even_image_has_rounding_s_noise(gray: int) -> None:
         assert estimate_noise(images).variance(float(gray)) == pytest.approx(1 / 12)
 
 
-def test_flicker_is_no_noise() -> None:
-    random = np.random.default_rng(4)
+def test_flicker_is_no_noise(random: np.random.Generator) -> None:
     gains = (1.0, 1.03, 0.985, 1.015)
     noise = estimate_noise([SENSOR(gain * wedge(edges=True), random) for gain in gains])
     for gray in (20.0, 128.0, 220.0):
@@ -61,16 +61,15 @@ def test_flicker_is_no_noise() -> None:
 
 def test_one_image_of_a_thin_bright_beam_gives_its_shot_noise() -> None:
     light = drawn(guide(), bent(0.0, tilt=3e-3), Look())
-    slopes = [estimate_noise([SENSOR(light, np.random.default_rng(n))]).per_gray for n in range(5)]
+    slopes = [estimate_noise([SENSOR(light, generator(__name__, n))]).per_gray for n in range(5)]
     # Where a beam along the rows makes every column an edge, the smaller of two deviations is
     # always the same one, and its square 2.6 times that of white noise in both.
     assert min(slopes) > 0.7 * PER_GRAY
     assert max(slopes) < 2.6 * PER_GRAY
 
 
-def test_noise_is_never_negative() -> None:
+def test_noise_is_never_negative(random: np.random.Generator) -> None:
     """Read noise alone, and a scatter that falls with the gray value, as processing leaves it."""
-    random = np.random.default_rng(5)
     for exponent in (0.0, -1.0, 1.0):
         light = wedge(edges=False)
         gray = [255 * light + light**exponent * random.standard_normal(light.shape) for _ in (1, 2)]
@@ -82,8 +81,7 @@ def test_noise_is_never_negative() -> None:
             assert noise.per_gray >= 0
 
 
-def test_memory_does_not_grow_with_the_number_of_images() -> None:
-    random = np.random.default_rng(4)
+def test_memory_does_not_grow_with_the_number_of_images(random: np.random.Generator) -> None:
     images = [random.integers(90, 110, (500, 800), dtype=np.uint8) for _ in range(12)]
     peaks = []
     for used in (3, 12):

@@ -11,6 +11,7 @@ from solver.centreline.profile_fit import Fits, fit_profiles
 from solver.centreline.stations import Stations
 from solver.instrument.arrays import Floats, Grey
 from tests.beam_images import Look, Sensor, cover
+from tests.draws import generator
 
 FINE = {"points": 6765, "generator": 4181}
 LOOK = Look(roundness=0.6)
@@ -117,9 +118,9 @@ def paper_line() -> tuple[Floats, Floats]:
     return rows, shown * 0.7 / shown.max()
 
 
-def test_centres_scatter_as_their_sigma_says() -> None:
+def test_centres_scatter_as_their_sigma_says(random: np.random.Generator) -> None:
     rows, light = paper_line()
-    sensor, random = Sensor(), np.random.default_rng(5)
+    sensor = Sensor()
     gain = 255 / sensor.full_well
     noise = Noise((sensor.read_noise * gain) ** 2 + 1 / 12, gain)
     found = [fit(sensor(light, random), places(rows, 0.017), noise) for _ in range(20)]
@@ -133,9 +134,9 @@ def test_centres_scatter_as_their_sigma_says() -> None:
     assert chi2.mean() == pytest.approx(1.0, abs=0.06)
 
 
-def test_pixels_at_full_scale_are_left_out() -> None:
+def test_pixels_at_full_scale_are_left_out(random: np.random.Generator) -> None:
     rows, light = paper_line()
-    sensor, random = Sensor(), np.random.default_rng(6)
+    sensor = Sensor()
     noise = Noise(0.15, 255 / sensor.full_well)
     found = fit(sensor(light * 1.7, random), places(rows, 0.017), noise)
     assert np.count_nonzero(found.saturated) > 100
@@ -149,7 +150,7 @@ def test_pixels_at_full_scale_are_left_out() -> None:
 @pytest.fixture(scope="module")
 def photographed() -> Grey:
     _, light = paper_line()
-    return Sensor()(light, np.random.default_rng(7))
+    return Sensor()(light, generator(__name__, 7))
 
 
 @settings(max_examples=20)
@@ -169,7 +170,7 @@ def test_gain_and_offset_move_no_centre(photographed: Grey, gain: float, offset:
 @given(phase=st.floats(-0.4, 0.4), skew=st.floats(-0.6, 0.6))
 def test_the_mirrored_image_has_the_mirrored_centres(phase: float, skew: float) -> None:
     rows, light = paper_line()
-    image = Sensor()(light, np.random.default_rng(8))
+    image = Sensor()(light, generator(__name__, 8))
     at = places(rows, 0.017)
     start = at.start + phase
     top = image.shape[0] - 1

@@ -8,6 +8,7 @@ import pytest
 from solver.centreline.rest_line import find_rest_line
 from solver.instrument.arrays import Floats
 from tests.beam_images import HEIGHT, WIDTH, Look, bent, drawn, guide
+from tests.draws import generator
 from tests.solver.centreline.test_ground import felt
 
 THIN = Look(beam=0.5, ground=0.4, radius_px=0.4, spread_px=0.4)
@@ -15,7 +16,7 @@ THIN = Look(beam=0.5, ground=0.4, radius_px=0.4, spread_px=0.4)
 
 def image(noise: float, tilt: float = 0.0, look: Look = THIN) -> Floats:
     light = drawn(guide(), bent(0.0, tilt=tilt), look)
-    return 255 * light + noise * np.random.default_rng(1).standard_normal(light.shape)
+    return 255 * light + noise * generator(__name__, 1).standard_normal(light.shape)
 
 
 @pytest.mark.parametrize("polarity", [1, -1])
@@ -44,7 +45,7 @@ def test_a_thin_beam_is_found_on_a_texture_of_its_brightness(seed: int) -> None:
     thin = replace(guide(), radius=0.35 * guide().pixel)
     look = Look(beam=0.2, ground=0.12, radius_px=0.35, spread_px=0.4)
     light = drawn(guide(), bent(0.0, tilt=0.05), look, felt(seed, correlation=5.0))
-    noise = np.random.default_rng(seed).standard_normal(light.shape)
+    noise = generator(__name__, seed).standard_normal(light.shape)
     line = find_rest_line(255 * light + noise, thin, (1, 2))
     assert line is not None
     assert (line.polarity, line.width) == (1, 1)
@@ -59,8 +60,8 @@ def test_no_texture_matches_a_beam(correlation: float) -> None:
         assert find_rest_line(255 * felt(seed, correlation), thin, (1, 2)) is None
 
 
-def test_noise_alone_shows_no_beam() -> None:
-    noise = np.random.default_rng(0).standard_normal((HEIGHT, WIDTH))
+def test_noise_alone_shows_no_beam(random: np.random.Generator) -> None:
+    noise = random.standard_normal((HEIGHT, WIDTH))
     assert find_rest_line(100 + noise, guide(), (1, 2)) is None
     assert find_rest_line(np.full((HEIGHT, WIDTH), 100.0), guide(), (1, 2)) is None
 

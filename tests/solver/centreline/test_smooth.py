@@ -33,8 +33,10 @@ def test_outliers_do_not_pull_the_curve() -> None:
 
 
 @pytest.mark.parametrize("disturbance", ["none", "slow", "outliers"])
-def test_the_local_scatter_is_that_of_the_noise(disturbance: str) -> None:
-    random, n = np.random.default_rng(1), 2000
+def test_the_local_scatter_is_that_of_the_noise(
+    disturbance: str, random: np.random.Generator
+) -> None:
+    n = 2000
     values = 0.3 * random.standard_normal(n)
     if disturbance == "slow":
         values += 2.0 * np.sin(np.arange(n) * 2 * np.pi / 500)
@@ -46,9 +48,8 @@ def test_the_local_scatter_is_that_of_the_noise(disturbance: str) -> None:
     assert 0.9 < local_scatter(values) / 0.3 < most
 
 
-def test_the_local_scatter_counts_errors_that_blocks_share() -> None:
+def test_the_local_scatter_counts_errors_that_blocks_share(random: np.random.Generator) -> None:
     """Each point errs as its seven neighbours do: their differences alone show next to nothing."""
-    random = np.random.default_rng(2)
     blocks = np.repeat(random.standard_normal(250), 8)
     assert local_scatter(blocks) == pytest.approx(1.0, rel=0.15)
 

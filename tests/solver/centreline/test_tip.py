@@ -67,11 +67,10 @@ def test_the_tip_follows_no_pixel_grid() -> None:
     assert abs(np.mean(off)) < 0.05
 
 
-def test_the_tip_of_a_thick_beam_does_not_depend_on_its_climb() -> None:
+def test_the_tip_of_a_thick_beam_does_not_depend_on_its_climb(random: np.random.Generator) -> None:
     """Its flat end, cut aslant by the columns, is spread over many of them."""
     look = Look(radius_px=4.0)
     thick = replace(guide(), radius=4.0 * METRES_PER_PIXEL)
-    random = np.random.default_rng(3)
     rest = drawn(thick, bent(0.0, 0.6, TILT), look)
     beam = learn_beam([SENSOR(rest, random) for _ in range(2)], thick)
     for theta in (-0.02, 0.09, 0.18):

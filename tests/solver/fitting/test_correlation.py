@@ -5,6 +5,7 @@ import pytest
 
 from solver.fitting.correlation import correlation_length
 from solver.instrument.arrays import Floats
+from tests.draws import generator
 
 
 def by_definition(residual: Floats) -> float:
@@ -20,7 +21,7 @@ def by_definition(residual: Floats) -> float:
 @pytest.mark.parametrize("n", [2, 3, 10, 400])
 @pytest.mark.parametrize("neighbours", [1, 5, 40])
 def test_it_is_the_tapered_sum_of_the_autocorrelation(n: int, neighbours: int) -> None:
-    white = np.random.default_rng(n).standard_normal(n + neighbours)
+    white = generator(__name__, n).standard_normal(n + neighbours)
     residual = 3.0 + np.convolve(white, np.ones(neighbours), "valid")[:n]
     assert correlation_length(residual) == pytest.approx(by_definition(residual), rel=1e-9)
 

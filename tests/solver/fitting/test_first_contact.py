@@ -32,20 +32,23 @@ def coloured(random: np.random.Generator, length: float) -> Floats:
 
 @pytest.mark.parametrize("neighbours", [0.0, 3.0])
 @pytest.mark.parametrize("base_sigma", [0.0, 1e-5])
-def test_a_straight_beam_is_never_a_contact(base_sigma: float, neighbours: float) -> None:
-    random = np.random.default_rng(0)
-    largest = 0.0
-    for _ in range(750):
+def test_a_straight_beam_is_never_a_contact(
+    base_sigma: float, neighbours: float, random: np.random.Generator
+) -> None:
+    significances = []
+    for _ in range(1500):
         shift, turn = base_sigma * random.standard_normal(2) * [1, 10]
         noise = coloured(random, neighbours) if neighbours else random.standard_normal(len(X))
         bend = nearest_linear_bend(seen(SIGMA * noise + shift + turn * X, base_sigma))
-        largest = max(largest, abs(bend.significance))
-    # Of 3,000 frames in all none reaches five sigmas.
-    assert 2.5 < largest < 5
+        significances.append(bend.significance)
+    # 1.02 to 1.32; errors of neighbours have longer tails, and five sigmas once in 3,000 frames.
+    assert 0.85 < np.std(significances) < 1.6
+    assert np.count_nonzero(np.abs(significances) >= 5) <= (6 if neighbours else 0)
 
 
-def test_a_straight_line_at_any_angle_is_no_contact_if_the_clamp_may_be_turned() -> None:
-    random = np.random.default_rng(1)
+def test_a_straight_line_at_any_angle_is_no_contact_if_the_clamp_may_be_turned(
+    random: np.random.Generator,
+) -> None:
     for angle in np.radians([-80, -30, -5, 0, 20, 60, 85]):
         along, across = (
             np.array([np.cos(angle), np.sin(angle)]),
@@ -64,8 +67,9 @@ def test_a_straight_line_at_any_angle_is_no_contact_if_the_clamp_may_be_turned()
 
 @pytest.mark.parametrize("x_c", [0.1, 0.18])
 @pytest.mark.parametrize("tilt_sigma", [1e-8, 1e-4, 2.0])
-def test_a_bend_of_sixty_sigmas_is_always_found(x_c: float, tilt_sigma: float) -> None:
-    random = np.random.default_rng(2)
+def test_a_bend_of_sixty_sigmas_is_always_found(
+    x_c: float, tilt_sigma: float, random: np.random.Generator
+) -> None:
     shape = unit_deflection(X, x_c)
     strong = nearest_linear_bend(seen(shape, tilt_sigma=tilt_sigma))
     load = 60 * strong.sigma / strong.variance_inflation**0.5
@@ -78,8 +82,7 @@ def test_a_bend_of_sixty_sigmas_is_always_found(x_c: float, tilt_sigma: float) -
     assert found >= 198
 
 
-def test_the_amplitudes_sigma_is_honest() -> None:
-    random = np.random.default_rng(3)
+def test_the_amplitudes_sigma_is_honest(random: np.random.Generator) -> None:
     x_c, base_sigma = 0.12, 5e-6
     load = 0.02 * 0.24 / float(unit_deflection(0.24, x_c))
     pulls = []
@@ -93,27 +96,27 @@ def test_the_amplitudes_sigma_is_honest() -> None:
     assert 0.7 < np.std(pulls) < 1.6
 
 
-def test_it_is_the_beam_that_made_the_points() -> None:
+def test_it_is_the_beam_that_made_the_points(random: np.random.Generator) -> None:
     for place, deflection in ((0.05, 0.05), (0.15, 0.1)):
         points, x_c, force = pushed_points(place, deflection)
         bend = nearest_linear_bend(measurement(points, SIGMA))
         assert bend.x_c == pytest.approx(x_c, abs=0.01 * BEAM.length)
         assert 6 * BEAM.flexural_rigidity * bend.amplitude == pytest.approx(force, rel=0.1)
-    shuffled = np.random.default_rng(4).permutation(points)
+    shuffled = random.permutation(points)
     again = nearest_linear_bend(measurement(shuffled, SIGMA))
     assert again.x_c == pytest.approx(bend.x_c, rel=1e-9)
     assert again.significance == pytest.approx(bend.significance, rel=1e-6)
 
 
-def test_repeated_points_do_not_count_twice() -> None:
-    y = SIGMA * np.random.default_rng(5).standard_normal(len(X)) + 1e-3 * X**2
+def test_repeated_points_do_not_count_twice(random: np.random.Generator) -> None:
+    y = SIGMA * random.standard_normal(len(X)) + 1e-3 * X**2
     once = nearest_linear_bend(seen(y))
     twice = nearest_linear_bend(measurement(np.column_stack([X, y]).repeat(2, axis=0), SIGMA))
     assert abs(twice.significance) == pytest.approx(abs(once.significance), rel=0.25)
 
 
-def test_a_scaled_world_gives_the_same_significance() -> None:
-    y = SIGMA * np.random.default_rng(6).standard_normal(len(X)) + 1e-2 * X**2
+def test_a_scaled_world_gives_the_same_significance(random: np.random.Generator) -> None:
+    y = SIGMA * random.standard_normal(len(X)) + 1e-2 * X**2
     large = seen(y, 1e-6)
     small = dataclasses.replace(
         large,

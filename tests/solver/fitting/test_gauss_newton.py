@@ -6,8 +6,7 @@ from solver.fitting.gauss_newton import Linearised, gauss_newton
 from solver.instrument.arrays import Floats
 
 
-def test_a_linear_problem_is_solved_in_closed_form() -> None:
-    random = np.random.default_rng(0)
+def test_a_linear_problem_is_solved_in_closed_form(random: np.random.Generator) -> None:
     # Columns of very different units, as a force and a length are.
     design = random.standard_normal((40, 3)) * [1e-6, 1.0, 1e6]
     truth = np.array([2e6, -1.0, 3e-6])
@@ -53,8 +52,8 @@ def test_a_start_outside_the_domain_is_refused() -> None:
         gauss_newton(lambda _: None, np.zeros(2))
 
 
-def test_correlation_length_of_a_markov_process() -> None:
-    random, rho = np.random.default_rng(1), 0.8
+def test_correlation_length_of_a_markov_process(random: np.random.Generator) -> None:
+    rho = 0.8
     values = np.empty(200_000)
     values[0] = 0.0
     kicks = random.standard_normal(len(values))

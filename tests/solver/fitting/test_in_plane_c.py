@@ -7,6 +7,7 @@ from solver.fitting.in_plane_c import plane_equations
 from solver.fitting.minimise import invert
 from solver.fitting.residuals import PARAMETERS, PSI, point_residuals
 from solver.instrument.arrays import Floats
+from tests.draws import generator
 
 GENTLE = np.array([0.8, 0.6, 0.0, 0.001, 0.002, 0.003, 0.0, 0.0])
 TURNED = np.array([0.8, 0.6, 0.0, -0.02, 0.01, 0.3, 0.01, 0.02])
@@ -18,7 +19,7 @@ def two_views(n: int) -> tuple[Floats, Floats, Floats]:
 
     The first column belongs to no view.
     """
-    random = np.random.default_rng(n)
+    random = generator(__name__, n)
     x = np.linspace(-0.3, 1, n)
     y = 0.2 * x**2 + 1e-3 * random.standard_normal(n)
     sigma_x, sigma_y = 1e-5 * random.standard_normal(n), 1e-4 * random.uniform(0.5, 2, n)

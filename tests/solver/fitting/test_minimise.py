@@ -7,8 +7,9 @@ from solver.fitting.minimise import invert
 from solver.fitting.residuals import PARAMETERS
 
 
-def test_the_inverse_of_the_free_parameters_whatever_their_units() -> None:
-    random = np.random.default_rng(0)
+def test_the_inverse_of_the_free_parameters_whatever_their_units(
+    random: np.random.Generator,
+) -> None:
     free = np.array([0, 1, 3, 5, 7])
     units = 10.0 ** random.uniform(-6, 6, 5)
     rows = random.standard_normal((20, 5))

@@ -13,6 +13,7 @@ from solver.instrument.beam_shape import stated_shape
 from solver.instrument.measurement import Measurement
 from solver.learning.learn import learn_beam
 from solver.learning.page import widths_of
+from tests.draws import generator
 from tests.simulated import BEAM, columns, measurement
 from tests.tapered import bent
 
@@ -33,7 +34,7 @@ def lit(place: float, load: float, light: float, random: np.random.Generator) ->
 
 
 def problem() -> RodProblem:
-    taken = lit(0.6, 0.8, 0.0, np.random.default_rng(1))
+    taken = lit(0.6, 0.8, 0.0, generator(__name__, 1))
     return rod_problem_of(taken, problem_of(taken, with_tips=False))
 
 
@@ -61,8 +62,9 @@ def test_within_a_frame_the_light_of_many_objects_has_the_covariance_of_one() ->
     assert many.common == one.common + 2  # half of it is the same in all frames
 
 
-def test_objects_that_all_reflect_alike_do_not_bias_a_learned_beam_beyond_its_sigmas() -> None:
-    random = np.random.default_rng(7)
+def test_objects_that_all_reflect_alike_do_not_bias_a_learned_beam_beyond_its_sigmas(
+    random: np.random.Generator,
+) -> None:
     pushes = [
         [lit(place, 3 * strength / place**2, 2 * REFLECTED, random) for strength in (0.1, 0.2, 0.3)]
         for place in (0.35, 0.5, 0.62, 0.75, 0.88)

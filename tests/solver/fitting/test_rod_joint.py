@@ -10,6 +10,7 @@ from solver.fitting.rod_joint import _covariance, _System, _system, fit_jointly
 from solver.fitting.rod_problem import RodProblem, rod_problem_of
 from solver.instrument.arrays import Floats
 from solver.instrument.beam_shape import stated_shape
+from tests.draws import generator
 from tests.tapered import bent, measured
 
 FRICTION = 0.2
@@ -30,7 +31,7 @@ def test_a_direction_that_the_frames_absorb_has_a_large_variance() -> None:
 
 def problems(friction: float) -> tuple[list[RodProblem], Floats]:
     """Six contacts of this friction on a beam whose taper is not known, and their starts."""
-    random, shape = np.random.default_rng(3), stated_shape(0.1, 0.0, 0.0, FRICTION)
+    random, shape = generator(__name__, 3), stated_shape(0.1, 0.0, 0.0, FRICTION)
     frames, starts = [], []
     for place in (0.45, 0.6, 0.8):
         for strength in (0.15, 0.3):

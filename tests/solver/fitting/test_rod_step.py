@@ -15,6 +15,7 @@ from solver.fitting.rod_space import fits_in_space
 from solver.fitting.rod_start import uniform_start
 from solver.fitting.rod_tip import SpatialRodProblem, spatial
 from solver.instrument.beam_shape import stated_shape
+from tests.draws import generator
 from tests.tapered import bent, measured
 
 WIRE = stated_shape(taper=0.02, softness=0.0, section=0.02, friction=0.1)
@@ -23,7 +24,7 @@ VIEWPOINT = np.array([0.12, -0.1, 0.36, 1.0])
 
 def inclined(load: float = 1.2) -> tuple[Problem, SpatialRodProblem]:
     """Points of a beam in plane C, bent by a load [EI / L^2]; the rig does not know its plane."""
-    taken = measured(bent(0.01, 0.6, load), WIRE, np.random.default_rng(5))
+    taken = measured(bent(0.01, 0.6, load), WIRE, generator(__name__, 5))
     taken = replace(taken, view=replace(taken.view, viewpoint=VIEWPOINT))
     problem = problem_of(taken, with_tips=False)
     return problem, spatial(rod_problem_of(taken, problem), problem)

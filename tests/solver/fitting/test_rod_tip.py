@@ -26,9 +26,9 @@ SHAPE = BeamShape(
 )
 
 
-def test_the_gradients_of_the_residuals_are_their_derivatives() -> None:
+def test_the_gradients_of_the_residuals_are_their_derivatives(random: np.random.Generator) -> None:
     beam = bent(-0.2, 0.6, 1.2)
-    taken = measured(beam, SHAPE, np.random.default_rng(1))
+    taken = measured(beam, SHAPE, random)
     end = beam.centreline[-1, 1:3]
     tip = Tip(end + 1e-5, np.diag([1e-5, 5e-4]) ** 2)
     sensors = replace(taken.rig.sensors, moment_y=1e-4)
@@ -54,8 +54,7 @@ def test_the_gradients_of_the_residuals_are_their_derivatives() -> None:
         assert slope == pytest.approx(jacobian[i, -3:], rel=1e-5, abs=1e-3)
 
 
-def test_a_cone_in_a_plane_of_unknown_inclination() -> None:
-    random = np.random.default_rng(3)
+def test_a_cone_in_a_plane_of_unknown_inclination(random: np.random.Generator) -> None:
     beam = bent(-0.2, 0.6, 1.2)
     known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.0, 0.014, 0.1]) ** 2)
     taken = measured(beam, known, random)
@@ -73,10 +72,10 @@ def test_a_cone_in_a_plane_of_unknown_inclination() -> None:
     assert estimate.sigma("x_c_m") < 0.01 * BEAM.length
 
 
-def test_a_moment_sensor_determines_the_inclination() -> None:
+def test_a_moment_sensor_determines_the_inclination(random: np.random.Generator) -> None:
     beam = bent(-0.2, 0.6, 1.2)
     known = replace(SHAPE, softness=0.0, covariance=np.diag([0.0, 0.0, 0.014, 0.1]) ** 2)
-    taken = measured(beam, known, np.random.default_rng(4))
+    taken = measured(beam, known, random)
     viewpoint = np.array([0.12, -0.1, 0.36, 1.0])
     rig = replace(taken.rig, sensors=replace(taken.rig.sensors, moment_y=2e-5))
     with_sensor = replace(

@@ -10,6 +10,7 @@ from solver.instrument.estimate import Outcome
 from solver.instrument.measurement import Measurement, Tip
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
+from tests.draws import generator
 from tests.solver.fitting.test_neighbours import disturbed
 from tests.tapered import SIGMA, bent, measured
 
@@ -18,24 +19,25 @@ ANY_TAPER = stated_shape(taper=0.4, softness=0.002, section=0.02, friction=0.2)
 
 
 @pytest.mark.parametrize(("place", "load"), [(0.4, 0.5), (0.6, 1.2), (0.8, 0.5)])
-def test_a_taper_that_the_rig_excludes_is_refused(place: float, load: float) -> None:
-    beam, random = bent(-0.4, place, load), np.random.default_rng(8)
+def test_a_taper_that_the_rig_excludes_is_refused(
+    place: float, load: float, random: np.random.Generator
+) -> None:
+    beam = bent(-0.4, place, load)
     refused = exact_fit(measured(beam, WIRE, random))
     assert refused.outcome is Outcome.INVALID
     assert "beam_shape" in refused.message
     assert exact_fit(measured(beam, ANY_TAPER, random)).outcome is Outcome.CONTACT
 
 
-def test_a_friction_that_the_rig_excludes_is_refused() -> None:
-    beam, random = bent(0.0, 0.6, 1.2, friction=0.5), np.random.default_rng(8)
+def test_a_friction_that_the_rig_excludes_is_refused(random: np.random.Generator) -> None:
+    beam = bent(0.0, 0.6, 1.2, friction=0.5)
     polished = stated_shape(taper=0.0, softness=0.0, section=0.02, friction=0.02)
     refused = exact_fit(measured(beam, polished, random))
     assert refused.outcome is Outcome.INVALID
     assert "rig.json" in refused.message
 
 
-def test_a_true_statement_is_not_refused() -> None:
-    random = np.random.default_rng(9)
+def test_a_true_statement_is_not_refused(random: np.random.Generator) -> None:
     for _ in range(20):
         taper = 0.02 * float(random.standard_normal())
         beam = bent(taper, float(random.uniform(0.3, 0.9)), float(random.uniform(0.3, 1.2)))
@@ -46,7 +48,7 @@ def test_a_true_statement_is_not_refused() -> None:
 def with_tip(taper: float, place: float, load: float) -> Measurement:
     """A beam whose plane is unknown, but for the image of its tip."""
     beam = bent(taper, place, load)
-    taken = measured(beam, WIRE, np.random.default_rng(8))
+    taken = measured(beam, WIRE, generator(__name__, 8))
     tip = Tip(beam.centreline[-1, 1:3], np.diag([2e-5, 2e-5]) ** 2)
     viewpoint = np.array([0.12, -0.1, 0.36, 1.0])
     return replace(taken, view=replace(taken.view, tip=tip, viewpoint=viewpoint))
@@ -60,8 +62,7 @@ def test_a_taper_that_the_rig_excludes_is_refused_in_an_unknown_plane(place: flo
     assert exact_fit_3d(with_tip(0.01, place, 1.2)).outcome is Outcome.CONTACT
 
 
-def test_errors_that_neighbours_share_are_no_taper() -> None:
-    random = np.random.default_rng(8)
+def test_errors_that_neighbours_share_are_no_taper(random: np.random.Generator) -> None:
     frames = [disturbed(bent(0.05, 0.6, 1.2), 12, 2 * SIGMA, random) for _ in range(20)]
     assert not any("rig.json" in exact_fit(frame).message for frame in frames)
 
@@ -70,14 +71,16 @@ def test_errors_that_neighbours_share_are_no_taper() -> None:
 @pytest.mark.parametrize("place", [0.5, 0.9])
 @pytest.mark.parametrize("load", [0.3, 1.2])
 def test_a_taper_on_a_rig_that_states_a_uniform_beam(
-    taper: float, place: float, load: float
+    taper: float, place: float, load: float, random: np.random.Generator
 ) -> None:
-    tapered = measured(bent(taper, place, load), UNIFORM, np.random.default_rng(8))
+    tapered = measured(bent(taper, place, load), UNIFORM, random)
     assert exact_fit(tapered).outcome is Outcome.INVALID
 
 
-def test_errors_of_neighbours_on_a_uniform_beam_are_in_its_sigmas() -> None:
-    random, in_sigmas = np.random.default_rng(8), []
+def test_errors_of_neighbours_on_a_uniform_beam_are_in_its_sigmas(
+    random: np.random.Generator,
+) -> None:
+    in_sigmas = []
     beam = bent(0.0, 0.6, 1.2)
     for _ in range(20):
         taken = disturbed(beam, 12, SIGMA, random)

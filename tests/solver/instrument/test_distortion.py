@@ -6,6 +6,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.distortion import distort, one_to_one, undistort
 from solver.instrument.transforms import camera_looking_at
+from tests.draws import generator
 
 BARREL = (-0.25, 0.1, 0.001, -0.0007, -0.02)
 RATIONAL = (0.1, 0.02, -0.001, 0.0008, 0.005, 0.28, 0.03, 0.01)
@@ -19,13 +20,13 @@ def camera(lens: tuple[float, ...]) -> Camera:
 
 def field() -> Floats:
     """Normalised points out to a half angle of 30 degrees."""
-    return np.random.default_rng(0).uniform(-0.4, 0.4, (200, 2))
+    return generator(__name__, 0).uniform(-0.4, 0.4, (200, 2))
 
 
 @LENSES
-def test_pixels_are_opencvs(lens: tuple[float, ...]) -> None:
+def test_pixels_are_opencvs(lens: tuple[float, ...], random: np.random.Generator) -> None:
     one, coefficients = camera(lens), np.array(lens or (0.0,) * 5)
-    points = np.random.default_rng(1).uniform([0, -0.1, -0.02], [0.24, 0.1, 0.02], (200, 3))
+    points = random.uniform([0, -0.1, -0.02], [0.24, 0.1, 0.02], (200, 3))
     rotation, _ = cv2.Rodrigues(one.camera_from_antenna[:3, :3])
     shift = one.camera_from_antenna[:3, 3]
     expected, _ = cv2.projectPoints(points, rotation, shift, one.matrix, coefficients)
@@ -74,7 +75,7 @@ def test_no_point_is_found_on_a_side_folded_over() -> None:
 
 @pytest.mark.parametrize("count", [5, 8])
 def test_points_are_found_up_to_the_fold_of_any_lens(count: int) -> None:
-    random = np.random.default_rng(count)
+    random = generator(__name__, count)
     size = np.array([0.4, 0.3, 0.005, 0.005, 0.2, 0.3, 0.2, 0.1])[:count]
     folded = 0
     for _ in range(40):

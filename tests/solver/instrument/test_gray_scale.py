@@ -6,11 +6,12 @@ import pytest
 from solver.instrument.arrays import Grey
 from solver.instrument.errors import InputError
 from solver.instrument.gray_scale import GrayScale, gray_scale
+from tests.draws import generator
 
 
 def image(bits: int, brightest: float = 0.9, shift: int = 0, seed: int = 0) -> Grey:
     """Noise up to a share of the full scale of `bits` bits, in 8 or 16."""
-    values = np.random.default_rng(seed).integers(0, int(brightest * 2**bits), (40, 60))
+    values = generator(__name__, seed).integers(0, int(brightest * 2**bits), (40, 60))
     return (values << shift).astype(np.uint8 if bits + shift == 8 else np.uint16)
 
 

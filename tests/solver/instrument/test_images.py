@@ -11,9 +11,9 @@ from solver.instrument.images import eight_bit, png_bytes, png_head, read_grey, 
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-def test_gray_values_survive_a_file(tmp_path: Path, bits: int) -> None:
+def test_gray_values_survive_a_file(tmp_path: Path, bits: int, random: np.random.Generator) -> None:
     kind = np.uint8 if bits == 8 else np.uint16
-    image: Grey = np.random.default_rng(0).integers(0, 2**bits, (30, 41)).astype(kind)
+    image: Grey = random.integers(0, 2**bits, (30, 41)).astype(kind)
     image[0, :2] = 0, 2**bits - 1
     path = tmp_path / "image.png"
     path.write_bytes(png_bytes(image))
@@ -23,15 +23,17 @@ def test_gray_values_survive_a_file(tmp_path: Path, bits: int) -> None:
     assert png_head(path) == (41, 30, 8 if bits == 8 else 16)
 
 
-def test_the_same_image_gives_the_same_bytes() -> None:
-    image = np.random.default_rng(0).integers(0, 4096, (30, 41), dtype=np.uint16)
+def test_the_same_image_gives_the_same_bytes(random: np.random.Generator) -> None:
+    image = random.integers(0, 4096, (30, 41), dtype=np.uint16)
     assert png_bytes(image) == png_bytes(image.copy())
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 @pytest.mark.parametrize("channels", [1, 3, 4])
-def test_colour_becomes_gray_and_bits_stay(kind: type, channels: int, tmp_path: Path) -> None:
-    grey: Grey = np.random.default_rng(3).integers(0, np.iinfo(kind).max, (7, 9)).astype(kind)
+def test_colour_becomes_gray_and_bits_stay(
+    kind: type, channels: int, tmp_path: Path, random: np.random.Generator
+) -> None:
+    grey: Grey = random.integers(0, np.iinfo(kind).max, (7, 9)).astype(kind)
     coloured = np.repeat(grey[:, :, None], channels, axis=2)
     found = to_grey(coloured, "x")
     assert found.dtype == kind

@@ -13,6 +13,7 @@ import pytest
 from solver.__main__ import main
 from solver.lab.photos_table import COLUMNS
 from tests.command_line import CommandLine
+from tests.draws import generator
 from tests.photo_sets import Force, TrueBeam, TrueCamera, bent
 from tests.photographed import Look, photograph_of
 
@@ -24,7 +25,7 @@ LOADS = [None, Force("weight", 0.45, 0.36), Force("weight", 0.35, 0.3)]
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Three drawn photographs of a beam of 6 px with four marks, and photos.json."""
-    rng = np.random.default_rng(7)
+    rng = generator(__name__, 7)
     photos: list[dict[str, Any]] = []
     for i, load in enumerate(LOADS):
         camera = TrueCamera(
@@ -81,6 +82,7 @@ def test_photographs_give_a_table_a_page_and_json(
     assert rigidity == pytest.approx(1e6 * BEAM.rigidity, rel=0.03)
     assert all(math.isfinite(value) for value in document["shared"].values())
     assert isinstance(document["cannot_be_known"], list)
+    assert "in rendered photographs only" in document["cannot_be_known"][-1]
     text = page.read_text(encoding="utf-8")
     assert text.count("<figure>") == 3
     assert "data:image/jpeg;base64," in text

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.draws import scene_seed
+
 # In a process of its own: others' frames would have compiled everything already.
 _SCRIPT = """
 import gc, sys
@@ -31,7 +33,7 @@ antenna = set_up(opened)
 warm_up(antenna, method, next(opened.read_rest_images()))
 before = signatures()
 assert len(before) > 20
-tracker, random, rejected = PushTracker(antenna, method), np.random.default_rng(0), 0
+tracker, random, rejected = PushTracker(antenna, method), np.random.default_rng(int(sys.argv[3])), 0
 for frame in opened.frames:
     plain = frame.image()
     dead = random.random(plain.shape) < 0.03
@@ -50,7 +52,14 @@ print(sorted(signatures() - before))
 
 @pytest.mark.parametrize("method", ["exact_fit", "push_fit"])
 def test_nothing_is_compiled_after_the_warm_up(dataset: Path, method: str) -> None:
-    command = [sys.executable, "-c", _SCRIPT, str(dataset / "observations"), method]
+    command = [
+        sys.executable,
+        "-c",
+        _SCRIPT,
+        str(dataset / "observations"),
+        method,
+        str(scene_seed(0)),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "[]"

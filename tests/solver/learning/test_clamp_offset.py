@@ -20,6 +20,7 @@ from solver.learning.learn import LearnedBeam, learn_beam
 from solver.learning.page import summary
 from solver.methods.exact_fit import exact_fit
 from solver.methods.push_fit import push_fit
+from tests.draws import generator
 from tests.simulated import BEAM, columns, rig
 from tests.solver.methods.pushes import beam_stiffness, mirrored
 from tests.vbaa_bench.mechanics.benches import obstacle
@@ -62,7 +63,7 @@ def pushes(
     offset: tuple[float, float] = OFFSET,
     compliance: float = 0.0,
 ) -> list[list[Measurement]]:
-    random = np.random.default_rng(seed)
+    random = generator(__name__, seed)
     result = []
     for place in PLACES:
         frames = []

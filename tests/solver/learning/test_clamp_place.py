@@ -13,6 +13,7 @@ from solver.learning.page import summary
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
 from solver.methods.push_fit import push_fit
+from tests.draws import generator
 from tests.simulated import BEAM, rig
 from tests.solver.learning.test_clamp_offset import pushes as turned_pushes
 from tests.tapered import bent, measured
@@ -31,7 +32,7 @@ def along(measurement: Measurement, shift: float) -> Measurement:
 
 
 def pushes(shift: float, shape: BeamShape, seed: int = 11) -> list[list[Measurement]]:
-    random = np.random.default_rng(seed)
+    random = generator(__name__, seed)
     return [
         [
             along(measured(bent(0.0, place, 3 * strength / place**2), shape, random), shift)
@@ -55,8 +56,10 @@ def test_the_place_is_learned(shift: float) -> None:
     assert f"begins to bend {place * 1e3:.3f}" in summary(learned(shift), rig(), rig())
 
 
-def test_contacts_are_measured_from_there_and_stay_where_they_are() -> None:
-    random, beam = np.random.default_rng(4), bent(0.0, 0.7, 0.6)
+def test_contacts_are_measured_from_there_and_stay_where_they_are(
+    random: np.random.Generator,
+) -> None:
+    beam = bent(0.0, 0.7, 0.6)
     frame = along(measured(beam, UNCERTAIN, random), SHIFT)
     before = exact_fit(frame)
     after = exact_fit(replace(frame, rig=learned().rig(frame.rig)))
@@ -96,9 +99,9 @@ def test_what_pushes_do_not_distinguish_keeps_its_prior() -> None:
     assert abs(place - SHIFT) < 3.5 * sigma
 
 
-def test_the_tip_stays_where_it_is() -> None:
+def test_the_tip_stays_where_it_is(random: np.random.Generator) -> None:
     """A beam gripped deeper is as much shorter: the image of the tip keeps its plane at zero."""
-    random, beam = np.random.default_rng(5), bent(0.0, 0.7, 1.2)
+    beam = bent(0.0, 0.7, 1.2)
     frame = along(measured(beam, UNCERTAIN, random), SHIFT)
     points, view = beam.centreline, frame.view
     end = np.array(

@@ -16,11 +16,11 @@ from tests.simulated import BEAM, rig
 from tests.solver.learning.test_learn import pushes
 
 
-def test_a_hung_weight_gives_ei() -> None:
+def test_a_hung_weight_gives_ei(random: np.random.Generator) -> None:
     """By linear theory, EI is proportional to the weight that bends the beam as the image shows."""
     load = 1.2
     exact, _ = hung(0.75, load, motor_angle=0.05)
-    frame = noisy(exact, np.random.default_rng(4))
+    frame = noisy(exact, random)
     wrong = replace(BEAM, flexural_rigidity=1.07 * BEAM.flexural_rigidity)
     rig = replace(frame.rig, beam=wrong, sag_in_plane=np.array([0.0, 1e-3]))
     force = load * UNIT

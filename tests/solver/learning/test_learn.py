@@ -9,9 +9,11 @@ from solver.learning.comparison import Trial, simplest
 from solver.learning.learn import learn_beam
 from solver.learning.page import page, summary, widths_of
 from solver.methods.exact_fit import exact_fit
+from tests.draws import generator
 from tests.simulated import BEAM, rig
 from tests.tapered import bent, measured
 
+SOFT = Candidate(0, True)
 PLACES = (0.35, 0.5, 0.62, 0.75, 0.88)
 
 
@@ -19,7 +21,7 @@ def pushes(
     taper: float, shape: BeamShape, softness: float = 0.0, friction: float = 0.0
 ) -> list[list[Measurement]]:
     """Three frames at each place, of a clamp that turns by `softness` times its moment."""
-    random = np.random.default_rng(11)
+    random = generator(__name__, 11)
     frames = []
     for place in PLACES:
         push = []
@@ -44,10 +46,10 @@ def test_a_cone_is_learned_from_unknown_contacts() -> None:
     assert page(learned, rig(), rig()).count("<svg") == 2
 
 
-def test_a_beam_that_was_learned_is_estimated_more_accurately() -> None:
+def test_a_beam_that_was_learned_is_estimated_more_accurately(random: np.random.Generator) -> None:
     stated = stated_shape(0.1, 0.0, 0.0, 0.0)
     learned = learn_beam(pushes(-0.1, stated))
-    random, beam = np.random.default_rng(4), bent(-0.1, 0.7, 0.6)
+    beam = bent(-0.1, 0.7, 0.6)
     before, after = (exact_fit(measured(beam, shape, random)) for shape in (stated, learned.shape))
     assert after.sigma("x_c_m") < 0.6 * before.sigma("x_c_m")
     for estimate in (before, after):
@@ -89,14 +91,14 @@ def test_a_clamp_that_gives_is_learned() -> None:
     assert sigma < 1e-3
 
 
-def test_of_rigid_objects_friction_is_learned() -> None:
+def test_of_rigid_objects_friction_is_learned(random: np.random.Generator) -> None:
     stated = stated_shape(0.0, 0.0, 0.0, 0.3, rigid_objects=True)
     learned = learn_beam(pushes(0.0, stated, friction=0.5))
     coefficient, sigma = learned.shape.friction
     assert abs(coefficient - 0.5) < 0.5 * sigma < 0.1
     assert sigma < stated.friction.sigma
     assert f"objects like these: {coefficient:.2f} +- {sigma:.2f}" in summary(learned, rig(), rig())
-    beam, random = bent(0.0, 0.7, 0.6, 0.5), np.random.default_rng(4)
+    beam = bent(0.0, 0.7, 0.6, 0.5)
     before, after = (exact_fit(measured(beam, shape, random)) for shape in (stated, learned.shape))
     errors = [abs(one.values["x_c_m"] - beam.points[0, 0]) for one in (before, after)]
     assert errors[1] < errors[0]
@@ -115,14 +117,20 @@ def test_objects_that_are_stated_as_smooth_stay_so() -> None:
     assert (learned.friction_coefficient, learned.friction_sigma) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("misfit", "widths"), [(0.9, 0), (1.1, 1)])
-def test_a_beam_that_is_stated_as_certain_is_left_only_where_it_misfits(
-    misfit: float, widths: int
+@pytest.mark.parametrize(
+    ("certain", "worst", "kept"),
+    [(Candidate(0, False), 0.9, True), (Candidate(0, False), 1.5, False), (SOFT, 0.9, False)],
+)
+def test_only_a_certain_beam_is_kept_against_a_better_one_and_only_within_the_sigmas(
+    certain: Candidate, worst: float, kept: bool, random: np.random.Generator
 ) -> None:
-    pushes = np.full(5, misfit)
-    certain = Trial(Candidate(0, False), pushes, 0.01, 1e-4, 1e-3)
-    cone = Trial(Candidate(1, False), pushes - 0.01, 0.0, 0.0, 1e-3)
-    assert simplest([certain, cone]).widths == widths
+    """The cone is better by a hundred errors of the difference: pushes that share errors do so."""
+    misfits = np.append(random.uniform(0.2, 0.8, 4), worst)
+    trials = [
+        Trial(certain, misfits, excess=0.01, excess_error=1e-4, noise=1e-3),
+        Trial(Candidate(2, False), misfits - 0.01, excess=0.0, excess_error=0.0, noise=1e-3),
+    ]
+    assert (simplest(trials) == certain) == kept
 
 
 def test_too_few_pushes_are_refused() -> None:

@@ -12,12 +12,13 @@ from solver.instrument.measurement import Measurement
 from solver.learning.learn import learn_beam
 from solver.learning.next_push import DEFLECTIONS, PLACES, next_push
 from solver.learning.page import summary
+from tests.draws import generator
 from tests.simulated import rig
 from tests.tapered import bent, measured
 
 
 def problem_with(shape: BeamShape) -> RodProblem:
-    measurement = measured(bent(-0.05, 0.7, 0.6), shape, np.random.default_rng(2))
+    measurement = measured(bent(-0.05, 0.7, 0.6), shape, generator(__name__, 2))
     return rod_problem_of(measurement, problem_of(measurement, with_tips=False))
 
 
@@ -49,9 +50,10 @@ def test_noise_makes_every_push_less_useful() -> None:
         assert other.after > one.after
 
 
-def test_the_push_that_is_advised_brings_about_what_is_predicted() -> None:
+def test_the_push_that_is_advised_brings_about_what_is_predicted(
+    random: np.random.Generator,
+) -> None:
     """The taper's sigma after learning with the advised push, against one near the clamp."""
-    random = np.random.default_rng(8)
     stated = stated_shape(0.1, 0.0, 0.0, 0.0)
 
     def push(place: float, deflection: float) -> list[Measurement]:

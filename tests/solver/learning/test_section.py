@@ -14,6 +14,7 @@ from solver.learning.learn import LearnedBeam, learn_beam
 from solver.learning.page import summary
 from solver.methods.exact_fit import exact_fit
 from solver.methods.exact_fit_3d import exact_fit_3d
+from tests.draws import generator
 from tests.simulated import BEAM, measurement, rig
 from tests.simulated_space import ABOVE_MIDDLE, PIXEL, view
 from tests.solver.methods.pushes import mirrored
@@ -46,7 +47,7 @@ def measured(place: float, deflection: float, random: np.random.Generator) -> Me
 
 
 def pushes(seed: int = 1) -> list[list[Measurement]]:
-    random = np.random.default_rng(seed)
+    random = generator(__name__, seed)
     return [[measured(place, by, random) for by in DEFLECTIONS] for place in PLACES]
 
 
@@ -70,9 +71,8 @@ def test_the_plane_of_deflection_is_learned_against_that_of_the_force() -> None:
     assert words in summary(learned(), rig(), rig())
 
 
-def test_one_known_force_gives_all_others() -> None:
+def test_one_known_force_gives_all_others(random: np.random.Generator) -> None:
     """The direction of the section has made forces depend on the deflection by a percent."""
-    random = np.random.default_rng(9)
     reference = measured(0.14, 0.2, random)
     known = learned().rig(reference.rig)
     true = force(0.14, 0.2)
@@ -93,7 +93,7 @@ def test_one_known_force_gives_all_others() -> None:
     assert np.sqrt(np.mean(np.square(before))) > 0.03
 
 
-def test_the_force_that_is_advised_determines_ei_as_predicted() -> None:
+def test_the_force_that_is_advised_determines_ei_as_predicted(random: np.random.Generator) -> None:
     advice = learned().next_force
     assert advice is not None
     assert advice.before == pytest.approx(STATED.rigidity_sigma)
@@ -102,7 +102,7 @@ def test_the_force_that_is_advised_determines_ei_as_predicted() -> None:
     # The world's force at this push, but for the skew and EI of the section.
     unit = BEAM.flexural_rigidity / BEAM.length**2
     assert force(place, by) == pytest.approx(advice.force * unit, rel=0.15)
-    frame = measured(place, by, np.random.default_rng(2))
+    frame = measured(place, by, random)
     known = rig_with_force(learned().rig(frame.rig), frame, force(place, by), 0.0)
     reached = known.tolerances.flexural_rigidity / known.beam.flexural_rigidity
     assert reached == pytest.approx(advice.after, rel=0.3)
@@ -123,8 +123,8 @@ def test_a_section_that_the_rig_states_as_round_is_not_learned() -> None:
     assert "plane of the force" not in summary(beam, rig(), rig())
 
 
-def test_an_unknown_plane_is_estimated_as_before() -> None:
+def test_an_unknown_plane_is_estimated_as_before(random: np.random.Generator) -> None:
     """The method in space estimates the plane of deflection, whatever was learned of its prior."""
-    frame = measured(0.16, 0.2, np.random.default_rng(3))
+    frame = measured(0.16, 0.2, random)
     estimate = exact_fit_3d(replace(frame, rig=learned().rig(frame.rig)))
     assert abs(estimate.values["psi_rad"] - true_skew()) < 3.5 * estimate.sigma("psi_rad")

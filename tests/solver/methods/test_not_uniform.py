@@ -22,14 +22,15 @@ def pulls(estimate: Estimate, truth: dict[str, float]) -> list[float]:
 
 @pytest.mark.parametrize("taper", [-0.4, 0.0, 0.25])
 @pytest.mark.parametrize(("place", "load"), [(0.4, 3.0), (0.6, 1.2), (0.85, 0.25)])
-def test_a_beam_of_unknown_taper(taper: float, place: float, load: float) -> None:
+def test_a_beam_of_unknown_taper(
+    taper: float, place: float, load: float, random: np.random.Generator
+) -> None:
     beam = bent(taper, place, load)
     truth = {
         "x_c_m": float(beam.points[0, 0]),
         "s_c_m": place * BEAM.length,
         "force_n": load * BEAM.flexural_rigidity / BEAM.length**2,
     }
-    random = np.random.default_rng(7)
     estimates = [exact_fit(measured(beam, MAYBE_TAPERED, random)) for _ in range(20)]
     assert all(estimate.outcome is Outcome.CONTACT for estimate in estimates)
     squares = np.mean(np.square([pulls(estimate, truth) for estimate in estimates]), axis=0)
@@ -53,8 +54,10 @@ def test_a_beam_that_is_known_to_be_uniform_is_estimated_as_before() -> None:
         )
 
 
-def test_unknown_friction_widens_the_sigmas_as_much_as_it_moves_the_estimate() -> None:
-    random, grip = np.random.default_rng(3), 0.3
+def test_unknown_friction_widens_the_sigmas_as_much_as_it_moves_the_estimate(
+    random: np.random.Generator,
+) -> None:
+    grip = 0.3
     stated = stated_shape(0.0, 0.0, 0.0, friction=grip)
     for sign in (-1, 1):
         beam = bent(0.0, 0.6, 1.2, friction=sign * grip)
@@ -67,9 +70,9 @@ def test_unknown_friction_widens_the_sigmas_as_much_as_it_moves_the_estimate() -
         assert abs(pulls(honest, truth)[0]) < 3
 
 
-def test_outliers_are_rejected_also_from_a_tapered_beam() -> None:
+def test_outliers_are_rejected_also_from_a_tapered_beam(random: np.random.Generator) -> None:
     beam = bent(-0.3, 0.6, 1.2)
-    taken = measured(beam, MAYBE_TAPERED, np.random.default_rng(5))
+    taken = measured(beam, MAYBE_TAPERED, random)
     points = np.array(taken.points)
     points[100:140, 1] += 30 * SIGMA
     spoilt = replace(taken, view=View(points, taken.sigma_vectors, taken.view.viewpoint))
@@ -79,8 +82,10 @@ def test_outliers_are_rejected_also_from_a_tapered_beam() -> None:
     assert "40 of" in estimate.message
 
 
-def test_a_section_out_of_round_leaves_the_place_and_widens_the_force() -> None:
-    beam, random = bent(0.0, 0.6, 1.2), np.random.default_rng(2)
+def test_a_section_out_of_round_leaves_the_place_and_widens_the_force(
+    random: np.random.Generator,
+) -> None:
+    beam = bent(0.0, 0.6, 1.2)
     round_one = exact_fit(measured(beam, BeamShape(), random))
     oval = exact_fit(measured(beam, stated_shape(0.0, 0.0, 0.05, 0.0), random))
     truth = {"x_c_m": float(beam.points[0, 0])}
@@ -90,9 +95,9 @@ def test_a_section_out_of_round_leaves_the_place_and_widens_the_force() -> None:
     assert relative == pytest.approx(0.05 * np.sqrt(1.5), rel=0.1)
 
 
-def test_too_few_points_and_no_bend_are_outcomes() -> None:
+def test_too_few_points_and_no_bend_are_outcomes(random: np.random.Generator) -> None:
     beam = bent(0.0, 0.6, 1.2)
-    taken = measured(beam, MAYBE_TAPERED, np.random.default_rng(1))
+    taken = measured(beam, MAYBE_TAPERED, random)
     few = View(taken.points[:5], taken.sigma_vectors[:5], taken.view.viewpoint)
     assert exact_fit(replace(taken, view=few)).outcome is Outcome.NOT_IDENTIFIABLE
     straight = np.column_stack([taken.points[:, 0], np.zeros(len(taken.points))])

@@ -40,8 +40,10 @@ def pulls(estimate: Estimate, truth: dict[str, float]) -> dict[str, float]:
     }
 
 
-def test_a_beam_that_is_known_to_be_uniform_is_pushed_as_before() -> None:
-    measurement, _ = measured_push(still(0.12, 0.05), np.random.default_rng(1))
+def test_a_beam_that_is_known_to_be_uniform_is_pushed_as_before(
+    random: np.random.Generator,
+) -> None:
+    measurement, _ = measured_push(still(0.12, 0.05), random)
     closed = push_fit(measurement)
     integrated = push_fit(of(measurement, stated_shape(1e-9, 0.0, 0.0, 0.0)))
     assert integrated.values.keys() == closed.values.keys()
@@ -70,10 +72,10 @@ def test_a_push_of_a_cone_is_what_the_world_measures(friction: float) -> None:
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.25])
-def test_its_sigmas_are_honest(friction: float) -> None:
-    random, squares = np.random.default_rng(4), []
+def test_its_sigmas_are_honest(friction: float, random: np.random.Generator) -> None:
+    squares = []
     shape = stated_shape(0.05, 0.0, 0.0, 0.3)
-    for _ in range(12):
+    for _ in range(30):
         measurement, state = measured_push(
             still(0.12, 0.0), random, friction=friction, tip_ratio=0.95, sigma=5e-6,
             base_sigma=(5e-6, 5e-6, 5e-5), angles_deg=(4.0, 8.0, 12.0),
@@ -86,9 +88,8 @@ def test_its_sigmas_are_honest(friction: float) -> None:
             "compliance_m_per_n": 0.0,
         }
         squares.append([pull**2 for pull in pulls(estimate, truth).values()])
-    # Mean of 12 squares; the prior of friction is the same in all.
+    # Mean of 30 squares, above 3 once in 10 million runs; the prior of friction is the same in all.
     assert (np.mean(squares, axis=0) < 3).all()
-    assert np.max(squares) < 16
 
 
 @pytest.mark.parametrize(("rigid", "first"), [(True, -1.0), (False, 0.0)])

@@ -143,21 +143,20 @@ def test_every_error_enters_the_covariance_by_its_derivative(rigidity_sigma: flo
 
 
 @pytest.mark.parametrize("ratio", [1.0, math.inf])
-def test_its_covariance_is_honest(ratio: float) -> None:
-    random = np.random.default_rng(1)
+def test_its_covariance_is_honest(ratio: float, random: np.random.Generator) -> None:
     # Not x_c or the force beside them: the mean of the pairs errs to second order in the noise, and
     # with them the compliance is known so well in one direction that this shows.
     names = ("compliance_m_per_n", "onset_angle_rad")
     true = np.array([OWN / ratio, ONSET])
     squares, distances = [], []
-    for _ in range(60):
+    for _ in range(300):
         answer = stiffness(linear_push(OWN / ratio, random))
         error = np.array([answer.values[name] for name in names]) - true
         rows = [list(answer.values).index(name) for name in names]
         assert answer.covariance is not None
         squares.append(error @ np.linalg.solve(answer.covariance[np.ix_(rows, rows)], error))
         distances.append((answer.values["x_c_m"] - DISTANCE) / answer.sigma("x_c_m"))
-    # chi^2 of two degrees of freedom, 60 trials: 2 +- 0.26.
+    # chi^2 of two degrees of freedom, 300 trials: 2 +- 0.12.
     assert 1.3 < np.mean(squares) < 2.8
     assert 0.75 < np.sqrt(np.mean(np.square(distances))) < 1.25
 
@@ -173,8 +172,8 @@ def test_the_tangent_keeps_stiff_objects_from_coming_out_soft_or_negative() -> N
         assert answer.values["onset_angle_rad"] == pytest.approx(ONSET, abs=2e-4)
 
 
-def test_a_mirrored_rig_answers_the_same() -> None:
-    measurement = linear_push(OWN, np.random.default_rng(2))
+def test_a_mirrored_rig_answers_the_same(random: np.random.Generator) -> None:
+    measurement = linear_push(OWN, random)
     one, other = stiffness(measurement), stiffness(mirrored(measurement))
     name = "compliance_m_per_n"
     assert other.values[name] == pytest.approx(one.values[name], rel=1e-9)
@@ -192,8 +191,8 @@ def test_tolerances_of_the_rig_enter_the_covariance() -> None:
     assert added == pytest.approx(0.1 * OWN, rel=0.01)
 
 
-def test_without_a_push_it_answers_as_two_point() -> None:
-    measurement = linear_push(OWN, np.random.default_rng(3))
+def test_without_a_push_it_answers_as_two_point(random: np.random.Generator) -> None:
+    measurement = linear_push(OWN, random)
     unmoved = replace(measurement, earlier=(measurement,))
     unread = replace(measurement, motor_angle=None)
     for lone in (measurement.earlier[0], unmoved, unread):
@@ -213,8 +212,8 @@ def test_a_motor_that_turned_within_its_error_gives_no_compliance() -> None:
     assert "the motor has not turned" in unclear.message
 
 
-def test_outcomes() -> None:
-    measurement = linear_push(OWN, np.random.default_rng(4))
+def test_outcomes(random: np.random.Generator) -> None:
+    measurement = linear_push(OWN, random)
     straight = replace(measurement.view, points=measurement.points * [1.0, 0.0])
     assert stiffness(replace(measurement, view=straight)).outcome is Outcome.NO_CONTACT
     # The load falls while the motor turns the beam against the object.

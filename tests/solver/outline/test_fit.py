@@ -9,6 +9,7 @@ from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
 from solver.outline.contacts import Contacts
 from solver.outline.fit import Outline, fit_outline
+from tests.draws import generator
 
 MM = 1e-3
 # A triangle with rounded corners: a corner at each centre, with its radius.
@@ -49,7 +50,7 @@ def contacts(
     tangent = np.column_stack([-outward[:, 1], outward[:, 0]])
     axes = np.stack([tangent, outward], axis=2)
     covariances = axes @ np.diag([along**2, across**2]) @ axes.transpose(0, 2, 1)
-    lever = np.linspace(-40 * MM, 80 * MM, count)[np.random.default_rng(0).permutation(count)]
+    lever = np.linspace(-40 * MM, 80 * MM, count)[generator(__name__, 0).permutation(count)]
     shared = np.zeros((count, 2, 3))
     shared[:, :, :2], shared[:, :, 2] = np.eye(2), lever[:, None] * outward
     points = touched(normals, centres, radii) + turn * shared[:, :, 2]
@@ -73,9 +74,10 @@ def errors(outline: Outline, centres: Floats = CENTRES, radii: Floats = RADII) -
 
 
 @pytest.mark.parametrize(("centres", "radii"), [(CENTRES, RADII), (HEXAGON, np.zeros(6))])
-def test_an_outline_is_within_its_sigmas(centres: Floats, radii: Floats) -> None:
+def test_an_outline_is_within_its_sigmas(
+    centres: Floats, radii: Floats, random: np.random.Generator
+) -> None:
     # With corners, the sigma between contacts is that of a guess, and is not exceeded.
-    random = np.random.default_rng(1)
     normals = random.uniform(0, 2 * np.pi, 72)
     outline = fit_outline(contacts(normals, centres, radii, random=random))
     in_sigmas = errors(outline, centres, radii) / outline.sigmas
@@ -87,16 +89,17 @@ def test_an_outline_is_within_its_sigmas(centres: Floats, radii: Floats) -> None
     assert np.abs(errors(outline, centres, radii)).mean() < 0.03 * MM
 
 
-def test_a_closed_outline_is_convex_and_runs_counterclockwise() -> None:
-    outline = fit_outline(contacts(np.linspace(0.3, 6.2, 40), random=np.random.default_rng(2)))
+def test_a_closed_outline_is_convex_and_runs_counterclockwise(random: np.random.Generator) -> None:
+    outline = fit_outline(contacts(np.linspace(0.3, 6.2, 40), random=random))
     steps = np.diff(np.vstack([outline.points, outline.points[:2]]), axis=0)
     turns = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
     assert turns.min() > -1e-14
     assert turns.sum() > 0
 
 
-def test_a_turned_antenna_is_recognised_and_the_outline_corrected() -> None:
-    random = np.random.default_rng(3)
+def test_a_turned_antenna_is_recognised_and_the_outline_corrected(
+    random: np.random.Generator,
+) -> None:
     turn = 4e-4  # two sigmas
     outline = fit_outline(contacts(random.uniform(0, 2 * np.pi, 96), turn=turn, random=random))
     assert outline.correction_sigmas[2] < 1e-4

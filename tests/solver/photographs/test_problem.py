@@ -20,6 +20,7 @@ from solver.photographs.bent_beam import (
 from solver.photographs.fit import problems_of
 from solver.photographs.photo_set import PhotoLoad, PhotoSet, Stated
 from solver.photographs.problem import FOCAL, K1, OWN_VIEW, RIGIDITY, PhotoProblem, Rows
+from tests.draws import generator
 from tests.photo_sets import LENGTH, Force, Noise, TrueBeam, TrueCamera, bent, photograph
 from tests.photo_sets import RIGIDITY as EI
 
@@ -30,7 +31,7 @@ WEIGHT, PUSH = Force("weight", 0.9, 0.3), Force("push", 0.8, 0.25, friction=0.2)
 
 def one(load: Force | None) -> tuple[PhotoProblem, Floats]:
     """A photograph without noise, and its true parameters but roll, scale and place."""
-    rng = np.random.default_rng(0)
+    rng = generator(__name__, 0)
     tilt = 0.02
     photo, shown, _ = photograph(BEAM, CAMERA, load, tilt, rng, Noise(0.0, 0.0), marks=4)
     if load:

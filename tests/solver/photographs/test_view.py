@@ -5,6 +5,7 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from solver.photographs.view import FOCAL, K1, PARAMETERS, ROLL, SCALE, images_of, places_of
+from tests.draws import generator
 from tests.photo_sets import HEIGHT, WIDTH, TrueCamera
 
 VIEW = np.array([-1300.0, 200.0, 0.3, np.log(2700.0), 0.08, -0.05, np.log(3000.0), -0.07])
@@ -12,7 +13,7 @@ VIEW = np.array([-1300.0, 200.0, 0.3, np.log(2700.0), 0.08, -0.05, np.log(3000.0
 
 @pytest.fixture
 def places() -> Floats:
-    return np.random.default_rng(0).uniform([0.0, -0.3], [1.0, 0.3], (40, 2))
+    return generator(__name__, 0).uniform([0.0, -0.3], [1.0, 0.3], (40, 2))
 
 
 def test_places_are_those_of_their_images(places: Floats) -> None:

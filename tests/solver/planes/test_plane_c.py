@@ -7,8 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solver.instrument.camera import Camera
+from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, camera_looking_at, invert, rigid, turn_about_z
 from solver.planes.plane_c import on_plane
+from tests.draws import generator
 
 
 def camera() -> Camera:
@@ -27,8 +29,7 @@ def microscope() -> Camera:
 
 
 @pytest.mark.parametrize("camera", [camera(), distorting()], ids=["pinhole", "distorting"])
-def test_points_on_the_plane_come_back(camera: Camera) -> None:
-    random = np.random.default_rng(0)
+def test_points_on_the_plane_come_back(camera: Camera, random: np.random.Generator) -> None:
     points = np.column_stack([random.uniform(0, 0.24, 50), random.uniform(-0.05, 0.05, 50)])
     pixels = camera.project(np.column_stack([points, np.zeros(50)]))
     found, _ = on_plane(camera, pixels, np.ones((50, 2)))
@@ -52,7 +53,7 @@ def test_both_projections_come_back_whatever_the_pose_and_the_size(
     pose = camera_looking_at(target + 2 * field * away, target, roll)
     focal = 512 / field if telecentric else 1024.0
     leaning = Camera(512, 400, focal, focal, 250.0, 205.0, pose, telecentric)
-    points = np.random.default_rng(0).uniform(0, field, (20, 2))
+    points = generator(__name__, 0).uniform(0, field, (20, 2))
     pixels = leaning.project(np.column_stack([points, np.zeros(20)]))
     found, _ = on_plane(leaning, pixels, np.ones((20, 2)))
     assert found == pytest.approx(points, abs=1e-12 * field)
@@ -95,11 +96,18 @@ def test_the_camera_sees_x_to_the_right_and_y_up() -> None:
     assert up[1] < origin[1] - 10
 
 
-def test_transforms_invert_and_turn() -> None:
+def test_transforms_invert_and_turn(random: np.random.Generator) -> None:
     pose = rigid(np.array([0.3, -0.2, 0.5]), np.array([1.0, 2.0, 3.0]))
-    points = np.random.default_rng(1).standard_normal((5, 3))
+    points = random.standard_normal((5, 3))
     assert apply(invert(pose), apply(pose, points)) == pytest.approx(points)
     quarter = apply(turn_about_z(np.pi / 2), np.array([[1.0, 0.0, 5.0]]))
     assert quarter == pytest.approx(np.array([[0.0, 1.0, 5.0]]))
     with pytest.raises(ValueError, match="along the beam"):
         camera_looking_at(np.zeros(3), np.array([1.0, 0, 0]), 0.0)
+
+
+def test_a_pixel_beyond_the_lens_model_is_refused() -> None:
+    folded = replace(camera(), distortion=(-0.3, 0.0, 0.0, 0.0, 0.0))
+    pixels = np.array([[250.0, 205.0], [5000.0, 205.0]])
+    with pytest.raises(InputError, match=r"\(5000, 205\) is outside the field of the distortion"):
+        on_plane(folded, pixels, np.zeros((2, 2)))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import apply, invert
 from tests.conftest import SMALL_SCENE
+from tests.draws import generator
 from vbaa_bench.assembly.clutter import CLUTTER, clutter_surfaces
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.plan import plan
@@ -29,7 +30,7 @@ object: {kind: cylinder, radius_mm: 8}
 @pytest.mark.parametrize("height", [1.0, 3e-3])
 def test_a_thing_is_solid_and_lies_on_the_ground(kind: Thing, height: float) -> None:
     for seed in range(5):
-        mesh = thing(kind, 0.03, height, np.random.default_rng(seed))
+        mesh = thing(kind, 0.03, height, generator(__name__, seed))
         assert mesh.is_watertight
         assert mesh.volume > 0
         # A polygon's lowest corner may be beside the lowest point of its circle.

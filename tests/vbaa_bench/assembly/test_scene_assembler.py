@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed, seeded
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
@@ -14,14 +15,14 @@ from vbaa_bench.render.frame import NoiseTarget, RenderedRadiance, render_frame,
 from vbaa_bench.render.variant import activate
 from vbaa_bench.scene.load import load_scene
 
-SCENE = """
+SCENE = seeded("""
 title: Ground that turns, and a cover that is away
 seed: 4
 camera: {width_px: 160, height_px: 160, focal_length_px: 200}
 background: {pattern: PATTERN, fixed_to: world, square_mm: 18, reflectance: 0.3}
 occlusion: {kind: [sheet], place: [middle], availability: [1.0, 0.6]}
 pushes: {contact_distance_mm: [120], pushing_angle_deg: [-4, 8]}
-"""
+""")
 
 
 def noise(radiance: Floats) -> Floats:
@@ -43,9 +44,9 @@ def test_the_first_frame_leaves_no_trace(pattern: str, tmp_path: Path, variant: 
 
     def rendered(first: Pose) -> RenderedRadiance:
         world, target = assembler.pushed_world(first), NoiseTarget(noise)
-        still = render_static_layer(world, target, 1)
+        still = render_static_layer(world, target, scene_seed(1))
         assembler.repose(world, poses[1])
-        return render_frame(world, still, target, 2)
+        return render_frame(world, still, target, scene_seed(2))
 
     one, other = rendered(poses[0]), rendered(poses[-1])
     assert (one.radiance == other.radiance).all()
@@ -53,14 +54,14 @@ def test_the_first_frame_leaves_no_trace(pattern: str, tmp_path: Path, variant: 
     assert (one.samples == other.samples).all()
 
 
-CLAMPED = """
+CLAMPED = seeded("""
 title: A clamp that turns
 seed: 4
 camera: {width_px: 160, height_px: 160, focal_length_px: 200, mount: MOUNT}
 clamp: {}
 clutter: {count: 6}
 pushes: {contact_distance_mm: [120], pushing_angle_deg: [8]}
-"""
+""")
 
 
 def test_the_clamp_turns_with_the_beam(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from solver.instrument.errors import InputError
 from solver.instrument.transforms import apply, invert
 from tests.conftest import SMALL_SCENE
+from tests.draws import generator
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
@@ -47,7 +48,7 @@ def test_a_wire_is_a_tapered_arc(bow: float, tip_ratio: float) -> None:
 def test_it_crosses_the_beam_at_the_angle(bow: float) -> None:
     wire = Wire(0.2, 1e-3, 0.5, bow)
     for seed in range(20):
-        random = np.random.default_rng(seed)
+        random = generator(__name__, seed)
         pose = crossing(wire, 0.24, (1.0, 1.2), 3e-3, random)
         assert pose is not None
         line = apply(pose, wire.centreline(np.linspace(0.0, 1.0, 4001)))
@@ -58,9 +59,9 @@ def test_it_crosses_the_beam_at_the_angle(bow: float) -> None:
         assert np.linalg.norm(line[:, :2], axis=1).min() > 3e-3 + 0.5e-3
 
 
-def test_there_may_be_no_room() -> None:
+def test_there_may_be_no_room(random: np.random.Generator) -> None:
     wire = Wire(0.2, 1e-3, 1.0, 0.0)
-    assert crossing(wire, 0.1, (1.0, 2.0), 0.5, np.random.default_rng(0)) is None
+    assert crossing(wire, 0.1, (1.0, 2.0), 0.5, random) is None
 
 
 @pytest.mark.parametrize("fixed_to", ["antenna", "world"])

@@ -19,6 +19,7 @@ from solver.instrument.observation import Observations
 from solver.instrument.transforms import rigid
 from solver.methods import METHODS
 from tests.command_line import CommandLine
+from tests.draws import generator
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.budget.errors import Errors, NamedMethod, errors_of
 from vbaa_bench.benchmarks.budget.shares import (
@@ -37,8 +38,8 @@ from vbaa_bench.report.budget import REMAINDER, TOTAL, read_budget
 CAUSES = list(Cause)
 
 
-def test_causes_add_up_to_the_total() -> None:
-    errors = np.random.default_rng(1).normal(size=(len(CAUSES), 50))
+def test_causes_add_up_to_the_total(random: np.random.Generator) -> None:
+    errors = random.normal(size=(len(CAUSES), 50))
     assert errors_by_cause(errors).sum(axis=0) == pytest.approx(errors[0])
     shares = shares_of(Errors(errors, errors[:2], errors[0]), CAUSES, np.arange(50) // 5)
     assert shares[TOTAL].bias == pytest.approx(
@@ -49,9 +50,10 @@ def test_causes_add_up_to_the_total() -> None:
     assert all(share.low <= share.rmse <= share.high for share in shares.values())
 
 
-def test_noise_and_systematic_error_of_the_points_are_separated() -> None:
+def test_noise_and_systematic_error_of_the_points_are_separated(
+    random: np.random.Generator,
+) -> None:
     """Noise of 2 and an offset of 1 per frame, before stages without error."""
-    random = np.random.default_rng(2)
     by_stage = np.zeros((len(CAUSES), 4000))
     by_stage[0] = 1 + 2 * random.standard_normal(4000)
     by_noise = 2 * random.standard_normal((4, 4000))
@@ -76,13 +78,13 @@ def test_points_move_onto_a_circle_along_their_directions() -> None:
     assert np.isnan(beyond).all()
 
 
-def test_simulated_noise_has_the_stated_sigmas() -> None:
+def test_simulated_noise_has_the_stated_sigmas(random: np.random.Generator) -> None:
     line = Centreline(
         np.zeros((20_000, 2)),
         np.tile([0.6, 0.8], (20_000, 1)),
         np.linspace(0.01, 0.05, 20_000),
     )
-    shift = noisy(line, np.random.default_rng(3)).points
+    shift = noisy(line, random).points
     assert shift @ [0.8, -0.6] == pytest.approx(0)
     assert np.std(shift @ [0.6, 0.8] / line.sigma) == pytest.approx(1, rel=0.02)
 
@@ -101,7 +103,7 @@ class Perfect:
         frames = list(self.observations)
         name = NamedMethod(method, METHODS[method])
         stages = stages_of(antenna, self.world)
-        errors = errors_of(frames, self.rows, stages, self.world, name, 0, np.random.default_rng(0))
+        errors = errors_of(frames, self.rows, stages, self.world, name, 0, generator(__name__, 0))
         assert np.isfinite(errors.by_stage).all()
         groups = np.arange(len(frames))
         return {name: share.rmse for name, share in shares_of(errors, CAUSES, groups).items()}
@@ -131,11 +133,23 @@ def true_lines(
     return lines
 
 
+@dataclass(frozen=True)
+class Computed:
+    """An extractor that is a function of the image."""
+
+    line_of: Callable[[Grey], Centreline]
+    shading: float = 1.0
+    detector: None = None
+
+    def __call__(self, image: Grey) -> Centreline:
+        return self.line_of(image)
+
+
 def with_lines(antenna: Antenna, lines: dict[bytes, Centreline]) -> Antenna:
     def extract(image: Grey) -> Centreline:
         return lines[image.tobytes()]
 
-    return replace(antenna, at_rest=replace(antenna.at_rest, extract=extract))
+    return replace(antenna, at_rest=replace(antenna.at_rest, extract=Computed(extract)))
 
 
 def shifted(antenna: Antenna, shift: Callable[[Floats], Floats]) -> Antenna:
@@ -146,11 +160,16 @@ def shifted(antenna: Antenna, shift: Callable[[Floats], Floats]) -> Antenna:
         off = shift(line.points[:, 0])[:, None] * line.directions
         return replace(line, points=line.points + off)
 
-    return replace(antenna, at_rest=replace(antenna.at_rest, extract=extract))
+    return replace(antenna, at_rest=replace(antenna.at_rest, extract=Computed(extract)))
 
 
 def alone(shares: dict[str, float], cause: Cause, within: float = 1e-5) -> None:
-    """Check that one cause has the total's error, and all others have none."""
+    """Check that one cause has the total's error, and all others have none.
+
+    The errors that are put in are a tenth or less of those at which `exact_fit` refuses a frame, as
+    its misfit, which depends on the noise of the images, is that of the wrong beam. Rounding leaves
+    1e-13 m.
+    """
     total = shares.pop(TOTAL)
     assert shares.pop(str(cause)) == pytest.approx(total, rel=within)
     shares.pop(REMAINDER)
@@ -163,22 +182,20 @@ def test_an_antenna_without_error_has_none(perfect: Perfect) -> None:
 
 def test_a_wrong_camera_is_an_error_of_the_calibration_alone(perfect: Perfect) -> None:
     antenna = perfect.antenna
-    # As large an error as exact_fit answers in all frames; of 1 px a frame is refused.
-    camera = replace(antenna.calibration.camera, fx=700.3, fy=700.3)
+    camera = replace(antenna.calibration.camera, fx=700.03, fy=700.03)
     wrong = replace(antenna, calibration=replace(antenna.calibration, camera=camera))
     # The beam at rest as this camera sees it.
     rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
     wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
     shares = perfect.shares(wrong)
-    assert shares[TOTAL] > 1e-5
+    assert shares[TOTAL] > 1e-6
     alone(shares, Cause.CALIBRATION)
 
 
 def test_a_wrong_clamp_is_an_error_of_the_placement_alone(perfect: Perfect) -> None:
-    # As large an error as exact_fit answers in all frames; of 0.1 mm two are refused.
-    rig = replace(perfect.antenna.rig, base_position=np.array([5e-5, 0.0, 0.0]))
+    rig = replace(perfect.antenna.rig, base_position=np.array([5e-6, 0.0, 0.0]))
     shares = perfect.shares(replace(perfect.antenna, rig=rig))
-    assert shares[TOTAL] > 5e-5
+    assert shares[TOTAL] > 2e-6
     alone(shares, Cause.PLACEMENT)
 
 
@@ -186,8 +203,7 @@ def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) 
     """The camera is calibrated without error, but relative to the board."""
     true_rig, antenna = perfect.world.rig, perfect.antenna
     nominal = antenna.rig.antenna_from_board
-    # As large an error as exact_fit answers in all frames; of twice the size one is refused.
-    board = rigid(np.array([0.0, 5e-4, 0.0]), np.array([2.5e-5, 0.0, 2.5e-4])) @ nominal
+    board = rigid(np.array([0.0, 5e-5, 0.0]), np.array([2.5e-6, 0.0, 2.5e-5])) @ nominal
     displaced = replace(true_rig, antenna_from_board=board)
     perfect = replace(perfect, world=replace(perfect.world, rig=displaced))
     camera = with_nominal_board(displaced, nominal)
@@ -195,13 +211,13 @@ def test_a_displaced_board_is_an_error_of_the_placement_alone(perfect: Perfect) 
     rest = stage(wrong, perfect.world, Cause.CALIBRATION).antenna.rest
     wrong = replace(wrong, at_rest=replace(wrong.at_rest, rest=rest))
     shares = perfect.shares(wrong)
-    assert shares[TOTAL] > 1e-5
+    assert shares[TOTAL] > 1e-6
     alone(shares, Cause.PLACEMENT)
 
 
 def test_wrong_points_are_an_error_of_the_centreline_alone(perfect: Perfect) -> None:
-    # Up to 0.025 px, which exact_fit answers in all frames.
-    wrong = shifted(perfect.antenna, lambda u: 5e-7 * (u - 30) * (u - 480))
+    # Up to 0.0025 px.
+    wrong = shifted(perfect.antenna, lambda u: 5e-8 * (u - 30) * (u - 480))
     shares = perfect.shares(wrong)
     assert shares[TOTAL] > 5e-6
     alone(shares, Cause.CENTRELINE)
@@ -209,7 +225,7 @@ def test_wrong_points_are_an_error_of_the_centreline_alone(perfect: Perfect) -> 
 
 def test_a_wrong_rest_line_is_an_error_of_the_rest_pose_alone(perfect: Perfect) -> None:
     at_rest = perfect.antenna.at_rest
-    rest = replace(at_rest.rest, slope=at_rest.rest.slope + 1e-4)
+    rest = replace(at_rest.rest, slope=at_rest.rest.slope + 1e-5)
     wrong = replace(perfect.antenna, at_rest=replace(at_rest, rest=rest))
     shares = perfect.shares(wrong)
     assert shares[TOTAL] > 1e-6

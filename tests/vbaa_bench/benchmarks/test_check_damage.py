@@ -3,10 +3,10 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.draws import generator
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.damage import page, readers, trials
 from vbaa_bench.benchmarks.damage.damages import DAMAGES, kind_of
@@ -74,7 +74,7 @@ def test_damages_change_a_file(tmp_path: Path) -> None:
     for name, damage in DAMAGES.items():
         path = tmp_path / "a.csv"
         path.write_bytes(b"0123456789")
-        damage(path, np.random.default_rng(3))
+        damage(path, generator(__name__, 3))
         content = path.read_bytes() if path.is_file() else None
         assert content != b"0123456789", name
         assert (len(content) == 10) == (name == "flip") if content is not None else True

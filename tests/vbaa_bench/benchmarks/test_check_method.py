@@ -9,6 +9,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from solver.instrument.estimate import Estimate, Outcome
+from tests.draws import generator
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.benchmarks import check_method as module
 from vbaa_bench.benchmarks.check_method import FRAMES, Finding, check_method, compare
@@ -36,7 +37,7 @@ def world() -> list[dict[str, Any]]:
 
 def answers(**factors: float) -> pl.DataFrame:
     """Estimates with errors of 1 %, each times a factor."""
-    errors = 1 + 0.01 * np.random.default_rng(0).normal(size=len(PLACES))
+    errors = 1 + 0.01 * generator(__name__, 0).normal(size=len(PLACES))
     rows = []
     for i, (error, row) in enumerate(zip(errors, world(), strict=True)):
         estimates = {name: row[name] * error for name in ("x_c_mm", "force_n", "psi_deg")}

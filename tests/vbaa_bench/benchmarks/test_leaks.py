@@ -15,6 +15,7 @@ from solver.instrument.files import sha256
 from solver.instrument.images import png_bytes
 from solver.instrument.units import DEGREE
 from tests.conftest import SMALL_SCENE
+from tests.draws import generator
 from tests.truth_rows import complete_row
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.benchmarks.leaks import (
@@ -120,13 +121,14 @@ def test_frames_sorted_by_contact_distance_leak_by_their_order(unread: list[Leak
     assert leaking(planted) - {ENCODER} == {ORDER}
 
 
-def test_files_in_the_order_of_sobol_points_leak_by_the_bits_of_their_number() -> None:
+def test_files_in_the_order_of_sobol_points_leak_by_the_bits_of_their_number(
+    random: np.random.Generator,
+) -> None:
     # Sobol's first digit follows from the lowest bit of the number: neighbours are far apart, and
     # a regression on the number itself finds nothing.
     numbers = np.arange(256)
     bits = numbers[:, None] >> np.arange(8) & 1
     van_der_corput = bits @ 0.5 ** np.arange(1, 9)
-    random = np.random.default_rng(3)
     frames = [
         LeakFrame(float(label), 0, number, 0, random.bytes(8).hex(), random.bytes(8).hex())
         for number, label in enumerate(van_der_corput)
@@ -167,9 +169,8 @@ def test_each_property_of_the_image_files_is_tested(unread: list[LeakFrame]) -> 
     assert leaking(with_images(chunked)) == {"PNG metadata"}
 
 
-def test_rigs_of_a_collection_are_held_out_whole() -> None:
+def test_rigs_of_a_collection_are_held_out_whole(random: np.random.Generator) -> None:
     """The exposure identifies a rig, but reveals nothing of a rig that was never seen."""
-    random = np.random.default_rng(7)
 
     def rigs(slope: float) -> list[LeakFrame]:
         frames = []
@@ -195,9 +196,8 @@ def test_rigs_of_a_collection_are_held_out_whole() -> None:
     assert leaking(rigs(4)) == {"exposure"}
 
 
-def test_frames_of_one_push_are_held_out_together() -> None:
+def test_frames_of_one_push_are_held_out_together(random: np.random.Generator) -> None:
     """A push_id is common to frames that share a contact distance: this is no leak."""
-    random = np.random.default_rng(8)
     frames = []
     for _ in range(40):
         x_c, push_id = random.uniform(0.2, 0.9), random.bytes(8).hex()
@@ -214,7 +214,7 @@ def test_a_clean_feature_fails_once_in_a_hundred() -> None:
     """The test has the size that it states, whatever the shape of the feature."""
     failed = Counter[bool]()
     for seed in range(40):
-        random = np.random.default_rng(seed)
+        random = generator(__name__, seed)
         frames = [
             LeakFrame(random.beta(2, 5), 0, 0, 0, random.bytes(8).hex(), random.bytes(8).hex())
             for _ in range(40)
@@ -231,8 +231,8 @@ def test_generated_images_have_no_chunks_but_their_picture(dataset: Path) -> Non
         assert png_chunks(path.read_bytes()) == (("IHDR", 0), ("IDAT", 0), ("IEND", 0))
 
 
-def test_chunks_of_a_png_are_listed_in_their_order() -> None:
-    data = png_bytes(np.random.default_rng(0).integers(0, 255, (300, 300), dtype=np.uint8))
+def test_chunks_of_a_png_are_listed_in_their_order(random: np.random.Generator) -> None:
+    data = png_bytes(random.integers(0, 255, (300, 300), dtype=np.uint8))
     text = b"\x00\x00\x00\x05tEXtab\x00cd\x00\x00\x00\x00"
     assert png_chunks(data[:33] + text + data[33:])[:3] == (("IHDR", 0), ("tEXt", 5), ("IDAT", 0))
     with pytest.raises(ValueError, match="ends within a chunk"):
@@ -264,7 +264,7 @@ def test_a_dataset_and_a_collection_are_read_and_tested(
 
 def written(layout: Layout, dataset: Path, rig: int, planted: bool) -> None:
     """Write a dataset of 12 pushes without a renderer; frames without contact are left out."""
-    random = np.random.default_rng(rig)
+    random = generator(__name__, rig)
     layout.observations.mkdir(parents=True)
     layout.truth.mkdir()
     whole: dict[str, dict[str, str]] = {"observations": {}, "truth": {}}

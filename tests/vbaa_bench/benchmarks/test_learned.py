@@ -7,6 +7,7 @@ import pytest
 from solver.instrument.arrays import Floats, Grey
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
+from tests.draws import generator
 from vbaa_bench.benchmarks import learned
 from vbaa_bench.scoring.metrics import read_predictions
 
@@ -21,7 +22,7 @@ def beam(contact: float, deflection: float, ground: float = 20.0, peak: float = 
 
 
 def drawn(count: int, seed: int) -> tuple[Floats, Floats]:
-    values = np.random.default_rng(seed).uniform([0.2, 0.5], [0.9, 1], (count, 2))
+    values = generator(__name__, seed).uniform([0.2, 0.5], [0.9, 1], (count, 2))
     return np.array([learned.features(beam(*row)) for row in values]), values
 
 

@@ -12,8 +12,9 @@ from vbaa_bench.benchmarks import speed_render
 from vbaa_bench.benchmarks.image_error import Line
 from vbaa_bench.benchmarks.speed_curves import at_equal_error
 from vbaa_bench.benchmarks.speed_render import measure
+from vbaa_bench.dataset.target import FAST
 from vbaa_bench.render import variant
-from vbaa_bench.render.variant import FAST, PLAIN
+from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene
 
 SCENE = """

@@ -89,10 +89,11 @@ def test_amplification_is_what_a_fit_states(name: str, deflection: float) -> Non
 
 
 @pytest.mark.parametrize("name", ["two_point", "exact_fit"])
-def test_amplification_is_the_scatter_of_noisy_frames(name: str) -> None:
+def test_amplification_is_the_scatter_of_noisy_frames(
+    name: str, random: np.random.Generator
+) -> None:
     measurement = simulate_push(BEAM, 0.5 * LENGTH, 0.2)
     found = assess_method(METHODS[name], measurement)
-    random = np.random.default_rng(3)
     x_c = []
     for _ in range(100):
         noise = SIGMA_PX * PIXEL * random.standard_normal(len(measurement.points))

@@ -19,6 +19,7 @@ from solver.instrument.observation import open_observations
 from solver.instrument.rig import Rig, Tolerances
 from solver.instrument.rig_json import rig_to_json
 from solver.instrument.transforms import apply, camera_looking_at, invert, rigid
+from tests.draws import generator
 from vbaa_bench import cli
 from vbaa_bench.benchmarks.stress import command, geometry, gray, rig_results, stated, video
 from vbaa_bench.benchmarks.stress import run as run_module
@@ -70,7 +71,7 @@ def drawn_line(y: float = 0.0, bend: float = 0.0) -> Floats:
 
 
 def recorded(random: np.random.Generator | None = None) -> Recording:
-    random = random or np.random.default_rng(0)
+    random = random or generator(__name__, 0)
 
     def taken() -> Grey:
         noise = 1.5 * random.standard_normal((120, 240))
@@ -81,7 +82,7 @@ def recorded(random: np.random.Generator | None = None) -> Recording:
 
 
 def run(perturb: Perturbation, recording: Recording | None = None) -> Recording:
-    return perturb(recording or recorded(), np.random.default_rng(5))
+    return perturb(recording or recorded(), generator(__name__, 5))
 
 
 def rows_of_line(image: Grey, dark: float = 90.0) -> Floats:

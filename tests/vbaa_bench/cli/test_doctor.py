@@ -2,7 +2,8 @@ import subprocess
 from pathlib import Path
 
 from vbaa_bench.cli.doctor import Diagnosis
-from vbaa_bench.render.variant import CUDA, FAST, PLAIN, Probe
+from vbaa_bench.dataset.target import FAST
+from vbaa_bench.render.variant import CUDA, PLAIN, Probe
 
 ROOT = Path(__file__).parents[3]
 

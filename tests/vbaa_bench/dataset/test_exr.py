@@ -10,8 +10,9 @@ from vbaa_bench.dataset.exr import CHANNELS, exr_bytes, read_exr, write_exr
 from vbaa_bench.dataset.exr_channels import channels
 
 
-def test_layers_come_back_also_from_strided_arrays(tmp_path: Path) -> None:
-    random = np.random.default_rng(0)
+def test_layers_come_back_also_from_strided_arrays(
+    tmp_path: Path, random: np.random.Generator
+) -> None:
     # Transposed, flipped and sliced: OpenEXR itself would write these wrong without a word.
     layers: dict[str, np.ndarray] = {
         "radiance": random.random((40, 30)).astype(np.float16).T,
@@ -52,8 +53,10 @@ def test_the_same_layers_give_the_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
-def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path: Path) -> None:
-    layers = {"depth": np.random.default_rng(0).random((64, 64)).astype(np.float32)}
+def test_a_full_disk_is_an_os_error_and_leaves_nothing(
+    tmp_path: Path, random: np.random.Generator
+) -> None:
+    layers = {"depth": random.random((64, 64)).astype(np.float32)}
     usual = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, usual[1]))
     try:
@@ -64,9 +67,9 @@ def test_a_full_disk_is_an_os_error_and_leaves_nothing(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_broken_files_are_named(tmp_path: Path) -> None:
+def test_broken_files_are_named(tmp_path: Path, random: np.random.Generator) -> None:
     path = tmp_path / "layers.exr"
-    write_exr(path, {"depth": np.random.default_rng(0).random((64, 64)).astype(np.float32)})
+    write_exr(path, {"depth": random.random((64, 64)).astype(np.float32)})
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(InputError, match=r"layers\.exr"):
         read_exr(path)

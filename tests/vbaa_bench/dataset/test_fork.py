@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import SMALL_SCENE
+from tests.conftest import SCENE_TEXT
 from vbaa_bench.dataset.collection import CollectionLayout
 from vbaa_bench.dataset.fork import fork_of_collection, fork_of_dataset
 from vbaa_bench.dataset.identity import (
@@ -20,7 +20,7 @@ VARIANT = "llvm_ad_mono"
 
 
 def scene(folder: Path, **changes: tuple[str, str]) -> SceneFile:
-    text = SMALL_SCENE
+    text = SCENE_TEXT
     for old, new in changes.values():
         assert old in text
         text = text.replace(old, new)
@@ -81,16 +81,16 @@ def test_collections_fork_too(tmp_path: Path) -> None:
     length = ("views: 6", "views: 6}\nbeam: {length_mm: {uniform: [239, 241]}")
     one = scene(tmp_path, rigs=rigs, length=length)
     layout = CollectionLayout(tmp_path / "rigs")
-    assert layout.check_scene(one.template) == "empty"
-    layout.write_scene(one.template)
-    assert layout.check_scene(one.template) == "same"
+    assert layout.check_scene(one.template, {}) == "empty"
+    layout.write_scene(one.template, {})
+    assert layout.check_scene(one.template, {}) == "same"
     layout.scene.write_text("damaged")
-    assert layout.check_scene(one.template) == "same"
-    layout.write_scene(one.template)
+    assert layout.check_scene(one.template, {}) == "same"
+    layout.write_scene(one.template, {})
     assert fork_of_collection(one, layout.root) == layout.root
     three = scene(tmp_path, rigs=(rigs[0], "seed: 11\nrigs: 3"), length=length)
-    assert layout.check_scene(three.template) == "smaller"
+    assert layout.check_scene(three.template, {}) == "smaller"
     other = scene(tmp_path, rigs=("seed: 11", "seed: 12\nrigs: 2"), length=length)
     assert fork_of_collection(other, layout.root) == tmp_path / "rigs-2"
     with pytest.raises(OtherDatasetError, match=r"\(seed 11 -> 12\)"):
-        layout.check_scene(other.template)
+        layout.check_scene(other.template, {})

@@ -305,8 +305,7 @@ def test_a_wrong_pose_is_named(tmp_path: Path, data: Path, monkeypatch: pytest.M
         exported(data, "bop", tmp_path / "out")
 
 
-def test_statistics_of_parts_combine_to_those_of_all() -> None:
-    random = np.random.default_rng(0)
+def test_statistics_of_parts_combine_to_those_of_all(random: np.random.Generator) -> None:
     parts = [random.normal(size=(n, 2)) for n in (1, 4, 7)]
     parts[1][2] = np.nan
     stats = combined([value_stats(part) for part in parts])

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solver.instrument.images import png_bytes
+from tests.draws import generator
 from tests.sealing import reseal
 from tests.truth_rows import complete_row
 from vbaa_bench.dataset.layout import Layout
@@ -38,7 +39,7 @@ def write_dataset(
     seed: int = 1,
 ) -> Path:
     """Write a complete dataset of random images at `root`, in the order of opaque names."""
-    random, layout = np.random.default_rng(seed), Layout(root)
+    random, layout = generator(__name__, seed), Layout(root)
     for folder in ("rest", "calibration"):
         (layout.observations / folder).mkdir(parents=True)
     layout.truth.mkdir(parents=True)

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from solver.instrument.errors import InputError
 from solver.instrument.observation import open_observations
+from tests.draws import seeded
 from tests.end_to_end.test_generate import digests, quiet
 from tests.mortal import Mortal
 from tests.poisoned import FATAL_IMAGE, KILLED_IMAGE, PoisonedRigs, PoisonedWorker
@@ -38,7 +39,7 @@ from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.frames import FrameName, Frames, FrameSpec
 from vbaa_bench.scene.load import SceneFile, load_scene
 
-SCENE = """\
+SCENE = seeded("""\
 title: Six frames
 seed: 3
 camera: {width_px: 96, height_px: 32, focal_length_px: 130, position_mm: [120, 14, 360],
@@ -49,7 +50,7 @@ render: {sample_table: true}
 layers: []
 sampling: {method: sobol, count: 6, contact_distance_mm: [60, 200], deflection_pct: [3, 6]}
 frames_per_shard: 2
-"""
+""")
 
 
 @pytest.fixture(scope="module")
@@ -243,7 +244,7 @@ def test_an_impossible_push_is_recorded_by_the_command(
     assert "frames failed; the reasons are in truth/shard_*/failures.json" in done.stderr
     # The limits are those of the frames that exist.
     monkeypatch.setattr(of_dataset, "Pool", SameProcess)
-    table = of_dataset.limits_of_dataset(layout.root, tmp_path, variant, 1, quiet)
+    table = of_dataset.limits_of_dataset(layout.root, variant, 1, quiet)
     assert table["frame_id"].n_unique() == record["frames"]
     # More than half of the pushes: the scene is refused.
     path.write_text(SCENE.replace("[60, 200]", "[239.5, 239.99]").replace("[3, 6]", "[10, 20]"))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import seeded
 from vbaa_bench.assembly.motion import exposure_poses
 from vbaa_bench.generation.frame_renderer import FrameRenderer, Metering
 from vbaa_bench.generation.plan import plan
@@ -17,7 +18,7 @@ from vbaa_bench.scene.load import load_scene
 from vbaa_bench.scene.random_streams import random_generator
 
 ROWS = 88
-SCENE = f"""
+SCENE = seeded(f"""
 title: A small image
 seed: 4
 camera: {{width_px: 256, height_px: {ROWS}, focal_length_px: 350,
@@ -25,7 +26,7 @@ camera: {{width_px: 256, height_px: {ROWS}, focal_length_px: 350,
 calibration: {{columns: 20, rows: 5, square_mm: 10, center_mm: [120.0, 22.0], views: 4}}
 pushes: {{contact_distance_mm: [150], deflection_pct: [10, 20]}}
 render: {{noise_near_beam: 1, noise_elsewhere: 1, noise_static_layer: 0.5}}
-"""
+""")
 FLICKER = "flicker: {mains_hz: 50, depth_pct: 40}\n"
 
 

@@ -32,10 +32,12 @@ def test_black_and_white_cells_fill_the_card_edge_to_edge_and_face_the_viewer(
 
 
 @TARGETS
-def test_the_cells_are_black_where_the_target_is(target: Board) -> None:
+def test_the_cells_are_black_where_the_target_is(
+    target: Board, random: np.random.Generator
+) -> None:
     white, black = board(target)
     size = np.array([target.columns + 3, target.rows + 3]) * target.square / 2
-    points = np.random.default_rng(0).uniform(-size, size, (3000, 2))
+    points = random.uniform(-size, size, (3000, 2))
     drawn = reflectance(target, points)
     assert (_lies_on(black, points) == (drawn == BLACK)).all()
     assert (_lies_on(white, points) == (drawn == WHITE)).all()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from tests.vbaa_bench.limits.experiments import push
 from vbaa_bench.api.scene import Scene
 from vbaa_bench.limits.dirt import dirt_of, information_through_dirt
@@ -60,7 +61,7 @@ def test_the_density_of_a_drawn_pattern_is_that_of_its_field() -> None:
     """The correlation exp(-r / a) has the density 2 a / (1 + (2 pi f a)^2) along the beam."""
     grime = {"smudge_contrast": 0.2, "smudge_mm": 2.0, "dust_mm": 0.5, "uneven_gloss": 0.0}
     beam = {"diameter_mm": 12, "reflectance": 0.4, "grime": grime}
-    scene = Scene(title="Dirt", seed=3, pushes=PUSHES, beam=beam).scene
+    scene = Scene(title="Dirt", seed=scene_seed(3), pushes=PUSHES, beam=beam).scene
     dirt = dirt_of(scene, true_rig(scene), PARTS)
     assert dirt is not None
     assert dirt.mean_diffuse == pytest.approx(1.0, abs=0.01)
@@ -75,7 +76,7 @@ def test_the_density_of_a_drawn_pattern_is_that_of_its_field() -> None:
 
 def test_a_clean_beam_has_none_and_a_dirty_one_a_larger_limit(variant: str) -> None:
     activate(variant, 1)
-    clean_scene = Scene(title="Clean", seed=1, pushes=PUSHES).scene
+    clean_scene = Scene(title="Clean", seed=scene_seed(1), pushes=PUSHES).scene
     assert dirt_of(clean_scene, true_rig(clean_scene), PARTS) is None
     clean = push()[0]
     grime = {"smudge_contrast": 0.2, "smudge_mm": 5, "dust_pct": 0, "uneven_gloss": 0}

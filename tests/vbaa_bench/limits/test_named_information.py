@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.draws import generator
 from vbaa_bench.limits.named_information import Information, pseudo_inverse
 
 X = np.linspace(0.0, 2.0, 21)
@@ -24,7 +25,7 @@ def test_a_line_has_the_sigmas_of_regression() -> None:
 
 @given(st.integers(0, 2**32 - 1))
 def test_elimination_is_a_block_of_the_covariance(seed: int) -> None:
-    rows = np.random.default_rng(seed).standard_normal((9, 5))
+    rows = generator(__name__, seed).standard_normal((9, 5))
     whole = Information(tuple("abcde"), rows.T @ rows)
     reduced = whole.eliminated({"b", "d"})
     assert reduced.names == ("a", "c", "e")
@@ -55,7 +56,7 @@ def test_what_no_data_determine_is_infinite_and_harms_nothing_else() -> None:
 @given(st.integers(0, 2**32 - 1))
 def test_priors_without_errors_reduce_the_spread_of_the_efficient_estimate(seed: int) -> None:
     """Weighted least squares with priors, whose covariance follows from the errors that vary."""
-    random = np.random.default_rng(seed)
+    random = generator(__name__, seed)
     rows, sigmas = random.standard_normal((8, 3)), random.uniform(0.1, 1.0, 8)
     prior = Information.of_priors({"b": 0.3, "c": 0.5})
     data = Information.of_readings(("a", "b", "c"), rows, sigmas)

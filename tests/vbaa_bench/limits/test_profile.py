@@ -48,9 +48,10 @@ def test_the_step_is_fine_enough(half_width: float, monkeypatch: pytest.MonkeyPa
     np.testing.assert_allclose(coarse.diagonal(), fine.diagonal(), rtol=1e-3)
 
 
-def test_the_most_likely_shift_of_noisy_exposures_reaches_the_limit() -> None:
-    """Redraw the sensor's whole noise 2,000 times; 40 columns with the beam at other heights."""
-    random = np.random.default_rng(16)
+def test_the_most_likely_shift_of_noisy_exposures_reaches_the_limit(
+    random: np.random.Generator,
+) -> None:
+    """Redraw the sensor's whole noise 6,000 times; 40 columns with the beam at other heights."""
     sensor = Sensor(exposure=7000.0, full_well=10_000, read_noise=10)
     surface = SurfaceProfile(DISC, 0.1, 0.8, ACROSS_ROWS)
     smooth = gray_profile(surface)
@@ -62,7 +63,7 @@ def test_the_most_likely_shift_of_noisy_exposures_reaches_the_limit() -> None:
         return np.interp(offsets, smooth.offset, smooth.mean)
 
     variance = sensor.noise_sigma(mean(0.0)) ** 2
-    trials = np.array([sensor.expose(mean(0.0), random) for _ in range(2000)], float)
+    trials = np.array([sensor.expose(mean(0.0), random) for _ in range(6000)], float)
     # Gray values back to radiance.
     radiance = trials * (sensor.full_well / 255) / sensor.exposure
 
@@ -75,6 +76,6 @@ def test_the_most_likely_shift_of_noisy_exposures_reaches_the_limit() -> None:
     estimates = np.array([estimate(image) for image in radiance])
     matrix = columns * information(surface, lambda radiance: sensor.noise_sigma(radiance) ** 2)
     sigma = matrix[SHIFT, SHIFT] ** -0.5
-    assert abs(estimates.mean()) < 4 * sigma / np.sqrt(len(estimates))
-    # The standard deviation of 2,000 estimates is uncertain by 1.6 %.
+    assert abs(estimates.mean()) < 5 * sigma / np.sqrt(len(estimates))
+    # The standard deviation of 6,000 estimates is uncertain by 0.9 %.
     assert estimates.std() == pytest.approx(sigma, rel=0.05)

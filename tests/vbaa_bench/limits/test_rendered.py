@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import generator, scene_seed, seeded
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.limits.displacement import displacements
@@ -31,7 +32,7 @@ from vbaa_bench.sensor.ideal import Ideal
 from vbaa_bench.sensor.sensor import Sensor
 
 # A matt beam, 1.6 px wide, and an object below the image.
-SCENE = """
+SCENE = seeded("""
 title: A pushed beam in a small image
 seed: 8
 beam: {length_mm: 240, diameter_mm: 2, paint: matt}
@@ -45,7 +46,7 @@ camera:
 calibration: {columns: 15, rows: 4, square_mm: 12, center_mm: [120.0, 20.0]}
 occlusion: {kind: [removed], place: [middle], availability: [1.0, 0.5]}
 pushes: {contact_distance_mm: [180], deflection_pct: [8]}
-"""
+""")
 NAMES = ("s_c", "normal_force", "direction", "cy", "length")
 PLANAR = ("s_c", "normal_force", "brightness", "background", "width")
 EXPOSURE = 20_000.0
@@ -103,7 +104,9 @@ def test_the_closed_form_agrees(small: Small, change: ImageChange) -> None:
 def test_render_noise_does_not_raise_the_information(small: Small, change: ImageChange) -> None:
     # With four samples a set's own square is far too large, the product of two sets is not.
     few = [
-        image_change(small.renderer, small.specs[0], EXPOSURE, ("cy",), samples=4, seed=seed)
+        image_change(
+            small.renderer, small.specs[0], EXPOSURE, ("cy",), samples=4, seed=scene_seed(seed)
+        )
         for seed in range(8)
     ]
     expected = change.information.matrix[NAMES.index("cy"), NAMES.index("cy")]
@@ -163,12 +166,12 @@ def test_saturated_pixels_have_no_information() -> None:
         largest = sensor.largest_radiance
         variance = PixelNoise(sensor).variance(largest * np.array([0.5, 0.99, 1.01]))
         assert np.isinf(variance).tolist() == [False, False, True]
-        full = sensor.expose(np.full((1, 1), 2 * largest), np.random.default_rng(1))
+        full = sensor.expose(np.full((1, 1), 2 * largest), generator(__name__, 1))
         assert sensor.radiance(full).item() == pytest.approx(largest, rel=1e-6)
 
 
-def test_an_unknown_fixed_pattern_is_noise() -> None:
-    sensor, random = Sensor(100.0, 1e6, 10, bits=16), np.random.default_rng(2)
+def test_an_unknown_fixed_pattern_is_noise(random: np.random.Generator) -> None:
+    sensor = Sensor(100.0, 1e6, 10, bits=16)
     noise, level = PixelNoise(sensor, response=0.02, offset=30.0), np.full((300, 300), 40.0)
     electrons = 100 * level * (1 + 0.02 * random.standard_normal(level.shape))
     electrons += 30 * random.standard_normal(level.shape)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.draws import scene_seed
 from tests.vbaa_bench.limits.experiments import paper_push, push
 from vbaa_bench.api.scene import Scene
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
@@ -27,7 +28,7 @@ def _active(variant: str) -> None:
 
 
 def assembler(**keys: object) -> SceneAssembler:
-    scene = Scene(**{"title": "Board", "seed": 1, "pushes": PUSHES, **keys}).scene
+    scene = Scene(**{"title": "Board", "seed": scene_seed(1), "pushes": PUSHES, **keys}).scene
     return SceneAssembler(scene, true_rig(scene), Path())
 
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from solver.instrument.arrays import Floats
 from solver.instrument.transforms import rigid
+from tests.draws import generator
 from tests.oracle import EI
 from tests.vbaa_bench.mechanics.benches import (
     BEAM,
@@ -265,7 +266,7 @@ def test_a_beam_never_passes_through_a_mesh(kind: str, seed: int) -> None:
         "box": trimesh.creation.box((0.02, 0.02, 0.02)),
         "prism": trimesh.creation.cylinder(0.01, 0.06, sections=24),
     }[kind]
-    turn = Rotation.random(rng=np.random.default_rng(seed)).as_rotvec()
+    turn = Rotation.random(rng=generator(__name__, seed)).as_rotvec()
     mesh.apply_transform(rigid(turn, np.zeros(3)))
     mesh.apply_translation(-mesh.vertices[mesh.vertices[:, 1].argmax()])  # its top is touched
     touched = obstacle(BEAM, 0.12, Solid(mesh))

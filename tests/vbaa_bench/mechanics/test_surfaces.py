@@ -12,11 +12,11 @@ from tests.vbaa_bench.mechanics.benches import BEAM
 from vbaa_bench.mechanics.surfaces import Line, Solid, _closest_approach
 
 
-def test_distance_from_a_box_is_that_from_its_nearest_edge() -> None:
+def test_distance_from_a_box_is_that_from_its_nearest_edge(random: np.random.Generator) -> None:
     half, middle = np.array([0.01, 0.02, 0.05]), np.array([0.02, -0.03, 0.01])
     mesh = trimesh.creation.box(2 * half)
     mesh.apply_transform(rigid([0.3, -0.2, 0.5], middle))
-    solid, random = Solid(mesh), np.random.default_rng(0)
+    solid = Solid(mesh)
     turn = rigid([0.3, -0.2, 0.5], middle)[:3, :3]
     for _ in range(100):
         place = random.uniform(-0.1, 0.1, 3)
@@ -30,8 +30,9 @@ def test_distance_from_a_box_is_that_from_its_nearest_edge() -> None:
         assert distance * direction == pytest.approx(turn @ (place - nearest), abs=1e-12)
 
 
-def test_closest_approach_of_an_edge_and_a_polyline_is_the_bounded_least_squares() -> None:
-    random = np.random.default_rng(1)
+def test_closest_approach_of_an_edge_and_a_polyline_is_the_bounded_least_squares(
+    random: np.random.Generator,
+) -> None:
     for _ in range(200):
         first, last, *line = random.uniform(-1.0, 1.0, (5, 3))
         distance, fraction = _closest_approach(first, last, np.array(line))
@@ -46,15 +47,16 @@ def test_closest_approach_of_an_edge_and_a_polyline_is_the_bounded_least_squares
         assert fraction == pytest.approx(best.x[0], abs=1e-6)
 
 
-def test_closest_approach_of_two_segments_is_symmetric() -> None:
-    random = np.random.default_rng(2)
+def test_closest_approach_of_two_segments_is_symmetric(random: np.random.Generator) -> None:
     for _ in range(200):
         one, other = random.uniform(-1.0, 1.0, (2, 2, 3))
         distance, _ = _closest_approach(one[0], one[1], other)
         assert _closest_approach(other[0], other[1], one)[0] == pytest.approx(distance, abs=1e-12)
 
 
-def test_of_two_edges_at_once_the_one_nearer_to_the_clamp_is_touched() -> None:
+def test_of_two_edges_at_once_the_one_nearer_to_the_clamp_is_touched(
+    random: np.random.Generator,
+) -> None:
     """A beam along the top face of a sheared box, whatever the numbering of the vertices."""
     mesh = trimesh.creation.box((0.02, 0.02, 0.02))
     shear = np.eye(4)
@@ -62,7 +64,6 @@ def test_of_two_edges_at_once_the_one_nearer_to_the_clamp_is_touched() -> None:
     mesh.apply_transform(shear)
     x = np.linspace(-0.1, 0.1, 41)
     line = np.column_stack([x, np.full_like(x, 0.01 + BEAM.radius), np.zeros_like(x)])
-    random = np.random.default_rng(3)
     for _ in range(12):
         order = random.permutation(8)
         faces = np.argsort(order)[mesh.faces]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
+from tests.draws import generator
 from vbaa_bench.regression.compared import COMPARED, TIME
 from vbaa_bench.regression.scored_run import ScoredRun
 
@@ -32,8 +33,8 @@ class Drawn:
         calibration adds an error to all frames.
         """
         trials = self.repeats * len(DISTANCES) * len(STEPS)
-        systematic = np.random.default_rng(1).standard_t(3, size=(trials, len(METHODS)))
-        rng = np.random.default_rng([2, self.noise])
+        systematic = generator(__name__, 1).standard_t(3, size=(trials, len(METHODS)))
+        rng = generator(__name__, 2, self.noise)
         common = rng.standard_t(3, size=(trials, 1))
         own = rng.standard_t(3, size=(trials, len(METHODS)))
         calibration = SHARED * rng.standard_normal(len(METHODS))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import generator
 from vbaa_bench.regression.swaps import FALSE_ALARM, Changes, swap_test
 
 TABLES = 200
@@ -15,29 +16,29 @@ def unshared(pushes: Floats) -> Changes:
 
 
 def alarms(tables: list[Changes]) -> int:
-    rng = np.random.default_rng(5)
+    rng = generator(__name__, 5)
     return sum(
         bool((swap_test(table, FALSE_ALARM, rng).p <= FALSE_ALARM).any()) for table in tables
     )
 
 
 @pytest.mark.parametrize("pushes", [9, 60])
-def test_a_whole_table_of_correlated_heavy_tails_rarely_alarms(pushes: int) -> None:
-    rng = np.random.default_rng(1)
+def test_a_whole_table_of_correlated_heavy_tails_rarely_alarms(
+    pushes: int, random: np.random.Generator
+) -> None:
     tables = []
     for _ in range(TABLES):
-        d = rng.standard_t(2, size=(pushes, 3)) @ rng.standard_normal((3, 40))
-        d += 0.3 * rng.standard_t(2, size=d.shape)
-        d[rng.random(d.shape) < 0.2] = np.nan  # not every push is in every stratum
+        d = random.standard_t(2, size=(pushes, 3)) @ random.standard_normal((3, 40))
+        d += 0.3 * random.standard_t(2, size=d.shape)
+        d[random.random(d.shape) < 0.2] = np.nan  # not every push is in every stratum
         tables.append(unshared(d))
     assert alarms(tables) <= 5
 
 
-def test_what_all_pushes_share_is_no_alarm_if_it_is_stated() -> None:
-    rng = np.random.default_rng(2)
+def test_what_all_pushes_share_is_no_alarm_if_it_is_stated(random: np.random.Generator) -> None:
     shared, cells = 0.5, 6
     drawn = [
-        rng.standard_normal((60, cells)) + shared * rng.standard_normal(cells)
+        random.standard_normal((60, cells)) + shared * random.standard_normal(cells)
         for _ in range(TABLES)
     ]
     stated = [Changes(d, np.full(cells, shared), np.arange(cells)) for d in drawn]
@@ -48,30 +49,30 @@ def test_what_all_pushes_share_is_no_alarm_if_it_is_stated() -> None:
 def test_equal_changes_of_all_of_nine_pushes_are_significant() -> None:
     d = np.zeros((9, 50))
     d[:, 7] = 0.02
-    p = swap_test(unshared(d), FALSE_ALARM, np.random.default_rng(0)).p
+    p = swap_test(unshared(d), FALSE_ALARM, generator(__name__, 0)).p
     # All signs are equal in two of 512 swaps.
     assert p[7] == pytest.approx(2 / 512, abs=0.003)
     assert (np.delete(p, 7) == 1).all()
     d = d[:7]
-    assert swap_test(unshared(d), FALSE_ALARM, np.random.default_rng(0)).p[7] > FALSE_ALARM
+    assert swap_test(unshared(d), FALSE_ALARM, generator(__name__, 0)).p[7] > FALSE_ALARM
 
 
 def test_the_smallest_change_is_the_one_that_becomes_significant() -> None:
-    rng = np.random.default_rng(3)
+    rng = generator(__name__, 3)
     noise = rng.standard_normal((80, 30))
     noise -= noise.mean(axis=0)
-    smallest = swap_test(unshared(noise), FALSE_ALARM, np.random.default_rng(0)).smallest
+    smallest = swap_test(unshared(noise), FALSE_ALARM, generator(__name__, 0)).smallest
     for factor, significant in ((0.85, False), (1.15, True)):
         moved = noise.copy()
         moved[:, 4] += factor * smallest[4]
         assert (
-            swap_test(unshared(moved), FALSE_ALARM, np.random.default_rng(0)).p[4] <= 0.01
+            swap_test(unshared(moved), FALSE_ALARM, generator(__name__, 0)).p[4] <= 0.01
         ) is np.bool_(significant)
 
 
 def test_a_cell_that_can_never_be_significant_has_no_smallest_change() -> None:
-    d = np.random.default_rng(4).standard_normal((60, 40))
+    d = generator(__name__, 4).standard_normal((60, 40))
     d[8:, 0] = np.nan
-    smallest = swap_test(unshared(d), FALSE_ALARM, np.random.default_rng(0)).smallest
+    smallest = swap_test(unshared(d), FALSE_ALARM, generator(__name__, 0)).smallest
     assert smallest[0] == np.inf
     assert np.isfinite(smallest[1:]).all()

@@ -7,6 +7,7 @@ import pytest
 
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
+from tests.draws import scene_seed
 from vbaa_bench.geometry.objects import block, sheet
 from vbaa_bench.render.affected_pixels import View, shadows
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame, render_static_layer
@@ -54,12 +55,12 @@ def make_world(camera: Camera, light: Light) -> World:
 def test_nothing_changes_out_of_reach(camera: Camera, light: Light) -> None:
     world = make_world(camera, light)
     target = NoiseTarget(lambda radiance: 0.2 * radiance + 1e-3)
-    still = render_static_layer(world, target, 1)
-    seen = render_frame(world, still, target, 2)
+    still = render_static_layer(world, target, scene_seed(1))
+    seen = render_frame(world, still, target, scene_seed(2))
     apart = ~seen.affected
     rows, columns = np.nonzero(np.ones_like(apart))
     pixels = np.column_stack([columns, rows])
-    found = trace(world, pixels, np.full(len(pixels), 64), 3, "change")
+    found = trace(world, pixels, np.full(len(pixels), 64), scene_seed(3), "change")
     change = found.radiance.reshape(apart.shape)
     assert (change[apart] == 0).all()
     assert (change != 0).sum() > 200
@@ -93,10 +94,12 @@ def test_a_body_behind_the_camera_may_show_anywhere() -> None:
 def test_a_plate_alone_is_the_still_scene() -> None:
     world = make_world(CAMERA, LAMP)
     made: StaticLayer = render_static_layer(
-        world, NoiseTarget(lambda radiance: 0.1 * radiance + 1e-3), 1
+        world, NoiseTarget(lambda radiance: 0.1 * radiance + 1e-3), scene_seed(1)
     )
     assert set(np.unique(made.layers.object_index)) == {2}
     away = np.asarray(block(0.02, -0.03, 0.03).vertices) + MIDDLE + [0.0, 5.0, 0.0]
     world.move({"object": away})
-    seen = render_frame(world, made, NoiseTarget(lambda radiance: 0.1 * radiance + 1e-3), 2)
+    seen = render_frame(
+        world, made, NoiseTarget(lambda radiance: 0.1 * radiance + 1e-3), scene_seed(2)
+    )
     assert seen.radiance == pytest.approx(made.radiance)

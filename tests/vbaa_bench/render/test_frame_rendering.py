@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.assembly.pose import Pose
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
@@ -68,7 +69,7 @@ TARGET = NoiseTarget(coarse)
 
 @pytest.fixture(scope="module")
 def ground(world: World) -> StaticLayer:
-    return rendering.render_static_layer(world, TARGET, 1)
+    return rendering.render_static_layer(world, TARGET, scene_seed(1))
 
 
 def test_arc_length_and_depth_are_those_of_the_beam(
@@ -104,8 +105,8 @@ def test_every_surface_has_its_index(world: World, seen: Layers) -> None:
 def test_tracing_chosen_pixels_agrees_with_the_renderer(world: World, seen: Layers) -> None:
     v, u = np.nonzero(seen.beam_mask)
     pixels = np.column_stack([u, v])[::3]
-    found = trace(world, pixels, np.full(len(pixels), 128), 5, "whole")
-    film = mi.render(world.scene, sensor=world.sensor, spp=128, seed=mi.UInt32(77))
+    found = trace(world, pixels, np.full(len(pixels), 128), scene_seed(5), "whole")
+    film = mi.render(world.scene, sensor=world.sensor, spp=128, seed=mi.UInt32(scene_seed(77)))
     reference = np.asarray(film)[pixels[:, 1], pixels[:, 0], 0]
     # The mean over the beam's pixels; a path of 128 samples errs by 2 % in each.
     assert found.radiance.mean() == pytest.approx(reference.mean(), rel=0.003)
@@ -116,7 +117,7 @@ def test_the_variance_is_that_from_picture_to_picture(world: World, seen: Layers
     v, u = np.nonzero(seen.beam_mask)
     pixels = np.column_stack([u, v])[::5]
     size = np.full(len(pixels), 9)
-    images = [trace(world, pixels, size, seed, "whole") for seed in range(24)]
+    images = [trace(world, pixels, size, scene_seed(seed), "whole") for seed in range(24)]
     spread = np.var([found.radiance for found in images], axis=0, ddof=1).mean()
     stated = np.mean([found.variance for found in images])
     assert stated == pytest.approx(spread, rel=0.15)
@@ -126,22 +127,22 @@ def test_the_same_seed_gives_the_same_bits_whatever_came_before(
     assembler: SceneAssembler, world: World, poses: list[Pose], seen: Layers, ground: StaticLayer
 ) -> None:
     first, *_, last = poses
-    one = render_frame(world, ground, TARGET, 5)
+    one = render_frame(world, ground, TARGET, scene_seed(5))
     assembler.repose(world, last)
-    assert (render_frame(world, ground, TARGET, 5).radiance != one.radiance).any()
+    assert (render_frame(world, ground, TARGET, scene_seed(5)).radiance != one.radiance).any()
     assembler.repose(world, first)
-    again = render_frame(world, ground, TARGET, 5)
+    again = render_frame(world, ground, TARGET, scene_seed(5))
     assert (again.layers.arc_length_mm == seen.arc_length_mm).all()
     assert (again.radiance == one.radiance).all()
     assert (again.variance == one.variance).all()
-    assert (render_frame(world, ground, TARGET, 6).radiance != one.radiance).any()
+    assert (render_frame(world, ground, TARGET, scene_seed(6)).radiance != one.radiance).any()
 
 
 def test_layers_traced_where_surfaces_move_equal_those_of_the_whole_image(
     assembler: SceneAssembler, world: World, poses: list[Pose], ground: StaticLayer
 ) -> None:
     assembler.repose(world, poses[-1])
-    found, whole = render_frame(world, ground, TARGET, 5).layers, every_pixel(world)
+    found, whole = render_frame(world, ground, TARGET, scene_seed(5)).layers, every_pixel(world)
     assembler.repose(world, poses[0])
     for layer in ("object_index", "depth_mm", "normal", "arc_length_mm", "occlusion"):
         assert (getattr(found, layer) == getattr(whole, layer)).all(), layer
@@ -150,7 +151,7 @@ def test_layers_traced_where_surfaces_move_equal_those_of_the_whole_image(
 def test_the_noise_near_the_beam_reaches_its_target(world: World, ground: StaticLayer) -> None:
     if is_scalar():
         pytest.skip("without wavefronts every pixel gets the same samples")
-    images = [render_frame(world, ground, TARGET, seed) for seed in range(12)]
+    images = [render_frame(world, ground, TARGET, scene_seed(seed)) for seed in range(12)]
     radiance = np.array([image.radiance for image in images])
     near = cv2.dilate(images[0].layers.beam_mask.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     ratio = radiance.std(axis=0, ddof=1)[near] / coarse(radiance.mean(axis=0))[near]
@@ -171,7 +172,7 @@ def test_the_noise_near_the_beam_reaches_its_target(world: World, ground: Static
 def test_the_beam_is_white_on_a_dark_ground(
     world: World, seen: Layers, ground: StaticLayer
 ) -> None:
-    image = render_frame(world, ground, TARGET, 1).radiance
+    image = render_frame(world, ground, TARGET, scene_seed(1)).radiance
     core, sheet = image[seen.beam_mask], image[seen.object_index == 3]
     assert np.median(core) > 8 * np.median(sheet)
     assert image.min() >= 0
@@ -180,7 +181,9 @@ def test_the_beam_is_white_on_a_dark_ground(
 def test_a_frame_without_a_static_layer_equals_one_with_it(
     world: World, ground: StaticLayer
 ) -> None:
-    alone, onto = (render_frame(world, static, TARGET, 3).radiance for static in (None, ground))
+    alone, onto = (
+        render_frame(world, static, TARGET, scene_seed(3)).radiance for static in (None, ground)
+    )
     assert alone.mean() == pytest.approx(onto.mean(), rel=0.003)
 
 

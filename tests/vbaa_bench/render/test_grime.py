@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_hidden_strip import bent
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE
 from vbaa_bench.geometry.objects import sheet
@@ -21,9 +22,9 @@ LENGTH = 0.024
 PIXELS = np.argwhere(np.ones((CAMERA.height, CAMERA.width)))[:, ::-1]
 
 
-def test_dust_covers_the_stated_share() -> None:
+def test_dust_covers_the_stated_share(random: np.random.Generator) -> None:
     grime = Grime(0.2, 4e-3, 0.06, 0.1e-3, 0.9, 0.4)
-    texture = grime_texture(grime, 0.3, 0.1, 2.5e-3, np.random.default_rng(1))
+    texture = grime_texture(grime, 0.3, 0.1, 2.5e-3, random)
     dusty = texture.image == 0.9
     assert texture.gloss is not None
     # The field has the share in its whole period, of which one half is kept.
@@ -57,7 +58,9 @@ def beam_world(texture: Texture | None) -> World:
 
 def radiance(world: World) -> Floats:
     size = np.full(len(PIXELS), 64)
-    return trace(world, PIXELS, size, 1, "whole").radiance.reshape(CAMERA.height, CAMERA.width)
+    return trace(world, PIXELS, size, scene_seed(1), "whole").radiance.reshape(
+        CAMERA.height, CAMERA.width
+    )
 
 
 def test_a_texture_follows_the_arc_length(variant: str) -> None:

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE, beam, world_before
 from vbaa_bench.geometry.lamps import rectangle
 from vbaa_bench.geometry.objects import sheet
@@ -67,7 +68,7 @@ def test_it_is_what_rays_to_the_lamp_meet(lamp: trimesh.Trimesh, rise: float) ->
     (strip,) = world.hidden_strips.values()
     (emitter,) = world.scene.emitters()
     sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(1, SAMPLES)
+    sampler.seed(scene_seed(1), SAMPLES)
     hidden = np.zeros(2)
     towards = np.asarray(lamp.vertices).mean(axis=0) - MIDDLE
     for place in PLACES - 0.01 * towards[:2] / towards[2]:
@@ -100,8 +101,10 @@ def test_the_mean_does_not_depend_on_the_strip(shift: float) -> None:
     for strips in ({}, {name: wrong}):
         vars(world)["hidden_strips"] = strips
         images = [
-            trace(world, pixels, np.full(len(pixels), 8), 100 * seed, "change", 32).radiance
-            for seed in range(12)
+            trace(
+                world, pixels, np.full(len(pixels), 8), scene_seed(100 * seed), "change", 32
+            ).radiance
+            for seed in range(24)
         ]
         sums.append(np.sum(images, axis=1))
     one, other = sums
@@ -116,7 +119,7 @@ def test_shadows_have_less_noise() -> None:
     strips, noise = world.hidden_strips, []
     for used in (strips, {}):
         vars(world)["hidden_strips"] = used
-        found = trace(world, pixels, np.full(len(pixels), 4), 3, "change", 64)
+        found = trace(world, pixels, np.full(len(pixels), 4), scene_seed(3), "change", 64)
         noise.append(np.sqrt(np.median(found.variance)))
     # What is left is that of the place in the pixel.
     assert noise[0] < 0.2 * noise[1]
@@ -165,9 +168,9 @@ def test_a_world_that_moves_renders_what_it_renders_anew(distortion: tuple[float
     pixels, size = np.argwhere(np.ones((40, 56)))[:, ::-1], np.full(40 * 56, 4)
     for angle_deg in (3.0, 30.0, 80.0, 85.0):
         world.move({"beam": beam(2.0, angle_deg, 0.3)})
-        repeated = [trace(world, pixels, size, 5, quantity) for quantity in QUANTITIES]
+        repeated = [trace(world, pixels, size, scene_seed(5), quantity) for quantity in QUANTITIES]
         world._frozen = {}
-        anew = [trace(world, pixels, size, 5, quantity) for quantity in QUANTITIES]
+        anew = [trace(world, pixels, size, scene_seed(5), quantity) for quantity in QUANTITIES]
         for one, other in zip(repeated, anew, strict=True):
             assert (one.radiance == other.radiance).all()
             assert one.radiance.any()

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats, Mask
+from tests.draws import scene_seed
 from vbaa_bench.render.interpolated import Interpolated
 
 SHAPE, SPACING = (64, 80), 4
@@ -31,7 +32,7 @@ def rendered(
 ) -> tuple[Floats, Floats]:
     """Radiance and stated variance (n,) of the pixels in `where`."""
     rows, columns = np.nonzero(where)
-    chosen = np.flatnonzero(smooth.chosen(rows, columns, seed))
+    chosen = np.flatnonzero(smooth.chosen(rows, columns, scene_seed(seed)))
     radiance, variance = smooth.value.copy(), np.zeros(where.sum())
     seen = image[where][chosen] + NOISE * random.standard_normal(len(chosen))
     radiance[chosen], variance[chosen] = smooth.corrected(
@@ -40,10 +41,9 @@ def rendered(
     return radiance, variance
 
 
-def test_the_mean_is_the_image_and_the_variance_is_stated() -> None:
+def test_the_mean_is_the_image_and_the_variance_is_stated(random: np.random.Generator) -> None:
     image, where = shadow(), np.ones(SHAPE, np.bool_)
     where[:, 60:] = False
-    random = np.random.default_rng(0)
     images = []
     for seed in range(2000):
         smooth = pilots(image, where, random)
@@ -55,31 +55,32 @@ def test_the_mean_is_the_image_and_the_variance_is_stated() -> None:
     assert variance.mean() == pytest.approx(radiance.var(axis=0).mean(), rel=0.05)
 
 
-def test_it_renders_few_pixels_where_it_is_smooth_and_all_at_edges() -> None:
+def test_it_renders_few_pixels_where_it_is_smooth_and_all_at_edges(
+    random: np.random.Generator,
+) -> None:
     image, where = shadow(), np.ones(SHAPE, np.bool_)
-    smooth = pilots(image, where, np.random.default_rng(1))
+    smooth = pilots(image, where, random)
     probability = smooth.probability.reshape(SHAPE)
     edge = cv2.dilate((image < -2).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     assert (probability[edge] == 1).all()
     assert np.median(probability) == 0.25
     rows, columns = np.nonzero(where)
-    share = smooth.chosen(rows, columns, 3)[smooth.probability == 0.25].mean()
+    share = smooth.chosen(rows, columns, scene_seed(3))[smooth.probability == 0.25].mean()
     assert share == pytest.approx(0.25, abs=0.01)
 
 
-def test_the_target_noise_is_reached() -> None:
+def test_the_target_noise_is_reached(random: np.random.Generator) -> None:
     image, where = shadow(), np.ones(SHAPE, np.bool_)
-    random = np.random.default_rng(2)
     smooth = pilots(image, where, random)
     errors = [rendered(smooth, image, where, seed, random)[0] - image[where] for seed in range(200)]
     assert np.sqrt(np.mean(np.square(errors))) < 0.5
     assert np.quantile(np.std(errors, axis=0), 0.99) < 0.55
 
 
-def test_pixels_without_pilots_around_them_are_rendered() -> None:
+def test_pixels_without_pilots_around_them_are_rendered(random: np.random.Generator) -> None:
     image, where = shadow(), np.zeros(SHAPE, np.bool_)
     where[10:30, 10:12] = True
-    assert (pilots(image, where, np.random.default_rng(3)).probability == 1).all()
+    assert (pilots(image, where, random).probability == 1).all()
 
 
 def test_pixels_that_need_more_samples_are_rendered() -> None:

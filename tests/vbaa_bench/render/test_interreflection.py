@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_hidden_strip import bent
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE
 from vbaa_bench.geometry.objects import sheet
@@ -44,7 +45,7 @@ def world(variant: str) -> World:
 def plain(world: World) -> Floats:
     """Images (n, height, width) of plain Mitsuba."""
     renderer = Plain(world, "independent")
-    return np.array([renderer.radiance(512, seed) for seed in range(8)])
+    return np.array([renderer.radiance(512, scene_seed(seed)) for seed in range(8)])
 
 
 def bands(image: Floats) -> Floats:
@@ -61,7 +62,9 @@ def agree(ours: Floats, theirs: Floats) -> None:
 
 def test_the_radiance_is_that_of_plain_mitsuba(world: World, plain: Floats) -> None:
     size = np.full(len(PIXELS), 64)
-    ours = [trace(world, PIXELS, size, 100 * seed, "whole").radiance for seed in range(8)]
+    ours = [
+        trace(world, PIXELS, size, scene_seed(100 * seed), "whole").radiance for seed in range(8)
+    ]
     agree(bands(np.reshape(ours, plain.shape)), bands(plain))
 
 
@@ -69,8 +72,8 @@ def test_frames_on_the_static_layer_have_it_too(world: World, plain: Floats) -> 
     target = NoiseTarget(lambda radiance: 0.1 * radiance + 1e-4)
     ours = []
     for seed in range(8):
-        static = render_static_layer(world, target, 10 * seed)
-        ours.append(render_frame(world, static, target, 10 * seed + 1).radiance)
+        static = render_static_layer(world, target, scene_seed(10 * seed))
+        ours.append(render_frame(world, static, target, scene_seed(10 * seed + 1)).radiance)
     agree(bands(np.array(ours)), bands(plain))
 
 
@@ -78,5 +81,5 @@ def test_reflections_are_seen(world: World, plain: Floats) -> None:
     direct = World(
         CAMERA, world.lights, world._surfaces, world.unit, still={"background"}, bounces=1
     )
-    once = trace(direct, PIXELS, np.full(len(PIXELS), 16), 1, "whole").radiance
+    once = trace(direct, PIXELS, np.full(len(PIXELS), 16), scene_seed(1), "whole").radiance
     assert plain.mean() > 1.05 * once.mean()

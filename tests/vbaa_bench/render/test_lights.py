@@ -9,6 +9,7 @@ import pytest
 
 from solver.instrument.arrays import Floats
 from solver.instrument.errors import InputError
+from tests.draws import scene_seed
 from vbaa_bench.geometry.lamps import axes
 from vbaa_bench.render.environment import laboratory, plane_irradiance
 from vbaa_bench.render.illumination import lights
@@ -77,7 +78,7 @@ def measured(scene: Scene, at: Floats, facing: Floats, unit: float = 0.4e-3) -> 
     described["sensor"] = {"type": "perspective", "fov": 1.0, "to_world": looking, "film": film}
     for number, light in enumerate(lights(scene, Path())):
         described[f"light_{number}"] = emitter(light, matrix)
-    image = mi.render(load(described), spp=16384, seed=mi.UInt32(1))
+    image = mi.render(load(described), spp=16384, seed=mi.UInt32(scene_seed(1)))
     return float(np.mean(np.asarray(image)) * np.pi / 0.5)
 
 

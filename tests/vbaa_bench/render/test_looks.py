@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed, seeded
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
@@ -14,7 +15,7 @@ from vbaa_bench.render.plain import Plain
 from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.scene.load import load_scene
 
-SCENE = """
+SCENE = seeded("""
 title: All looks at once, from afar
 seed: 8
 camera: {width_px: 96, height_px: 40, focal_length_px: 112, tip_in_view: true,
@@ -28,7 +29,7 @@ beam: {diameter_mm: 3, youngs_modulus_gpa: 5, grime: {dust_pct: 10}, tip: cut}
 ambient: {irradiance: 0.4}
 lights: [{kind: area}]
 pushes: {contact_distance_mm: [140], deflection_pct: [5, 10]}
-"""
+""")
 IMAGES, REFERENCES, SAMPLES = 8, 6, 196
 FALSE_ALARM = 1e-3
 
@@ -54,10 +55,12 @@ def test_no_surface_is_biased(fixed_to: str, tmp_path: Path, variant: str) -> No
     target = NoiseTarget(lambda radiance: np.asarray(0.1 * radiance + 1e-3), 4, 2.0, 2.0, 0.7)
     images = []
     for seed in range(IMAGES):
-        static = render_static_layer(world, target, 1000 + seed)
-        images.append(render_frame(world, static, target, seed))
+        static = render_static_layer(world, target, scene_seed(1000 + seed))
+        images.append(render_frame(world, static, target, scene_seed(seed)))
     plain = Plain(world, "multijitter")
-    references = np.array([plain.radiance(SAMPLES, 50 + seed) for seed in range(REFERENCES)])
+    references = np.array(
+        [plain.radiance(SAMPLES, scene_seed(50 + seed)) for seed in range(REFERENCES)]
+    )
     index, found = images[0].layers.object_index, {}
     assert images[0].layers.beam_mask[index == 1].all()
     radiance = np.array([image.radiance for image in images])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import generator, scene_seed
 from vbaa_bench.render.loading import load
 from vbaa_bench.render.materials import bsdf
 from vbaa_bench.render.textures import gradient_texture, random_texture
@@ -40,7 +41,7 @@ def under_even_light(paint: Paint, roughness: float) -> Floats:
             },
         },
     }
-    image = mi.render(load(described), spp=256, seed=mi.UInt32(1))
+    image = mi.render(load(described), spp=256, seed=mi.UInt32(scene_seed(1)))
     return np.asarray(image, dtype=float)[:, :, 0]
 
 
@@ -78,10 +79,12 @@ def test_a_graded_sheet_is_a_straight_line_of_reflectance() -> None:
     assert seen == pytest.approx([0.1, 0.1, 0.2, 0.3, 0.33, 0.4, 0.5, 0.5], rel=1e-6)
 
 
-def test_a_grown_texture_has_the_stated_mean_contrast_and_correlation() -> None:
+def test_a_grown_texture_has_the_stated_mean_contrast_and_correlation(
+    random: np.random.Generator,
+) -> None:
     places = np.zeros((4, 2))
     correlation = (6e-3, 2e-3)
-    texture = random_texture(places, 0.2, 0.3, correlation, 0.5, np.random.default_rng(1))
+    texture = random_texture(places, 0.2, 0.3, correlation, 0.5, random)
     image = texture.image
     assert image.mean() == pytest.approx(0.2, rel=0.02)
     assert image.std() / image.mean() == pytest.approx(0.3, rel=0.05)
@@ -96,7 +99,7 @@ def test_a_grown_texture_has_the_stated_mean_contrast_and_correlation() -> None:
 
 def test_a_texture_is_its_generators_and_repeats_without_a_seam() -> None:
     def made(seed: int) -> Floats:
-        random = np.random.default_rng(seed)
+        random = generator(__name__, seed)
         return random_texture(np.zeros((4, 2)), 0.2, 0.3, (2e-3, 2e-3), 0.1, random).image
 
     image = made(1)
@@ -105,6 +108,6 @@ def test_a_texture_is_its_generators_and_repeats_without_a_seam() -> None:
     step = np.abs(np.diff(image, axis=1)).mean()
     assert np.abs(image[:, 0] - image[:, -1]).mean() == pytest.approx(step, rel=0.3)
     texture = random_texture(
-        np.array([[0.1, 0.0]]), 0.2, 0.3, (2e-3, 2e-3), 0.1, np.random.default_rng(1)
+        np.array([[0.1, 0.0]]), 0.2, 0.3, (2e-3, 2e-3), 0.1, generator(__name__, 1)
     )
     assert texture.uv[0, 0] == pytest.approx(1.0)

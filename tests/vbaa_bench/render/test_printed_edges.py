@@ -9,6 +9,7 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import apply, invert, rigid
+from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, MIDDLE, PIXEL
 from vbaa_bench.assembly.scene_assembler import SceneAssembler
 from vbaa_bench.render.printed_edges import PrintedEdges
@@ -79,7 +80,9 @@ def test_the_mean_does_not_depend_on_the_edges(board: World, shift_px: float) ->
     sums = []
     for board.printed in (None, wrong):
         images = [
-            trace(board, pixels, np.full(len(pixels), 8), 10 * seed, "whole", 8).radiance
+            trace(
+                board, pixels, np.full(len(pixels), 8), scene_seed(10 * seed), "whole", 8
+            ).radiance
             for seed in range(12)
         ]
         sums.append(np.sum(images, axis=1))
@@ -92,7 +95,7 @@ def test_the_mean_does_not_depend_on_the_edges(board: World, shift_px: float) ->
 def test_pixels_at_edges_have_less_noise(board: World) -> None:
     right, pixels, noise = board.printed, near_edges(board), []
     for board.printed in (right, None):
-        found = trace(board, pixels, np.full(len(pixels), 8), 3, "whole", 16)
+        found = trace(board, pixels, np.full(len(pixels), 8), scene_seed(3), "whole", 16)
         noise.append(np.sqrt(np.median(found.variance)))
     board.printed = right
     assert noise[0] < 0.2 * noise[1]

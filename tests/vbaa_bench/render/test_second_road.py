@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_banded
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from vbaa_bench.benchmarks.image_error import Line, beam_line
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
@@ -78,7 +79,9 @@ def roads_of(path: Path, variant: str, tolerance_px: float, folder: Path, pairs:
     made = np.zeros((2, pairs, *near.shape))
     for number, road in enumerate((world, smooth)):
         for pair in range(pairs):
-            made[number, pair][near] = trace(road, pixels, size, 100 * pair, "whole").radiance
+            made[number, pair][near] = trace(
+                road, pixels, size, scene_seed(100 * pair), "whole"
+            ).radiance
     mesh, curve = made
     apart = float(np.linalg.norm(halfway, axis=1).max())
     return Roads(mesh, curve, line, apart / renderer.rig.beam.radius)

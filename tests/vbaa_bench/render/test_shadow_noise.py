@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats, Mask
+from tests.draws import scene_seed, seeded
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.render.frame import NoiseTarget, render_frame, render_static_layer
@@ -14,7 +15,7 @@ from vbaa_bench.render.variant import PLAIN
 from vbaa_bench.render.world import World
 from vbaa_bench.scene.load import load_scene
 
-SCENE = """
+SCENE = seeded("""
 title: A low lamp at the side, and a block that shades fine texture
 seed: 5
 camera:
@@ -29,7 +30,7 @@ lights: [{kind: side, azimuth_deg: 120, elevation_deg: 30, size_mm: [300, 150]}]
 background: {pattern: textured, reflectance: 0.3, contrast: 0.5, correlation_mm: 0.8}
 object: {kind: block, side_mm: 20, top_mm: 6}
 pushes: {contact_distance_mm: [60], deflection_pct: [10]}
-"""
+""")
 NOISE = NoiseTarget(lambda radiance: np.asarray(0.008 * radiance + 0.0004), 4, 0.8, 0.8, 0.1)
 IMAGES = 8
 
@@ -60,8 +61,8 @@ def seen(variant: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Se
 
 def images(world: World, target: NoiseTarget) -> Seen:
     """Render many images on one static layer."""
-    static = render_static_layer(world, target, 1)
-    frames = [render_frame(world, static, target, 10 + seed) for seed in range(IMAGES)]
+    static = render_static_layer(world, target, scene_seed(1))
+    frames = [render_frame(world, static, target, scene_seed(10 + seed)) for seed in range(IMAGES)]
     ground = world.names.index("background") + 1
     index = frames[0].layers.object_index
     inner = (static.layers.object_index == ground) & (index == ground) & (frames[0].coverage == 0)
@@ -79,9 +80,11 @@ def departures(seen: Seen) -> Floats:
 
 def test_a_shadow_on_texture_has_the_target_noise(seen: dict[str, Seen]) -> None:
     usual, even = departures(seen["usual"]), departures(seen["even"])
-    # Pilots predict the variance to a factor of two.
-    assert np.sqrt(np.mean(even**2)) < 2**0.5 * NOISE.elsewhere
-    assert np.abs(even).max() < 8
+    # Pilots predict the variance to a factor of two. The mean departure of 8 seeds is 0.72 +- 0.06,
+    # that of the root mean square, which a few pixels decide, 1.0 +- 0.1.
+    assert np.mean(np.abs(even)) < 2**0.5 * NOISE.elsewhere
+    # No dots: 5.8 +- 1.1 with 8 seeds, without the two keys 78 or more.
+    assert np.abs(even).max() < 20 * NOISE.elsewhere
     # What the two keys are for.
     assert np.sqrt(np.mean(usual**2)) > 5 * np.sqrt(np.mean(even**2))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed
 from tests.vbaa_bench.render.test_thin_beams import CAMERA, beam, world_before
 from vbaa_bench.render.silhouette import Silhouette
 from vbaa_bench.render.tracing import Traced, trace
@@ -35,7 +36,7 @@ def around(silhouette: Silhouette) -> np.ndarray:
 
 def traced(world: World, pixels: np.ndarray, silhouette: Silhouette | None, seed: int) -> Traced:
     vars(world)["silhouette"] = silhouette
-    return trace(world, pixels, np.full(len(pixels), 8), seed, "whole", SETS)
+    return trace(world, pixels, np.full(len(pixels), 8), scene_seed(seed), "whole", SETS)
 
 
 @pytest.mark.parametrize("width_px", [0.3, 1.6])
@@ -49,7 +50,7 @@ def test_its_overlap_is_what_the_beam_covers(
     assert silhouette.upright == (angle_deg > 45)
     pixels = around(silhouette)
     vars(world)["silhouette"] = None
-    coverage = trace(world, pixels, np.full(len(pixels), 512), 1, "whole", 16).coverage
+    coverage = trace(world, pixels, np.full(len(pixels), 512), scene_seed(1), "whole", 16).coverage
     columns, rows = pixels.T if silhouette.upright is False else pixels.T[::-1]
     place = np.linspace(0, 1, 21)[:, None, None]
     left, right = silhouette.edges[:2, columns], silhouette.edges[2:, columns]
@@ -100,7 +101,9 @@ def test_the_covered_fraction_varies_less(
 
     def spread(silhouette: Silhouette | None) -> float:
         vars(world)["silhouette"] = silhouette
-        images = [trace(world, pixels, size, seed, "whole").coverage for seed in range(16)]
+        images = [
+            trace(world, pixels, size, scene_seed(seed), "whole").coverage for seed in range(16)
+        ]
         return float(np.sqrt(np.var(images, axis=0, ddof=1).mean()))
 
     assert spread(right) < largest * spread(None)

@@ -74,8 +74,7 @@ def test_files_that_cannot_be_used_are_refused(tmp_path: Path) -> None:
             read_surface_image(inside, name)
 
 
-def test_speckles_cover_their_share() -> None:
-    random = np.random.default_rng(3)
+def test_speckles_cover_their_share(random: np.random.Generator) -> None:
     image = speckle_texture(np.zeros((3, 2)), (0.6, 0.1), 1e-3, 0.3, 0.04, random).image
     assert set(np.unique(image)) == {0.6, 0.1}
     assert (image == 0.1).mean() == pytest.approx(0.3, abs=1e-4)

@@ -7,6 +7,7 @@ import pytest
 from solver.instrument.arrays import Floats
 from solver.instrument.camera import Camera
 from solver.instrument.transforms import camera_looking_at
+from tests.draws import scene_seed
 from vbaa_bench.geometry.objects import sheet
 from vbaa_bench.geometry.tube import arc_length_of_vertices, tube
 from vbaa_bench.render.frame import NoiseTarget, StaticLayer, render_frame, render_static_layer
@@ -74,7 +75,7 @@ def world(variant: str) -> World:
 
 @pytest.fixture(scope="module")
 def ground(world: World) -> StaticLayer:
-    return render_static_layer(world, TARGET, 1)
+    return render_static_layer(world, TARGET, scene_seed(1))
 
 
 @pytest.mark.parametrize("width_px", WIDTHS_PX)
@@ -84,7 +85,9 @@ def test_no_column_is_noisier_than_wanted_nor_biased(
     worst, biases, chances = [], [], []
     for angle_deg, shift_px in PLACES:
         world.move({"beam": beam(width_px, angle_deg, shift_px)})
-        made = [render_frame(world, ground, TARGET, 100 + seed) for seed in range(IMAGES)]
+        made = [
+            render_frame(world, ground, TARGET, scene_seed(100 + seed)) for seed in range(IMAGES)
+        ]
         radiance = np.array([one.radiance for one in made])
         covered = np.mean([one.coverage for one in made], axis=0) > 0
         near = cv2.dilate(covered.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
@@ -95,7 +98,7 @@ def test_no_column_is_noisier_than_wanted_nor_biased(
         worst.append(float(np.sqrt((spread[allowed > 0] / allowed[allowed > 0]).max())))
         rows, columns = np.nonzero(near)
         pixels, many = np.column_stack([columns, rows]), np.full(len(rows), 512)
-        parts = [trace(world, pixels, many, 10**7 * part, "whole") for part in (1, 2)]
+        parts = [trace(world, pixels, many, scene_seed(10**7 * part), "whole") for part in (1, 2)]
         truth = np.mean([part.radiance.sum() for part in parts])
         light = radiance[:, near].sum(axis=1)
         biases.append(light.mean() / truth - 1)
@@ -122,7 +125,10 @@ def test_the_hull_holds_every_pixel_that_a_beam_touches(k1: float) -> None:
     pixels, many = np.column_stack([columns, rows]), np.full(len(rows), 64)
     for angle_deg, shift_px in [(3.0, 14.0), (40.0, 3.0)]:
         scene.move({"beam": beam(0.4, angle_deg, shift_px)})
-        covered = trace(scene, pixels, many, 3, "whole").coverage.reshape(everywhere.shape) > 0
+        covered = (
+            trace(scene, pixels, many, scene_seed(3), "whole").coverage.reshape(everywhere.shape)
+            > 0
+        )
         hull = scene.view.hulls(scene.bodies({"beam"}), 0)
         assert covered.sum() > 30
         assert not (covered & ~hull).any()

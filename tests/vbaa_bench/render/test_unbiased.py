@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 
 from solver.instrument.arrays import Floats
+from tests.draws import scene_seed, seeded
 from vbaa_bench.benchmarks.image_error import Line, beam_line
 from vbaa_bench.generation.frame_renderer import FrameRenderer
 from vbaa_bench.generation.plan import plan
@@ -29,7 +30,7 @@ from vbaa_bench.scene.load import load_scene
 Mask = npt.NDArray[np.bool_]
 
 # A soft lamp and a point; a sheet that hides the contact; hub, beam, object and their shadows.
-SCENE = """
+SCENE = seeded("""
 title: Beam, contact, object, hub and a sheet over them, from near by
 seed: 5
 camera:
@@ -46,7 +47,7 @@ lights:
   - {kind: spot, position_mm: [0.0, -150.0, 500.0]}
 occlusion: {kind: [sheet], place: [contact], availability: [0.97]}
 pushes: {contact_distance_mm: [30], deflection_pct: [10]}
-"""
+""")
 # At the beam's edge images and references contribute equally to the uncertainty of the ratio of
 # means, 0.12 %.
 IMAGES, REFERENCES, SAMPLES = 28, 22, 144
@@ -82,12 +83,17 @@ def seen(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Seen:
     noise = renderer.sensor(renderer.measure_exposure()).noise_sigma
     coarse, fine = NoiseTarget(noise, 4, *COARSE), NoiseTarget(noise, 4, *FINE)
     images = [
-        render_frame(world, render_static_layer(world, coarse, 1000 + seed), coarse, seed).radiance
+        render_frame(
+            world,
+            render_static_layer(world, coarse, scene_seed(1000 + seed)),
+            coarse,
+            scene_seed(seed),
+        ).radiance
         for seed in range(IMAGES)
     ]
     references = plain_renders(world)
-    ground = render_static_layer(world, fine, 1)
-    regions = regions_of(world, render_frame(world, ground, fine, 2), ground)
+    ground = render_static_layer(world, fine, scene_seed(1))
+    regions = regions_of(world, render_frame(world, ground, fine, scene_seed(2)), ground)
     return Seen(np.array(images), references, regions, beam_line(renderer.rig, pose))
 
 
@@ -99,7 +105,11 @@ def plain_renders(world: World) -> Floats:
     integrator = load({"type": "path", "max_depth": 2})
     films = [
         mi.render(
-            world.scene, sensor=sensor, integrator=integrator, spp=SAMPLES, seed=mi.UInt32(5000 + s)
+            world.scene,
+            sensor=sensor,
+            integrator=integrator,
+            spp=SAMPLES,
+            seed=mi.UInt32(scene_seed(5000 + s)),
         )
         for s in range(REFERENCES)
     ]

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from tests.draws import generator
 from vbaa_bench.report.page import Contents
 from vbaa_bench.scoring.overlay import Overlay
 
@@ -21,7 +22,7 @@ def scores(frames: int, methods: tuple[str, ...] = METHODS) -> pl.DataFrame:
 
 
 def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
-    random = np.random.default_rng(0)  # the same frames for all methods
+    random = generator(__name__, 0)  # the same frames for all methods
     index = np.arange(frames)
     free = index % 10 == 9
     x_c = random.choice([60.0, 100, 140, 180, 220], frames)
@@ -30,7 +31,7 @@ def _of_method(frames: int, number: int, name: str) -> pl.DataFrame:
     ratio = random.choice([0.1, 1.0, 10.0, np.nan], frames)
     cover = random.choice([1.0, 0.65, 0.35], frames)
     sigma = 0.01 * (number + 1) * deflection / 5
-    errors = np.random.default_rng(number + 1).normal(size=(4, frames))
+    errors = generator(__name__, number + 1).normal(size=(4, frames))
     refused = (index % 20 == 0) & (number == 1) & ~free
     answered = ~(free | refused)
 
@@ -87,7 +88,7 @@ def limited(table: pl.DataFrame) -> pl.DataFrame:
 
 def overlay_of(row: dict[str, Any]) -> Overlay:
     """A noisy image of a straight beam."""
-    image = np.random.default_rng(1).integers(10, 40, (512, 512)).astype(np.uint8)
+    image = generator(__name__, 1).integers(10, 40, (512, 512)).astype(np.uint8)
     image[250:253] = 200
     line = np.column_stack([np.linspace(10.0, 500.0, 30), np.full(30, 251.0)])
     contact = None if row["free"] else np.array([200.0, 251.0])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from solver.instrument.errors import LONGEST_SHOWN, InputError
-from tests.conftest import SMALL_SCENE
+from tests.conftest import SCENE_TEXT
 from vbaa_bench.scene.load import MAX_FILE_BYTES, load_scene
 from vbaa_bench.scene.mistakes import MAX_MISTAKES
 
@@ -26,7 +26,7 @@ def bomb() -> str:
     lines = ["a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     for one, more in zip("abcdefgh", "bcdefghi", strict=True):
         lines.append(f"{more}: &{more} [{', '.join([f'*{one}'] * 9)}]")
-    return "\n".join(lines) + SMALL_SCENE
+    return "\n".join(lines) + SCENE_TEXT
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def bomb() -> str:
 def test_hostile_scenes_are_refused_at_the_door(
     tmp_path: Path, old: str, new: str, said: str
 ) -> None:
-    found = refusal(tmp_path / "scene.yaml", SMALL_SCENE.replace(old, new))
+    found = refusal(tmp_path / "scene.yaml", SCENE_TEXT.replace(old, new))
     assert said in found
     assert len(found) < 1000
 
@@ -65,14 +65,14 @@ def test_aliases_of_aliases_are_counted(tmp_path: Path) -> None:
 
 def test_long_values_and_long_lists_of_mistakes_are_shortened(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
-    assert len(refusal(path, SMALL_SCENE.replace("11", "x" * 50_000))) < 3 * LONGEST_SHOWN
-    assert len(refusal(path, f"{'k' * 500}: 1\n{SMALL_SCENE}")) < 1000
-    lines = refusal(path, SMALL_SCENE.replace("[100, 200]", f"[{'-1,' * 500}]")).splitlines()
+    assert len(refusal(path, SCENE_TEXT.replace("11", "x" * 50_000))) < 3 * LONGEST_SHOWN
+    assert len(refusal(path, f"{'k' * 500}: 1\n{SCENE_TEXT}")) < 1000
+    lines = refusal(path, SCENE_TEXT.replace("[100, 200]", f"[{'-1,' * 500}]")).splitlines()
     assert len(lines) == MAX_MISTAKES + 1
     assert lines[-1].endswith(" more mistakes")
 
 
 def test_a_pipe_is_no_scene(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "scene.yaml")
-    with pytest.raises(InputError, match="it is not a file"):
+    with pytest.raises(InputError, match="it is not a regular file"):
         load_scene(tmp_path / "scene.yaml")

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from solver.instrument.errors import InputError
-from tests.conftest import SMALL_SCENE
+from tests.conftest import SCENE_TEXT
 from vbaa_bench.assembly.experiment import Experiment
 from vbaa_bench.generation.plan import plan
 from vbaa_bench.scene.load import check_scene, load_scene, recorded_scene
@@ -160,7 +160,7 @@ extra: 1
     ],
 )
 def test_impossible_scenes_are_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
-    text = SMALL_SCENE
+    text = SCENE_TEXT
     if "push less" in said:  # the whole beam in view, and a contact near the clamp
         text = text.replace("[100, 200]", "[20, 100]").replace("height_px: 176", "height_px: 500")
     found = complaints(tmp_path, text.replace(old, new))
@@ -170,7 +170,7 @@ def test_impossible_scenes_are_refused(tmp_path: Path, old: str, new: str, said:
 
 def test_above_yield_is_allowed_when_asked_for(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
-    text = SMALL_SCENE.replace("[100, 200]", "[20]").replace("[10, 20]", "[40]")
+    text = SCENE_TEXT.replace("[100, 200]", "[20]").replace("[10, 20]", "[40]")
     text = text.replace("height_px: 176", "height_px: 400")
     path.write_text(text + "beam: {allow_above_yield: true}\n", encoding="utf-8")
     assert plan(load_scene(path)).frames == 1
@@ -201,15 +201,15 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 )
 def test_a_lamp_before_the_camera_is_refused(tmp_path: Path, lamp: str) -> None:
     extra = f"lights:\n  - {{kind: ring}}\n  - {lamp}\n"
-    assert complaints(tmp_path, SMALL_SCENE + extra) == [
-        f"scene.yaml:{SMALL_SCENE.count(chr(10)) + 3}:5: lights[1] is between the camera and "
+    assert complaints(tmp_path, SCENE_TEXT + extra) == [
+        f"scene.yaml:{SCENE_TEXT.count(chr(10)) + 3}:5: lights[1] is between the camera and "
         "the beam or the board, allowed is out of its view"
     ]
 
 
 def test_a_telecentric_camera_looks_along_parallel_lines(tmp_path: Path) -> None:
     camera = "projection: telecentric\n  magnification_px_per_mm: 1.9\n  height_px: 176"
-    text = SMALL_SCENE.replace("height_px: 176", camera)
+    text = SCENE_TEXT.replace("height_px: 176", camera)
     lamp = "lights: [{kind: area, position_mm: [X, 20, 200], size_mm: [60, 60]}]\n"
     (message,) = complaints(tmp_path, text + lamp.replace("X", "230"))
     assert "lights[0] is between" in message
@@ -223,7 +223,7 @@ def test_the_motor_angles_of_first_contact_are_a_range(tmp_path: Path) -> None:
         ("[5, -5]", "motor_angle_at_contact_deg is [5.0, -5.0], allowed is a range from low"),
         ("7", "motor_angle_at_contact_deg is 7"),
     ]:
-        (message,) = complaints(tmp_path, SMALL_SCENE.replace(
+        (message,) = complaints(tmp_path, SCENE_TEXT.replace(
             "pushes:\n", f"pushes:\n  motor_angle_at_contact_deg: {ends}\n"
         ))  # fmt: skip
         assert said in message

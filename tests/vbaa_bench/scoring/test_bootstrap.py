@@ -4,11 +4,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from tests.draws import generator
 from vbaa_bench.scoring.bootstrap import MAX_GROUPS, draws, group_numbers, interval, median_interval
 
 
-def test_intervals_of_the_median() -> None:
-    values = np.random.default_rng(0).normal(5, 1, 400)
+def test_intervals_of_the_median(random: np.random.Generator) -> None:
+    values = random.normal(5, 1, 400)
     found = median_interval(values, np.arange(400))
     assert found is not None
     assert found.low < np.median(values) < found.high
@@ -20,7 +21,7 @@ def test_intervals_of_the_median() -> None:
 
 @pytest.mark.parametrize(("frames", "groups"), [(7, 7), (40, 3), (5000, 60)])
 def test_the_median_of_each_draw_is_that_of_its_frames(frames: int, groups: int) -> None:
-    rng = np.random.default_rng(frames)
+    rng = generator(__name__, frames)
     values, numbers = rng.normal(0, 1, frames), np.arange(frames) % groups
     medians = [
         np.median(np.repeat(np.abs(values), count[numbers].astype(int))) for count in draws(groups)
@@ -28,8 +29,8 @@ def test_the_median_of_each_draw_is_that_of_its_frames(frames: int, groups: int)
     assert median_interval(values, numbers) == pytest.approx(interval(np.array(medians)))
 
 
-def test_repeats_of_a_push_do_not_narrow_the_interval() -> None:
-    values = np.random.default_rng(1).normal(5, 1, 30)
+def test_repeats_of_a_push_do_not_narrow_the_interval(random: np.random.Generator) -> None:
+    values = random.normal(5, 1, 30)
     once = median_interval(values, np.arange(30))
     ten_times = median_interval(np.repeat(values, 10), np.repeat(np.arange(30), 10))
     assert once is not None

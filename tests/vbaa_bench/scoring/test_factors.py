@@ -21,8 +21,8 @@ def table(values: list[float], consistent: list[bool]) -> pl.DataFrame:
     )
 
 
-def test_numbers_are_divided_into_three_equal_groups() -> None:
-    values = np.random.default_rng(0).uniform(0, 3, 150)
+def test_numbers_are_divided_into_three_equal_groups(random: np.random.Generator) -> None:
+    values = random.uniform(0, 3, 150)
     groups = table(list(values), [value < 1.5 for value in values])
     assert groups["frames"].to_list() == [50, 50, 50]
     assert groups["consistent_pct"][0] == groups["answered_pct"][0] == 100

@@ -9,6 +9,7 @@ import pytest
 
 from solver.instrument.errors import InputError
 from solver.instrument.hashes import HASHES
+from tests.draws import generator
 from tests.vbaa_bench.scoring.worlds import FREE, truth
 from vbaa_bench.dataset.derived import write_limits
 from vbaa_bench.dataset.layout import Layout
@@ -151,7 +152,7 @@ def test_outcomes_are_counted_by_the_true_state() -> None:
 
 @pytest.fixture(scope="module")
 def gaussian() -> np.ndarray:
-    return np.random.default_rng(3).normal(0, 0.1, 400)
+    return generator(__name__, 3).normal(0, 0.1, 400)
 
 
 def test_intervals_contain_the_expected_figures(gaussian: np.ndarray) -> None:

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.draws import generator
 from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.sensor.compression import jpeg
 from vbaa_bench.sensor.from_spec import image_sensor
@@ -26,7 +27,7 @@ def test_flat_blocks_are_rounded_to_the_step_of_the_quality(quality: int, step: 
 def test_the_same_image_gives_the_same_bytes(
     seed: int, quality: int, height: int, width: int
 ) -> None:
-    image = np.random.default_rng(seed).integers(0, 256, (height, width)).astype(np.uint8)
+    image = generator(__name__, seed).integers(0, 256, (height, width)).astype(np.uint8)
     decoded = jpeg(image, quality)
     assert decoded.shape == image.shape
     assert decoded.dtype == np.uint8
@@ -40,7 +41,7 @@ def test_frames_are_compressed_after_their_noise() -> None:
     radiance = np.tile(np.linspace(0.1, 0.9, 64), (48, 1))
     plain, compressed = (
         image_sensor(SensorSpec(jpeg_quality=quality), 10_000.0).expose(
-            radiance, np.random.default_rng(3)
+            radiance, generator(__name__, 3)
         )
         for quality in (None, 60)
     )

@@ -24,9 +24,11 @@ SPECS = [
 
 
 @pytest.mark.parametrize("spec", SPECS)
-def test_the_beam_peaks_at_its_share_of_full_scale(spec: SensorSpec) -> None:
+def test_the_beam_peaks_at_its_share_of_full_scale(
+    spec: SensorSpec, random: np.random.Generator
+) -> None:
     sensor = image_sensor(spec, metered_exposure(spec, 0.35))
-    frame = sensor.expose(np.full((300, 300), 0.35), np.random.default_rng(0))
+    frame = sensor.expose(np.full((300, 300), 0.35), random)
     rounding = 50 / spec.full_scale
     peak = frame.mean() / spec.full_scale * 100
     assert peak == pytest.approx(spec.beam_peak_pct, abs=0.02 + rounding)
@@ -38,8 +40,7 @@ def test_a_black_beam_cannot_be_exposed_for(kind: str) -> None:
         metered_exposure(SensorSpec.model_validate({"kind": kind}), 0.0)
 
 
-def test_a_fixed_pattern_is_drawn_where_one_is_asked_for() -> None:
-    random = np.random.default_rng(0)
+def test_a_fixed_pattern_is_drawn_where_one_is_asked_for(random: np.random.Generator) -> None:
     assert fixed_pattern(SensorSpec(), (8, 9), random) is None
     pattern = fixed_pattern(SensorSpec(prnu_pct=1.0), (300, 200), random)
     assert pattern is not None

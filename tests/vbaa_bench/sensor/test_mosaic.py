@@ -5,6 +5,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from tests.draws import generator
 from vbaa_bench.scene.image_sensor import SensorSpec
 from vbaa_bench.sensor.from_spec import image_sensor, metered_exposure
 from vbaa_bench.sensor.mosaic import Mosaic, Pattern
@@ -55,7 +56,7 @@ def test_each_channel_has_the_photon_transfer_curve_of_its_light() -> None:
     sensor = Sensor(1.0, 20_000, 8, bits=12, gain=4.0, black_level=64, mosaic=mosaic())
     levels = np.linspace(10, 12_000, 8)
     frames = [
-        sensor.photosites(np.full((400, 400), e), np.random.default_rng(i))
+        sensor.photosites(np.full((700, 700), e), generator(__name__, i))
         for i, e in enumerate(levels)
     ]
     for place, channel in enumerate("rggb"):
@@ -65,10 +66,12 @@ def test_each_channel_has_the_photon_transfer_curve_of_its_light() -> None:
         assert np.polyfit(means, variances, 1)[0] == pytest.approx(1 / 4, rel=0.02)
 
 
-def test_gray_has_the_noise_of_interpolated_and_balanced_channels() -> None:
+def test_gray_has_the_noise_of_interpolated_and_balanced_channels(
+    random: np.random.Generator,
+) -> None:
     electrons, read, per_gray = 9_000.0, 20.0, 20_000 / 65_535
     sensor = Sensor(1.0, 20_000, read, bits=16, mosaic=mosaic())
-    gray = sensor.expose(np.full((1200, 1200), electrons), np.random.default_rng(0))[2:-2, 2:-2]
+    gray = sensor.expose(np.full((1200, 1200), electrons), random)[2:-2, 2:-2]
     assert gray.mean() * per_gray == pytest.approx(electrons, rel=1e-3)
     # Variance of each channel's share of gray, after white balance.
     share = {c: (WEIGHTS[c] / SIGNALS[c]) ** 2 * (SIGNALS[c] * electrons + read**2) for c in "rgb"}
@@ -83,9 +86,10 @@ def test_gray_has_the_noise_of_interpolated_and_balanced_channels() -> None:
 @pytest.mark.parametrize("share", [0.3, 0.9])
 def test_a_noisy_render_and_the_sensor_make_the_noise_of_each_channel_together(
     share: float,
+    random: np.random.Generator,
 ) -> None:
     sensor = Sensor(1.0, 20_000, 12, bits=16, gain=0.3, black_level=500, mosaic=mosaic())
-    random, electrons = np.random.default_rng(7), 4000.0
+    electrons = 4000.0
     sigma = np.sqrt(share * electrons)
     rendered = electrons + sigma * random.standard_normal((800, 800))
     raw = sensor.photosites(rendered, random, np.full(rendered.shape, sigma**2))
@@ -99,12 +103,12 @@ def test_a_noisy_render_and_the_sensor_make_the_noise_of_each_channel_together(
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
 @pytest.mark.parametrize("white_balance", [True, False])
 def test_the_beam_peaks_where_the_most_sensitive_channel_does(
-    gamma: float, white_balance: bool
+    gamma: float, white_balance: bool, random: np.random.Generator
 ) -> None:
     bayer = {"red": 0.3, "green": 0.5, "blue": 0.25, "white_balance": white_balance}
     spec = SensorSpec.model_validate({"bits": 12, "gamma": gamma, "bayer": bayer})
     sensor = image_sensor(spec, metered_exposure(spec, 0.35))
-    frame = sensor.expose(np.full((300, 300), 0.35), np.random.default_rng(0))
+    frame = sensor.expose(np.full((300, 300), 0.35), random)
     peak = (
         0.7 if white_balance else sum(0.7 * WEIGHTS[c] * SIGNALS[c] ** (1 / gamma) for c in "rgb")
     )

@@ -11,8 +11,8 @@ SIGMAS, CORRELATION = (0.3, 2.0), -0.7
 COVARIANCE = np.array([[0.09, -0.42], [-0.42, 4.0]])
 
 
-def test_an_ellipse_contains_95_per_cent_of_normal_errors() -> None:
-    errors = np.random.default_rng(1).multivariate_normal([0, 0], COVARIANCE, 40_000)
+def test_an_ellipse_contains_95_per_cent_of_normal_errors(random: np.random.Generator) -> None:
+    errors = random.multivariate_normal([0, 0], COVARIANCE, 40_000)
     inverse = np.linalg.inv(COVARIANCE)
     inside = np.einsum("ni,ij,nj->n", errors, inverse, errors) < RADIUS**2
     assert inside.mean() == pytest.approx(0.95, abs=0.004)

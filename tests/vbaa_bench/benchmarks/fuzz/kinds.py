@@ -1,11 +1,11 @@
 """Kinds of input that misbehave, for tests of the pool."""
 
 import os
-import random
 import sys
 import time
 import warnings
 from pathlib import Path
+from random import Random
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Misbehaving(Kind):
         self._material = material
         self._number = -1
 
-    def attempt(self, chance: random.Random, folder: Path) -> None:
+    def attempt(self, chance: Random, folder: Path) -> None:
         """Do the next of several things."""
         self._number += 1
         (folder / "input").write_text(f"{chance.random()}", encoding="utf-8")
@@ -48,7 +48,7 @@ class Fatal(Kind):
     def __init__(self, material: Path) -> None:
         self._material = material
 
-    def attempt(self, chance: random.Random, folder: Path) -> None:
+    def attempt(self, chance: Random, folder: Path) -> None:
         """Do one of three things by chance."""
         what = chance.choice(("die", "write", "wait", "nothing"))
         (folder / "input").write_text(what, encoding="utf-8")
