@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import Any
 
 import cv2
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -211,7 +212,7 @@ def test_kernels_are_freed_unless_a_world_uses_them(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = list[str]()
-    monkeypatch.setattr(worlds.dr, "flush_kernel_cache", lambda: calls.append("flushed"))
+    monkeypatch.setattr(dr, "flush_kernel_cache", lambda: calls.append("flushed"))
     worlds.release_kernels()
     assert not calls, world
     monkeypatch.setattr(worlds, "_WORLDS", weakref.WeakSet())
