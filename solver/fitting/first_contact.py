@@ -77,7 +77,11 @@ def no_contact(bend: Bend) -> Estimate | None:
     if abs(bend.significance) < LIMITS.contact_sigmas:
         return Estimate(Outcome.NO_CONTACT, f"bend of {abs(bend.significance):.1f} sigmas")
     if bend.significance < 0:
-        return Estimate(Outcome.INVALID, "the beam bends to the side where the rig has no object")
+        return Estimate(
+            Outcome.INVALID,
+            "the beam bends to the side where the rig has no object: beam.deflects_towards in "
+            "rig.json is wrong, or the images are mirrored",
+        )
     return None
 
 

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from solver.centreline.extractors import EXTRACTORS, find_extractor
-from solver.instrument.errors import InputError
+from solver.instrument.errors import IncompleteError, InputError
 from solver.instrument.images import png_bytes
 from solver.instrument.observation import open_rig, rig_file
 from solver.instrument.rig_json import read_rig
@@ -189,7 +189,7 @@ for command in (rigidity, learn, outline, photos):
 def main() -> None:
     """Run `solve`, unless the first word names another command.
 
-    An input error prints one sentence and exits with status 2.
+    An input error prints one sentence and exits with status 2, or 1 if some of the input was used.
     """
     # Errors of images are reported by InputError, not by OpenCV's log.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -203,4 +203,4 @@ def main() -> None:
         app(arguments)
     except InputError as error:
         console.print(f"error: {error}", markup=False)
-        sys.exit(2)
+        sys.exit(1 if isinstance(error, IncompleteError) else 2)
